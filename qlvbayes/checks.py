@@ -1,0 +1,30 @@
+"""The one error a user can mend, and the small checks that raise it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class InputError(Exception):
+    """Something the user gave cannot be used; the text is one line with place and remedy.
+
+    >>> str(InputError("force_N is not a number ('abc')", file="pads.csv", line=12,
+    ...                remedy="write a number or delete the row"))
+    "pads.csv, line 12: force_N is not a number ('abc'); write a number or delete the row"
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        file: str | Path | None = None,
+        line: int | None = None,
+        remedy: str | None = None,
+    ) -> None:
+        place = "" if file is None else str(file)
+        if line is not None:
+            place += f", line {line}"
+        text = f"{place}: {message}" if place else message
+        if remedy is not None:
+            text += f"; {remedy}"
+        super().__init__(" ".join(text.split()))

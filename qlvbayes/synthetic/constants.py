@@ -1,0 +1,89 @@
+"""Constants of the pads: the paper's Table 1, and random ones like them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import exp, inf, log
+
+import numpy as np
+
+from qlvbayes.checks import InputError
+
+
+@dataclass(frozen=True)
+class Constants:
+    """Constants of the quasi-linear law with any number of Prony modes.
+
+    Elastic force m/b (e^{b d} - 1), reduced relaxation g(t) = c0 + sum c_i e^{-v_i t}, g(0) = 1.
+
+    Parameters
+    ----------
+    m : stiffness at zero displacement, N/mm
+    b : growth of stiffness, 1/mm
+    c : (c0, c1, ..., cr), shares of the force, sum 1; c0 is the share that never relaxes
+    v : (v1, ..., vr), relaxation rates, 1/s
+
+    Raises
+    ------
+    InputError
+        A constant is out of its range, or the shares do not sum to 1.
+    """
+
+    m: float
+    b: float
+    c: tuple[float, ...]
+    v: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not all(0 < x < inf for x in (self.m, self.b, *self.v)):
+            raise InputError(f"m, b and every rate v must be above 0, not {self}")
+        if len(self.c) != len(self.v) + 1:
+            raise InputError(f"{len(self.v)} rates need {len(self.v) + 1} shares c, not {self}")
+        if not all(x >= 0 for x in self.c) or abs(sum(self.c) - 1.0) > 1e-9:
+            raise InputError(f"the shares c must be at least 0 and sum to 1, not {self.c}")
+
+
+TABLE_1 = {
+    "A": Constants(0.518, 0.577, (0.3076, 0.6200, 0.0724), (6.235, 0.175)),
+    "B": Constants(0.340, 1.165, (0.2955, 0.6300, 0.0745), (6.215, 0.140)),
+    "C": Constants(0.975, 0.519, (0.3290, 0.6300, 0.0410), (6.215, 0.140)),
+}
+"""Pads of the paper: A sealed without fluid, B lubricant oil, C glycerin."""
+
+
+def pads_of_table_1(names: Iterable[str]) -> dict[str, Constants]:
+    """Constants of the named pads, in the order given.
+
+    Raises
+    ------
+    InputError
+        The paper has no such pad.
+    """
+    pads = {}
+    for name in names:
+        if name not in TABLE_1:
+            raise InputError(
+                f"no pad '{name}' in Table 1", remedy=f"choose of {', '.join(TABLE_1)}"
+            )
+        pads[name] = TABLE_1[name]
+    return pads
+
+
+def draw_constants(rng: np.random.Generator) -> Constants:
+    """Random two-mode constants around the paper's pads.
+
+    m 0.2..1.2 N/mm, b 0.3..1.5 1/mm, v1 2..15 1/s, v2 0.05..0.5 1/s, all log-uniform;
+    shares 0.03 + 0.91 Dirichlet(3, 5, 1), so that every mode is there to be seen.
+    """
+    c0, c1, c2 = 0.03 + 0.91 * rng.dirichlet([3.0, 5.0, 1.0])
+    return Constants(
+        m=_log_uniform(rng, 0.2, 1.2),
+        b=_log_uniform(rng, 0.3, 1.5),
+        c=(float(c0), float(c1), float(c2)),
+        v=(_log_uniform(rng, 2.0, 15.0), _log_uniform(rng, 0.05, 0.5)),
+    )
+
+
+def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
+    return exp(rng.uniform(log(low), log(high)))

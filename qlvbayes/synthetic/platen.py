@@ -1,0 +1,175 @@
+"""What the rig's platen does: strokes with finite acceleration, and standstills."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import inf, isfinite, sqrt
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from qlvbayes.checks import InputError
+
+PAPER_RATES = (0.1, 1.0, 10.0, 20.0, 30.0, 100.0)
+"""Loading rates of the paper, mm/s."""
+
+PAPER_ACCELERATION = 1000.0
+"""Largest acceleration of the paper's platen, mm/s2."""
+
+
+@dataclass(frozen=True)
+class Move:
+    """Go to `target` (mm), from rest to rest, no faster than `speed` (mm/s)."""
+
+    target: float
+    speed: float
+
+    def __post_init__(self) -> None:
+        if not isfinite(self.target):
+            raise InputError(f"a move needs a finite target, not {self.target} mm")
+        if not 0 < self.speed < inf:
+            raise InputError(f"a move needs a speed above 0, not {self.speed} mm/s")
+
+
+@dataclass(frozen=True)
+class Hold:
+    """Stand still for `seconds`."""
+
+    seconds: float
+
+    def __post_init__(self) -> None:
+        if not 0 < self.seconds < inf:
+            raise InputError(f"a hold needs a duration above 0, not {self.seconds} s")
+
+
+Step = Move | Hold
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A stretch of constant acceleration: d = displacement + velocity t + acceleration t^2 / 2.
+
+    t runs from 0 to `duration` (s); the piece begins `start` seconds into the program.
+    """
+
+    start: float
+    duration: float
+    displacement: float
+    velocity: float
+    acceleration: float
+
+
+@dataclass(frozen=True)
+class Platen:
+    """Exact motion of one run of a program that starts from rest at displacement 0, time 0.
+
+    Each move is a trapezoid of velocity, or a triangle if the stroke is too short to reach
+    its speed: the top speed is min(speed, sqrt(acceleration_limit * stroke)).
+
+    Parameters
+    ----------
+    program : Moves and Holds, in order
+    acceleration_limit : mm/s2
+    start_s : clock at the start of the motion (s), for materials that change between tests
+
+    Raises
+    ------
+    InputError
+        Nothing to do, or the acceleration is not above 0.
+    """
+
+    program: tuple[Step, ...]
+    acceleration_limit: float = PAPER_ACCELERATION
+    start_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not 0 < self.acceleration_limit < inf:
+            raise InputError(f"acceleration must be above 0, not {self.acceleration_limit} mm/s2")
+        if not self.pieces:
+            raise InputError("the program does nothing", remedy="give it a move or a hold")
+
+    @cached_property
+    def pieces(self) -> tuple[Piece, ...]:
+        """The program as stretches of constant acceleration, in order."""
+        pieces: list[Piece] = []
+        clock, place = 0.0, 0.0
+        for step in self.program:
+            if isinstance(step, Hold):
+                stretch = [Piece(clock, step.seconds, place, 0.0, 0.0)]
+            else:
+                stretch = _stroke(clock, place, step, self.acceleration_limit)
+                place = step.target
+            pieces += stretch
+            if stretch:
+                clock = stretch[-1].start + stretch[-1].duration
+        return tuple(pieces)
+
+    @property
+    def duration(self) -> float:
+        """Length of the program, s."""
+        return self.pieces[-1].start + self.pieces[-1].duration
+
+    @cached_property
+    def kinks(self) -> NDArray[np.float64]:
+        """Times (s) at which the acceleration jumps, from the start of the motion on."""
+        before = np.concatenate([[0.0], self._table[:, 3]])
+        after = np.concatenate([self._table[:, 3], [0.0]])
+        times = np.concatenate([self._table[:, 0], [self.duration]])
+        return times[before != after]
+
+    def displacement(self, t: ArrayLike) -> NDArray[np.float64]:
+        """Displacement (mm) at times `t` (s); the platen rests before and after the program."""
+        _, tau, (d, v, a) = self._locate(t)
+        return d + tau * (v + 0.5 * a * tau)
+
+    def velocity(self, t: ArrayLike) -> NDArray[np.float64]:
+        """Velocity (mm/s) at times `t` (s)."""
+        inside, tau, (_, v, a) = self._locate(t)
+        return np.where(inside, v + a * tau, 0.0)
+
+    def acceleration(self, t: ArrayLike) -> NDArray[np.float64]:
+        """Acceleration (mm/s2) at times `t` (s), continuous from the right."""
+        inside, _, (_, _, a) = self._locate(t)
+        return np.where(inside, a, 0.0)
+
+    @cached_property
+    def _table(self) -> NDArray[np.float64]:
+        return np.array(
+            [[p.start, p.displacement, p.velocity, p.acceleration] for p in self.pieces]
+        )
+
+    def _locate(
+        self, t: ArrayLike
+    ) -> tuple[NDArray[np.bool_], NDArray[np.float64], NDArray[np.float64]]:
+        times = np.asarray(t, dtype=np.float64)
+        inside = (times >= 0.0) & (times < self.duration)
+        times = np.clip(times, 0.0, self.duration)
+        start = self._table[:, 0]
+        index = np.searchsorted(start, times, side="right") - 1
+        return inside, times - start[index], np.moveaxis(self._table[index, 1:], -1, 0)
+
+
+def paper_protocol(rate: float) -> tuple[Step, ...]:
+    """Give the paper's test: to 1.6 mm at `rate` (mm/s), 30 s, back to 0.8 mm at 1 mm/s, 30 s."""
+    return Move(1.6, rate), Hold(30.0), Move(0.8, 1.0), Hold(30.0)
+
+
+def _stroke(clock: float, place: float, move: Move, limit: float) -> list[Piece]:
+    """Speed up, cruise and brake; no piece of zero length."""
+    stroke = abs(move.target - place)
+    if stroke == 0.0:
+        return []
+    sign = 1.0 if move.target > place else -1.0
+    top = min(move.speed, sqrt(limit * stroke))
+    rise = top / limit
+    cruise = stroke / top - rise
+    run_up = 0.5 * top * rise
+    pieces = [Piece(clock, rise, place, 0.0, sign * limit)]
+    if cruise > 1e-12 * rise:
+        pieces.append(Piece(clock + rise, cruise, place + sign * run_up, sign * top, 0.0))
+    else:
+        cruise = 0.0
+    brake_from = move.target - sign * run_up
+    pieces.append(Piece(clock + rise + cruise, rise, brake_from, sign * top, -sign * limit))
+    return pieces

@@ -1,0 +1,112 @@
+"""The pad's differential equations against the hereditary integral and its limits."""
+
+import numpy as np
+import pytest
+from numpy.polynomial.legendre import leggauss
+
+from qlvbayes.checks import InputError
+from qlvbayes.synthetic import (
+    PAPER_RATES,
+    TABLE_1,
+    Constants,
+    Hold,
+    Move,
+    Pad,
+    Platen,
+    draw_constants,
+    elastic_force,
+    paper_protocol,
+)
+
+NODES, WEIGHTS = leggauss(20)
+
+
+def hereditary_integral(constants, platen, t, panels=100):
+    """Integral of g(t - s) K(d(s)) d'(s) over s, Gauss-Legendre between the kinks."""
+    edges = np.clip(np.append(platen.kinks, platen.duration), 0.0, t)
+    ends = np.linspace(edges[:-1], edges[1:], panels + 1)
+    half = 0.5 * np.diff(ends, axis=0)[..., None]
+    s = ends[:-1, :, None] + half * (1.0 + NODES)
+    g = constants.c[0] + sum(
+        c * np.exp(-v * (t - s)) for c, v in zip(constants.c[1:], constants.v, strict=True)
+    )
+    stiffness = constants.m * np.exp(constants.b * platen.displacement(s))
+    return np.sum(half * WEIGHTS * g * stiffness * platen.velocity(s))
+
+
+def times_of_interest(platen):
+    around = platen.kinks[:, None] + [-1e-3, 0.0, 1e-3, 0.05]
+    times = np.concatenate([around.ravel(), np.linspace(0.0, platen.duration, 20)])
+    return np.unique(np.clip(times, 0.0, platen.duration))
+
+
+@pytest.mark.parametrize("rate", PAPER_RATES)
+@pytest.mark.parametrize("pad", TABLE_1)
+def test_equations_agree_with_the_hereditary_integral(pad, rate):
+    platen = Platen(paper_protocol(rate))
+    times = times_of_interest(platen)
+    force = Pad(TABLE_1[pad], bonded=True).force(platen, times)
+    integral = np.array([hereditary_integral(TABLE_1[pad], platen, t) for t in times])
+    assert np.abs(force - integral).max() < 1e-8 * integral.max()
+
+
+def test_random_constants_agree_with_the_hereditary_integral_on_a_full_retraction():
+    platen = Platen((Move(1.6, 20.0), Hold(2.0), Move(0.0, 5.0), Hold(5.0), Move(1.0, 50.0)))
+    times = times_of_interest(platen)
+    rng = np.random.default_rng(1)
+    for constants in [draw_constants(rng) for _ in range(5)]:
+        force = Pad(constants, bonded=True).force(platen, times)
+        integral = np.array([hereditary_integral(constants, platen, t) for t in times])
+        assert np.abs(force - integral).max() < 1e-8 * integral.max()
+
+
+@pytest.mark.parametrize(
+    ("pad", "peak", "relaxed"), [("A", 1.36, 0.308), ("B", 1.59, 0.296), ("C", 2.43, 0.329)]
+)
+def test_instantaneous_peak_and_relaxed_share_of_table_1(pad, peak, relaxed):
+    at_once = Platen((Move(1.6, 1e6), Hold(200.0)), acceleration_limit=1e12)
+    force = Pad(TABLE_1[pad]).force(at_once, np.array([at_once.kinks[-1], at_once.duration]))
+    assert force[0] == pytest.approx(peak, abs=0.005)
+    assert force[1] / force[0] == pytest.approx(relaxed, abs=5e-4)
+    assert force[0] == pytest.approx(elastic_force(TABLE_1[pad], np.array([1.6]))[0], rel=2e-5)
+
+
+def test_without_modes_the_pad_is_elastic():
+    constants = Constants(0.5, 0.6, (1.0,))
+    platen = Platen(paper_protocol(20.0))
+    times = times_of_interest(platen)
+    elastic = 0.5 / 0.6 * np.expm1(0.6 * platen.displacement(times))
+    assert Pad(constants).force(platen, times) == pytest.approx(elastic, abs=1e-14)
+
+
+def test_two_modes_of_one_rate_are_one_mode():
+    platen = Platen(paper_protocol(30.0))
+    times = times_of_interest(platen)
+    one = Pad(Constants(0.5, 0.6, (0.3, 0.7), (4.0,))).force(platen, times)
+    two = Pad(Constants(0.5, 0.6, (0.3, 0.2, 0.5), (4.0, 4.0))).force(platen, times)
+    assert np.abs(one - two).max() < 1e-8 * one.max()
+
+
+def test_a_free_pad_lets_the_platen_go_and_a_bonded_one_pulls():
+    platen = Platen((Move(1.6, 20.0), Hold(5.0), Move(0.0, 20.0), Hold(5.0)))
+    times = np.arange(0.0, platen.duration, 1e-3)
+    bonded = Pad(TABLE_1["B"], bonded=True).force(platen, times)
+    free = Pad(TABLE_1["B"]).force(platen, times)
+    assert bonded.min() < -0.1
+    assert np.array_equal(free, np.maximum(bonded, 0.0))
+
+
+def test_faster_loading_gives_a_higher_peak_up_to_the_limit_of_acceleration():
+    peaks = []
+    for rate in (*PAPER_RATES, 1000.0):
+        platen = Platen(paper_protocol(rate))
+        peaks.append(Pad(TABLE_1["B"]).force(platen, platen.kinks).max())
+    assert np.all(np.diff(peaks[:-1]) > 0)
+    assert peaks[-1] == peaks[-2]
+
+
+def test_times_outside_the_program_or_out_of_order_are_refused():
+    platen = Platen(paper_protocol(20.0))
+    for times in ([0.0, 1e3], [-1.0, 0.0], [1.0, 0.5]):
+        with pytest.raises(InputError):
+            Pad(TABLE_1["A"]).force(platen, np.array(times))
