@@ -1,0 +1,43 @@
+"""Tests of different lengths as one batch, padded to sizes that many pads share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from qlvbayes.motion import Motion
+from qlvbayes.record import Blocks, Record
+
+_GRID_STEP = 64  # sizes are rounded up to multiples of these, so that compiled functions are shared
+_BLOCK_STEP = 32
+
+
+def batch(records: Sequence[Record]) -> Record:
+    """Records along a leading axis; the grid's last point and masked blocks fill them up."""
+    points = _rounded(max(r.motion.time.shape[0] for r in records), _GRID_STEP)
+    blocks = _rounded(max(r.blocks.force.shape[0] for r in records), _BLOCK_STEP)
+    padded = [_pad(record, points, blocks) for record in records]
+    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *padded)
+
+
+def _rounded(size: int, step: int) -> int:
+    return -(-size // step) * step
+
+
+def _pad(record: Record, points: int, blocks: int) -> Record:
+    motion = Motion(*(_extend(x, points) for x in jax.tree.leaves(record.motion)))
+    size = record.blocks.force.shape[0]
+    full = Blocks(*(_extend(x, blocks) for x in jax.tree.leaves(record.blocks)))
+    real = jnp.asarray(np.arange(blocks) < size)
+    # one sample, of no duration: the noise model's closed forms stay finite in padding
+    single = (full.force, jnp.where(real, full.count, 1.0), full.first, full.last, full.weight)
+    return Record(motion, _extend(record.nodes, blocks), Blocks(*single, real))
+
+
+def _extend(values: Array, size: int) -> Array:
+    missing = [(0, size - values.shape[0])] + [(0, 0)] * (values.ndim - 1)
+    return jnp.asarray(np.pad(np.asarray(values), missing, mode="edge"))

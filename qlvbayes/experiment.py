@@ -1,0 +1,118 @@
+"""A pad's tests made ready: motion, phases, rates, roles and the noise floor."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from qlvbayes.batching import batch
+from qlvbayes.data import Pad, Test
+from qlvbayes.defaults import Scales
+from qlvbayes.noisefloor import NoiseFloor, measure
+from qlvbayes.phases import Phase, find_phases, loading_rate
+from qlvbayes.record import Record
+from qlvbayes.reduction import reduce_test
+from qlvbayes.trajectory import Trajectory, smooth
+from qlvbayes.units import UnitSystem
+
+FIT_RATE = 20.0  # mm/s, the paper's identification test
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One test with what was found in it; ``rate`` is the loading rate (mm/s)."""
+
+    test: Test
+    trajectory: Trajectory
+    phases: tuple[Phase, ...]
+    rate: float
+    role: str
+
+    @property
+    def name(self) -> str:
+        """The test's name."""
+        return self.test.name
+
+    def phase_of(self, time: np.ndarray) -> np.ndarray:
+        """Kind of phase (N,) at each time."""
+        starts = np.array([phase.start for phase in self.phases])
+        place = np.clip(np.searchsorted(starts, time, side="right") - 1, 0, None)
+        return np.array([phase.kind for phase in self.phases])[place]
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """All trials of one pad, its units and its noise floor."""
+
+    pad: str
+    units: UnitSystem
+    trials: tuple[Trial, ...]
+    floor: NoiseFloor
+
+    def with_role(self, role: str) -> tuple[Trial, ...]:
+        """The trials that are fitted, or those that validate."""
+        return tuple(trial for trial in self.trials if trial.role == role)
+
+    @property
+    def sd_scale(self) -> float:
+        """Root mean square of the measured sds over the whole pad (1 where none were measured)."""
+        squares = [t.test.force_sd**2 for t in self.trials if t.test.force_sd is not None]
+        return float(np.sqrt(np.mean(np.concatenate(squares)))) if squares else 1.0
+
+    @property
+    def scales(self) -> Scales:
+        """The sizes that default priors are scaled to."""
+        tests = [trial.test for trial in self.trials]
+        floor = self.floor
+        return Scales(
+            force=max(float(np.max(np.abs(t.force))) for t in tests),
+            depth=max(float(np.max(np.abs(t.displacement))) for t in tests),
+            shortest=min(float(np.median(np.diff(t.time)[:200])) for t in tests),
+            longest=max(p.stop - p.start for trial in self.trials for p in trial.phases),
+            white=floor.white,
+            ou=floor.ou,
+            tau=floor.tau,
+        )
+
+    def record(self, trials: Sequence[Trial]) -> Record:
+        """Block averages of some trials, as one batch."""
+        return batch(
+            [
+                reduce_test(t.test, t.trajectory, t.phases, sd_scale=self.sd_scale)
+                for t in trials
+            ]
+        )
+
+
+def prepare(pad: Pad, *, all_tests: bool = False) -> Experiment:
+    """Find motion, phases, rates and the noise floor of a pad, and settle which tests are fitted.
+
+    Tests without a role: the one whose rate is nearest to 20 mm/s (in the logarithm) is fitted,
+    the others validate; ``all_tests`` fits every one.
+    """
+    trials = [_trial(test) for test in pad.tests]
+    trials = [replace(t, role=role) for t, role in zip(trials, _roles(trials), strict=True)]
+    if all_tests:
+        trials = [replace(t, role="fit") for t in trials]
+    floor = measure([t.test for t in trials], [t.phases for t in trials])
+    return Experiment(pad.name, pad.units, tuple(trials), floor)
+
+
+def _trial(test: Test) -> Trial:
+    trajectory = smooth(test.time, test.displacement)
+    phases = find_phases(trajectory)
+    rate = test.rate if test.rate is not None else loading_rate(trajectory, phases)
+    return Trial(test, trajectory, phases, rate, test.role or "")
+
+
+def _roles(trials: Sequence[Trial]) -> list[str]:
+    if any(trial.role == "fit" for trial in trials):
+        return [trial.role or "validate" for trial in trials]
+    distance = [
+        np.inf if trial.role == "validate" else abs(np.log(trial.rate / FIT_RATE))
+        for trial in trials
+    ]
+    chosen = int(np.argmin(distance))
+    return ["fit" if k == chosen else "validate" for k in range(len(trials))]

@@ -1,0 +1,266 @@
+"""Least-squares quadratic splines whose knots may move.
+
+A spline has ``knots`` tau_0 < ... < tau_k; between two of them the acceleration is constant. The
+displacement is continuous. The velocity is continuous too, except at the knots marked in
+``kinked``. An end may be joined to a rest: there the level is given and the velocity is 0 unless
+that end is kinked.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solveh_banded
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+_STIFFNESS = 1e-9  # keeps a piece without samples straight
+MOST_FREE_KNOTS = 10
+_MOST_PER_PIECE = 400
+
+
+@dataclass(frozen=True)
+class Joints:
+    """Knots, which of them carry a velocity jump, and the rests at the ends (None: no rest)."""
+
+    knots: Array
+    kinked: Flags
+    left: float | None
+    right: float | None
+
+
+@dataclass(frozen=True)
+class Window:
+    """The samples of one stretch and how far its end knots may go."""
+
+    time: Array
+    displacement: Array
+    earliest: float
+    latest: float
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """Constant-acceleration pieces: displacement, velocity, acceleration at each start."""
+
+    knots: Array
+    displacement: Array
+    velocity: Array
+    acceleration: Array
+
+
+def _full_knots(joints: Joints) -> Array:
+    repeats = np.where(joints.kinked, 2, 1)
+    repeats[0] = repeats[-1] = 3
+    return np.repeat(joints.knots, repeats)
+
+
+def _spans(full: Array, time: Array) -> tuple[NDArray[np.intp], Array]:
+    """Index of the span of each time and the three basis functions alive there (3, n)."""
+    last = full.size - 4
+    span = np.clip(np.searchsorted(full, time, side="right") - 1, 2, last)
+    a, b, c, d = full[span - 1], full[span], full[span + 1], full[span + 2]
+    first = (c - time) ** 2 / ((c - a) * (c - b))
+    third = (time - b) ** 2 / ((d - b) * (c - b))
+    return span, np.stack([first, 1.0 - first - third, third])
+
+
+def _straightening(full: Array) -> tuple[NDArray[np.intp], Array]:
+    """Per span: weights of its coefficients in length^2 x acceleration."""
+    span = np.flatnonzero(np.diff(full) > 0.0)
+    a, b, c, d = full[span - 1], full[span], full[span + 1], full[span + 2]
+    first = 2.0 * (c - b) / (c - a)
+    third = 2.0 * (c - b) / (d - b)
+    return span, np.stack([first, -first - third, third])
+
+
+def _band(rows: list[tuple[NDArray[np.intp], Array]], size: int) -> Array:
+    """Upper banded form of the sum of the outer products."""
+    band = np.zeros((3, size))
+    for span, weights in rows:
+        for p in range(3):
+            for q in range(p, 3):
+                band[2 - (q - p)] += np.bincount(
+                    span - 2 + q, weights=weights[p] * weights[q], minlength=size
+                )
+    return band
+
+
+def coefficients(joints: Joints, time: Array, displacement: Array) -> tuple[Array, Array]:
+    """Return the full knots and the spline coefficients that minimise the squared residuals."""
+    full = _full_knots(joints)
+    size = full.size - 3
+    origin = float(displacement[0])
+    inside = np.clip(time, joints.knots[0], joints.knots[-1])
+    span, basis = _spans(full, inside)
+    bend, weights = _straightening(full)
+    band = _band([(span, basis), (bend, np.sqrt(_STIFFNESS) * weights)], size)
+    y = displacement - origin
+    right_side = np.zeros(size)
+    for p in range(3):
+        right_side += np.bincount(span - 2 + p, weights=basis[p] * y, minlength=size)
+    low = 0 if joints.left is None else (1 if joints.kinked[0] else 2)
+    high = size - (0 if joints.right is None else (1 if joints.kinked[-1] else 2))
+    c = np.zeros(size)
+    if joints.left is not None:
+        c[:low] = joints.left - origin
+    if joints.right is not None:
+        c[high:] = joints.right - origin
+    if high > low:
+        for off in (1, 2):
+            diagonal = band[2 - off, off:]
+            right_side[:-off] -= diagonal * c[off:]
+            right_side[off:] -= diagonal * c[:-off]
+        free = band[:, low:high].copy()
+        free[1, :1] = 0.0
+        free[0, :2] = 0.0
+        free[2] += 1e-14 * free[2].max()
+        c[low:high] = solveh_banded(free, right_side[low:high], check_finite=False)
+    return full, c + origin
+
+
+def residuals(joints: Joints, time: Array, displacement: Array) -> Array:
+    """Return readings minus the fitted spline, the rests outside the end knots included."""
+    full, c = coefficients(joints, time, displacement)
+    inside = np.clip(time, joints.knots[0], joints.knots[-1])
+    span, basis = _spans(full, inside)
+    return displacement - (basis[0] * c[span - 2] + basis[1] * c[span - 1] + basis[2] * c[span])
+
+
+def pieces(joints: Joints, window: Window) -> Pieces:
+    """Return the fitted spline piece by piece."""
+    full, k = coefficients(joints, window.time, window.displacement)
+    span = np.flatnonzero(np.diff(full) > 0.0)
+    a, b, c, d = full[span - 1], full[span], full[span + 1], full[span + 2]
+    velocity = 2.0 * (k[span - 1] - k[span - 2]) / (c - a)
+    after = 2.0 * (k[span] - k[span - 1]) / (d - b)
+    start = k[span - 2] + (k[span - 1] - k[span - 2]) * (b - a) / (c - a)
+    return Pieces(joints.knots, start, velocity, (after - velocity) / (c - b))
+
+
+def _thinned(joints: Joints, window: Window) -> tuple[Array, Array]:
+    """At most a few hundred samples of each piece and each margin, so short pieces keep theirs."""
+    edges = np.searchsorted(window.time, joints.knots)
+    edges = np.unique(np.concatenate([[0], edges, [window.time.size]]))
+    keep = [
+        np.unique(np.linspace(i, j - 1, min(j - i, _MOST_PER_PIECE)).astype(int))
+        for i, j in zip(edges[:-1], edges[1:], strict=True)
+    ]
+    pick = np.concatenate(keep)
+    return window.time[pick], window.displacement[pick]
+
+
+def optimise(joints: Joints, window: Window) -> Joints:
+    """Move the knots to the least squared residual (Levenberg-Marquardt on the knots alone).
+
+    An end knot moves only where it joins a rest. With more than ten knots they stay put.
+    """
+    free = np.ones(joints.knots.size, dtype=bool)
+    free[0], free[-1] = joints.left is not None, joints.right is not None
+    which = np.flatnonzero(free)
+    if which.size == 0 or which.size > MOST_FREE_KNOTS:
+        return joints
+    time, x = _thinned(joints, window)
+    gap = 0.5 * float(np.median(np.diff(window.time)))
+    nudge = 0.02 * gap
+    best = residuals(joints, time, x)
+    damping = 1e-3
+    for _ in range(25):
+        jacobian = np.empty((time.size, which.size))
+        for column, k in enumerate(which):
+            moved = joints.knots.copy()
+            side = -nudge if k == joints.knots.size - 1 else nudge
+            moved[k] += side
+            jacobian[:, column] = (residuals(replace(joints, knots=moved), time, x) - best) / side
+        gram, slope = jacobian.T @ jacobian, jacobian.T @ best
+        gained = 0.0
+        for _ in range(6):
+            diagonal = np.diag(gram) * damping + 1e-300
+            step = np.linalg.lstsq(gram + np.diag(diagonal), -slope, rcond=None)[0]
+            moved = joints.knots.copy()
+            moved[which] += step
+            moved = _ordered(moved, window, gap)
+            trial = replace(joints, knots=moved)
+            error = residuals(trial, time, x)
+            gained = float(best @ best - error @ error)
+            if gained > 0.0:
+                joints, best, damping = trial, error, 0.2 * damping
+                break
+            damping *= 8.0
+        if gained <= 1e-6 * float(best @ best):
+            break
+    return joints
+
+
+def _ordered(knots: Array, window: Window, gap: float) -> Array:
+    knots = np.clip(knots, window.earliest, window.latest)
+    steps = gap * np.arange(knots.size)
+    knots = np.maximum.accumulate(knots - steps) + steps
+    back = knots[::-1] + steps
+    back[0] = min(knots[-1], window.latest)
+    return np.asarray((np.minimum.accumulate(back) - steps)[::-1])
+
+
+def with_knot_at_worst(joints: Joints, window: Window) -> Joints:
+    """Halve the piece with the largest residual."""
+    error = np.abs(residuals(joints, window.time, window.displacement))
+    at = float(window.time[int(np.argmax(error))])
+    k = int(np.clip(np.searchsorted(joints.knots, at) - 1, 0, joints.knots.size - 2))
+    middle = 0.5 * (joints.knots[k] + joints.knots[k + 1])
+    return replace(
+        joints,
+        knots=np.insert(joints.knots, k + 1, middle),
+        kinked=np.insert(joints.kinked, k + 1, False),
+    )
+
+
+def insert_until_faithful(joints: Joints, window: Window, tolerance: float) -> Joints:
+    """Add knots where a residual exceeds the tolerance; in the end interpolate the samples there.
+
+    Each round halves the pieces that fail; a piece too short to halve is followed from sample to
+    sample by straight lines. So it ends after about log2 of the number of samples.
+    """
+    time, x = window.time, window.displacement
+    for _ in range(40):
+        error = np.abs(residuals(joints, time, x))
+        failing = np.flatnonzero(error > tolerance)
+        if failing.size == 0:
+            break
+        piece = np.searchsorted(joints.knots, time[failing], side="right") - 1
+        joints = _refined(joints, np.unique(np.clip(piece, 0, joints.knots.size - 2)), time)
+    return joints
+
+
+def _refined(joints: Joints, failing: NDArray[np.intp], time: Array) -> Joints:
+    knots, kinked = [joints.knots], [joints.kinked.copy()]
+    for k in failing:
+        i, j = np.searchsorted(time, joints.knots[k : k + 2])
+        inside = time[i:j]
+        if inside.size >= 6:
+            middle = (i + j) // 2
+            knots.append(np.array([0.5 * (time[middle - 1] + time[middle])]))
+            kinked.append(np.array([False]))
+        else:
+            low, high = joints.knots[k], joints.knots[k + 1]
+            inside = inside[(inside > low) & (inside < high)]
+            knots.append(inside)
+            kinked.append(np.ones(inside.size, dtype=bool))
+            kinked[0][k : k + 2] = True
+    return _merged(joints, np.concatenate(knots), np.concatenate(kinked), time)
+
+
+def _merged(joints: Joints, knots: Array, kinked: Flags, time: Array) -> Joints:
+    """Sort the knots; of two closer than a quarter of the samples there keep the later entry."""
+    order = np.argsort(knots, kind="stable")
+    near = 0.25 * np.diff(time)[np.clip(np.searchsorted(time, knots[order]) - 1, 0, time.size - 2)]
+    keep = np.ones(knots.size, dtype=bool)
+    for i in np.flatnonzero(np.diff(knots[order]) < near[:-1]):
+        first, second = order[i], order[i + 1]
+        ends = (0, joints.knots.size - 1)
+        drop = first if second in ends or (first not in ends and second > first) else second
+        keep[drop] = False
+    order = order[keep[order]]
+    return replace(joints, knots=knots[order], kinked=kinked[order])

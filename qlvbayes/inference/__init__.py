@@ -1,0 +1,1 @@
+"""Ways to find a posterior: optimum with normal approximation, least squares, emcee."""

@@ -1,0 +1,64 @@
+"""A chain on disk, in blocks, so that a killed run goes on where it was."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Consecutive steps: theta (S, W, D), log density (S, W), and the generator's state after."""
+
+    theta: np.ndarray
+    log_density: np.ndarray
+    accepted: int
+    random_state: tuple
+
+
+class ChainStore:
+    """Stretches as numbered files in one folder; ``key`` ties them to one posterior and seed."""
+
+    def __init__(self, folder: Path, key: str) -> None:
+        self.folder = folder
+        self.key = key
+
+    def load(self) -> Iterator[Stretch]:
+        """The stretches written before, in order, as far as they belong to this run."""
+        for number in range(10**6):
+            path = self._path(number)
+            if not path.exists():
+                return
+            with np.load(path) as file:
+                if str(file["key"]) != self.key:
+                    return
+                place, half, normal = file["place"]
+                state = ("MT19937", file["state"], int(place), int(half), float(normal))
+                accepted = int(file["accepted"])
+                yield Stretch(file["theta"], file["log_density"], accepted, state)
+
+    def save(self, number: int, stretch: Stretch) -> None:
+        """Write stretch ``number``, whole or not at all."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        part = self._path(number).with_suffix(".part")
+        _, state, *place = stretch.random_state
+        with part.open("wb") as file:
+            np.savez(
+                file, key=self.key, theta=stretch.theta, log_density=stretch.log_density,
+                accepted=stretch.accepted, state=state, place=np.array(place, dtype=float),
+            )  # fmt: skip
+        os.replace(part, self._path(number))
+
+    def clear(self) -> None:
+        """Remove every stretch."""
+        if self.folder.is_dir():
+            for path in self.folder.glob("stretch-*"):
+                path.unlink()
+            self.folder.rmdir()
+
+    def _path(self, number: int) -> Path:
+        return self.folder / f"stretch-{number:05d}.npz"

@@ -1,0 +1,251 @@
+"""The noise of the load cell, measured at rest and without any model of the material."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_solve_banded, cholesky, cholesky_banded, qr, solve_triangular
+from scipy.optimize import minimize
+
+from qlvbayes.phases import Phase
+from qlvbayes.segments import sensor_noise
+
+Array = NDArray[np.float64]
+
+_MOST_HOLDS = 16
+_BURST, _SPREAD = 200, 200  # samples in a row; samples over the whole hold
+_FEWEST_SAMPLES = 24
+_TREND_RATIO = 1.8  # between neighbouring relaxation times of the trend
+_LOG_RATIO = float(np.log(_TREND_RATIO))
+_TAUS = 9
+_DECISIVE = 6.0  # log-likelihood by which the second process must win
+_FLOOR = 1e-9  # of the force range, for data without noise
+
+
+@dataclass(frozen=True)
+class NoiseFloor:
+    """White noise of sd ``white`` plus an Ornstein-Uhlenbeck process of sd ``ou``.
+
+    cov(t, t') = white^2 [t = t'] + ou^2 exp(-|t - t'| / tau); sds in units of force, ``tau`` in s.
+    ``ou`` is 0 where no correlation is seen; ``tau`` is then a neutral tenth of a hold.
+    """
+
+    white: float
+    ou: float
+    tau: float
+
+    @property
+    def total(self) -> float:
+        """Return the sd of a single reading."""
+        return float(np.hypot(self.white, self.ou))
+
+
+class Record(Protocol):
+    """The part of a test that is read here."""
+
+    @property
+    def time(self) -> Array:
+        """Time in s."""
+        ...
+
+    @property
+    def force(self) -> Array:
+        """Force in N (or stress in kPa)."""
+        ...
+
+    @property
+    def force_sd(self) -> Array | None:
+        """Sd of each reading, where known."""
+        ...
+
+
+@dataclass(frozen=True)
+class _Rest:
+    """Some readings of one hold, each divided by its relative sd."""
+
+    time: Array
+    force: Array
+    scale: Array
+
+
+def measure(tests: Sequence[Record], phases: Sequence[Sequence[Phase]]) -> NoiseFloor:
+    """Return the noise seen in the holds and recoveries of the tests, pooled.
+
+    In each rest the force is a smooth trend plus noise. The trend is any combination of 1, t and
+    exp(-t/T_j) with T_j a factor 1.8 apart, from a fraction of the first samples' delay to the
+    length of the rest; the noise parameters maximise the restricted likelihood, in which the trend
+    costs its degrees of freedom. Up to 8 rests enter, with up to 140 readings each: a run of
+    consecutive ones and others spread over the rest. The correlated part is reported only if it
+    raises the log-likelihood by more than 6. With a measured sd for each reading (``force_sd``) the
+    noise is taken as proportional to it, and the sds returned hold at its root mean square.
+
+    Without any usable rest the white noise comes from high-order differences of the records.
+
+    Parameters
+    ----------
+    tests, phases
+        One entry a test; a test has ``time``, ``force`` and ``force_sd`` (or None), (n,) each.
+    """
+    rests = _rests(tests, phases)
+    floor = _FLOOR * max((float(np.ptp(t.force)) for t in tests if t.force.size), default=0.0)
+    floor = max(floor, float(np.finfo(np.float64).tiny) ** 0.5)
+    if not rests:
+        return _without_rests(tests, floor)
+    neutral = 0.1 * float(np.median([np.ptp(r.time) for r in rests]))
+    white, ou, tau = _pooled(rests, neutral)
+    return NoiseFloor(max(white, floor), ou if ou > floor else 0.0, tau)
+
+
+def _without_rests(tests: Sequence[Record], floor: float) -> NoiseFloor:
+    found = [sensor_noise(t.time, t.force) for t in tests]
+    length = max((float(np.ptp(t.time)) for t in tests if t.time.size), default=0.0)
+    white = float(np.sqrt(np.mean(np.square(found)))) if found else 0.0
+    return NoiseFloor(max(white, floor), 0.0, 0.1 * length if length > 0.0 else 1.0)
+
+
+def _rests(tests: Sequence[Record], phases: Sequence[Sequence[Phase]]) -> list[_Rest]:
+    """Return the best-sampled rests, one of each test before a second of any."""
+    ranked: list[tuple[int, int, _Rest]] = []
+    for test, cut in zip(tests, phases, strict=True):
+        of_test = []
+        for phase in cut:
+            if phase.kind not in ("hold", "recovery"):
+                continue
+            inside = np.flatnonzero((test.time > phase.start) & (test.time <= phase.stop))
+            # The kinks may be misplaced by a few samples.
+            margin = min(5, inside.size // 20)
+            inside = inside[margin : inside.size - margin]
+            if inside.size >= _FEWEST_SAMPLES and not _stuck(test.force[inside]):
+                of_test.append((inside.size, _chosen(test, inside)))
+        of_test.sort(key=lambda item: -item[0])
+        ranked += [(turn, -size, rest) for turn, (size, rest) in enumerate(of_test)]
+    ranked.sort(key=lambda item: item[:2])
+    return [rest for _, _, rest in ranked[:_MOST_HOLDS]]
+
+
+def _stuck(force: Array) -> bool:
+    """Tell a reading that mostly repeats itself: out of contact or clipped, it shows no noise."""
+    return bool(np.mean(np.diff(force) == 0.0) > 0.5)
+
+
+def _chosen(test: Record, inside: NDArray[np.intp]) -> _Rest:
+    """A run of consecutive readings where they are densest late, and readings over the rest."""
+    time = test.time[inside]
+    n = inside.size
+    if n > _BURST + _SPREAD:
+        late = np.linspace(n // 5, n - _BURST, 200).astype(int)
+        start = int(late[np.argmin(time[late + _BURST - 1] - time[late])])
+        burst = np.arange(start, start + _BURST)
+        after = time[0] + np.geomspace(max(time[1] - time[0], 1e-3 * np.ptp(time)), np.ptp(time), 20)
+        lags = time[start] + np.geomspace(time[start + _BURST - 1] - time[start], np.ptp(time), 20)
+        even = np.linspace(time[0], time[-1], _SPREAD - 40)
+        others = np.searchsorted(time, np.concatenate([after, lags[lags < time[-1]], even]))
+        pick = np.unique(np.concatenate([burst, np.clip(others, 0, n - 1)]))
+        inside = inside[pick]
+    scale = np.ones(inside.size)
+    if test.force_sd is not None:
+        scale = test.force_sd[inside] / np.sqrt(np.mean(np.square(test.force_sd)))
+        scale = np.maximum(scale, 1e-3)
+    return _Rest(test.time[inside], test.force[inside], scale)
+
+
+def _detrended(rest: _Rest) -> tuple[Array, Array]:
+    """Orthonormal trend basis (n, p) and what it leaves of the readings (n,)."""
+    t = rest.time - rest.time[0]
+    length = float(t[-1])
+    shortest = max(2.0 * float(t[1]), 2e-4 * length)
+    times = length / _TREND_RATIO ** np.arange(1.0 + np.log(length / shortest) // _LOG_RATIO)
+    times = times[: max(1, t.size // 6)]
+    basis = np.column_stack([np.ones_like(t), t / length, np.exp(-t[:, None] / times)])
+    q, r, _ = qr(basis / rest.scale[:, None], mode="economic", pivoting=True)
+    size = np.abs(np.diag(r))
+    q = q[:, size > 1e-10 * size[0]]
+    y = rest.force / rest.scale
+    y = y - q @ (q.T @ y)
+    return q, y - q @ (q.T @ y)
+
+
+@dataclass(frozen=True)
+class _Pool:
+    """All rests one after another: gaps in time (inf between rests), trends, what they leave."""
+
+    gaps: Array
+    trends: list[Array]
+    columns: Array
+    y: Array
+    freedom: int
+
+    @staticmethod
+    def of(rests: list[_Rest]) -> _Pool:
+        parts = [_detrended(r) for r in rests]
+        trends = [q for q, _ in parts]
+        width = max(q.shape[1] for q in trends)
+        columns = np.concatenate([np.pad(q, ((0, 0), (0, width - q.shape[1]))) for q in trends])
+        gaps = np.concatenate([np.append(np.diff(r.time), np.inf) for r in rests])[:-1]
+        y = np.concatenate([part for _, part in parts])
+        return _Pool(gaps, trends, columns, y, y.size - sum(q.shape[1] for q in trends))
+
+    def likelihood(self, log_ratio: float, log_tau: float) -> tuple[float, float]:
+        """Return the restricted log-likelihood (up to a constant) and the white variance.
+
+        With R the correlation matrix and P its tridiagonal inverse, (1 + ratio R)^-1 =
+        P (P + ratio)^-1: everything costs O(n).
+        """
+        ratio = np.exp(log_ratio)
+        a = np.exp(-self.gaps / np.exp(log_tau))
+        left = -np.expm1(-2.0 * self.gaps / np.exp(log_tau))
+        diagonal = np.ones(self.y.size)
+        diagonal[1:] += a**2 / left
+        diagonal[:-1] += a**2 / left
+        beside = -a / left
+        band = np.zeros((2, self.y.size))
+        band[0, 1:], band[1] = beside, diagonal + ratio
+        factor = cholesky_banded(band, check_finite=False)
+        z = np.column_stack([self.y, self.columns])
+        inner = cho_solve_banded((factor, False), z, check_finite=False)
+        solved = diagonal[:, None] * inner
+        solved[1:] += beside[:, None] * inner[:-1]
+        solved[:-1] += beside[:, None] * inner[1:]
+        log_det = 2.0 * float(np.log(factor[1]).sum()) + float(np.log(left).sum())
+        power = float(self.y @ solved[:, 0])
+        at = 0
+        for q in self.trends:
+            rows, at = slice(at, at + q.shape[0]), at + q.shape[0]
+            gram = cholesky(q.T @ solved[rows, 1 : q.shape[1] + 1], lower=True, check_finite=False)
+            moment = solve_triangular(gram, q.T @ solved[rows, 0], lower=True, check_finite=False)
+            power -= float(moment @ moment)
+            log_det += 2.0 * float(np.log(np.diag(gram)).sum())
+        power = max(power, np.finfo(np.float64).tiny)
+        return -0.5 * (self.freedom * np.log(power / self.freedom) + log_det), power / self.freedom
+
+
+def _pooled(rests: list[_Rest], neutral: float) -> tuple[float, float, float]:
+    """White sd, correlated sd and its time, by restricted maximum likelihood."""
+    pool = _Pool.of(rests)
+    power = float(pool.y @ pool.y)
+    if power == 0.0:
+        return 0.0, 0.0, neutral
+    gaps = pool.gaps[np.isfinite(pool.gaps)]
+    shortest = 3.0 * float(np.quantile(gaps, 0.1))
+    longest = 0.3 * float(np.median([np.ptp(r.time) for r in rests]))
+    log_taus = np.log(np.geomspace(shortest, max(longest, 2.0 * shortest), _TAUS))
+    log_ratios = np.arange(-4.0, 9.0, 2.0)
+    start = max(
+        ((r, t) for t in log_taus for r in log_ratios), key=lambda at: pool.likelihood(*at)[0]
+    )
+    best = minimize(
+        lambda at: -pool.likelihood(at[0], at[1])[0],
+        np.array(start),
+        method="L-BFGS-B",
+        bounds=[(-8.0, 12.0), (log_taus[0], log_taus[-1])],
+        options={"maxiter": 20},
+    )
+    gain, variance = pool.likelihood(*best.x)
+    if gain + 0.5 * pool.freedom * np.log(power / pool.freedom) < _DECISIVE:
+        return float(np.sqrt(power / pool.freedom)), 0.0, neutral
+    white = float(np.sqrt(variance))
+    return white, white * float(np.exp(0.5 * best.x[0])), float(np.exp(best.x[1]))

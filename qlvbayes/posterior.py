@@ -1,0 +1,119 @@
+"""The posterior density over a flat vector, and the names of what it is made of."""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from qlvbayes.distributions import AbstractPrior
+from qlvbayes.model import Model
+from qlvbayes.noise import AbstractNoise
+from qlvbayes.record import Record
+
+
+def is_prior(node: object) -> bool:
+    """Whether a field is free."""
+    return isinstance(node, AbstractPrior)
+
+
+class Posterior(eqx.Module):
+    """Prior times likelihood of some tests of one specimen.
+
+    model, noise: with priors where free; record: the tests, along a leading axis. The flat vector
+    theta (D,) holds the free constants' unconstrained numbers in field order.
+    """
+
+    model: Model
+    noise: AbstractNoise
+    record: Record
+
+    def __init__(self, model: Model, noise: AbstractNoise, record: Record) -> None:
+        # arrays throughout, so that pads of one shape share one compiled function
+        as_arrays = lambda tree: jax.tree.map(jnp.asarray, tree)  # noqa: E731
+        self.model, self.noise, self.record = map(as_arrays, (model, noise, record))
+
+    @property
+    def size(self) -> int:
+        """D, the number of free numbers."""
+        leaves = jax.tree.leaves((self.model, self.noise), is_leaf=is_prior)
+        return sum(leaf.size for leaf in leaves if is_prior(leaf))
+
+    def bind(self, theta: Array) -> tuple[Model, AbstractNoise, Array]:
+        """Model and noise with numbers for priors, and the log prior density over theta."""
+        leaves, shape = jax.tree.flatten((self.model, self.noise), is_leaf=is_prior)
+        log_prior = jnp.zeros(())
+        bound, taken = [], 0
+        for leaf in leaves:
+            if is_prior(leaf):
+                value, log_density = leaf.constrain(theta[taken : taken + leaf.size])
+                log_prior = log_prior + log_density
+                taken += leaf.size
+            else:
+                value = leaf
+            bound.append(value)
+        model, noise = jax.tree.unflatten(shape, bound)
+        return model, noise, log_prior
+
+    def predict(self, theta: Array) -> Array:
+        """Block means (T, B) of the force."""
+        model, _, _ = self.bind(theta)
+        return self.predict_with(model)
+
+    def predict_with(self, model: Model) -> Array:
+        """Block means (T, B) of a model whose constants are numbers."""
+        return jax.vmap(lambda record: record.average(model.force(record.motion)))(self.record)
+
+    def log_likelihoods(self, theta: Array) -> Array:
+        """(T, B) log density of each block given the ones before it; 0 in padding."""
+        model, noise, _ = self.bind(theta)
+        return self._log_likelihoods(model, noise)
+
+    def _log_likelihoods(self, model: Model, noise: AbstractNoise) -> Array:
+        residuals = self.record.blocks.force - self.predict_with(model)
+        return jax.vmap(noise.log_likelihoods)(residuals, self.record.blocks)
+
+    def log_density(self, theta: Array) -> Array:
+        """Log of prior density over theta times likelihood; -inf where not a number."""
+        model, noise, log_prior = self.bind(theta)
+        total = log_prior + jnp.sum(self._log_likelihoods(model, noise))
+        return jnp.where(jnp.isnan(total), -jnp.inf, total)
+
+    def constants(self, theta: Array) -> Array:
+        """(P,) every constant, fixed ones too, in the order of ``names``."""
+        model, noise, _ = self.bind(theta)
+        return jnp.concatenate([jnp.atleast_1d(x) for x in jax.tree.leaves((model, noise))])
+
+    def unconstrain(self, constants: np.ndarray) -> np.ndarray:
+        """(D,) theta of constants (P,) in the order of ``names``."""
+        parts, taken = [np.zeros(0)], 0
+        for leaf in jax.tree.leaves((self.model, self.noise), is_leaf=is_prior):
+            shape = value_shape(leaf)
+            count = int(np.prod(shape, dtype=int))
+            value = np.reshape(constants[taken : taken + count], shape)
+            taken += count
+            if is_prior(leaf):
+                parts.append(np.asarray(leaf.unconstrain(value)))
+        return np.concatenate(parts)
+
+
+def value_shape(field: object) -> tuple[int, ...]:
+    """Shape of the number or numbers a field stands for."""
+    if isinstance(field, AbstractPrior):
+        return jax.eval_shape(field.constrain, jnp.zeros(field.size))[0].shape
+    return np.shape(field)
+
+
+def draw_prior(part: eqx.Module, rng: np.random.Generator) -> np.ndarray:
+    """Unconstrained numbers of one draw from the priors in a model, noise or posterior."""
+    leaves = jax.tree.leaves(part, is_leaf=is_prior)
+    draws = [np.asarray(x.unconstrain(x.draw(rng))) for x in leaves if is_prior(x)]
+    return np.concatenate([np.zeros(0), *draws])
+
+
+def central(part: eqx.Module, draws: int = 200) -> np.ndarray:
+    """Median of the priors' unconstrained numbers (the same at every call)."""
+    rng = np.random.default_rng(0)
+    return np.median([draw_prior(part, rng) for _ in range(draws)], axis=0)

@@ -1,0 +1,125 @@
+"""Dense records to block averages: short blocks where things change, growing ones in holds.
+
+No sample is thrown away: each belongs to one block, whose mean enters the likelihood with the
+noise of that mean. Within a block the model is averaged with two nodes at the mean time plus and
+minus one sd of the sample times, exact for a force that is cubic in time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import jax.numpy as jnp
+import numpy as np
+
+from qlvbayes.data import Test
+from qlvbayes.motion import Motion
+from qlvbayes.phases import Phase
+from qlvbayes.record import Blocks, Record
+from qlvbayes.trajectory import Trajectory
+
+GROWTH = 0.3  # a block's width over the time since its phase began
+MOVING_BLOCKS = 16  # at least so many in a ramp or unloading,
+RESTING_BLOCKS = 8  # and in a hold
+_MOST_KINKS = 40
+_CHORD = 1e-4  # of the stroke: how far the grid's straight lines may be from the motion
+
+
+def block_edges(phases: Sequence[Phase], kinks: np.ndarray, shortest: float) -> np.ndarray:
+    """Times at which blocks begin and end; no block crosses a phase's end or a kink."""
+    edges = [np.array([phases[0].start])]
+    for phase in phases:
+        parts = MOVING_BLOCKS if phase.kind in ("ramp", "unload") else RESTING_BLOCKS
+        edges.append(_phase_edges(phase, parts, shortest))
+    if kinks.size <= _MOST_KINKS:
+        edges.append(kinks)
+    return np.unique(np.concatenate(edges))
+
+
+def _phase_edges(phase: Phase, parts: int, shortest: float) -> np.ndarray:
+    """Widths grow with the time since the phase began, up to its length over ``parts``."""
+    length = phase.stop - phase.start
+    longest = length / parts
+    edges, elapsed = [], 0.0
+    while elapsed < length:
+        elapsed += min(max(GROWTH * elapsed, shortest), max(longest, shortest))
+        edges.append(elapsed)
+    edges[-1] = length
+    return phase.start + np.array(edges)
+
+
+def reduce_test(
+    test: Test,
+    trajectory: Trajectory,
+    phases: Sequence[Phase],
+    *,
+    sd_scale: float = 1.0,
+    blocks: bool = True,
+) -> Record:
+    """The record of one test: block means, their nodes, and the motion on a grid of times.
+
+    sd_scale: what measured sds are divided by; blocks: False keeps every sample by itself.
+    """
+    shortest = 2.0 * float(np.median(np.diff(test.time)[:200]))
+    if blocks:
+        edges = block_edges(phases, trajectory.kinks, shortest)
+        owner = np.searchsorted(edges, test.time, side="right")
+        _, begin = np.unique(owner, return_index=True)
+    else:
+        begin = np.arange(test.time.size)
+    averaged = _average(test, begin, sd_scale)
+    centre, half = _nodes(test.time, begin)
+    nodes = np.stack([centre - half, centre + half])
+    grid = _grid(trajectory, np.unique(nodes), test.time[0])
+    motion = _motion(trajectory, grid, test.time[0])
+    return Record(motion, jnp.asarray(np.searchsorted(grid, nodes).T), averaged)
+
+
+def _motion(trajectory: Trajectory, grid: np.ndarray, first: float) -> Motion:
+    # what lies before the first sample is the approach: it begins at zero displacement
+    displacement = np.where(grid < first, 0.0, trajectory.displacement(grid))
+    velocity, acceleration = trajectory.velocity(grid), trajectory.acceleration(grid)
+    return Motion(*map(jnp.asarray, (grid, displacement, velocity, acceleration)))
+
+
+def _average(test: Test, begin: np.ndarray, sd_scale: float) -> Blocks:
+    count = np.diff(np.append(begin, test.time.size)).astype(float)
+    last = np.append(begin[1:], test.time.size) - 1
+    force = np.add.reduceat(test.force, begin) / count
+    weight = np.ones_like(count)
+    if test.force_sd is not None:
+        weight = np.sqrt(np.add.reduceat((test.force_sd / sd_scale) ** 2, begin) / count)
+    fields = (force, count, test.time[begin], test.time[last], weight, count > 0.0)
+    return Blocks(*map(jnp.asarray, fields))
+
+
+def _nodes(time: np.ndarray, begin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and sd (both (B,)) of each block's sample times."""
+    count = np.diff(np.append(begin, time.size))
+    offset = time - np.repeat(time[begin], count)
+    mean = np.add.reduceat(offset, begin) / count
+    spread = np.add.reduceat((offset - np.repeat(mean, count)) ** 2, begin) / count
+    return time[begin] + mean, np.sqrt(spread)
+
+
+def _grid(trajectory: Trajectory, nodes: np.ndarray, first: float) -> np.ndarray:
+    """Nodes, the beginning, kinks, and enough points between for straight lines to do."""
+    stroke = np.ptp(trajectory.displacement(trajectory.knots))
+    tolerance = max(0.25 * trajectory.resolution, _CHORD * stroke)
+    inner = trajectory.knots[(trajectory.knots > first) & (trajectory.knots < nodes[-1])]
+    points = np.unique(np.concatenate([_approach(trajectory, first), [first], inner, nodes]))
+    width = np.diff(points)
+    bend = np.abs(trajectory.acceleration(0.5 * (points[1:] + points[:-1])))
+    pieces = np.ceil(width * np.sqrt(bend / (8.0 * tolerance))).astype(int)
+    extra = [
+        np.linspace(points[k], points[k + 1], pieces[k] + 1)[1:-1]
+        for k in np.flatnonzero(pieces > 1)
+    ]
+    return np.unique(np.concatenate([points, *extra]))
+
+
+def _approach(trajectory: Trajectory, first: float) -> np.ndarray:
+    """When a record that begins on the move was last at zero displacement."""
+    depth = float(trajectory.displacement(np.array([first]))[0])
+    speed = float(trajectory.velocity(np.array([first]))[0])
+    return np.array([first - depth / speed]) if depth * speed > 0.0 else np.zeros(0)

@@ -1,0 +1,239 @@
+"""Where a displacement record rests, where it moves, and how far its readings can be trusted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_FIT_SAMPLES = 200  # a quadratic needs no more samples than this
+_FEWEST_IN_REST = 5
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """How far a faithful curve may stay from a reading.
+
+    ``sample`` bounds each residual, ``rest`` the half-range of readings at rest; with sensor noise
+    above the encoder step (``noise`` > 0) the means of blocks of readings are bounded as well.
+    """
+
+    sample: float
+    rest: float
+    noise: float
+    step: float
+
+
+def encoder_step(displacement: Array) -> float:
+    """Return the step of which all changes are multiples; 0 if there is none or it does not show.
+
+    A record of exactly straight lines has equal changes too, so the changes must come in more
+    than one size, or at irregular times.
+    """
+    span = float(np.ptp(displacement))
+    changes = np.diff(displacement)
+    sizes = np.abs(changes)
+    sizes = np.sort(sizes[sizes > 1e-9 * span])
+    if sizes.size < 2:
+        return 0.0
+    irregular = np.count_nonzero(np.abs(np.diff(changes)) > 1e-6 * sizes[-1])
+    one_size = sizes[-1] - sizes[0] < 1e-6 * sizes[-1]
+    if one_size and irregular < max(6, 0.2 * sizes.size):
+        return 0.0
+    step = float(sizes[0])
+    for _ in range(12):
+        rest = np.abs(sizes - np.round(sizes / step) * step)
+        rest = rest[rest > max(0.05 * step, 1e-9 * span)]
+        if rest.size == 0:
+            counts = np.round(sizes / step)
+            return float(sizes @ counts / (counts @ counts))
+        step = float(rest.min())
+        if step < 1e-7 * span:
+            return 0.0
+    return 0.0
+
+
+def sensor_noise(time: Array, signal: Array, step: float = 0.0) -> float:
+    """Return a robust sd of the scatter about local polynomials beyond rounding to ``step``.
+
+    Combinations of 3 to 6 neighbouring readings that cancel polynomials of degree 1 to 4 leave the
+    scatter; windows of equal readings tell nothing about a quantised sensor and are left out. The
+    least of the degrees is taken: a smooth motion shrinks with the degree, scatter does not.
+    Scatter no larger than rounding can make is no noise.
+    """
+    best = np.inf
+    for points in (3, 4, 5, 6):
+        if time.size < points + 6:
+            break
+        windows = np.lib.stride_tricks.sliding_window_view(signal, points)
+        weights = _divided_difference(np.lib.stride_tricks.sliding_window_view(time, points))
+        moving = np.ptp(windows, axis=1) > 0.0
+        if np.count_nonzero(moving) < 6:
+            return 0.0
+        size = np.abs(np.sum(windows * weights, axis=1)[moving])
+        rounding = 0.501 * step * np.abs(weights[moving]).sum(axis=1)
+        beyond = int(np.count_nonzero(size > rounding))
+        if step > 0.0 and beyond <= min(10, 0.05 * size.size) + 0.005 * size.size:
+            return 0.0
+        best = min(best, _trimmed_sd(size))
+    if not np.isfinite(best):
+        return 0.0
+    return float(np.sqrt(max(best**2 - step**2 / 12.0, 0.0)))
+
+
+def _trimmed_sd(size: Array) -> float:
+    """Gaussian sd from the smaller seven tenths of the absolute values."""
+    kept = np.sort(size)[: max(1, int(0.7 * size.size))]
+    return float(np.sqrt(np.mean(kept**2)) / 0.5566)
+
+
+def _divided_difference(times: Array) -> Array:
+    """Weights (rows of unit norm) that annihilate polynomials of degree points - 2."""
+    gaps = times[:, :, None] - times[:, None, :]
+    gaps /= np.ptp(times, axis=1)[:, None, None]
+    gaps[:, np.arange(times.shape[1]), np.arange(times.shape[1])] = 1.0
+    weights = 1.0 / np.prod(gaps, axis=2)
+    return np.asarray(weights / np.linalg.norm(weights, axis=1, keepdims=True), dtype=np.float64)
+
+
+def tolerance(time: Array, displacement: Array, step: float) -> Tolerance:
+    """Return what step and scatter allow, and never less than 1e-4 of the range.
+
+    Fewer than 100 readings cannot tell scatter from motion for certain: there it counts for no more
+    than 5 % of the range.
+    """
+    span = float(np.ptp(displacement))
+    floor = 1e-4 * span
+    part = slice(0, 50_000)
+    noise = sensor_noise(time[part], displacement[part], step)
+    if noise <= 0.1 * floor:
+        noise = 0.0
+    spread = float(1.0 + np.sqrt(2.0 * np.log(max(time.size, 2)))) * noise
+    if time.size < 100:
+        spread = min(spread, 0.05 * span)
+    return Tolerance(
+        sample=max(0.75 * step, 0.5 * step + spread, floor),
+        rest=max(step, 0.5 * step + spread, floor),
+        noise=noise,
+        step=step,
+    )
+
+
+def _quadratic_fits(time: Array, x: Array, tol: Tolerance) -> bool:
+    n = time.size
+    if n <= 3:
+        return True
+    half = 0.5 * (time[-1] - time[0])
+    u = (time - time[0]) / half - 1.0
+    pick = slice(None) if n <= _FIT_SAMPLES else np.linspace(0, n - 1, _FIT_SAMPLES).astype(int)
+    if float(x.max() - x.min()) <= 2.0 * tol.rest:
+        mean = float(x.mean())
+        if tol.noise == 0.0 or _blocks_centred(x - mean, tol):
+            return True
+    v, y = u[pick], x[pick]
+    design = np.stack([np.ones_like(v), v, v * v])
+    a, b, c = np.linalg.solve(design @ design.T, design @ (y - x[0]))
+    residual = x - x[0] - (a + u * (b + u * c))
+    if float(np.abs(residual).max()) > tol.sample:
+        return False
+    return tol.noise == 0.0 or _blocks_centred(residual, tol)
+
+
+def _blocks_centred(residual: Array, tol: Tolerance) -> bool:
+    """Eight block means within their sampling error: finds misfits far below the noise."""
+    size = residual.size // 8
+    if size < 8:
+        return True
+    means = residual[: 8 * size].reshape(8, size).mean(axis=1)
+    return bool(np.abs(means).max() <= 0.5 * tol.step + 5.0 * tol.noise / np.sqrt(size))
+
+
+def greedy_segments(time: Array, displacement: Array, tol: Tolerance) -> list[tuple[int, int]]:
+    """Cut a record into the longest runs of samples [i, j) that one quadratic follows."""
+    segments: list[tuple[int, int]] = []
+    start, n = 0, time.size
+    while start < n:
+        good, reach = min(start + 3, n), 8
+        bad = n + 1
+        while good < n:
+            stop = min(start + reach, n)
+            if not _quadratic_fits(time[start:stop], displacement[start:stop], tol):
+                bad = stop
+                break
+            good, reach = stop, 2 * reach
+        while bad - good > 1 and bad <= n:
+            middle = (good + bad) // 2
+            if _quadratic_fits(time[start:middle], displacement[start:middle], tol):
+                good = middle
+            else:
+                bad = middle
+        segments.append((start, good))
+        start = good
+    return segments
+
+
+@dataclass(frozen=True)
+class Rest:
+    """Samples [first, stop) at one level."""
+
+    first: int
+    stop: int
+    level: float
+
+
+def find_rests(
+    time: Array, displacement: Array, segments: list[tuple[int, int]], tol: Tolerance
+) -> list[Rest]:
+    """Return the runs of samples at rest, each stretched as far as its level reaches."""
+    speed = [_speed(time, displacement, s) for s in segments]
+    rests: list[Rest] = []
+    for k, (first, stop) in enumerate(segments):
+        x = displacement[first:stop]
+        if stop - first < _FEWEST_IN_REST or np.ptp(x) > 2.0 * tol.rest:
+            continue
+        if tol.noise > 0.0 and not _blocks_centred(x - x.mean(), tol):
+            continue
+        beside = max(speed[max(k - 1, 0)], speed[min(k + 1, len(segments) - 1)])
+        alone = len(segments) == 1
+        # At the speed next door it would have been seen to move.
+        if not alone and beside * (time[stop - 1] - time[first]) < 4.0 * tol.rest:
+            continue
+        rests.append(Rest(first, stop, float(x.mean())))
+    return _stretched(displacement, _distinct(rests, tol), tol)
+
+
+def _speed(time: Array, displacement: Array, segment: tuple[int, int]) -> float:
+    first, stop = segment
+    if stop - first < 2:
+        return 0.0
+    return abs(float(displacement[stop - 1] - displacement[first])) / float(
+        time[stop - 1] - time[first]
+    )
+
+
+def _distinct(rests: list[Rest], tol: Tolerance) -> list[Rest]:
+    """Leave out touching rests of nearly one level: that is a creep, not two rests and a jump."""
+    creeping = {
+        r
+        for a, b in zip(rests, rests[1:], strict=False)
+        if b.first - a.stop < 3 and abs(a.level - b.level) < 4.0 * tol.rest
+        for r in (a, b)
+    }
+    return [r for r in rests if r not in creeping]
+
+
+def _stretched(displacement: Array, rests: list[Rest], tol: Tolerance) -> list[Rest]:
+    out: list[Rest] = []
+    for k, rest in enumerate(rests):
+        low = out[-1].stop if out else 0
+        high = rests[k + 1].first if k + 1 < len(rests) else displacement.size
+        near = np.abs(displacement[low:high] - rest.level) <= tol.sample
+        before = np.flatnonzero(~near[: rest.first - low])
+        after = np.flatnonzero(~near[rest.stop - low :])
+        first = low + int(before[-1]) + 1 if before.size else low
+        stop = rest.stop + int(after[0]) if after.size else high
+        out.append(Rest(first, stop, float(displacement[first:stop].mean())))
+    return out

@@ -1,0 +1,53 @@
+"""Units follow from displacement and force, and suffixes convert exactly."""
+
+import numpy as np
+import pytest
+
+from qlvbayes.units import PAD, STRAIN, SUFFIXES, column_name
+
+
+def test_pad_units_are_those_of_the_paper():
+    units = (PAD.displacement, PAD.force, PAD.stiffness, PAD.exponent, PAD.rate, PAD.speed)
+    assert units == ("mm", "N", "N/mm", "1/mm", "1/s", "mm/s")
+    assert not PAD.bonded_default
+
+
+def test_strain_has_a_modulus_in_kilopascal_and_a_dimensionless_exponent():
+    units = (STRAIN.displacement, STRAIN.force, STRAIN.stiffness, STRAIN.exponent)
+    assert units == ("1", "kPa", "kPa", "1")
+    assert (STRAIN.rate, STRAIN.speed) == ("1/s", "1/s")
+    assert STRAIN.bonded_default
+
+
+@pytest.mark.parametrize(
+    ("quantity", "suffix", "ours"),
+    [
+        ("time", "ms", 0.001),
+        ("time", "min", 60.0),
+        ("displacement", "um", 0.001),
+        ("displacement", "nm", 1e-6),
+        ("displacement", "m", 1000.0),
+        ("force", "mN", 0.001),
+        ("force_sd", "uN", 1e-6),
+        ("force", "nN", 1e-9),
+        ("stress", "MPa", 1000.0),
+        ("stress_sd", "Pa", 0.001),
+        ("start", "min", 60.0),
+        ("strain", "", 1.0),
+    ],
+)
+def test_one_of_a_unit_is_the_nearest_float_in_ours(quantity, suffix, ours):
+    values = np.array([1.0])
+    SUFFIXES[quantity][suffix].convert(values)
+    assert values[0] == ours
+
+
+def test_every_quantity_has_our_own_unit_first_and_unscaled():
+    for scales in SUFFIXES.values():
+        first = next(iter(scales.values()))
+        assert (first.up, first.down) == (1, 1)
+
+
+def test_column_names_carry_the_suffix_if_there_is_one():
+    assert column_name("force", "mN") == "force_mN"
+    assert column_name("strain", "") == "strain"
