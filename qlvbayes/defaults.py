@@ -68,12 +68,12 @@ def default_noise(scales: Scales, kind: str = "correlated") -> AbstractNoise:
 
     The white sd is within a factor 1.5 of the one measured inside holds without the model; the
     correlated sd is half-normal, so that none at all is possible, and its time is within a factor
-    5 of the measured one.
+    3 of the measured one.
     """
     total = math.hypot(scales.white, scales.ou)
     if kind == "correlated":
         return Correlated(
-            lognormal(scales.white, 1.5), HalfNormal(3.0 * total), lognormal(scales.tau, 5.0)
+            lognormal(scales.white, 1.5), HalfNormal(3.0 * total), lognormal(scales.tau, 3.0)
         )
     if kind == "white":
         return White(lognormal(total, 3.0))

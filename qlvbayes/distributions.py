@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from dataclasses import fields
 from typing import ClassVar
 
 import equinox as eqx
@@ -68,7 +69,7 @@ class AbstractScalarPrior(AbstractPrior):
 
     def describe(self) -> str:
         """word(a,b), as on the command line."""
-        numbers = (getattr(self, name) for name in self.__dataclass_fields__)
+        numbers = (getattr(self, field.name) for field in fields(self))
         return f"{self.word}({', '.join(f'{float(x):.4g}' for x in numbers)})"
 
 

@@ -98,7 +98,7 @@ class HertzPower(AbstractElastic):
 
     m: force at 1 mm (N/mm^n); n: exponent, above 1. Odd in the depth. The hereditary step has no
     closed form; it is integrated with the Prony exponential taken exactly and the force F_e
-    taken as quadratic over the step, so it converges as the third power of the step.
+    taken as quadratic over the step; the error falls at least as the square of the step.
     """
 
     m: Any

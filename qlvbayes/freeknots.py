@@ -9,6 +9,7 @@ that end is kinked.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -147,7 +148,7 @@ def _thinned(joints: Joints, window: Window) -> tuple[Array, Array]:
     edges = np.unique(np.concatenate([[0], edges, [window.time.size]]))
     keep = [
         np.unique(np.linspace(i, j - 1, min(j - i, _MOST_PER_PIECE)).astype(int))
-        for i, j in zip(edges[:-1], edges[1:], strict=True)
+        for i, j in pairwise(edges)
     ]
     pick = np.concatenate(keep)
     return window.time[pick], window.displacement[pick]

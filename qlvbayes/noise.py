@@ -31,10 +31,9 @@ class AbstractNoise(eqx.Module):
     def draw(self, key: Array, blocks: Blocks) -> Array:
         """(B,) one realisation of the noise of the block averages (N)."""
 
-    @property
     @abstractmethod
-    def sd(self) -> Array:
-        """Standard deviation (N) of the noise of a single sample of weight one."""
+    def sample_sd(self, weight: Array) -> Array:
+        """Standard deviation (N) of the noise of single samples of these weights."""
 
 
 class White(AbstractNoise):
@@ -55,10 +54,9 @@ class White(AbstractNoise):
         """Normal with variance white^2/count."""
         return self._scale(blocks) * jax.random.normal(key, blocks.force.shape)
 
-    @property
-    def sd(self) -> Array:
-        """White."""
-        return self.white
+    def sample_sd(self, weight: Array) -> Array:
+        """White times weight."""
+        return self.white * weight
 
 
 class StudentT(AbstractNoise):
@@ -84,12 +82,11 @@ class StudentT(AbstractNoise):
         """Student-t of scale scale/sqrt(count)."""
         return self._scale(blocks) * jax.random.t(key, self.nu, blocks.force.shape)
 
-    @property
-    def sd(self) -> Array:
-        """Scale sqrt(nu/(nu - 2)); the scale itself where nu <= 2 has no variance."""
+    def sample_sd(self, weight: Array) -> Array:
+        """Scale weight sqrt(nu/(nu - 2)); without the root where nu <= 2 has no variance."""
         heavy = self.nu <= 2.0
         ratio = jnp.where(heavy, 1.0, self.nu / jnp.where(heavy, 1.0, self.nu - 2.0))
-        return self.scale * jnp.sqrt(ratio)
+        return self.scale * weight * jnp.sqrt(ratio)
 
 
 class Correlated(AbstractNoise):
@@ -98,6 +95,8 @@ class Correlated(AbstractNoise):
     white: sd of the white part (N); ou: stationary sd of the correlated part (N); tau: its
     correlation time (s), so that cov(t, s) = ou^2 e^{-abs(t - s)/tau}. The likelihood is a Kalman
     filter, O(B), exact for averages over evenly spaced samples and for uneven gaps between them.
+    Measured sds weigh the white part only: a correlated part proportional to the data would draw
+    the fit below them (Peelle's puzzle).
     """
 
     white: Any
@@ -108,8 +107,7 @@ class Correlated(AbstractNoise):
     def log_likelihoods(self, residual: Array, blocks: Blocks) -> Array:
         """Log densities of the filter's innovations."""
         links = _links(blocks, self.tau)
-        white = self.white**2 / blocks.count
-        scaled = residual / blocks.weight
+        white = (self.white * blocks.weight) ** 2 / blocks.count
 
         def step(state: tuple[Array, Array], block: tuple) -> tuple[tuple[Array, Array], tuple]:
             link, white_variance, value, real = block
@@ -127,8 +125,8 @@ class Correlated(AbstractNoise):
             return kept, (error, spread)
 
         start = (jnp.zeros(()), self.ou**2 * jnp.ones(()))
-        _, (errors, spreads) = jax.lax.scan(step, start, (links, white, scaled, blocks.real))
-        density = jss.norm.logpdf(errors, 0.0, jnp.sqrt(spreads)) - jnp.log(blocks.weight)
+        _, (errors, spreads) = jax.lax.scan(step, start, (links, white, residual, blocks.real))
+        density = jss.norm.logpdf(errors, 0.0, jnp.sqrt(spreads))
         return jnp.where(blocks.real, density, 0.0)
 
     def draw(self, key: Array, blocks: Blocks) -> Array:
@@ -148,12 +146,11 @@ class Correlated(AbstractNoise):
 
         start = self.ou * jax.random.normal(jax.random.fold_in(key, 1))
         _, means = jax.lax.scan(step, start, (links, draws.T))
-        return blocks.weight * (means + self.white / jnp.sqrt(blocks.count) * draws[3])
+        return means + self.white * blocks.weight / jnp.sqrt(blocks.count) * draws[3]
 
-    @property
-    def sd(self) -> Array:
-        """Square root of white^2 + ou^2."""
-        return jnp.hypot(self.white, self.ou)
+    def sample_sd(self, weight: Array) -> Array:
+        """Square root of (white weight)^2 + ou^2."""
+        return jnp.hypot(self.white * weight, self.ou)
 
 
 class _Links(NamedTuple):

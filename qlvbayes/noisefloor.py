@@ -9,18 +9,18 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve_banded, cholesky, cholesky_banded, qr, solve_triangular
-from scipy.optimize import minimize
+from scipy.optimize import Bounds, minimize
 
 from qlvbayes.phases import Phase
 from qlvbayes.segments import sensor_noise
 
 Array = NDArray[np.float64]
 
-_MOST_HOLDS = 16
-_BURST, _SPREAD = 200, 200  # samples in a row; samples over the whole hold
+_MOST_HOLDS = 12
+_BURST, _SPREAD = 150, 150  # samples in a row; samples over the whole hold
 _FEWEST_SAMPLES = 24
-_TREND_RATIO = 1.8  # between neighbouring relaxation times of the trend
-_LOG_RATIO = float(np.log(_TREND_RATIO))
+_TREND_RATIOS = (2.0, 1.4)  # between neighbouring relaxation times of the trend
+_QUIET = 1e-3  # of the force range: below, the coarser trend would leave more than the noise
 _TAUS = 9
 _DECISIVE = 6.0  # log-likelihood by which the second process must win
 _FLOOR = 1e-9  # of the force range, for data without noise
@@ -76,12 +76,13 @@ def measure(tests: Sequence[Record], phases: Sequence[Sequence[Phase]]) -> Noise
     """Return the noise seen in the holds and recoveries of the tests, pooled.
 
     In each rest the force is a smooth trend plus noise. The trend is any combination of 1, t and
-    exp(-t/T_j) with T_j a factor 1.8 apart, from a fraction of the first samples' delay to the
-    length of the rest; the noise parameters maximise the restricted likelihood, in which the trend
-    costs its degrees of freedom. Up to 8 rests enter, with up to 140 readings each: a run of
-    consecutive ones and others spread over the rest. The correlated part is reported only if it
-    raises the log-likelihood by more than 6. With a measured sd for each reading (``force_sd``) the
-    noise is taken as proportional to it, and the sds returned hold at its root mean square.
+    exp(-t/T_j) with T_j a factor 2 apart (1.4 in very quiet data), from a few thousandths of the
+    length of the rest to all of it. The noise parameters maximise the restricted likelihood, in
+    which the trend costs its degrees of freedom. Up to 12 rests enter, with up to 300 readings
+    each: a run of consecutive ones and others spread over the rest. The correlated part is
+    reported only if it raises the log-likelihood by more than 6. With a measured sd for each
+    reading (``force_sd``) the noise is taken as proportional to it, and the sds returned hold at
+    its root mean square.
 
     Without any usable rest the white noise comes from high-order differences of the records.
 
@@ -133,14 +134,16 @@ def _stuck(force: Array) -> bool:
 
 
 def _chosen(test: Record, inside: NDArray[np.intp]) -> _Rest:
-    """A run of consecutive readings where they are densest late, and readings over the rest."""
+    """Take a run of readings where they are densest, and others spread over the rest."""
     time = test.time[inside]
     n = inside.size
     if n > _BURST + _SPREAD:
         late = np.linspace(n // 5, n - _BURST, 200).astype(int)
         start = int(late[np.argmin(time[late + _BURST - 1] - time[late])])
         burst = np.arange(start, start + _BURST)
-        after = time[0] + np.geomspace(max(time[1] - time[0], 1e-3 * np.ptp(time)), np.ptp(time), 20)
+        after = time[0] + np.geomspace(
+            max(time[1] - time[0], 1e-3 * np.ptp(time)), np.ptp(time), 20
+        )
         lags = time[start] + np.geomspace(time[start + _BURST - 1] - time[start], np.ptp(time), 20)
         even = np.linspace(time[0], time[-1], _SPREAD - 40)
         others = np.searchsorted(time, np.concatenate([after, lags[lags < time[-1]], even]))
@@ -153,12 +156,12 @@ def _chosen(test: Record, inside: NDArray[np.intp]) -> _Rest:
     return _Rest(test.time[inside], test.force[inside], scale)
 
 
-def _detrended(rest: _Rest) -> tuple[Array, Array]:
+def _detrended(rest: _Rest, ratio: float) -> tuple[Array, Array]:
     """Orthonormal trend basis (n, p) and what it leaves of the readings (n,)."""
     t = rest.time - rest.time[0]
     length = float(t[-1])
     shortest = max(2.0 * float(t[1]), 2e-4 * length)
-    times = length / _TREND_RATIO ** np.arange(1.0 + np.log(length / shortest) // _LOG_RATIO)
+    times = length / ratio ** np.arange(1.0 + np.log(length / shortest) // np.log(ratio))
     times = times[: max(1, t.size // 6)]
     basis = np.column_stack([np.ones_like(t), t / length, np.exp(-t[:, None] / times)])
     q, r, _ = qr(basis / rest.scale[:, None], mode="economic", pivoting=True)
@@ -166,7 +169,7 @@ def _detrended(rest: _Rest) -> tuple[Array, Array]:
     q = q[:, size > 1e-10 * size[0]]
     y = rest.force / rest.scale
     y = y - q @ (q.T @ y)
-    return q, y - q @ (q.T @ y)
+    return np.asarray(q, dtype=np.float64), np.asarray(y - q @ (q.T @ y), dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -180,8 +183,8 @@ class _Pool:
     freedom: int
 
     @staticmethod
-    def of(rests: list[_Rest]) -> _Pool:
-        parts = [_detrended(r) for r in rests]
+    def of(rests: list[_Rest], ratio: float) -> _Pool:
+        parts = [_detrended(r, ratio) for r in rests]
         trends = [q for q, _ in parts]
         width = max(q.shape[1] for q in trends)
         columns = np.concatenate([np.pad(q, ((0, 0), (0, width - q.shape[1]))) for q in trends])
@@ -225,8 +228,12 @@ class _Pool:
 
 def _pooled(rests: list[_Rest], neutral: float) -> tuple[float, float, float]:
     """White sd, correlated sd and its time, by restricted maximum likelihood."""
-    pool = _Pool.of(rests)
-    power = float(pool.y @ pool.y)
+    span = max(float(np.ptp(r.force)) for r in rests)
+    for ratio in _TREND_RATIOS:
+        pool = _Pool.of(rests, ratio)
+        power = float(pool.y @ pool.y)
+        if power > pool.freedom * (_QUIET * span) ** 2:
+            break
     if power == 0.0:
         return 0.0, 0.0, neutral
     gaps = pool.gaps[np.isfinite(pool.gaps)]
@@ -237,13 +244,12 @@ def _pooled(rests: list[_Rest], neutral: float) -> tuple[float, float, float]:
     start = max(
         ((r, t) for t in log_taus for r in log_ratios), key=lambda at: pool.likelihood(*at)[0]
     )
-    best = minimize(
-        lambda at: -pool.likelihood(at[0], at[1])[0],
-        np.array(start),
-        method="L-BFGS-B",
-        bounds=[(-8.0, 12.0), (log_taus[0], log_taus[-1])],
-        options={"maxiter": 20},
-    )
+
+    def loss(at: Array) -> float:
+        return -pool.likelihood(float(at[0]), float(at[1]))[0]
+
+    limits = Bounds(np.array([-8.0, log_taus[0]]), np.array([12.0, log_taus[-1]]))
+    best = minimize(loss, np.array(start), method="L-BFGS-B", bounds=limits)
     gain, variance = pool.likelihood(*best.x)
     if gain + 0.5 * pool.freedom * np.log(power / pool.freedom) < _DECISIVE:
         return float(np.sqrt(power / pool.freedom)), 0.0, neutral

@@ -13,6 +13,7 @@ from qlvbayes.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 Kind = Literal["ramp", "hold", "unload", "recovery"]
+KINDS: tuple[Kind, ...] = ("ramp", "hold", "unload", "recovery")
 
 _LEAST_SHARE = 0.01  # of the stroke: a smaller movement is drift or jitter
 _LEAST_STEPS = 5.0  # encoder steps, for the same reason
@@ -38,7 +39,8 @@ def find_phases(trajectory: Trajectory) -> tuple[Phase, ...]:
 
     A movement counts if it covers more than 1 % of the stroke and five encoder steps; less is
     drift or jitter and belongs to the rest around it. A pause too short for such a movement at the
-    neighbouring speed does not divide a ramp. A rest before the first movement is a hold.
+    neighbouring speed does not divide a ramp. A rest before the first movement is a hold if it is
+    longer than that movement, else part of it.
     """
     times, depth = _turning_points(trajectory)
     moves = _movements(times, depth, trajectory.resolution)
@@ -46,6 +48,7 @@ def find_phases(trajectory: Trajectory) -> tuple[Phase, ...]:
     phases: list[Phase] = []
     resting: Kind = "hold"
     at = start
+    moves = _from_the_start(moves, times)
     for first, last, sign in moves:
         if times[first] > at:
             phases.append(Phase(resting, at, float(times[first])))
@@ -85,6 +88,20 @@ def _turning_points(trajectory: Trajectory) -> tuple[Array, Array]:
     inside = np.isfinite(delay) & (delay > 0.0) & (delay < np.diff(trajectory.knots))
     times = np.unique(np.concatenate([trajectory.knots, (trajectory.knots[:-1] + delay)[inside]]))
     return times, trajectory.displacement(times)
+
+
+def _from_the_start(
+    moves: list[tuple[int, int, int]], times: Array
+) -> list[tuple[int, int, int]]:
+    """The first movement begins with the record if the rest before it is shorter than it is.
+
+    The encoder shows a slow start late; a rest worth the name lasts longer.
+    """
+    if not moves:
+        return moves
+    first, last, sign = moves[0]
+    late = times[first] - times[0] < times[last] - times[first]
+    return [(0, last, sign), *moves[1:]] if late else moves
 
 
 def _movements(times: Array, depth: Array, resolution: float) -> list[tuple[int, int, int]]:

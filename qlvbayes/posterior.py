@@ -86,6 +86,18 @@ class Posterior(eqx.Module):
         model, noise, _ = self.bind(theta)
         return jnp.concatenate([jnp.atleast_1d(x) for x in jax.tree.leaves((model, noise))])
 
+    def with_constants(self, constants: Array) -> tuple[Model, AbstractNoise]:
+        """Model and noise whose numbers are ``constants`` (P,), in the order of ``names``."""
+        leaves, shape = jax.tree.flatten((self.model, self.noise), is_leaf=is_prior)
+        bound, taken = [], 0
+        for leaf in leaves:
+            size = value_shape(leaf)
+            count = int(np.prod(size, dtype=int))
+            bound.append(jnp.reshape(constants[taken : taken + count], size))
+            taken += count
+        model, noise = jax.tree.unflatten(shape, bound)
+        return model, noise
+
     def unconstrain(self, constants: np.ndarray) -> np.ndarray:
         """(D,) theta of constants (P,) in the order of ``names``."""
         parts, taken = [np.zeros(0)], 0

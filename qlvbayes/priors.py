@@ -162,13 +162,22 @@ class Ordered(AbstractPrior):
         )
 
 
+_NARROW = 0.05  # log sd below which the grid needs points of its own around the median
+
+
 def _probability_of_order(members: tuple[AbstractPositivePrior | Array, ...]) -> float:
     """Probability that independent draws of the free members fall in order.
 
     On a grid of log-rates: p_k(x) = density_k(x) P(all later ones are below x), from the last.
     """
     fixed = [float(np.log(x)) for x in members if not isinstance(x, AbstractPrior)]
-    grid = np.union1d(np.linspace(-60.0, 60.0, 24001), [*fixed, *(x + 1e-12 for x in fixed)])
+    around = [
+        float(x.log_median) + float(x.log_sd) * np.linspace(-10.0, 10.0, 4001)
+        for x in members
+        if isinstance(x, LogNormal) and x.log_sd < _NARROW
+    ]
+    wide = np.linspace(-60.0, 60.0, 24001)
+    grid = np.unique(np.concatenate([wide, *around, fixed, [x + 1e-12 for x in fixed]]))
     below = np.ones_like(grid)
     for member in reversed(members):
         if not isinstance(member, AbstractPrior):

@@ -18,8 +18,8 @@ from qlvbayes.phases import Phase
 from qlvbayes.record import Blocks, Record
 from qlvbayes.trajectory import Trajectory
 
-GROWTH = 0.3  # a block's width over the time since its phase began
-MOVING_BLOCKS = 16  # at least so many in a ramp or unloading,
+GROWTH = 0.2  # a block's width over the time since its phase began
+MOVING_BLOCKS = 20  # at least so many in a ramp or unloading,
 RESTING_BLOCKS = 8  # and in a hold
 _MOST_KINKS = 40
 _CHORD = 1e-4  # of the stroke: how far the grid's straight lines may be from the motion

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +32,7 @@ def encoder_step(displacement: Array) -> float:
     """Return the step of which all changes are multiples; 0 if there is none or it does not show.
 
     A record of exactly straight lines has equal changes too, so the changes must come in more
-    than one size, or at irregular times.
+    than one size, or now and then be missing (or come) for a single reading.
     """
     span = float(np.ptp(displacement))
     changes = np.diff(displacement)
@@ -39,10 +40,11 @@ def encoder_step(displacement: Array) -> float:
     sizes = np.sort(sizes[sizes > 1e-9 * span])
     if sizes.size < 2:
         return 0.0
-    irregular = np.count_nonzero(np.abs(np.diff(changes)) > 1e-6 * sizes[-1])
-    one_size = sizes[-1] - sizes[0] < 1e-6 * sizes[-1]
-    if one_size and irregular < max(6, 0.2 * sizes.size):
-        return 0.0
+    if sizes[-1] - sizes[0] < 1e-6 * sizes[-1]:
+        moving = np.abs(changes) > 0.5 * sizes[0]
+        alone = (moving[1:-1] != moving[:-2]) & (moving[1:-1] != moving[2:])
+        if np.count_nonzero(alone) < (1 if sizes[0] < 0.02 * span else 6):
+            return 0.0
     step = float(sizes[0])
     for _ in range(12):
         rest = np.abs(sizes - np.round(sizes / step) * step)
@@ -218,7 +220,7 @@ def _distinct(rests: list[Rest], tol: Tolerance) -> list[Rest]:
     """Leave out touching rests of nearly one level: that is a creep, not two rests and a jump."""
     creeping = {
         r
-        for a, b in zip(rests, rests[1:], strict=False)
+        for a, b in pairwise(rests)
         if b.first - a.stop < 3 and abs(a.level - b.level) < 4.0 * tol.rest
         for r in (a, b)
     }

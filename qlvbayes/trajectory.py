@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -52,11 +53,11 @@ class Trajectory:
         return self.knots[1:-1]
 
     def _locate(self, t: ArrayLike) -> tuple[NDArray[np.intp], Array, NDArray[np.bool_]]:
-        t = np.asarray(t, dtype=np.float64)
-        inside = (t >= self.knots[0]) & (t <= self.knots[-1])
-        t = np.clip(t, self.knots[0], self.knots[-1])
-        piece = np.searchsorted(self.knots[1:-1], t, side="right")
-        return piece, t - self.knots[piece], inside
+        asked = np.asarray(t, dtype=np.float64)
+        inside = np.asarray((asked >= self.knots[0]) & (asked <= self.knots[-1]))
+        clipped = np.clip(asked, self.knots[0], self.knots[-1])
+        piece = np.asarray(np.searchsorted(self.knots[1:-1], clipped, side="right"))
+        return piece, np.asarray(clipped - self.knots[piece]), inside
 
     def displacement(self, t: ArrayLike) -> Array:
         """Displacement at times ``t`` (any shape)."""
@@ -124,7 +125,7 @@ def _assembled(
 ) -> Trajectory:
     parts: list[Pieces] = []
     bounds = [None, *rests, None]
-    for before, after in zip(bounds[:-1], bounds[1:], strict=True):
+    for before, after in pairwise(bounds):
         if before is None and after is not None and after.first == 0:
             continue
         if after is None and before is not None and before.stop == t.size:
@@ -134,7 +135,7 @@ def _assembled(
 
 
 def _joined(t: Array, parts: list[Pieces], rests: list[Rest], step: float) -> Trajectory:
-    """Moving parts and rests in order of time."""
+    """Put moving parts and rests in order of time."""
     starts: list[Array] = []
     values: list[Array] = []
     for part in parts:

@@ -46,6 +46,11 @@ class UnitSystem:
         """Unit of the loading rate."""
         return f"{self.displacement}/s"
 
+    def of(self, kind: str) -> str:
+        """Unit of a kind of constant: stiffness, exponent, rate, force, time, fraction, count."""
+        fixed = {"time": "s", "fraction": "1", "count": "1"}
+        return fixed[kind] if kind in fixed else str(getattr(self, kind))
+
     @property
     def bonded_default(self) -> bool:
         """Whether the specimen can pull: a pad lies loose, a specimen in strain is glued."""

@@ -53,12 +53,13 @@ class ChainStore:
             )  # fmt: skip
         os.replace(part, self._path(number))
 
-    def clear(self) -> None:
-        """Remove every stretch."""
-        if self.folder.is_dir():
-            for path in self.folder.glob("stretch-*"):
-                path.unlink()
-            self.folder.rmdir()
-
     def _path(self, number: int) -> Path:
         return self.folder / f"stretch-{number:05d}.npz"
+
+
+def remove_chain(folder: Path) -> None:
+    """Remove a chain's folder, once the results are written."""
+    if folder.is_dir():
+        for path in folder.glob("stretch-*"):
+            path.unlink()
+        folder.rmdir()

@@ -6,9 +6,12 @@ from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
+from qlvbayes.noise import AbstractNoise
 from qlvbayes.posterior import Posterior
+from qlvbayes.record import Blocks
 
 
 @jax.jit
@@ -36,22 +39,49 @@ def constants(posterior: Posterior, thetas: Array) -> Array:
 
 
 @jax.jit
-def log_likelihoods(posterior: Posterior, thetas: Array) -> Array:
-    """(W, T, B) pointwise log likelihoods."""
-    return jax.vmap(posterior.log_likelihoods)(thetas)
-
-
-@jax.jit
-def replicates(posterior: Posterior, thetas: Array, keys: Array) -> Array:
-    """(W, T, B) block means predicted with new noise."""
+def judgements(posterior: Posterior, thetas: Array, keys: Array) -> Array:
+    """(W, 2, T, B): pointwise log likelihoods, and block means predicted with new noise."""
 
     def one(theta: Array, key: Array) -> Array:
         model, noise, _ = posterior.bind(theta)
-        tests = posterior.record.blocks.force.shape[0]
-        draws = jax.vmap(noise.draw)(jax.random.split(key, tests), posterior.record.blocks)
-        return posterior.predict_with(model) + draws
+        blocks = posterior.record.blocks
+        predicted = posterior.predict_with(model)
+        likelihood = jax.vmap(noise.log_likelihoods)(blocks.force - predicted, blocks)
+        draws = jax.vmap(noise.draw)(jax.random.split(key, len(predicted)), blocks)
+        return jnp.stack([likelihood, predicted + draws])
 
     return jax.vmap(one)(thetas, keys)
+
+
+@jax.jit
+def predictions(posterior: Posterior, constants: Array) -> Array:
+    """(W, T, B) block means predicted by (W, P) constants, without noise."""
+    return jax.vmap(lambda x: posterior.predict_with(posterior.with_constants(x)[0]))(constants)
+
+
+@jax.jit
+def noise_draws(noise: AbstractNoise, blocks: Blocks, keys: Array) -> Array:
+    """(W, T, B) realisations of one noise model, a key each."""
+
+    def one(key: Array) -> Array:
+        return jax.vmap(noise.draw)(jax.random.split(key, blocks.force.shape[0]), blocks)
+
+    return jax.vmap(one)(keys)
+
+
+def in_batches(
+    function: Callable[..., Array], posterior: Posterior, *arrays: np.ndarray, size: int = 256
+) -> np.ndarray:
+    """``function(posterior, *arrays)`` over the first axis, ``size`` at a time.
+
+    The last batch is filled up, so that one compiled function serves any number.
+    """
+    count = len(arrays[0])
+    out = []
+    for start in range(0, count, size):
+        rows = np.minimum(np.arange(start, start + size), count - 1)
+        out.append(np.asarray(function(posterior, *(array[rows] for array in arrays))))
+    return np.concatenate(out)[:count]
 
 
 def _value_and_slopes(function: Callable[[Array], Array], theta: Array) -> tuple[Array, Array]:

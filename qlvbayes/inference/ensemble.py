@@ -1,9 +1,9 @@
 """emcee over a posterior: one compiled call for all walkers, kept on disk, run until it is enough.
 
-Two moves alternate at random: an independence proposal from the Student-t that widens Laplace's
-approximation (near-independent draws where the posterior is close to normal), and differential
-evolution between walkers (ter Braak 2006, doi:10.1007/s11222-006-8769-1), which needs no such
-luck. Each leaves the posterior invariant on its own.
+Moves alternate at random: independence proposals shaped like the posterior (see ``proposal``), and
+differential evolution between walkers (ter Braak 2006, doi:10.1007/s11222-006-8769-1), which needs
+no such knowledge. Each leaves the posterior invariant on its own. The proposals are made anew from
+the chain a few times; what was sampled before the last time is left out.
 """
 
 from __future__ import annotations
@@ -15,27 +15,30 @@ from dataclasses import dataclass, field
 import emcee
 import jax
 import numpy as np
-from scipy.stats import multivariate_t
 
 from qlvbayes.inference import compiled
 from qlvbayes.inference.chainstore import ChainStore, Stretch
+from qlvbayes.inference.diagnostics import diagnose_chain
 from qlvbayes.inference.normal import NormalApproximation
+from qlvbayes.inference.proposal import Proposal, from_draws, from_normal
 from qlvbayes.posterior import Posterior
 
 Progress = Callable[[int, int], None]
 
 STEPS_PER_TIME = 50  # autocorrelation times a chain must last (emcee's own advice)
-_BURN_IN = 0.2  # share of the chain left out at its beginning
-_TAIL = 5.0  # degrees of freedom of the independence proposal
+_BURN_IN = 0.1  # share of the chain since the last adaptation left out at its beginning
+_ADAPT_AFTER = (1, 2, 10, 30)  # stretches after which the independence proposal is made anew
+_INDEPENDENT = 0.5  # share of independence proposals among the moves
+_PATIENCE = 1.25  # growth of the chain between looks at its autocorrelation
 
 
 @dataclass(frozen=True)
 class Settings:
-    """How long to sample: ``max_steps`` at most, looking every ``stretch`` steps."""
+    """How long to sample: at least ``min_steps`` that are kept, at most ``max_steps`` in all."""
 
     walkers: int = 32
     min_steps: int = 600
-    max_steps: int = 20_000
+    max_steps: int = 40_000
     stretch: int = 200
     seed: int = 0
 
@@ -45,7 +48,7 @@ class Chain:
     """theta (S, W, D) and log density (S, W) after burn-in, and how well they mixed.
 
     autocorrelation: the longest autocorrelation time (steps) over the D numbers; enough: whether
-    the chain lasts 50 of them.
+    the chain lasts 50 of them, and R-hat and effective sample size agree.
     """
 
     theta: np.ndarray
@@ -66,14 +69,38 @@ class _Run:
     def steps(self) -> int:
         return sum(len(stretch.theta) for stretch in self.stretches)
 
-    def chain(self, walkers: int) -> Chain:
-        theta = np.concatenate([stretch.theta for stretch in self.stretches])
-        density = np.concatenate([stretch.log_density for stretch in self.stretches])
+    @property
+    def adapted(self) -> int:
+        """Stretches before the last adaptation."""
+        return max((n for n in _ADAPT_AFTER if n <= len(self.stretches)), default=0)
+
+    @property
+    def kept(self) -> int:
+        """Steps since the last adaptation."""
+        return sum(len(stretch.theta) for stretch in self.stretches[self.adapted :])
+
+    def proposals(self, start: NormalApproximation) -> tuple[Proposal, ...]:
+        """One kernel from the optimum; later one, and many, from the chain."""
+        if not self.adapted:
+            return (from_normal(start),)
+        # the later half of what was sampled with the proposal before
+        recent = self.stretches[self.adapted // 2 : self.adapted]
+        theta = np.concatenate([stretch.theta for stretch in recent])
+        draws = theta[len(theta) // 2 :].reshape(-1, theta.shape[-1])
+        covariance = np.atleast_2d(np.cov(draws, rowvar=False))
+        overall = NormalApproximation(draws.mean(axis=0), covariance)
+        return from_normal(overall), from_draws(draws)
+
+    def chain(self) -> Chain:
+        kept = self.stretches[self.adapted :] or self.stretches[-1:]
+        theta = np.concatenate([stretch.theta for stretch in kept])
+        density = np.concatenate([stretch.log_density for stretch in kept])
         burn = int(_BURN_IN * len(theta))
+        accepted = sum(stretch.accepted for stretch in kept) / density.size
         theta, density = theta[burn:], density[burn:]
         time = autocorrelation_time(theta)
-        accepted = sum(stretch.accepted for stretch in self.stretches) / (walkers * self.steps)
-        enough = bool(len(theta) >= STEPS_PER_TIME * time)
+        mixed = not diagnose_chain(np.swapaxes(theta, 0, 1)).troubles
+        enough = mixed and bool(len(theta) >= STEPS_PER_TIME * time)
         return Chain(theta, density, time, accepted, self.steps, enough)
 
 
@@ -84,38 +111,39 @@ def sample(
     store: ChainStore | None = None,
     progress: Progress | None = None,
 ) -> Chain:
-    """Sample until the chain lasts 50 autocorrelation times, or ``max_steps``.
+    """Sample until the chain has lasted 50 autocorrelation times and mixed, or ``max_steps``.
 
     ``store`` keeps each stretch on disk and is where an interrupted run resumes: the resumed chain
     is the one that the uninterrupted run would have had.
     """
     walkers = max(settings.walkers, 2 * posterior.size + 2)
     run = _Run(list(store.load()) if store else [])
-    sampler = _sampler(posterior, start, walkers)
+    sampler = _sampler(posterior, run.proposals(start), walkers)
     state = _state(run, sampler, start, walkers, settings.seed)
-    while True:
-        chain = run.chain(walkers) if run.steps else None
-        if chain and (run.steps >= settings.max_steps or _done(chain, settings)):
-            return chain
+    expected, look_at = settings.min_steps, settings.min_steps
+    while run.steps < settings.max_steps:
+        if run.kept >= look_at:
+            chain = run.chain()
+            if chain.enough:
+                return chain
+            expected, look_at = _expected(chain, run, settings), int(_PATIENCE * run.kept)
         if progress:
-            progress(run.steps, _expected(chain, settings))
+            progress(run.steps, expected)
         count = min(settings.stretch, settings.max_steps - run.steps)
         state, stretch = _advance(sampler, state, count)
         if store:
             store.save(len(run.stretches), stretch)
         run.stretches.append(stretch)
+        if len(run.stretches) in _ADAPT_AFTER:
+            sampler = _sampler(posterior, run.proposals(start), walkers)
+            look_at = settings.min_steps
+    return run.chain()
 
 
-def _done(chain: Chain, settings: Settings) -> bool:
-    return chain.enough and chain.steps >= settings.min_steps
-
-
-def _expected(chain: Chain | None, settings: Settings) -> int:
+def _expected(chain: Chain, run: _Run, settings: Settings) -> int:
     """Steps that will probably be needed."""
-    if chain is None:
-        return settings.min_steps
     wanted = STEPS_PER_TIME * chain.autocorrelation / (1.0 - _BURN_IN)
-    return int(min(max(wanted, settings.min_steps), settings.max_steps))
+    return int(min(run.steps - run.kept + max(wanted, settings.min_steps), settings.max_steps))
 
 
 def autocorrelation_time(theta: np.ndarray) -> float:
@@ -127,7 +155,7 @@ def autocorrelation_time(theta: np.ndarray) -> float:
 
 
 def _sampler(
-    posterior: Posterior, start: NormalApproximation, walkers: int
+    posterior: Posterior, proposals: tuple[Proposal, ...], walkers: int
 ) -> emcee.EnsembleSampler:
     size = posterior.size
 
@@ -137,26 +165,16 @@ def _sampler(
         full[: len(thetas)] = thetas
         return np.asarray(compiled.log_densities(posterior, full))[: len(thetas)]
 
-    moves = [(emcee.moves.MHMove(_independence(start)), 0.5), (emcee.moves.DEMove(), 0.5)]
+    independent = [(emcee.moves.MHMove(p.move), _INDEPENDENT / len(proposals)) for p in proposals]
+    moves = [*independent, *_differential(size)]
     return emcee.EnsembleSampler(walkers, size, log_density, moves=moves, vectorize=True)
 
 
-def _independence(
-    start: NormalApproximation,
-) -> Callable[[np.ndarray, np.random.RandomState], tuple[np.ndarray, np.ndarray]]:
-    """Proposals that do not depend on where the walker is, with their density ratio."""
-    proposal = multivariate_t(start.mean, start.covariance, df=_TAIL)
-    root = np.linalg.cholesky(start.covariance)
-
-    def propose(
-        coords: np.ndarray, random: np.random.RandomState
-    ) -> tuple[np.ndarray, np.ndarray]:
-        normal = random.standard_normal(coords.shape) @ root.T
-        stretch = np.sqrt(_TAIL / random.chisquare(_TAIL, size=(len(coords), 1)))
-        new = start.mean + stretch * normal
-        return new, proposal.logpdf(coords) - proposal.logpdf(new)
-
-    return propose
+def _differential(size: int) -> list[tuple[emcee.moves.DEMove, float]]:
+    """Differential evolution with its usual stride, and with a short one for narrow places."""
+    usual = 2.38 / np.sqrt(2.0 * size)
+    share = (1.0 - _INDEPENDENT) / 2.0
+    return [(emcee.moves.DEMove(gamma0=stride), share) for stride in (usual, 0.3 * usual)]
 
 
 def _state(

@@ -1,0 +1,40 @@
+# Two commands do everything: make demo, make test. Both work with python3 and its venv module.
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+OUT ?= results
+
+.PHONY: demo test check bench validate notebooks clean
+
+$(VENV)/installed: pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e .
+	touch $@
+
+$(VENV)/installed-dev: $(VENV)/installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e .[dev]
+	touch $@
+
+demo: $(VENV)/installed
+	$(BIN)/qlvbayes fit data/pads.csv -o $(OUT)
+	$(BIN)/qlvbayes check $(OUT)
+
+test: $(VENV)/installed-dev
+	$(BIN)/python -m pytest
+
+check: $(VENV)/installed-dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+bench: $(VENV)/installed-dev
+	$(BIN)/python benchmarks/run.py
+
+validate: $(VENV)/installed-dev
+	$(BIN)/python validation/coverage.py -o docs/validation.md
+
+notebooks: $(VENV)/installed-dev
+	$(BIN)/python notebooks/execute.py
+
+clean:
+	rm -rf $(VENV) results build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -1,0 +1,32 @@
+"""A saved fit against its data: predictions of every test, and where they fail."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from qlvbayes.data import Pad
+from qlvbayes.experiment import Experiment, prepare
+from qlvbayes.predict import Prediction, predict
+from qlvbayes.residuals import Check, check
+from qlvbayes.results import Saved
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedPad:
+    """The tests of one pad, what was predicted of each, and the cells of test and phase."""
+
+    experiment: Experiment
+    predictions: tuple[Prediction, ...]
+    check: Check
+
+
+def check_pad(saved: Saved, pad: Pad, *, seed: int = 0) -> CheckedPad:
+    """Predict all tests of ``pad`` from a saved posterior.
+
+    Tests keep the role they had in the fit, so that fitted ones are not taken for predictions.
+    """
+    experiment = prepare(pad, all_tests=saved.all_tests)
+    constants = dict(zip(saved.names, saved.draws.T, strict=True))
+    predictions = predict(experiment, saved.choices, constants, experiment.trials, seed=seed)
+    found = check(pad.name, experiment.floor.total, predictions)
+    return CheckedPad(experiment, tuple(predictions), found)

@@ -1,0 +1,1 @@
+"""The ``qlvbayes`` command: one file for each subcommand."""

@@ -1,0 +1,47 @@
+"""What the terminal shows: progress on stderr where it is a terminal, tables on stdout."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+
+from qlvbayes.inference.ensemble import Progress as Report
+
+WIDE = 110  # columns of a table where the output is no terminal
+
+out = Console(highlight=False, width=None if sys.stdout.isatty() else WIDE)
+err = Console(stderr=True, highlight=False, width=None if sys.stderr.isatty() else 1000)
+
+
+@contextmanager
+def sampling(label: str) -> Iterator[Report]:
+    """A progress bar for one chain; silent where stderr is no terminal."""
+    bar = Progress(
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("steps,"),
+        TimeElapsedColumn(), TextColumn("gone,"), TimeRemainingColumn(), TextColumn("left"),
+        console=err, transient=True, disable=not err.is_terminal,
+    )  # fmt: skip
+    with bar:
+        task = bar.add_task(label, total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+@contextmanager
+def waiting(label: str) -> Iterator[None]:
+    """A spinner; silent where stderr is no terminal."""
+    if not err.is_terminal:
+        yield
+        return
+    with err.status(label):
+        yield

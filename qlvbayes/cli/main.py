@@ -1,0 +1,62 @@
+"""The command line's entry: subcommands, and errors as one plain line."""
+
+from __future__ import annotations
+
+import errno
+import os
+import sys
+
+import typer
+
+from qlvbayes.checks import InputError
+from qlvbayes.cli.check import check
+from qlvbayes.cli.fit import fit
+from qlvbayes.cli.simulate import simulate
+
+INTERRUPTED = 130
+
+app = typer.Typer(
+    help="Viscoelastic constants of soft pads from force-displacement tests.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+app.command()(fit)
+app.command()(check)
+app.command()(simulate)
+
+
+def run() -> None:
+    """Run the command; status 2 and one line for what the user can mend, never a traceback."""
+    if os.environ.get("QLVBAYES_DEBUG"):
+        app()
+    try:
+        app()
+    except InputError as error:
+        _stop(str(error), 2)
+    except KeyboardInterrupt:
+        _stop("interrupted; the same command goes on where it stopped", INTERRUPTED)
+    except BrokenPipeError:
+        os._exit(1)  # the reader has gone: nobody is left to tell
+    except OSError as error:
+        _stop(_plain(error), 2)
+    except MemoryError:
+        _stop("not enough memory; read fewer pads with --pads", 2)
+    except Exception as error:
+        text = " ".join(str(error).split())[:300]
+        _stop(
+            f"internal error ({type(error).__name__}: {text}); "
+            "set QLVBAYES_DEBUG=1 for the traceback and report it",
+            1,
+        )
+
+
+def _plain(error: OSError) -> str:
+    place = f"{error.filename}: " if error.filename else ""
+    remedy = "free some space" if error.errno == errno.ENOSPC else "check the path and its rights"
+    return f"{place}{error.strerror or error}; {remedy}"
+
+
+def _stop(text: str, status: int) -> None:
+    print(f"qlvbayes: {text}", file=sys.stderr)
+    sys.exit(status)

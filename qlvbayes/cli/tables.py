@@ -1,0 +1,91 @@
+"""Tables for people."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import floor, log10
+
+from rich.table import Table
+from rich.text import Text
+
+from qlvbayes.residuals import Check
+from qlvbayes.summary import Constant, Summary
+
+
+def significant(value: float, sd: float) -> str:
+    """A number with two digits of its sd (four significant ones where it has none)."""
+    if sd <= 0.0:
+        return f"{value:.4g}"
+    return f"{value:.{max(0, 1 - floor(log10(sd)))}f}"
+
+
+def constants_table(summary: Summary) -> Table:
+    """One pad: every constant with its interval and diagnostics."""
+    title = f"pad {summary.pad}, {summary.method}"
+    table = Table(title=title, title_justify="left", title_style="bold")
+    table.add_column("constant")
+    table.add_column("unit")
+    for name in ("median", "mean", "sd", "90 % interval", "R-hat", "ESS"):
+        table.add_column(name, justify="right")
+    for c in summary.constants:
+        table.add_row(
+            c.name, "" if c.unit == "1" else c.unit, significant(c.median, c.sd),
+            significant(c.mean, c.sd), "fixed" if c.fixed else f"{c.sd:.2g}", _interval(c),
+            "" if c.r_hat is None else f"{c.r_hat:.3f}",
+            "" if c.ess_bulk is None else f"{c.ess_bulk:.0f}",
+        )  # fmt: skip
+    return table
+
+
+def _interval(c: Constant) -> str:
+    low, high = (significant(x, c.sd) for x in c.hdi90)
+    return "" if c.fixed else f"{low} to {high}"
+
+
+def pads_table(summaries: Sequence[dict]) -> Table:
+    """All pads side by side, from the contents of ``summary.json``: median (90 % interval)."""
+    table = Table(title="constants: median (90 % interval)", title_justify="left",
+                  title_style="bold")  # fmt: skip
+    table.add_column("constant")
+    table.add_column("unit")
+    for summary in summaries:
+        table.add_column(f"pad {summary['pad']}", justify="right")
+    rows: dict[str, str] = {}
+    for summary in summaries:
+        rows |= {name: p["unit"] for name, p in summary["parameters"].items()}
+    for name, unit in rows.items():
+        cells = [_cell(summary["parameters"].get(name)) for summary in summaries]
+        table.add_row(name, "" if unit == "1" else unit, *cells)
+    return table
+
+
+def _cell(parameter: dict | None) -> str:
+    if parameter is None:
+        return ""
+    sd = parameter["sd"]
+    low, high = (significant(x, sd) for x in parameter["hdi90"])
+    return f"{significant(parameter['median'], sd)} ({low} to {high})"
+
+
+def check_table(check: Check, force_unit: str, speed_unit: str) -> Table:
+    """One pad: every cell of test and phase against the noise floor, failing ones marked."""
+    title = f"pad {check.pad}: prediction errors, noise floor {check.noise:.3g} {force_unit}"
+    table = Table(title=title, title_justify="left", title_style="bold")
+    for name in ("test", "role", "phase"):
+        table.add_column(name)
+    for name in (f"rate {speed_unit}", "n", f"RMSE {force_unit}", "RMSE/noise",
+                 f"bias {force_unit}", "in 90 % band"):  # fmt: skip
+        table.add_column(name, justify="right")
+    table.add_column("")
+    before = None
+    for c in check.cells:
+        fails = check.fails(c)
+        if before not in (None, c.test):
+            table.add_section()
+        before = c.test
+        table.add_row(
+            c.test, c.role, c.phase, "" if c.rate is None else f"{c.rate:.3g}", str(c.n),
+            f"{c.rmse:.4f}", f"{c.rmse / check.noise:.2f}", f"{c.bias:+.4f}",
+            f"{100 * c.coverage90:.0f} %", Text("fails", style="bold red") if fails else "",
+        )  # fmt: skip
+    return table

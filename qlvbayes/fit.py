@@ -1,0 +1,148 @@
+"""From a pad's tests to its constants, by emcee or by one of the paper's least-squares routes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from qlvbayes.checks import InputError
+from qlvbayes.choices import Choices
+from qlvbayes.experiment import Experiment, Trial
+from qlvbayes.inference import compiled
+from qlvbayes.inference.chainstore import ChainStore
+from qlvbayes.inference.ensemble import Progress, Settings, key_of, sample
+from qlvbayes.inference.routes import LeastSquaresFit, one_step, two_step
+from qlvbayes.inference.starting import starting_point
+from qlvbayes.parameters import names, unit_kinds
+from qlvbayes.posterior import Posterior
+
+METHODS = ("emcee", "least-squares", "two-step")
+_KEPT = 2000  # draws kept in the results, at most
+_NORMAL_DRAWS = (4, 1000)  # chains and draws that stand for a normal approximation
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Draws of every constant of one pad.
+
+    theta (chains, draws, D) and constants (chains, draws, P) named by ``names``; ``every`` holds
+    the constants of the chain before thinning, from which means and diagnostics are computed.
+    """
+
+    pad: str
+    method: str
+    choices: Choices
+    experiment: Experiment
+    trials: tuple[Trial, ...]
+    posterior: Posterior
+    theta: np.ndarray
+    constants: np.ndarray
+    every: np.ndarray
+    enough: bool
+    facts: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the constants."""
+        return names(self.posterior)
+
+    @property
+    def units(self) -> list[str]:
+        """Unit of each constant."""
+        return [self.experiment.units.of(kind) for kind in unit_kinds(self.posterior)]
+
+
+def build_posterior(
+    experiment: Experiment, choices: Choices, trials: Sequence[Trial]
+) -> Posterior:
+    """Model, noise and the block averages of some trials."""
+    model, noise = choices.build(experiment.scales)
+    return Posterior(model, noise, experiment.record(trials))
+
+
+def fit_pad(
+    experiment: Experiment,
+    choices: Choices,
+    *,
+    method: str = "emcee",
+    settings: Settings | None = None,
+    folder: Path | None = None,
+    progress: Progress | None = None,
+) -> Fit:
+    """Fit the trials whose role is ``fit``.
+
+    method: ``emcee`` samples the posterior; ``least-squares`` and ``two-step`` are the paper's
+    routes, whose draws come from the normal approximation at the optimum. ``folder`` is where the
+    growing chain is kept, so that a killed run resumes. Raises InputError on settings that do not
+    fit the model.
+    """
+    settings = settings or Settings()
+    trials = experiment.with_role("fit")
+    if method == "emcee":
+        return _sampled(experiment, choices, trials, settings, folder, progress)
+    if method not in METHODS:
+        raise InputError(f"no method {method!r}", remedy=f"use one of {', '.join(METHODS)}")
+    white = replace(choices, noise="white")
+    posterior = build_posterior(experiment, white, trials)
+    rng = np.random.default_rng(settings.seed)
+    route = one_step if method == "least-squares" else two_step
+    found = route(experiment, posterior, rng)
+    return _approximated(experiment, white, trials, method, found, rng)
+
+
+def _sampled(
+    experiment: Experiment,
+    choices: Choices,
+    trials: tuple[Trial, ...],
+    settings: Settings,
+    folder: Path | None,
+    progress: Progress | None,
+) -> Fit:
+    posterior = build_posterior(experiment, choices, trials)
+    rng = np.random.default_rng(settings.seed)
+    start = starting_point(posterior, experiment.floor, rng).normal
+    store = ChainStore(folder, key_of(posterior, start, settings)) if folder else None
+    chain = sample(posterior, start, settings, store, progress)
+    steps, walkers = chain.log_density.shape
+    thin = max(1, -(-steps * walkers // _KEPT))
+    theta = np.swapaxes(chain.theta, 0, 1)
+    every = _constants(posterior, theta)
+    facts = {
+        "autocorrelation_steps": chain.autocorrelation,
+        "acceptance": chain.acceptance,
+        "steps": chain.steps,
+        "kept_steps": steps,
+        "walkers": walkers,
+        "thinned_by": thin,
+    }
+    return Fit(
+        experiment.pad, "emcee", choices, experiment, trials, posterior,
+        theta[:, ::thin], every[:, ::thin], every, chain.enough, facts,
+    )  # fmt: skip
+
+
+def _approximated(
+    experiment: Experiment,
+    choices: Choices,
+    trials: tuple[Trial, ...],
+    method: str,
+    found: LeastSquaresFit,
+    rng: np.random.Generator,
+) -> Fit:
+    chains, draws = _NORMAL_DRAWS
+    theta = found.normal.draw(chains * draws, rng).reshape(chains, draws, -1)
+    constants = _constants(found.posterior, theta)
+    facts = {"residual_sd": found.residual_sd, "starts_agreeing": found.agreeing}
+    return Fit(
+        experiment.pad, method, choices, experiment, trials, found.posterior,
+        theta, constants, constants, found.agreeing > 1, facts,
+    )  # fmt: skip
+
+
+def _constants(posterior: Posterior, theta: np.ndarray) -> np.ndarray:
+    flat = theta.reshape(-1, theta.shape[-1])
+    values = compiled.in_batches(compiled.constants, posterior, flat, size=4096)
+    return values.reshape(*theta.shape[:-1], -1)

@@ -1,0 +1,1 @@
+"""Figures for papers, as Matplotlib figures that belong to nobody's window."""

@@ -1,0 +1,145 @@
+"""What a posterior predicts of tests, sample by sample, with noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import jax
+import numpy as np
+
+from qlvbayes.batching import batch
+from qlvbayes.choices import Choices
+from qlvbayes.experiment import Experiment, Trial
+from qlvbayes.inference import compiled
+from qlvbayes.noise import Correlated
+from qlvbayes.parameters import names
+from qlvbayes.posterior import Posterior
+from qlvbayes.reduction import reduce_test
+
+DRAWS = 400
+_ROWS = 300  # samples looked at in a phase, at most; spread evenly in the logarithm of time
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """One test's samples (n,) and what was predicted of them.
+
+    observed: measured force; mean: posterior mean of the model's force; low, high: 90 % predictive
+    interval with noise; forces (draws, n): the model's force for each posterior draw; floor
+    (draws, n): realisations of the noise floor that was measured without the model.
+    """
+
+    trial: Trial
+    time: np.ndarray
+    phase: np.ndarray
+    observed: np.ndarray
+    mean: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    forces: np.ndarray
+    floor: np.ndarray
+
+    @property
+    def residual(self) -> np.ndarray:
+        """Observed minus predicted mean (n,)."""
+        return self.observed - self.mean
+
+
+def predict(
+    experiment: Experiment,
+    choices: Choices,
+    constants: dict[str, np.ndarray],
+    trials: Sequence[Trial],
+    *,
+    seed: int = 0,
+) -> list[Prediction]:
+    """Predict some trials from posterior draws of the named constants, each (draws,).
+
+    Long records are looked at in at most 300 samples a phase. Raises KeyError if a constant of the
+    model is missing from ``constants``.
+    """
+    chosen = [_rows(trial) for trial in trials]
+    posterior = _sample_by_sample(experiment, choices, trials, chosen)
+    rng = np.random.default_rng(seed)
+    matrix = _some(constants, names(posterior), rng)
+    forces = compiled.in_batches(compiled.predictions, posterior, matrix, size=DRAWS // 4)
+    noise = _noise(posterior, matrix, rng)
+    floor = _floor_draws(experiment, posterior, rng)
+    return [
+        _prediction(trial, rows, forces[:, k], noise[:, k], floor[:, k])
+        for k, (trial, rows) in enumerate(zip(trials, chosen, strict=True))
+    ]
+
+
+def _rows(trial: Trial) -> np.ndarray:
+    """Samples to look at: all of a short phase, some of a long one."""
+    time = trial.test.time
+    edges = [phase.start for phase in trial.phases[1:]]
+    place = np.searchsorted(edges, time, side="right")
+    picked = []
+    for k in range(len(trial.phases)):
+        inside = np.flatnonzero(place == k)
+        if inside.size > _ROWS:
+            places = np.geomspace(1.0, inside.size, _ROWS).astype(int) - 1
+            inside = inside[np.unique(np.concatenate([places, [inside.size - 1]]))]
+        picked.append(inside)
+    return np.unique(np.concatenate(picked))
+
+
+def _sample_by_sample(
+    experiment: Experiment, choices: Choices, trials: Sequence[Trial], rows: list[np.ndarray]
+) -> Posterior:
+    model, noise = choices.build(experiment.scales)
+    records = []
+    for trial, chosen in zip(trials, rows, strict=True):
+        test = trial.test
+        sd = None if test.force_sd is None else test.force_sd[chosen]
+        thinned = replace(
+            test, time=test.time[chosen], displacement=test.displacement[chosen],
+            force=test.force[chosen], force_sd=sd,
+        )  # fmt: skip
+        records.append(
+            reduce_test(
+                thinned, trial.trajectory, trial.phases,
+                sd_scale=experiment.sd_scale, blocks=False,
+            )
+        )  # fmt: skip
+    return Posterior(model, noise, batch(records))
+
+
+def _some(
+    constants: dict[str, np.ndarray], order: list[str], rng: np.random.Generator
+) -> np.ndarray:
+    """(DRAWS, P) draws of the constants in the posterior's order."""
+    matrix = np.stack([np.ravel(constants[name]) for name in order], axis=-1)
+    return matrix[rng.integers(0, len(matrix), DRAWS)]
+
+
+def _noise(posterior: Posterior, matrix: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """(DRAWS, T, B) independent noise of single samples, each draw with its own sd."""
+    weight = posterior.record.blocks.weight
+    sds = jax.vmap(lambda x: posterior.with_constants(x)[1].sample_sd(weight))(matrix)
+    return np.asarray(sds) * rng.standard_normal((len(matrix), *weight.shape))
+
+
+def _floor_draws(
+    experiment: Experiment, posterior: Posterior, rng: np.random.Generator
+) -> np.ndarray:
+    floor = experiment.floor
+    noise = Correlated(*(np.asarray(x) for x in (floor.white, floor.ou, floor.tau)))
+    keys = rng.integers(0, 2**32, (DRAWS, 2), dtype=np.uint32)
+    return np.asarray(compiled.noise_draws(noise, posterior.record.blocks, keys))
+
+
+def _prediction(
+    trial: Trial, rows: np.ndarray, forces: np.ndarray, noise: np.ndarray, floor: np.ndarray
+) -> Prediction:
+    count = rows.size
+    forces, noise, floor = forces[:, :count], noise[:, :count], floor[:, :count]
+    low, high = np.quantile(forces + noise, [0.05, 0.95], axis=0)
+    time = trial.test.time[rows]
+    return Prediction(
+        trial, time, trial.phase_of(time), trial.test.force[rows],
+        forces.mean(axis=0), low, high, forces, floor,
+    )  # fmt: skip

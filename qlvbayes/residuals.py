@@ -1,0 +1,96 @@
+"""Where a model fails: test by test and phase by phase, against the noise floor."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import norm
+
+from qlvbayes.phases import KINDS
+from qlvbayes.predict import Prediction
+
+FALSE_ALARMS = 0.01  # probability that any cell of a right model is called failing
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One test's samples in one kind of phase.
+
+    rmse, bias: of observed minus predicted mean (N); coverage90: share of samples within the 90 %
+    predictive interval; p_value: probability of an rmse at least as large if the model were right,
+    from posterior draws plus the noise floor.
+    """
+
+    test: str
+    role: str
+    rate: float | None
+    phase: str
+    n: int
+    rmse: float
+    bias: float
+    coverage90: float
+    p_value: float
+
+
+@dataclass(frozen=True)
+class Check:
+    """All cells of one pad, the noise floor (sd, N) and which cells fail."""
+
+    pad: str
+    noise: float
+    cells: tuple[Cell, ...]
+
+    def fails(self, cell: Cell) -> bool:
+        """Whether structure beyond noise is left in a cell (1 % false alarms over all cells)."""
+        return cell.p_value < FALSE_ALARMS / len(self.cells)
+
+    def as_dict(self) -> dict:
+        """The content of ``check.json``."""
+        cells = [
+            {
+                "test": c.test, "role": c.role, "rate_mm_s": c.rate, "phase": c.phase, "n": c.n,
+                "rmse_N": c.rmse, "bias_N": c.bias, "coverage90": c.coverage90,
+                "p_value": c.p_value, "fails": self.fails(c),
+            }
+            for c in self.cells
+        ]  # fmt: skip
+        return {"schema": 1, "pad": self.pad, "effects": [], "noise_N": self.noise, "cells": cells}
+
+
+def check(pad: str, noise: float, predictions: Sequence[Prediction]) -> Check:
+    """Compare predictions with what was measured; cells without samples are left out."""
+    cells = [
+        _cell(prediction, kind)
+        for prediction in predictions
+        for kind in KINDS
+        if np.any(prediction.phase == kind)
+    ]
+    return Check(pad, noise, tuple(cells))
+
+
+def _cell(prediction: Prediction, kind: str) -> Cell:
+    here = prediction.phase == kind
+    residual = prediction.residual[here]
+    inside = (prediction.observed >= prediction.low) & (prediction.observed <= prediction.high)
+    trial = prediction.trial
+    rmse = float(np.sqrt(np.mean(residual**2)))
+    return Cell(
+        test=trial.name, role=trial.role, rate=_finite(trial.rate), phase=kind,
+        n=int(here.sum()), rmse=rmse, bias=float(residual.mean()),
+        coverage90=float(inside[here].mean()),
+        p_value=_p_value(rmse, prediction, here),
+    )  # fmt: skip
+
+
+def _finite(rate: float) -> float | None:
+    return float(rate) if np.isfinite(rate) else None
+
+
+def _p_value(rmse: float, prediction: Prediction, here: np.ndarray) -> float:
+    """Upper tail of a log-normal through the replicated errors, which are a few hundred."""
+    error = prediction.forces - prediction.mean + prediction.floor
+    logs = 0.5 * np.log(np.mean(error[:, here] ** 2, axis=1))
+    spread = max(float(logs.std()), 1e-12)
+    return float(norm.sf((np.log(max(rmse, 1e-300)) - logs.mean()) / spread))

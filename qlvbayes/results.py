@@ -1,0 +1,192 @@
+"""A fit as an ArviZ file, and back: the only place that touches ArviZ's data structures."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import arviz_base
+import numpy as np
+import xarray
+
+import qlvbayes
+from qlvbayes.checks import InputError
+from qlvbayes.choices import Choices
+from qlvbayes.fit import Fit
+from qlvbayes.inference import compiled
+from qlvbayes.summary import Summary
+
+_MEMBER = re.compile(r"(.+)\[(\d+)\]")
+
+
+@dataclass(frozen=True)
+class Saved:
+    """What a results file says: draws (chains, draws, P) of the constants and how they were got."""
+
+    pad: str
+    names: tuple[str, ...]
+    constants: np.ndarray
+    choices: Choices
+    method: str
+    source: str
+    sha256: str
+    all_tests: bool
+    fitted: tuple[str, ...]
+
+    @property
+    def draws(self) -> np.ndarray:
+        """(chains*draws, P)."""
+        return self.constants.reshape(-1, self.constants.shape[-1])
+
+
+def to_arviz(
+    fit: Fit, summary: Summary, *, source: str, sha256: str, all_tests: bool, seed: int
+) -> xarray.DataTree:
+    """Posterior, posterior predictive, pointwise log likelihood, data and constant data.
+
+    Walkers are chains. The log likelihood of a block is conditional on the blocks before it in its
+    test. Units are attributes of the variables; everything else of the root.
+    """
+    posterior, dims, coords = _grouped(fit.names, fit.constants)
+    force = fit.experiment.units.force_name
+    real = np.asarray(fit.posterior.record.blocks.real)
+    shape = fit.theta.shape[:2]
+    flat = fit.theta.reshape(-1, fit.theta.shape[-1])
+    keys = _keys(len(flat), seed)
+    judged = compiled.in_batches(compiled.judgements, fit.posterior, flat, keys)
+    likelihood, predicted = judged[:, 0, real], judged[:, 1, real]
+    facts, coords["block"] = _block_facts(fit, real), np.arange(int(real.sum()))
+    dims |= {name: ["block"] for name in (force, *facts)}
+    tree = arviz_base.from_dict(
+        {
+            "posterior": posterior,
+            "posterior_predictive": {force: predicted.reshape(*shape, -1)},
+            "log_likelihood": {force: likelihood.reshape(*shape, -1)},
+            "observed_data": {force: np.asarray(fit.posterior.record.blocks.force)[real]},
+            "constant_data": facts,
+        },
+        coords=coords,
+        dims=dims,
+    )
+    _label(tree, fit, force)
+    tree.attrs.update(_provenance(fit, summary, source, sha256, all_tests, seed))
+    return tree
+
+
+def _keys(count: int, seed: int) -> np.ndarray:
+    """(count, 2) random keys, as numbers."""
+    return np.random.default_rng(seed).integers(0, 2**32, (count, 2), dtype=np.uint32)
+
+
+def _grouped(names: list[str], constants: np.ndarray) -> tuple[dict, dict, dict]:
+    """Variables (c and v as vectors), their dimensions and their coordinates."""
+    members: dict[str, list[tuple[int | None, int]]] = {}
+    for place, name in enumerate(names):
+        match = _MEMBER.fullmatch(name)
+        key, index = (match[1], int(match[2])) if match else (name, None)
+        members.setdefault(key, []).append((index, place))
+    variables, dims, coords = {}, {}, {}
+    for key, found in members.items():
+        places = [place for _, place in found]
+        if found[0][0] is None:
+            variables[key] = constants[..., places[0]]
+            continue
+        variables[key] = constants[..., places]
+        dims[key] = [f"{key}_index"]
+        coords[f"{key}_index"] = np.array([index for index, _ in found])
+    return variables, dims, coords
+
+
+def _block_facts(fit: Fit, real: np.ndarray) -> dict[str, np.ndarray]:
+    """What is known of each block: its test, times, samples and weight."""
+    blocks = fit.posterior.record.blocks
+    test = np.repeat(np.arange(len(real))[:, None], real.shape[1], axis=1)
+    return {
+        "test": test[real],
+        "first_s": np.asarray(blocks.first)[real],
+        "last_s": np.asarray(blocks.last)[real],
+        "samples": np.asarray(blocks.count)[real],
+        "weight": np.asarray(blocks.weight)[real],
+    }
+
+
+def _label(tree: xarray.DataTree, fit: Fit, force: str) -> None:
+    for name, unit in zip(fit.names, fit.units, strict=True):
+        match = _MEMBER.fullmatch(name)
+        tree["posterior"][match[1] if match else name].attrs["units"] = unit
+    for group in ("posterior_predictive", "observed_data"):
+        tree[group][force].attrs["units"] = fit.experiment.units.force
+    for name in ("first_s", "last_s"):
+        tree["constant_data"][name].attrs["units"] = "s"
+
+
+def _provenance(
+    fit: Fit, summary: Summary, source: str, sha256: str, all_tests: bool, seed: int
+) -> dict:
+    units = fit.experiment.units
+    return {
+        "schema": 1,
+        "pad": fit.pad,
+        "method": fit.method,
+        "converged": int(summary.converged),
+        "choices": json.dumps(fit.choices.as_dict()),
+        "effects": json.dumps([]),
+        "fitted_tests": json.dumps([trial.name for trial in fit.trials]),
+        "all_tests": int(all_tests),
+        "source": source,
+        "sha256": sha256,
+        "seed": seed,
+        "displacement_unit": units.displacement,
+        "force_unit": units.force,
+        "qlvbayes_version": qlvbayes.__version__,
+        **fit.facts,
+    }
+
+
+def save(tree: xarray.DataTree, path: Path) -> None:
+    """Write the file whole or not at all."""
+    part = path.with_suffix(".part")
+    try:
+        tree.to_netcdf(part, engine="h5netcdf")
+        os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def load(path: Path) -> Saved:
+    """Read a results file; InputError if it is not one."""
+    try:
+        tree = xarray.load_datatree(path, engine="h5netcdf")
+        attrs = tree.attrs
+        posterior = tree["posterior"]
+        names, columns = _flattened(posterior)
+        return Saved(
+            pad=str(attrs["pad"]), names=tuple(names), constants=np.stack(columns, axis=-1),
+            choices=Choices.from_dict(json.loads(attrs["choices"])), method=str(attrs["method"]),
+            source=str(attrs["source"]), sha256=str(attrs["sha256"]),
+            all_tests=bool(attrs["all_tests"]), fitted=tuple(json.loads(attrs["fitted_tests"])),
+        )  # fmt: skip
+    except (OSError, KeyError, ValueError) as error:
+        raise InputError(
+            f"not a results file of qlvbayes ({type(error).__name__})",
+            file=path,
+            remedy="run qlvbayes fit again",
+        ) from error
+
+
+def _flattened(posterior: xarray.DataTree) -> tuple[list[str], list[np.ndarray]]:
+    names, columns = [], []
+    for key, variable in posterior.data_vars.items():
+        values = variable.to_numpy()
+        if values.ndim == 2:
+            names.append(str(key))
+            columns.append(values)
+            continue
+        for place, index in enumerate(posterior[f"{key}_index"].to_numpy()):
+            names.append(f"{key}[{int(index)}]")
+            columns.append(values[..., place])
+    return names, columns
+

@@ -1,0 +1,105 @@
+"""A fit in numbers: what ``summary.json`` and the terminal's table show."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from qlvbayes.inference.diagnostics import diagnose_chain, highest_density
+from qlvbayes.inference.ensemble import STEPS_PER_TIME
+from qlvbayes.fit import Fit
+
+
+@dataclass(frozen=True)
+class Constant:
+    """One constant's posterior: mean, sd, median, 90 % highest-density interval, diagnostics."""
+
+    name: str
+    unit: str
+    mean: float
+    sd: float
+    median: float
+    hdi90: tuple[float, float]
+    r_hat: float | None
+    ess_bulk: float | None
+
+    @property
+    def fixed(self) -> bool:
+        """Whether it was not fitted."""
+        return self.sd == 0.0
+
+
+@dataclass(frozen=True)
+class Summary:
+    """All constants of one pad, and whether the sampling can be trusted."""
+
+    pad: str
+    method: str
+    constants: tuple[Constant, ...]
+    troubles: tuple[str, ...]
+
+    @property
+    def converged(self) -> bool:
+        """No R-hat, effective sample size or autocorrelation time speaks against it."""
+        return not self.troubles
+
+    def __getitem__(self, name: str) -> Constant:
+        """The constant of that name."""
+        return next(constant for constant in self.constants if constant.name == name)
+
+    def as_dict(self) -> dict:
+        """The content of ``summary.json``."""
+        parameters = {
+            c.name: {
+                "unit": c.unit, "mean": c.mean, "sd": c.sd, "median": c.median,
+                "hdi90": list(c.hdi90), "r_hat": c.r_hat, "ess_bulk": c.ess_bulk,
+            }
+            for c in self.constants
+        }  # fmt: skip
+        return {
+            "schema": 1,
+            "pad": self.pad,
+            "effects": [],
+            "sampler": self.method,
+            "converged": self.converged,
+            "troubles": list(self.troubles),
+            "parameters": parameters,
+        }
+
+
+def summarise(fit: Fit) -> Summary:
+    """Means, sds, medians, intervals and diagnostics of every constant, before thinning."""
+    sampled = fit.method == "emcee"
+    diagnostics = diagnose_chain(fit.every) if sampled else None
+    rows = []
+    for k, (name, unit) in enumerate(zip(fit.names, fit.units, strict=True)):
+        values = fit.every[..., k]
+        rows.append(
+            Constant(
+                name, unit, float(values.mean()), _spread(values), float(np.median(values)),
+                highest_density(values),
+                _or_none(diagnostics.r_hat[k]) if diagnostics else None,
+                _or_none(diagnostics.ess_bulk[k]) if diagnostics else None,
+            )  # fmt: skip
+        )
+    troubles = diagnostics.troubles if diagnostics else []
+    return Summary(fit.pad, fit.method, tuple(rows), (*troubles, *_length_troubles(fit)))
+
+
+def _spread(values: np.ndarray) -> float:
+    """Standard deviation; exactly 0 for a constant that does not vary."""
+    return float(values.std()) if np.ptp(values) > 0.0 else 0.0
+
+
+def _or_none(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _length_troubles(fit: Fit) -> list[str]:
+    if fit.method != "emcee":
+        return [] if fit.enough else ["no two starts came to the same optimum"]
+    steps, time = fit.facts["kept_steps"], fit.facts["autocorrelation_steps"]
+    if steps >= STEPS_PER_TIME * time:
+        return []
+    return [f"{steps:.0f} steps are less than {STEPS_PER_TIME} autocorrelation times of {time:.0f}"]

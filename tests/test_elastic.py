@@ -1,0 +1,83 @@
+"""Elastic laws: stiffness is the slope of the force, and a step is the integral it stands for."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from numpy.polynomial.legendre import leggauss
+
+from qlvbayes.elastic import Exponential, HertzPower, Linear
+
+NODES, WEIGHTS = leggauss(40)
+LAWS = [
+    Linear(0.4),
+    Exponential(0.34, 1.165),
+    Exponential(0.34, -0.7),
+    Exponential(0.34, 0.0),
+    HertzPower(0.5, 1.5),
+]
+CLOSED_FORM = LAWS[:4]
+DECAYS = [0.0, 1e-12, 1e-3, 0.0999, 0.1001, 0.3, 1.0, 30.0, 1e4]
+
+
+def step(law, start, stop, decay):
+    start, stop, decay = (jnp.asarray(x, dtype=float) for x in (start, stop, decay))
+    return law.relaxed_step(start, stop, law.force(start), law.force(stop), decay)
+
+
+def integral(law, start, stop, decay):
+    """Integral over the step, in panels that shrink toward its end as e^{-decay (1 - s)} does."""
+    far = np.concatenate([[0.0], np.geomspace(1e-6, 1.0, 60)])
+    edges = 1.0 - far[::-1]
+    half = 0.5 * np.diff(edges)[:, None]
+    s = edges[:-1, None] + half * (1.0 + NODES)
+    stiffness = np.asarray(law.stiffness(jnp.asarray(start + (stop - start) * s)))
+    return np.sum(half * WEIGHTS * np.exp(-decay * (1.0 - s)) * stiffness * (stop - start))
+
+
+@pytest.mark.parametrize("law", LAWS, ids=repr)
+def test_force_vanishes_at_zero_depth_and_stiffness_is_its_slope(law):
+    depth = jnp.linspace(-0.5, 1.8, 24)
+    assert law.force(jnp.zeros(())) == 0.0
+    slope = jax.vmap(jax.grad(lambda d: law.force(d)))(depth)
+    assert np.allclose(law.stiffness(depth), slope, rtol=1e-12, atol=1e-14)
+
+
+@pytest.mark.parametrize("decay", DECAYS)
+@pytest.mark.parametrize("law", CLOSED_FORM, ids=repr)
+def test_step_is_the_integral_over_loading_unloading_and_rest(law, decay):
+    for start, stop in [(0.0, 1.6), (1.6, 0.8), (0.5, 0.5), (0.3, 0.3000001), (0.8, -0.2)]:
+        exact = integral(law, start, stop, decay)
+        assert np.isclose(step(law, start, stop, decay), exact, rtol=1e-12, atol=1e-16)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=repr)
+def test_step_without_decay_is_the_difference_of_the_elastic_force(law):
+    for start, stop in [(0.0, 1.6), (1.6, 0.8), (0.2, 0.2)]:
+        change = law.force(jnp.asarray(stop)) - law.force(jnp.asarray(start))
+        assert np.isclose(step(law, start, stop, 0.0), change, rtol=1e-13, atol=1e-16)
+
+
+def test_step_is_exact_where_stiffening_and_decay_cancel():
+    """B dd + v h = 0 on ordinary unloading: the integrand is the constant e^{b d1}."""
+    law = Exponential(0.34, 1.25)
+    start, stop, decay = 1.5, 0.7, 1.0
+    assert law.b * (stop - start) + decay == pytest.approx(0.0, abs=1e-15)
+    expected = 0.34 * np.exp(1.25 * stop) * (stop - start)
+    assert np.isclose(step(law, start, stop, decay), expected, rtol=1e-14)
+
+
+def test_hertz_step_is_exact_when_the_force_is_quadratic_in_depth():
+    law = HertzPower(0.5, 2.0)
+    for decay in DECAYS:
+        exact = integral(law, 0.2, 1.4, decay)
+        assert np.isclose(step(law, 0.2, 1.4, decay), exact, rtol=1e-11)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=repr)
+@pytest.mark.parametrize("decay", DECAYS)
+def test_slopes_of_a_step_are_finite(law, decay):
+    slopes = jax.grad(step, argnums=(0, 1, 2, 3))
+    for start, stop in [(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (0.7, 0.7), (-0.1, 0.1)]:
+        found = slopes(law, start, stop, decay)
+        assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(found))

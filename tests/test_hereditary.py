@@ -1,0 +1,437 @@
+"""The forward model against closed forms, quadrature and differential equations."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.polynomial.legendre import leggauss
+
+from qlvbayes.elastic import Exponential, HertzPower, Linear
+from qlvbayes.model import Model
+from qlvbayes.motion import Motion
+from qlvbayes.relaxation import Prony
+from qlvbayes.synthetic import PAPER_RATES, TABLE_1, Pad, Platen, paper_protocol
+
+NODES, WEIGHTS = leggauss(20)
+QUICK = settings(max_examples=25, deadline=None, derandomize=True)
+PATH = 24  # points of a random path: one size, one compilation
+
+
+def force_of(model, time, depth):
+    time, depth = jnp.asarray(time, dtype=float), jnp.asarray(depth, dtype=float)
+    return model.force(Motion(time, depth, jnp.zeros_like(time), jnp.zeros_like(time)))
+
+
+force = eqx.filter_jit(force_of)
+
+
+def bonded(elastic, relaxation):
+    return Model(elastic, relaxation, bonded=True)
+
+
+def with_constants(model, values):
+    """The model with other constants: m, b, c[0..r], v[1..r]."""
+    modes = model.relaxation.v.shape[0]
+    elastic = Exponential(values[0], values[1])
+    return bonded(elastic, Prony(values[2 : 3 + modes], values[3 + modes :]))
+
+
+def constants_of(model):
+    elastic, relaxation = model.elastic, model.relaxation
+    return jnp.concatenate([jnp.array([elastic.m, elastic.b]), relaxation.c, relaxation.v])
+
+
+def ramp_force(constants, speed, time):
+    """The paper's F1, with v_0 = 0."""
+    b, v = constants.b * speed, np.array([0.0, *constants.v])
+    t = time[:, None]
+    return np.sum(
+        constants.m * speed * np.array(constants.c) * (np.exp(b * t) - np.exp(-v * t)) / (b + v), 1
+    )
+
+
+def hold_force(constants, speed, time, end):
+    """The paper's F2, with v_0 = 0; ``end`` of the ramp at t0."""
+    b, v = constants.b * speed, np.array([0.0, *constants.v])
+    grown = np.exp(-v * time[:, None]) * (np.exp((b + v) * end) - 1.0) / (b + v)
+    return np.sum(constants.m * speed * np.array(constants.c) * grown, 1)
+
+
+@pytest.mark.parametrize("speed", PAPER_RATES)
+@pytest.mark.parametrize("pad", TABLE_1)
+def test_ramp_and_hold_are_the_papers_closed_forms(paper_model, pad, speed):
+    end = 1.6 / speed
+    ramp, hold = np.linspace(0.0, end, 40), end + np.geomspace(1e-4, 30.0, 40)
+    time = np.concatenate([ramp, hold])
+    expected = np.concatenate(
+        [ramp_force(TABLE_1[pad], speed, ramp), hold_force(TABLE_1[pad], speed, hold, end)]
+    )
+    found = force(paper_model(pad), time, np.minimum(speed * time, 1.6))
+    assert np.max(np.abs(found - expected)) < 1e-12 * expected.max()
+
+
+def corners(platen, steps):
+    """A grid on which every accelerating piece has ``steps`` straight lines."""
+    parts = [
+        np.linspace(p.start, p.start + p.duration, (steps if p.acceleration else 20) + 1)
+        for p in platen.pieces
+    ]
+    time = np.unique(np.concatenate(parts))
+    return np.clip(time, 0.0, platen.duration)
+
+
+def quadrature(model, time, depth):
+    """Eq. 6 on straight lines between the points, Gauss-Legendre on each line."""
+    c, v = np.asarray(model.relaxation.c), np.asarray(model.relaxation.v)
+    width = np.diff(time)[:, None]
+    travel = np.diff(depth, prepend=0.0)
+    fraction = 0.5 * (1.0 + NODES)
+    s = time[:-1, None] + width * fraction
+    place = depth[:-1, None] + travel[1:, None] * fraction
+    stiffness = np.asarray(model.elastic.stiffness(jnp.asarray(place)))
+    inner = 0.5 * WEIGHTS * stiffness * travel[1:, None]
+    jump = float(model.elastic.force(jnp.asarray(depth[0])))
+    total = []
+    for k, t in enumerate(time):
+        age = t - s[:k]
+        relaxed = c[0] + np.exp(-age[..., None] * v) @ c[1:]
+        first = c[0] + np.exp(-(t - time[0]) * v) @ c[1:]
+        total.append(np.sum(relaxed * inner[:k]) + jump * first)
+    return np.array(total)
+
+
+@pytest.mark.parametrize("speed", [0.1, 20.0, 100.0])
+def test_whole_protocol_is_the_integral_on_the_same_straight_lines(paper_model, speed):
+    """The only error left is rounding: the recursion is exact for piecewise-linear motion."""
+    platen = Platen(paper_protocol(speed))
+    time = corners(platen, 30)
+    depth = platen.displacement(time)
+    model = paper_model("B", bonded=True)
+    expected = quadrature(model, time, depth)
+    found = force(model, time, depth)
+    assert np.max(np.abs(found - expected)) < 1e-10 * expected.max()
+
+
+@pytest.mark.parametrize("glued", [True, False])
+@pytest.mark.parametrize("speed", PAPER_RATES)
+def test_whole_protocol_solves_the_differential_equations(paper_model, speed, glued):
+    """Against a stiff solver on the true motion, with chords too short to matter."""
+    platen = Platen(paper_protocol(speed))
+    time = corners(platen, 2000)
+    expected = Pad(TABLE_1["B"], bonded=glued).force(platen, time)
+    found = force(paper_model("B", bonded=glued), time, platen.displacement(time))
+    assert np.max(np.abs(found - expected)) < 2e-7 * expected.max()
+
+
+def test_chords_cost_force_in_proportion_to_the_square_of_their_length(paper_model):
+    platen = Platen(paper_protocol(100.0))
+    model, errors = paper_model("B", bonded=True), []
+    for steps in (20, 40, 80):
+        time = corners(platen, steps)
+        exact = Pad(TABLE_1["B"], bonded=True).force(platen, time)
+        errors.append(np.max(np.abs(force(model, time, platen.displacement(time)) - exact)))
+    assert np.all(np.array(errors[:-1]) / errors[1:] > 3.8)
+
+
+def protocol_points(points=64):
+    platen = Platen(paper_protocol(20.0))
+    places = np.sort(np.concatenate([platen.kinks, np.linspace(0.0, 1.0, points // 2)]))
+    time = np.unique(np.concatenate([places, np.linspace(1.0, platen.duration, points // 2)]))
+    return time, platen.displacement(time)
+
+
+def test_slopes_in_constants_and_displacement_are_central_differences(paper_model):
+    time, depth = protocol_points()
+    model = paper_model("B", bonded=True)
+    weights = np.random.default_rng(0).standard_normal(time.size)
+
+    @jax.jit
+    def projected(values, places):
+        return weights @ force_of(with_constants(model, values), time, places)
+
+    point = (constants_of(model), jnp.asarray(depth))
+    reverse = jax.grad(projected, argnums=(0, 1))(*point)
+    for which in (0, 1):
+        forward = jax.jacfwd(projected, argnums=which)(*point)
+        assert np.allclose(reverse[which], forward, rtol=1e-10, atol=1e-12)
+        for k in range(point[which].size):
+            size = 1e-5 * max(abs(float(point[which][k])), 0.1)
+            ends = []
+            for sign in (1.0, -1.0):
+                moved = list(point)
+                moved[which] = moved[which].at[k].add(sign * size)
+                ends.append(projected(*moved))
+            difference = (ends[0] - ends[1]) / (2.0 * size)
+            scale = np.max(np.abs(forward))
+            assert abs(difference - forward[k]) < 1e-8 * scale
+
+
+def retraction(low):
+    """Press, hold, retract to ``low``, wait, press again."""
+    time = np.array([0.0, 0.1, 2.0, 2.1, 2.2, 4.0, 4.4, 5.0])
+    return time, np.array([0.0, 1.6, 1.6, 0.8, low, low, 0.5, 0.5])
+
+
+def test_a_loose_pad_never_pulls_and_a_bonded_one_does(paper_model):
+    time, depth = retraction(0.05)
+    loose, glued = (force(paper_model("B", bonded=g), time, depth) for g in (False, True))
+    assert np.min(glued) < -0.1
+    assert np.min(loose) == 0.0
+    assert np.array_equal(loose, np.maximum(glued, 0.0))
+
+
+def test_slopes_are_finite_where_contact_is_lost(paper_model):
+    time, depth = retraction(0.05)
+    model = paper_model("B")
+
+    def total(values, places):
+        glued = with_constants(model, values)
+        return jnp.sum(force_of(Model(glued.elastic, glued.relaxation), time, places))
+
+    slopes = jax.grad(total, argnums=(0, 1))(constants_of(model), jnp.asarray(depth))
+    assert all(np.all(np.isfinite(x)) for x in slopes)
+
+
+def test_a_loose_pad_is_not_touched_at_negative_displacement(paper_model):
+    model = paper_model("B")
+    near, far = (force(model, *retraction(low)) for low in (0.0, -3.0))
+    time, _ = retraction(0.0)
+    assert np.array_equal(near, far)
+    assert np.all(force(model, time, -np.linspace(0.1, 2.0, time.size)) == 0.0)
+    assert np.all(force(paper_model("B", bonded=True), time, -0.1 * time)[1:] < 0.0)
+
+
+RELAXATION = Prony(jnp.array([0.3, 0.6, 0.1]), jnp.array([6.0, 0.5]))
+REST = np.zeros(4)
+CURVE = np.array([0.0, 1.6, 1.1, 0.6])
+HOSTILE = {
+    "growth cancels decay": (Exponential(0.4, 1.0), RELAXATION, np.arange(4.0), CURVE),
+    "one mode never relaxes": (
+        Exponential(0.4, 1.0),
+        Prony(jnp.array([0.3, 0.6, 0.1]), jnp.array([6.0, 0.0])),
+        np.arange(4.0),
+        CURVE,
+    ),
+    "a mode barely relaxes": (
+        Exponential(0.4, 1.0),
+        Prony(jnp.array([0.3, 0.6, 0.1]), jnp.array([1e-12, 1e-300])),
+        np.arange(4.0),
+        CURVE,
+    ),
+    "no stiffening": (Exponential(0.4, 0.0), RELAXATION, np.arange(4.0), CURVE),
+    "almost no stiffening": (Exponential(0.4, 1e-14), RELAXATION, np.arange(4.0), CURVE),
+    "softening": (Exponential(0.4, -1.0), RELAXATION, np.arange(4.0), CURVE),
+    "no motion": (Exponential(0.4, 1.0), RELAXATION, np.arange(4.0), REST),
+    "standing at depth": (Exponential(0.4, 1.0), RELAXATION, np.arange(4.0), REST + 0.7),
+    "jump at the first sample": (Exponential(0.4, 1.0), RELAXATION, np.arange(4.0), CURVE + 0.5),
+    "late start": (Exponential(0.4, 1.0), RELAXATION, 1e3 + np.arange(4.0), CURVE),
+    "repeated points": (
+        Exponential(0.4, 1.0),
+        RELAXATION,
+        np.array([0.0, 0.0, 1.0, 1.0, 2.0, 2.0]),
+        np.array([0.0, 0.0, 1.6, 1.6, 0.8, 0.8]),
+    ),
+    "a jump within the record": (
+        Exponential(0.4, 1.0),
+        RELAXATION,
+        np.array([0.0, 1.0, 1.0, 2.0]),
+        np.array([0.0, 0.2, 1.6, 0.8]),
+    ),
+    "very stiff mode": (
+        Exponential(0.4, 1.0),
+        Prony(jnp.array([0.3, 0.6, 0.1]), jnp.array([1e4, 0.5])),
+        np.arange(4.0),
+        CURVE,
+    ),
+    "one point": (Exponential(0.4, 1.0), RELAXATION, np.zeros(1), np.array([0.7])),
+    "two points": (Exponential(0.4, 1.0), RELAXATION, np.arange(2.0), CURVE[:2]),
+    "three points": (Exponential(0.4, 1.0), RELAXATION, np.arange(3.0), CURVE[:3]),
+    "five points": (Exponential(0.4, 1.0), RELAXATION, np.arange(5.0), np.append(CURVE, 0.6)),
+}
+
+
+def fine_quadrature(model, time, depth):
+    """Lines cut finely toward both ends, for modes as stiff as 1e4/s."""
+    cut = np.geomspace(1e-7, 0.5, 80)
+    cut = np.concatenate([[0.0], cut, 1.0 - cut[-2::-1], [1.0]])
+    places = np.unique(np.concatenate([k + cut for k in range(time.size - 1)] + [[0.0]]))
+    index = np.arange(float(time.size))
+    finer = np.interp(places, index, time), np.interp(places, index, depth)
+    return quadrature(model, *finer)[np.isin(places, index)]
+
+
+@pytest.mark.parametrize("case", HOSTILE)
+def test_hostile_motions_and_constants_give_exact_forces_and_finite_slopes(case):
+    elastic, relaxation, time, depth = HOSTILE[case]
+    model = bonded(elastic, relaxation)
+    found = force(model, time, depth)
+    expected = fine_quadrature(model, time, depth)
+    assert np.allclose(found, expected, rtol=1e-10, atol=1e-10 * np.max(np.abs(expected)))
+
+    def total(values, places, clock):
+        return jnp.sum(jnp.sin(force_of(with_constants(model, values), clock, places)))
+
+    arguments = (constants_of(model), jnp.asarray(depth), jnp.asarray(time))
+    for slopes in (jax.grad, jax.jacfwd):
+        for slope in jax.jit(slopes(total, argnums=(0, 1, 2)))(*arguments):
+            assert np.all(np.isfinite(slope))
+
+
+def test_slopes_where_growth_cancels_decay_are_those_beside_it():
+    """B gamma = -v_2 exactly: 0/0 in the closed form, ordinary in the pad."""
+    elastic, relaxation, time, depth = HOSTILE["growth cancels decay"]
+    model = bonded(elastic, relaxation)
+    assert elastic.b * (depth[2] - depth[1]) + relaxation.v[1] * (time[2] - time[1]) == 0.0
+    slopes = jax.jit(
+        jax.jacfwd(lambda values: force_of(with_constants(model, values), time, depth))
+    )
+    point = constants_of(model)
+    size = 1e-5
+    for k in (1, 6):
+        beside = [
+            force(with_constants(model, point.at[k].add(sign * size)), time, depth)
+            for sign in (1, -1)
+        ]
+        assert np.allclose(slopes(point)[:, k], (beside[0] - beside[1]) / (2 * size), atol=1e-9)
+
+
+def numbers(low, high, size):
+    return st.lists(st.floats(low, high), min_size=size, max_size=size).map(np.array)
+
+
+STEPS, DEPTHS = numbers(0.0, 3.0, PATH), numbers(-0.3, 1.6, PATH)
+
+
+@given(steps=STEPS, depth=DEPTHS, places=numbers(0.0, 1.0, PATH - 1))
+@QUICK
+def test_points_on_the_straight_lines_change_nothing(steps, depth, places):
+    model = bonded(Exponential(0.34, 1.165), RELAXATION)
+    time = np.cumsum(steps)
+    spots = np.sort(np.concatenate([np.arange(PATH), np.arange(PATH - 1) + places]))
+    index = np.arange(PATH)
+    finer = force(model, np.interp(spots, index, time), np.interp(spots, index, depth))
+    coarse = force(model, time, depth)
+    last = np.searchsorted(spots, index, side="right") - 1
+    assert np.allclose(finer[last], coarse, rtol=1e-11, atol=1e-12)
+
+
+@given(steps=STEPS, one=DEPTHS, two=DEPTHS)
+@QUICK
+def test_a_linear_solid_superposes_displacements(steps, one, two):
+    model = bonded(Linear(0.4), RELAXATION)
+    time = np.cumsum(steps)
+    together = force(model, time, one + 2.0 * two)
+    apart = force(model, time, one) + 2.0 * force(model, time, two)
+    assert np.allclose(together, apart, rtol=1e-12, atol=1e-13)
+
+
+LAWS = [Exponential(0.34, 1.165), Linear(0.4), HertzPower(0.5, 1.5)]
+
+
+@pytest.mark.parametrize("law", LAWS, ids=repr)
+@given(steps=STEPS, depth=DEPTHS)
+@QUICK
+def test_modes_add_up(law, steps, depth):
+    time = np.cumsum(steps)
+    c = RELAXATION.c
+    apart = c[0] * law.force(jnp.asarray(depth))
+    for k in (1, 2):
+        single = Prony(jnp.array([0.0, 1.0]), RELAXATION.v[k - 1 : k])
+        apart = apart + c[k] * force(bonded(law, single), time, depth)
+    together = force(bonded(law, RELAXATION), time, depth)
+    assert np.allclose(together, apart, rtol=1e-12, atol=1e-13)
+
+
+@given(steps=STEPS, depth=DEPTHS, others=DEPTHS, now=st.integers(1, PATH - 1))
+@QUICK
+def test_force_does_not_foresee_the_motion(steps, depth, others, now):
+    model = bonded(Exponential(0.34, 1.165), RELAXATION)
+    time = np.cumsum(steps)
+    changed = np.where(np.arange(PATH) < now, depth, others)
+    assert np.array_equal(force(model, time, depth)[:now], force(model, time, changed)[:now])
+
+
+@given(steps=STEPS, depth=DEPTHS, shift=st.floats(-50.0, 50.0))
+@QUICK
+def test_force_does_not_depend_on_the_clock(steps, depth, shift):
+    model = bonded(Exponential(0.34, 1.165), RELAXATION)
+    time = np.cumsum(steps)
+    assert np.allclose(
+        force(model, time, depth), force(model, time + shift, depth), rtol=1e-11, atol=1e-11
+    )
+
+
+@pytest.mark.parametrize("points", [1, 2, 3, 5, 17, 100])
+def test_every_length_is_the_beginning_of_a_longer_one(paper_model, points):
+    rng = np.random.default_rng(points)
+    time, depth = np.cumsum(rng.exponential(0.2, 130)), rng.uniform(0.0, 1.6, 130)
+    model = paper_model("A", bonded=True)
+    whole = force(model, time, depth)
+    part = force(model, time[:points], depth[:points])
+    assert np.allclose(part, whole[:points], rtol=1e-12, atol=1e-13)
+
+
+def test_compiled_and_eager_agree(paper_model):
+    time, depth = protocol_points(20)
+    model = paper_model("C")
+    with jax.disable_jit():
+        eager = force_of(model, time, depth)
+    assert np.allclose(force(model, time, depth), eager, rtol=1e-13, atol=1e-14)
+
+
+def test_a_batch_is_its_members_one_by_one(paper_model):
+    rng = np.random.default_rng(3)
+    time = np.cumsum(rng.exponential(0.2, (3, 40)), axis=1)
+    depth = rng.uniform(0.0, 1.6, (3, 40))
+    model = paper_model("A")
+    together = jax.vmap(force_of, in_axes=(None, 0, 0))(model, time, depth)
+    alone = np.stack([force(model, t, d) for t, d in zip(time, depth, strict=True)])
+    assert np.allclose(together, alone, rtol=1e-13, atol=1e-14)
+    values = jnp.stack([constants_of(paper_model(pad)) for pad in TABLE_1])
+    models = jax.vmap(lambda x: with_constants(model, x))(values)
+    many = jax.vmap(force_of, in_axes=(0, None, None))(models, time[0], depth[0])
+    single = [force(paper_model(pad, bonded=True), time[0], depth[0]) for pad in TABLE_1]
+    assert np.allclose(many, single, rtol=1e-13, atol=1e-14)
+
+
+@pytest.mark.parametrize("n", [1.5, 2.5])
+def test_hertz_converges_at_second_order_or_better(n):
+    """From first touch, where the force is least smooth, and back, against the finest grid."""
+    model = bonded(HertzPower(0.5, n), RELAXATION)
+    errors = []
+    for pieces in (20, 40, 80):
+        time = np.linspace(0.0, 3.0, 3 * pieces + 1)
+        depth = np.interp(time, [0.0, 1.0, 2.0, 3.0], [0.0, 1.6, 1.6, 0.4])
+        exact = fine_quadrature(model, np.arange(4.0), np.array([0.0, 1.6, 1.6, 0.4]))
+        errors.append(np.abs(force(model, time, depth)[::pieces] - exact)[1:])
+    errors = np.array(errors)
+    assert np.all(np.log2(errors[:-1] / errors[1:]) > 2.0)
+    assert errors[-1].max() < 1e-6
+
+
+def test_linear_is_exponential_without_stiffening(paper_model):
+    time, depth = protocol_points()
+    linear = force(bonded(Linear(0.4), RELAXATION), time, depth)
+    assert np.allclose(
+        force(bonded(Exponential(0.4, 0.0), RELAXATION), time, depth), linear, rtol=1e-13
+    )
+    for b in (1e-6, 1e-4):
+        bent = force(bonded(Exponential(0.4, b), RELAXATION), time, depth)
+        assert np.max(np.abs(bent - linear)) < 2.0 * b * np.max(linear)
+
+
+def test_a_relaxed_pad_keeps_the_share_that_never_relaxes():
+    model = bonded(Exponential(0.34, 1.165), RELAXATION)
+    held = force(model, np.array([0.0, 0.1, 500.0]), np.array([0.0, 1.6, 1.6]))[-1]
+    elastic = 0.34 / 1.165 * np.expm1(1.165 * 1.6)
+    assert np.isclose(held, RELAXATION.c[0] * elastic, rtol=1e-12)
+
+
+def test_hold_after_a_step_follows_the_relaxation_curve():
+    model = bonded(Exponential(0.34, 1.165), RELAXATION)
+    time = np.geomspace(1e-3, 40.0, 30) - 1e-3
+    held = force(model, time, np.full(30, 0.9))
+    assert np.allclose(held / held[0], RELAXATION.curve(time), rtol=1e-12)

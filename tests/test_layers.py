@@ -1,0 +1,132 @@
+"""Modules import only from the layers above their own."""
+
+import ast
+from graphlib import TopologicalSorter
+from pathlib import Path
+
+import qlvbayes
+
+ROOT = Path(qlvbayes.__file__).parent
+
+# One row a layer, top to bottom; an entry is a module or a whole subpackage of qlvbayes.
+LAYERS = [
+    ["runtime", "checks", "units"],
+    ["files"],
+    # measurements, and the motion in them
+    ["csvtext", "header", "growing"],
+    ["dialect"],
+    ["badline"],
+    ["table"],
+    ["testchecks"],
+    ["data"],
+    ["freeknots", "segments"],
+    ["trajectory"],
+    ["phases"],
+    ["noisefloor"],
+    # what the model sees of them
+    ["motion"],
+    ["record"],
+    ["reduction", "batching"],
+    # laws, priors, likelihood
+    ["smoothmath", "transforms"],
+    ["elastic", "relaxation", "distributions"],
+    ["hereditary", "priors"],
+    ["model", "noise"],
+    ["posterior", "defaults"],
+    ["parameters", "experiment"],
+    ["overrides"],
+    ["choices"],
+    # inference and what is made of it
+    ["inference"],
+    ["fit"],
+    ["summary", "predict"],
+    ["results", "residuals"],
+    ["checked"],
+    # a rig of its own, which shares nothing with the model
+    ["synthetic"],
+    # seen by people
+    ["plots"],
+    ["cli"],
+]
+FRONT = "qlvbayes"  # the package's own names, gathered from all layers
+PLACE = {entry: row for row, entries in enumerate(LAYERS) for entry in entries}
+
+
+def entry_of(module):
+    """Part of the package that a dotted module name belongs to."""
+    return module[1] if len(module) > 1 else FRONT
+
+
+def imports(path):
+    """(importer, imported) entries of one file, wherever in it the import stands."""
+    module = ("qlvbayes", *path.relative_to(ROOT).with_suffix("").parts)
+    package = module[:-1]
+    if path.name == "__init__.py":
+        module = package
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found = [tuple(alias.name.split(".")) for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            base = package[: len(package) - node.level + 1] if node.level else ()
+            base += tuple(node.module.split(".")) if node.module else ()
+            found = [(*base, alias.name) for alias in node.names]
+        else:
+            continue
+        for name in found:
+            inside = name[0] == "qlvbayes" and name[1:] not in ((), ("__version__",))
+            if inside and entry_of(name) != entry_of(module):
+                yield entry_of(module), entry_of(name)
+
+
+FILES = sorted(ROOT.rglob("*.py"))
+IMPORTS = sorted({pair for path in FILES for pair in imports(path)})
+
+
+def test_every_module_is_in_exactly_one_layer():
+    entries = [entry for row in LAYERS for entry in row]
+    assert len(entries) == len(set(entries))
+    present = {path.relative_to(ROOT).parts[0].removesuffix(".py") for path in FILES}
+    assert present - {"__init__"} == set(entries)
+
+
+def test_imports_point_upward_only():
+    wrong = [
+        f"{importer} imports {imported}"
+        for importer, imported in IMPORTS
+        if importer != FRONT and PLACE[imported] >= PLACE[importer]
+    ]
+    assert not wrong
+
+
+def test_the_simulator_shares_nothing_with_the_model():
+    assert {imported for importer, imported in IMPORTS if importer == "synthetic"} <= {"checks"}
+
+
+def test_measurements_and_motion_need_no_jax():
+    """They are plain numpy, quick to import and to run."""
+    plain = [entry for row in LAYERS[: PLACE["noisefloor"] + 1] for entry in row]
+    for path in FILES:
+        if path.relative_to(ROOT).parts[0].removesuffix(".py") in {*plain, "synthetic"} - {
+            "runtime"
+        }:
+            names = [
+                getattr(node, "module", None) or alias.name
+                for node in ast.walk(ast.parse(path.read_text()))
+                if isinstance(node, (ast.Import, ast.ImportFrom))
+                for alias in node.names
+            ]
+            assert not [name for name in names if name.split(".")[0] in ("jax", "equinox")], path
+
+
+def test_no_module_imports_itself_in_a_circle():
+    graph = {}
+    for path in FILES:
+        module = ".".join(path.relative_to(ROOT).with_suffix("").parts)
+        found = set()
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("qlvbayes."):
+                base = node.module.removeprefix("qlvbayes.")
+                found |= {base, *(f"{base}.{alias.name}" for alias in node.names)}
+        graph[module] = found
+    known = {name: {x for x in found if x in graph} - {name} for name, found in graph.items()}
+    TopologicalSorter(known).prepare()

@@ -1,0 +1,148 @@
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from qlvbayes.noisefloor import measure
+from qlvbayes.phases import Phase
+
+WHITE, OU, TAU = 0.006, 0.008, 0.5
+
+
+@dataclass(frozen=True)
+class Record:
+    time: np.ndarray
+    force: np.ndarray
+    force_sd: np.ndarray | None = None
+
+
+PHASES = (Phase("hold", 0.0, 30.0), Phase("recovery", 30.0, 60.0))
+TIME = np.arange(0.0, 60.0, 1e-3)
+
+
+def relaxation(t, drift=0.0):
+    loaded = 0.5 + 0.4 * np.exp(-6.215 * t) + 0.5 * np.exp(-0.14 * t)
+    after = t - 30.0
+    rise = 0.2 - 0.1 * np.exp(-6.215 * after.clip(0)) - 0.1 * np.exp(-0.14 * after.clip(0))
+    return np.where(t < 30.0, loaded, rise) + drift * t
+
+
+def correlated(n, sd, tau, rng):
+    a = np.exp(-1e-3 / tau)
+    kicks = sd * np.sqrt(1.0 - a**2) * rng.normal(size=n)
+    kicks[0] = sd * rng.normal()
+    return lfilter([1.0], [1.0, -a], kicks)
+
+
+def pad(rng, white=WHITE, ou=OU, tau=TAU, drift=0.0, rows=None, tests=6):
+    records = []
+    for _ in range(tests):
+        force = relaxation(TIME, drift) + white * rng.normal(size=TIME.size)
+        if ou > 0.0:
+            force += correlated(TIME.size, ou, tau, rng)
+        pick = slice(None) if rows is None else rows
+        records.append(Record(TIME[pick], force[pick]))
+    return records, [PHASES] * tests
+
+
+def draws(count, seed, **options):
+    rng = np.random.default_rng(seed)
+    found = [measure(*pad(rng, **options)) for _ in range(count)]
+    return np.array([(f.white, f.ou, f.tau, f.total) for f in found])
+
+
+def assert_centred(values, truth, share):
+    """Mean within a share of the truth, plus three standard errors of that mean."""
+    error = 3.0 * values.std() / np.sqrt(values.size)
+    assert abs(values.mean() - truth) < share * truth + error
+    assert error < share * truth  # the draws suffice to tell
+
+
+def thinned():
+    """About 500 rows: runs of consecutive samples and log-spaced ones."""
+    burst = np.concatenate([i + np.arange(60) for i in (0, 15_000, 30_000, 45_000)])
+    spread = np.geomspace(60, 29_990, 130).astype(int)
+    return np.unique(np.concatenate([burst, spread, 30_000 + spread]))
+
+
+def test_white_and_correlated_noise_are_told_apart():
+    white, ou, tau, total = draws(16, 1).T
+    assert_centred(white, WHITE, 0.03)
+    assert_centred(total, np.hypot(WHITE, OU), 0.05)
+    assert_centred(ou, OU, 0.05)
+    assert 0.3 < np.median(tau) < 0.8
+    assert white.std() < 0.03 * WHITE
+    assert total.std() < 0.08 * np.hypot(WHITE, OU)
+
+
+def test_white_noise_alone_is_called_white():
+    white, ou, _, _ = draws(20, 2, ou=0.0).T
+    assert_centred(white, WHITE, 0.01)
+    assert np.count_nonzero(ou < 0.3 * WHITE) >= 19
+
+
+def test_drift_of_the_force_is_no_noise():
+    rng = np.random.default_rng(3)
+    still = measure(*pad(np.random.default_rng(3)))
+    drifting = measure(*pad(rng, drift=0.02))
+    assert drifting.white == pytest.approx(still.white, rel=1e-3)
+    assert drifting.total == pytest.approx(still.total, rel=1e-2)
+
+
+def test_thinned_records():
+    white, _, _, total = draws(20, 4, rows=thinned()).T
+    assert_centred(white, WHITE, 0.03)
+    assert_centred(total, np.hypot(WHITE, OU), 0.10)
+
+
+def test_one_test_alone():
+    white, _, _, total = draws(30, 5, tests=1).T
+    assert_centred(white, WHITE, 0.03)
+    assert_centred(total, np.hypot(WHITE, OU), 0.10)
+
+
+def test_exact_relaxation_has_next_to_no_noise():
+    found = measure(*pad(np.random.default_rng(0), white=0.0, ou=0.0))
+    assert found.white > 0.0
+    assert found.total < 1e-4
+    assert np.isfinite(found.tau)
+
+
+def test_measured_sds_set_the_share_of_each_reading():
+    rng = np.random.default_rng(6)
+    sd = WHITE * (0.5 + TIME % 1.0)
+    found = []
+    for _ in range(10):
+        records = [
+            Record(TIME, relaxation(TIME) + sd * rng.normal(size=TIME.size), sd) for _ in range(6)
+        ]
+        found.append(measure(records, [PHASES] * 6).white)
+    assert_centred(np.array(found), np.sqrt(np.mean(sd**2)), 0.02)
+
+
+def test_the_unit_of_force_does_not_matter():
+    records, phases = pad(np.random.default_rng(7), tests=2)
+    in_newton = measure(records, phases)
+    in_milli = measure([Record(r.time, 1000.0 * r.force) for r in records], phases)
+    assert in_milli.white == pytest.approx(1000.0 * in_newton.white, rel=1e-3)
+    assert in_milli.ou == pytest.approx(1000.0 * in_newton.ou, rel=1e-2)
+
+
+def test_without_a_rest_the_record_itself_is_differenced():
+    rng = np.random.default_rng(8)
+    t = np.arange(0.0, 2.0, 1e-3)
+    found = []
+    for _ in range(20):
+        force = np.exp(t) + WHITE * rng.normal(size=t.size)
+        found.append(measure([Record(t, force)], [(Phase("ramp", 0.0, 2.0),)]).white)
+    assert_centred(np.array(found), WHITE, 0.05)
+
+
+def test_silent_and_tiny_records_give_a_positive_floor():
+    t = np.linspace(0.0, 1.0, 40)
+    for record in (Record(t, np.zeros(40)), Record(t[:5], np.ones(5)), Record(t, t.copy())):
+        found = measure([record], [(Phase("hold", 0.0, 1.0),)])
+        assert found.white > 0.0
+        assert np.isfinite([found.white, found.ou, found.tau, found.total]).all()
+        assert found.total < 1e-6

@@ -1,0 +1,223 @@
+"""What the user says of single constants: understood, or refused with a remedy."""
+
+import numpy as np
+import pytest
+
+from qlvbayes.batching import batch
+from qlvbayes.checks import InputError
+from qlvbayes.defaults import Scales, default_model, default_noise
+from qlvbayes.motion import Motion
+from qlvbayes.overrides import override, parse, parse_prior
+from qlvbayes.parameters import fields_of, names, unit_kinds
+from qlvbayes.posterior import Posterior, draw_prior
+from qlvbayes.priors import (
+    Dirichlet,
+    HalfNormal,
+    LogNormal,
+    LogUniform,
+    Normal,
+    Ordered,
+    Uniform,
+)
+from qlvbayes.record import Blocks, Record
+
+SCALES = Scales(force=2.0, depth=1.6, shortest=1e-3, longest=30.0, white=0.006, ou=0.008, tau=0.5)
+MODEL = default_model(SCALES)
+NOISE = default_noise(SCALES)
+
+
+def applied(*texts, part=MODEL, fixed=False):
+    return override(part, [parse(text, fixed=fixed) for text in texts])
+
+
+def posterior(model=MODEL, noise=NOISE):
+    time, depth = np.array([0.0, 1.0, 2.0]), np.array([0.0, 1.6, 1.6])
+    blocks = Blocks.of_samples(time, depth, np.ones(3))
+    motion = Motion(time, depth, np.zeros(3), np.zeros(3))
+    nodes = np.stack([np.arange(3)] * 2, axis=1)
+    return Posterior(model, noise, batch([Record(motion, nodes, blocks)]))
+
+
+GOOD = [
+    ("normal(0,1)", Normal, (0.0, 1.0)),
+    ("lognormal(1.8,0.5)", LogNormal, (1.8, 0.5)),
+    (" lognormal ( 1.8 , 0.5 ) ", LogNormal, (1.8, 0.5)),
+    ("halfnormal(2e-2)", HalfNormal, (0.02,)),
+    ("uniform(-1,1)", Uniform, (-1.0, 1.0)),
+    ("loguniform(0.01,100)", LogUniform, (0.01, 100.0)),
+]
+
+
+@pytest.mark.parametrize(("text", "kind", "values"), GOOD)
+def test_priors_are_read_and_written_alike(text, kind, values):
+    prior = parse_prior(text)
+    assert type(prior) is kind
+    assert (
+        tuple(getattr(prior, name) for name in list(kind.__annotations__)[: len(values)]) == values
+    )
+    again = parse_prior(prior.describe())
+    assert type(again) is kind
+    assert again.describe() == prior.describe()
+
+
+def test_dirichlet_takes_any_number_of_concentrations():
+    prior = parse_prior("dirichlet(1, 2, 0.5)")
+    assert isinstance(prior, Dirichlet)
+    assert prior.alpha.tolist() == [1.0, 2.0, 0.5]
+
+
+BAD_TEXTS = [
+    ("m", "write for example"),
+    ("=3", "write for example"),
+    ("v [1]=normal(0,1)", "write for example"),
+    ("m=gamma(1,2)", "use one of normal, lognormal"),
+    ("m=lognormal(1,2", "use one of normal, lognormal"),
+    ("m=0.3", "use one of normal, lognormal"),
+    ("m=", "use one of normal, lognormal"),
+    ("m=lognormal()", "write a number"),
+    ("m=lognormal(1,nan)", "write a number"),
+    ("m=lognormal(1,x)", "write a number"),
+    ("m=lognormal(1)", "takes log_median, log_sd"),
+    ("m=halfnormal(1,2)", "takes sd"),
+    ("m=lognormal(1,0)", "log_sd must be positive"),
+    ("m=normal(1,-1)", "sd must be positive"),
+    ("m=uniform(2,1)", "lower bound must be below"),
+    ("m=loguniform(0,1)", "lower bound must be positive"),
+    ("c=dirichlet(1)", "two or more positive"),
+    ("c=dirichlet(1,0,1)", "two or more positive"),
+]
+
+
+@pytest.mark.parametrize(("text", "remedy"), BAD_TEXTS)
+def test_what_is_not_a_prior_is_refused_with_a_remedy(text, remedy):
+    with pytest.raises(InputError, match=remedy):
+        parse(text, fixed=False)
+
+
+@pytest.mark.parametrize("text", ["v[2]=", "v[2]=inf", "v[2]=nan", "v[2]=lognormal(1,1)"])
+def test_what_is_not_a_number_is_refused(text):
+    with pytest.raises(InputError, match="write a number"):
+        parse(text, fixed=True)
+
+
+BAD_PRIORS = [
+    ("k=normal(0,1)", "use one of m, b, c.0., c.1., c.2., v.1., v.2."),
+    ("m[0]=lognormal(0,1)", "use one of m, b"),
+    ("v[0]=lognormal(0,1)", "use one of v.1., v.2."),
+    ("v[3]=lognormal(0,1)", "use one of v.1., v.2."),
+    ("v=lognormal(0,1)", "name v.1."),
+    ("v[1]=uniform(1,10)", "use lognormal or halfnormal"),
+    ("v[1]=normal(6,1)", "use lognormal, halfnormal, loguniform"),
+    ("m=normal(1,1)", "use lognormal, halfnormal, loguniform"),
+    ("m=uniform(-1,1)", "use lognormal, halfnormal, loguniform"),
+    ("m=dirichlet(1,1,1)", "give it a prior of one number"),
+    ("c[0]=uniform(0,1)", "write c=dirichlet"),
+    ("c=uniform(0,1)", "write c=dirichlet"),
+    ("c=dirichlet(1,1)", "write c=dirichlet"),
+    ("noise.white=lognormal(0,1)", "use one of m, b"),
+]
+
+
+@pytest.mark.parametrize(("text", "remedy"), BAD_PRIORS)
+def test_a_prior_that_does_not_fit_its_constant_is_refused(text, remedy):
+    with pytest.raises(InputError, match=remedy):
+        applied(text)
+
+
+BAD_NUMBERS = [
+    (("m=0",), "positive number"),
+    (("m=-1",), "positive number"),
+    (("v[1]=0",), "positive number"),
+    (("v[1]=0.1", "v[2]=6"), "exchange the fixed rates"),
+    (("c[0]=1",), "fix fewer or smaller"),
+    (("c[0]=-0.1",), "fix fewer or smaller"),
+    (("c[0]=0.2", "c[1]=0.2"), "fix fewer or smaller"),
+    (("c=0.3",), "write c=dirichlet"),
+]
+
+
+@pytest.mark.parametrize(("texts", "remedy"), BAD_NUMBERS)
+def test_a_number_out_of_range_is_refused(texts, remedy):
+    with pytest.raises(InputError, match=remedy):
+        applied(*texts, fixed=True)
+
+
+def test_messages_are_one_line():
+    with pytest.raises(InputError) as caught:
+        applied("m=\n-1", fixed=True)
+    assert "\n" not in str(caught.value)
+
+
+def test_scalars_are_replaced_and_nothing_else():
+    model = applied("m=lognormal(-1,0.2)")
+    assert model.elastic.m.describe() == "lognormal(-1, 0.2)"
+    assert model.elastic.b is MODEL.elastic.b
+    assert model.relaxation is not None
+    assert applied("b=0.577", fixed=True).elastic.b == 0.577
+    assert applied("m=uniform(0,1)").elastic.m.describe() == "uniform(0, 1)"
+
+
+def test_rates_are_replaced_one_by_one():
+    model = applied("v[1]=lognormal(1.8,0.5)")
+    model = applied("v[2]=0.14", part=model, fixed=True)
+    rates = model.relaxation.v
+    assert isinstance(rates, Ordered)
+    assert rates.describe() == "lognormal(1.8, 0.5) > 0.14"
+    assert rates.size == 1
+
+
+def test_fixed_fractions_survive_a_new_dirichlet():
+    model = applied("c[0]=0.3", fixed=True)
+    model = applied("c=dirichlet(1,2,3)", part=model)
+    fractions = model.relaxation.c
+    assert fractions.describe() == "dirichlet(1, 2, 3), [0] = 0.3"
+    assert fractions.size == 1
+
+
+def test_noise_is_named_with_its_prefix():
+    noise = applied("noise.white=0.01", part=NOISE, fixed=True)
+    assert noise.white == 0.01
+    assert noise.ou is NOISE.ou
+    with pytest.raises(InputError, match=r"use one of noise.white, noise.ou, noise.tau"):
+        applied("white=0.01", part=NOISE, fixed=True)
+
+
+def test_names_and_units_are_in_the_order_of_the_constants():
+    whole = posterior()
+    assert names(whole) == [
+        "m", "b", "c[0]", "c[1]", "c[2]", "v[1]", "v[2]", "noise.white", "noise.ou", "noise.tau",
+    ]  # fmt: skip
+    assert unit_kinds(whole) == [
+        "stiffness", "exponent", *["fraction"] * 3, *["rate"] * 2, "force", "force", "time",
+    ]  # fmt: skip
+    assert len({field.name for field in fields_of(whole.model)}) == 4
+
+
+@pytest.mark.parametrize("modes", [1, 2, 3])
+@pytest.mark.parametrize("law", ["exponential", "linear", "hertz"])
+@pytest.mark.parametrize("kind", ["correlated", "white", "student-t"])
+def test_constants_come_back_from_theta_under_every_law_and_noise(law, modes, kind):
+    whole = posterior(default_model(SCALES, law, modes), default_noise(SCALES, kind))
+    theta = draw_prior(whole, np.random.default_rng(1))
+    assert theta.shape == (whole.size,)
+    constants = np.asarray(whole.constants(theta))
+    assert len(names(whole)) == len(unit_kinds(whole)) == constants.size
+    assert np.allclose(whole.unconstrain(constants), theta, atol=1e-7)
+
+
+def test_fixed_constants_leave_theta_and_keep_their_names():
+    model = applied("v[2]=0.14", "c[0]=0.3", "b=0.577", fixed=True)
+    whole = posterior(model)
+    assert whole.size == posterior().size - 3
+    assert names(whole) == names(posterior())
+    theta = draw_prior(whole, np.random.default_rng(2))
+    constants = dict(zip(names(whole), np.asarray(whole.constants(theta)), strict=True))
+    assert (constants["v[2]"], constants["c[0]"], constants["b"]) == (0.14, 0.3, 0.577)
+    assert np.isfinite(whole.log_density(theta))
+
+
+def test_unknown_laws_and_noises_are_programming_errors():
+    with pytest.raises(ValueError, match="choose one of exponential"):
+        default_model(SCALES, "cubic")
+    with pytest.raises(ValueError, match="choose one of correlated"):
+        default_noise(SCALES, "pink")
