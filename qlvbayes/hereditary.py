@@ -55,7 +55,7 @@ def hereditary_force(
         advance, first, (times, depths, instant)
     )
     carried = parts + survivals * _carry(survival, part)
-    force = relaxation.c[0] * instant + jnp.einsum("r,lrk->lk", relaxation.c[1:], carried)
+    force = relaxation.c[0] * instant + jnp.sum(relaxation.c[1:, None] * carried, axis=1)
     return force.T.reshape(-1)[: time.shape[0]]
 
 

@@ -172,9 +172,9 @@ def _probability_of_order(members: tuple[AbstractPositivePrior | Array, ...]) ->
     """
     fixed = [float(np.log(x)) for x in members if not isinstance(x, AbstractPrior)]
     around = [
-        float(x.log_median) + float(x.log_sd) * np.linspace(-10.0, 10.0, 4001)
+        np.asarray(x.log_median) + np.asarray(x.log_sd) * np.linspace(-10.0, 10.0, 4001)
         for x in members
-        if isinstance(x, LogNormal) and x.log_sd < _NARROW
+        if isinstance(x, LogNormal) and np.asarray(x.log_sd) < _NARROW
     ]
     wide = np.linspace(-60.0, 60.0, 24001)
     grid = np.unique(np.concatenate([wide, *around, fixed, [x + 1e-12 for x in fixed]]))
