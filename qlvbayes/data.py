@@ -11,12 +11,12 @@ from typing import ClassVar, Literal, NoReturn, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from qlvbayes.badline import parse_number
 from qlvbayes.checks import InputError
-from qlvbayes.csvtext import digest, unchanged
-from qlvbayes.dialect import Dialect, sniff
-from qlvbayes.table import Table, read_table
-from qlvbayes.testchecks import Checker, Rows
+from qlvbayes.reading.badline import parse_number
+from qlvbayes.reading.csvtext import digest, unchanged
+from qlvbayes.reading.dialect import Dialect, sniff
+from qlvbayes.reading.table import Table, read_table
+from qlvbayes.reading.testchecks import Checker, Rows
 from qlvbayes.units import UnitSystem
 
 Floats = NDArray[np.float64]

@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from qlvbayes.batching import batch
 from qlvbayes.data import Pad, Test
 from qlvbayes.defaults import Scales
+from qlvbayes.kinematics.phases import Phase, find_phases, loading_rate
+from qlvbayes.kinematics.trajectory import Trajectory, smooth
 from qlvbayes.noisefloor import NoiseFloor, measure
-from qlvbayes.phases import Phase, find_phases, loading_rate
-from qlvbayes.record import Record
-from qlvbayes.reduction import reduce_test
-from qlvbayes.trajectory import Trajectory, smooth
+from qlvbayes.records.batching import batch
+from qlvbayes.records.record import Record
+from qlvbayes.records.reduction import reduce_test
 from qlvbayes.units import UnitSystem
 
 FIT_RATE = 20.0  # mm/s, the paper's identification test
@@ -79,10 +79,7 @@ class Experiment:
     def record(self, trials: Sequence[Trial]) -> Record:
         """Block averages of some trials, as one batch."""
         return batch(
-            [
-                reduce_test(t.test, t.trajectory, t.phases, sd_scale=self.sd_scale)
-                for t in trials
-            ]
+            [reduce_test(t.test, t.trajectory, t.phases, sd_scale=self.sd_scale) for t in trials]
         )
 
 

@@ -55,9 +55,7 @@ class Fit:
         return [self.experiment.units.of(kind) for kind in unit_kinds(self.posterior)]
 
 
-def build_posterior(
-    experiment: Experiment, choices: Choices, trials: Sequence[Trial]
-) -> Posterior:
+def build_posterior(experiment: Experiment, choices: Choices, trials: Sequence[Trial]) -> Posterior:
     """Model, noise and the block averages of some trials."""
     model, noise = choices.build(experiment.scales)
     return Posterior(model, noise, experiment.record(trials))
@@ -119,9 +117,18 @@ def _sampled(
         "thinned_by": thin,
     }
     return Fit(
-        experiment.pad, "emcee", choices, experiment, trials, posterior,
-        theta[:, ::thin], every[:, ::thin], every, chain.enough, facts,
-    )  # fmt: skip
+        experiment.pad,
+        "emcee",
+        choices,
+        experiment,
+        trials,
+        posterior,
+        theta[:, ::thin],
+        every[:, ::thin],
+        every,
+        chain.enough,
+        facts,
+    )
 
 
 def _approximated(
@@ -137,9 +144,18 @@ def _approximated(
     constants = _constants(found.posterior, theta)
     facts = {"residual_sd": found.residual_sd, "starts_agreeing": found.agreeing}
     return Fit(
-        experiment.pad, method, choices, experiment, trials, found.posterior,
-        theta, constants, constants, found.agreeing > 1, facts,
-    )  # fmt: skip
+        experiment.pad,
+        method,
+        choices,
+        experiment,
+        trials,
+        found.posterior,
+        theta,
+        constants,
+        constants,
+        found.agreeing > 1,
+        facts,
+    )
 
 
 def _constants(posterior: Posterior, theta: np.ndarray) -> np.ndarray:

@@ -51,9 +51,10 @@ def hereditary_force(
         start_depth,
         elastic.force(start_depth),
     )
-    (part, survival, *_), (parts, survivals) = jax.lax.scan(
-        advance, first, (times, depths, instant)
-    )
+    last: tuple
+    history: tuple
+    last, history = jax.lax.scan(advance, first, (times, depths, instant))
+    (part, survival), (parts, survivals) = last[:2], history
     carried = parts + survivals * _carry(survival, part)
     force = relaxation.c[0] * instant + jnp.sum(relaxation.c[1:, None] * carried, axis=1)
     return force.T.reshape(-1)[: time.shape[0]]

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import jax.scipy.stats as jss
 from jaxtyping import Array
 
-from qlvbayes.record import Blocks
+from qlvbayes.records.record import Blocks
 
 
 class AbstractNoise(eqx.Module):

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_solve_banded, cholesky, cholesky_banded, qr, solve_triangular
 from scipy.optimize import Bounds, minimize
 
-from qlvbayes.phases import Phase
-from qlvbayes.segments import sensor_noise
+from qlvbayes.kinematics.phases import Phase
+from qlvbayes.kinematics.segments import sensor_noise
 
 Array = NDArray[np.float64]
 

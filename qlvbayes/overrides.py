@@ -12,7 +12,9 @@ import equinox as eqx
 import numpy as np
 
 from qlvbayes.checks import InputError
-from qlvbayes.distributions import (
+from qlvbayes.parameters import Field, fields_of
+from qlvbayes.priors import Dirichlet, Ordered
+from qlvbayes.priors.distributions import (
     AbstractPositivePrior,
     AbstractPrior,
     AbstractScalarPrior,
@@ -22,8 +24,6 @@ from qlvbayes.distributions import (
     Normal,
     Uniform,
 )
-from qlvbayes.parameters import Field, fields_of
-from qlvbayes.priors import Dirichlet, Ordered
 
 WORDS: dict[str, type[AbstractScalarPrior]] = {
     kind.word: kind for kind in (Normal, LogNormal, HalfNormal, Uniform, LogUniform)
@@ -70,7 +70,7 @@ def parse_prior(text: str) -> AbstractPrior:
     if word not in WORDS:
         raise InputError(f"no prior is called {word!r}", remedy=f"use one of {known}")
     kind = WORDS[word]
-    wanted = [field.name for field in fields(kind)]  # type: ignore[arg-type]
+    wanted = [field.name for field in fields(kind)]
     if len(numbers) != len(wanted):
         raise InputError(f"{word} takes {', '.join(wanted)}", remedy=f"got {len(numbers)} numbers")
     return _checked(kind(*numbers), text.strip())
@@ -96,11 +96,12 @@ def override(part: Part, settings: Iterable[tuple[str, AbstractPrior | float]]) 
     for name, value in settings:
         known = {field.name: field for field in fields_of(part)}
         match = _NAME.fullmatch(name)
-        field = known.get(match[1]) if match else None
-        if field is None or (match[2] is not None and not field.shape):
+        stem, index = (match[1], match[2]) if match else (name, None)
+        field = known.get(stem)
+        if field is None or (index is not None and not field.shape):
             names = ", ".join(n for field in known.values() for n in field.names)
             raise InputError(f"no constant is called {name!r}", remedy=f"use one of {names}")
-        new = _replacement(field, None if match[2] is None else int(match[2]), value)
+        new = _replacement(field, None if index is None else int(index), value)
         part = _put(part, field.name, new)
     return part
 
@@ -109,20 +110,22 @@ def _put(part: Part, name: str, value: object, prefix: str = "") -> Part:
     """A copy of ``part`` whose field called ``name`` holds ``value``."""
     prefix = prefix + getattr(part, "prefix", "")
     changes: dict[str, object] = {}
-    for field in fields(part):  # type: ignore[arg-type]
+    for field in fields(part):
         old = getattr(part, field.name)
         if prefix + field.name == name:
             changes[field.name] = value
         elif isinstance(old, eqx.Module) and not isinstance(old, AbstractPrior):
             changes[field.name] = _put(old, name, value, prefix)
-    return replace(part, **changes)  # type: ignore[type-var]
+    return replace(part, **changes)
 
 
 def _replacement(field: Field, index: int | None, value: AbstractPrior | float) -> object:
     """What stands in the field once ``value`` is put at ``index``."""
     if index is not None and f"{field.name}[{index}]" not in field.names:
-        raise InputError(f"no constant is called {field.name}[{index}]",
-                         remedy=f"use one of {', '.join(field.names)}")  # fmt: skip
+        raise InputError(
+            f"no constant is called {field.name}[{index}]",
+            remedy=f"use one of {', '.join(field.names)}",
+        )
     if not field.shape:
         return _scalar(field, value)
     if isinstance(field.value, Dirichlet):
@@ -146,8 +149,10 @@ def _require_positive(name: str, value: AbstractPrior | float) -> None:
         return
     low = value.low if isinstance(value, (Uniform, LogUniform)) else value
     if isinstance(low, AbstractPrior) or low < 0.0 or (low == 0.0 and low is value):
-        raise InputError(f"{name} must be positive",
-                         remedy="use lognormal, halfnormal, loguniform or a positive number")  # fmt: skip
+        raise InputError(
+            f"{name} must be positive",
+            remedy="use lognormal, halfnormal, loguniform or a positive number",
+        )
 
 
 def _simplex(old: Dirichlet, index: int | None, value: AbstractPrior | float) -> Dirichlet:
@@ -158,12 +163,16 @@ def _simplex(old: Dirichlet, index: int | None, value: AbstractPrior | float) ->
             raise InputError(f"c needs {size} concentrations", remedy="write c=dirichlet(1,1,1)")
         return Dirichlet(value.alpha, fixed)
     if isinstance(value, AbstractPrior):
-        raise InputError("the fractions c sum to one and share a prior",
-                         remedy="write c=dirichlet(1,1,1), or fix single ones")  # fmt: skip
+        raise InputError(
+            "the fractions c sum to one and share a prior",
+            remedy="write c=dirichlet(1,1,1), or fix single ones",
+        )
     fixed[index] = value
     if not 0.0 <= value < 1.0 or sum(fixed.values()) >= 1.0 or len(fixed) > size - 2:
-        raise InputError("fixed fractions must lie in [0, 1), sum to less than one and leave two "
-                         "free", remedy="fix fewer or smaller fractions")  # fmt: skip
+        raise InputError(
+            "fixed fractions must lie in [0, 1), sum to less than one and leave two free",
+            remedy="fix fewer or smaller fractions",
+        )
     return Dirichlet(old.alpha, fixed)
 
 
@@ -173,9 +182,11 @@ def _ordered(field: Field, index: int | None, value: AbstractPrior | float) -> O
     name = f"{field.name}[{index}]"
     _require_positive(name, value)
     if isinstance(value, AbstractPrior) and not isinstance(value, AbstractPositivePrior):
-        raise InputError(f"{name}: rates are ordered and need a prior on all positive numbers",
-                         remedy="use lognormal or halfnormal")  # fmt: skip
-    members = list(field.value.members)  # type: ignore[attr-defined]
+        raise InputError(
+            f"{name}: rates are ordered and need a prior on all positive numbers",
+            remedy="use lognormal or halfnormal",
+        )
+    members = list(field.value.members)
     members[index - field.first_index] = value
     numbers = [float(x) for x in members if not isinstance(x, AbstractPrior)]
     if any(np.diff(numbers) >= 0.0):

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
+from typing import Any
 
 import equinox as eqx
 
-from qlvbayes.distributions import AbstractPrior
 from qlvbayes.posterior import Posterior, value_shape
+from qlvbayes.priors.distributions import AbstractPrior
 
 
 @dataclass(frozen=True)
@@ -16,7 +17,7 @@ class Field:
     """A field of a model or noise part: where it is, what stands in it, what unit it has."""
 
     name: str
-    value: object
+    value: Any
     unit: str
     shape: tuple[int, ...]
     first_index: int
@@ -32,7 +33,7 @@ class Field:
 def fields_of(part: eqx.Module, prefix: str = "") -> Iterator[Field]:
     """Every number or prior in a module, depth first, in the order JAX flattens it."""
     prefix = prefix + getattr(part, "prefix", "")
-    for field in fields(part):  # type: ignore[arg-type]
+    for field in fields(part):
         if field.metadata.get("static", False):
             continue
         value = getattr(part, field.name)

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from typing import Any, TypeGuard
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from qlvbayes.distributions import AbstractPrior
 from qlvbayes.model import Model
 from qlvbayes.noise import AbstractNoise
-from qlvbayes.record import Record
+from qlvbayes.priors.distributions import AbstractPrior
+from qlvbayes.records.record import Record
 
 
-def is_prior(node: object) -> bool:
+def is_prior(node: object) -> TypeGuard[AbstractPrior]:
     """Whether a field is free."""
     return isinstance(node, AbstractPrior)
 
@@ -111,7 +113,7 @@ class Posterior(eqx.Module):
         return np.concatenate(parts)
 
 
-def value_shape(field: object) -> tuple[int, ...]:
+def value_shape(field: Any) -> tuple[int, ...]:
     """Shape of the number or numbers a field stands for."""
     if isinstance(field, AbstractPrior):
         return jax.eval_shape(field.constrain, jnp.zeros(field.size))[0].shape

@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 import jax
 import numpy as np
 
-from qlvbayes.batching import batch
 from qlvbayes.choices import Choices
 from qlvbayes.experiment import Experiment, Trial
 from qlvbayes.inference import compiled
 from qlvbayes.noise import Correlated
 from qlvbayes.parameters import names
 from qlvbayes.posterior import Posterior
-from qlvbayes.reduction import reduce_test
+from qlvbayes.records.batching import batch
+from qlvbayes.records.reduction import reduce_test
 
 DRAWS = 400
 _ROWS = 300  # samples looked at in a phase, at most; spread evenly in the logarithm of time
@@ -96,15 +96,21 @@ def _sample_by_sample(
         test = trial.test
         sd = None if test.force_sd is None else test.force_sd[chosen]
         thinned = replace(
-            test, time=test.time[chosen], displacement=test.displacement[chosen],
-            force=test.force[chosen], force_sd=sd,
-        )  # fmt: skip
+            test,
+            time=test.time[chosen],
+            displacement=test.displacement[chosen],
+            force=test.force[chosen],
+            force_sd=sd,
+        )
         records.append(
             reduce_test(
-                thinned, trial.trajectory, trial.phases,
-                sd_scale=experiment.sd_scale, blocks=False,
+                thinned,
+                trial.trajectory,
+                trial.phases,
+                sd_scale=experiment.sd_scale,
+                blocks=False,
             )
-        )  # fmt: skip
+        )
     return Posterior(model, noise, batch(records))
 
 
@@ -140,6 +146,13 @@ def _prediction(
     low, high = np.quantile(forces + noise, [0.05, 0.95], axis=0)
     time = trial.test.time[rows]
     return Prediction(
-        trial, time, trial.phase_of(time), trial.test.force[rows],
-        forces.mean(axis=0), low, high, forces, floor,
-    )  # fmt: skip
+        trial,
+        time,
+        trial.phase_of(time),
+        trial.test.force[rows],
+        forces.mean(axis=0),
+        low,
+        high,
+        forces,
+        floor,
+    )

@@ -21,6 +21,6 @@ class Prony(eqx.Module):
     first_index: ClassVar[dict[str, int]] = {"v": 1}
 
     def curve(self, time: Array) -> Array:
-        """g at ``time`` (s), any shape."""
+        """G at ``time`` (s), any shape."""
         decays = jnp.exp(-jnp.asarray(time)[..., None] * self.v)
         return self.c[0] + decays @ self.c[1:]

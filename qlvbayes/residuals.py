@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import norm
 
-from qlvbayes.phases import KINDS
+from qlvbayes.kinematics.phases import KINDS
 from qlvbayes.predict import Prediction
 
 FALSE_ALARMS = 0.01  # probability that any cell of a right model is called failing
@@ -50,12 +50,19 @@ class Check:
         """The content of ``check.json``."""
         cells = [
             {
-                "test": c.test, "role": c.role, "rate_mm_s": c.rate, "phase": c.phase, "n": c.n,
-                "rmse_N": c.rmse, "bias_N": c.bias, "coverage90": c.coverage90,
-                "p_value": c.p_value, "fails": self.fails(c),
+                "test": c.test,
+                "role": c.role,
+                "rate_mm_s": c.rate,
+                "phase": c.phase,
+                "n": c.n,
+                "rmse_N": c.rmse,
+                "bias_N": c.bias,
+                "coverage90": c.coverage90,
+                "p_value": c.p_value,
+                "fails": self.fails(c),
             }
             for c in self.cells
-        ]  # fmt: skip
+        ]
         return {"schema": 1, "pad": self.pad, "effects": [], "noise_N": self.noise, "cells": cells}
 
 
@@ -77,11 +84,16 @@ def _cell(prediction: Prediction, kind: str) -> Cell:
     trial = prediction.trial
     rmse = float(np.sqrt(np.mean(residual**2)))
     return Cell(
-        test=trial.name, role=trial.role, rate=_finite(trial.rate), phase=kind,
-        n=int(here.sum()), rmse=rmse, bias=float(residual.mean()),
+        test=trial.name,
+        role=trial.role,
+        rate=_finite(trial.rate),
+        phase=kind,
+        n=int(here.sum()),
+        rmse=rmse,
+        bias=float(residual.mean()),
         coverage90=float(inside[here].mean()),
         p_value=_p_value(rmse, prediction, here),
-    )  # fmt: skip
+    )
 
 
 def _finite(rate: float) -> float | None:

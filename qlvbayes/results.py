@@ -161,14 +161,19 @@ def load(path: Path) -> Saved:
     try:
         tree = xarray.load_datatree(path, engine="h5netcdf")
         attrs = tree.attrs
-        posterior = tree["posterior"]
+        posterior = tree["posterior"].to_dataset()
         names, columns = _flattened(posterior)
         return Saved(
-            pad=str(attrs["pad"]), names=tuple(names), constants=np.stack(columns, axis=-1),
-            choices=Choices.from_dict(json.loads(attrs["choices"])), method=str(attrs["method"]),
-            source=str(attrs["source"]), sha256=str(attrs["sha256"]),
-            all_tests=bool(attrs["all_tests"]), fitted=tuple(json.loads(attrs["fitted_tests"])),
-        )  # fmt: skip
+            pad=str(attrs["pad"]),
+            names=tuple(names),
+            constants=np.stack(columns, axis=-1),
+            choices=Choices.from_dict(json.loads(attrs["choices"])),
+            method=str(attrs["method"]),
+            source=str(attrs["source"]),
+            sha256=str(attrs["sha256"]),
+            all_tests=bool(attrs["all_tests"]),
+            fitted=tuple(json.loads(attrs["fitted_tests"])),
+        )
     except (OSError, KeyError, ValueError) as error:
         raise InputError(
             f"not a results file of qlvbayes ({type(error).__name__})",
@@ -177,7 +182,7 @@ def load(path: Path) -> Saved:
         ) from error
 
 
-def _flattened(posterior: xarray.DataTree) -> tuple[list[str], list[np.ndarray]]:
+def _flattened(posterior: xarray.Dataset) -> tuple[list[str], list[np.ndarray]]:
     names, columns = [], []
     for key, variable in posterior.data_vars.items():
         values = variable.to_numpy()
@@ -189,4 +194,3 @@ def _flattened(posterior: xarray.DataTree) -> tuple[list[str], list[np.ndarray]]
             names.append(f"{key}[{int(index)}]")
             columns.append(values[..., place])
     return names, columns
-

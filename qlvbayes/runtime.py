@@ -20,7 +20,7 @@ def cache_folder() -> Path:
 def configure() -> None:
     """Switch JAX to float64 and to the persistent compile cache (skipped if it cannot be made)."""
     jax.config.update("jax_enable_x64", True)
-    if jax.config.jax_compilation_cache_dir is not None:
+    if jax.config.values["jax_compilation_cache_dir"] is not None:
         return
     folder = cache_folder()
     try:

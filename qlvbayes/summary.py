@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from qlvbayes.fit import Fit
 from qlvbayes.inference.diagnostics import diagnose_chain, highest_density
 from qlvbayes.inference.ensemble import STEPS_PER_TIME
-from qlvbayes.fit import Fit
 
 
 @dataclass(frozen=True)
@@ -52,11 +52,16 @@ class Summary:
         """The content of ``summary.json``."""
         parameters = {
             c.name: {
-                "unit": c.unit, "mean": c.mean, "sd": c.sd, "median": c.median,
-                "hdi90": list(c.hdi90), "r_hat": c.r_hat, "ess_bulk": c.ess_bulk,
+                "unit": c.unit,
+                "mean": c.mean,
+                "sd": c.sd,
+                "median": c.median,
+                "hdi90": list(c.hdi90),
+                "r_hat": c.r_hat,
+                "ess_bulk": c.ess_bulk,
             }
             for c in self.constants
-        }  # fmt: skip
+        }
         return {
             "schema": 1,
             "pad": self.pad,
@@ -77,11 +82,15 @@ def summarise(fit: Fit) -> Summary:
         values = fit.every[..., k]
         rows.append(
             Constant(
-                name, unit, float(values.mean()), _spread(values), float(np.median(values)),
+                name,
+                unit,
+                float(values.mean()),
+                _spread(values),
+                float(np.median(values)),
                 highest_density(values),
                 _or_none(diagnostics.r_hat[k]) if diagnostics else None,
                 _or_none(diagnostics.ess_bulk[k]) if diagnostics else None,
-            )  # fmt: skip
+            )
         )
     troubles = diagnostics.troubles if diagnostics else []
     return Summary(fit.pad, fit.method, tuple(rows), (*troubles, *_length_troubles(fit)))

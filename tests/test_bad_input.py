@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from qlvbayes.checks import InputError
 from qlvbayes.data import read_study
-from qlvbayes.table import read_table
+from qlvbayes.reading.table import read_table
 
 HEADER = "time_s,displacement_mm,force_N"
 LINES = [

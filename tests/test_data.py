@@ -14,9 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from qlvbayes.checks import InputError
-from qlvbayes.csvtext import blocks
 from qlvbayes.data import read_study
-from qlvbayes.testchecks import wrong_signs
+from qlvbayes.reading.csvtext import blocks
+from qlvbayes.reading.testchecks import wrong_signs
 from qlvbayes.units import PAD, STRAIN, SUFFIXES, column_name
 
 REAL = Path(__file__).parents[2] / "shared" / "real"
@@ -381,7 +381,7 @@ def test_blocks_do_not_show(tmp_path, monkeypatch):
 
 MEASURE = """
 import resource, sys
-from qlvbayes.csvtext import blocks
+from qlvbayes.reading.csvtext import blocks
 from qlvbayes.data import read_study
 peak = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 read_study(sys.argv[1])

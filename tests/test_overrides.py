@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from qlvbayes.batching import batch
 from qlvbayes.checks import InputError
 from qlvbayes.defaults import Scales, default_model, default_noise
 from qlvbayes.motion import Motion
@@ -19,7 +18,8 @@ from qlvbayes.priors import (
     Ordered,
     Uniform,
 )
-from qlvbayes.record import Blocks, Record
+from qlvbayes.records.batching import batch
+from qlvbayes.records.record import Blocks, Record
 
 SCALES = Scales(force=2.0, depth=1.6, shortest=1e-3, longest=30.0, white=0.006, ou=0.008, tau=0.5)
 MODEL = default_model(SCALES)

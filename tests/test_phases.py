@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from qlvbayes.checks import InputError
-from qlvbayes.phases import find_phases, loading_rate
-from qlvbayes.trajectory import smooth
+from qlvbayes.kinematics.phases import find_phases, loading_rate
+from qlvbayes.kinematics.trajectory import smooth
 
 REAL = Path(__file__).parents[2] / "shared" / "real"
 STEP = 1e-3

@@ -15,13 +15,13 @@ from matplotlib.figure import Figure
 from qlvbayes import plots
 from qlvbayes.data import Test as Record
 from qlvbayes.experiment import Trial
-from qlvbayes.phases import KINDS, Phase
+from qlvbayes.kinematics.phases import KINDS, Phase
+from qlvbayes.kinematics.trajectory import smooth
 from qlvbayes.plots.files import save_figure
 from qlvbayes.plots.forces import plot_forces
 from qlvbayes.plots.residual_map import plot_residual_map
 from qlvbayes.predict import Prediction
 from qlvbayes.residuals import Cell, Check, check
-from qlvbayes.trajectory import smooth
 from qlvbayes.units import PAD, STRAIN
 
 NOISE = 0.01

@@ -5,16 +5,16 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from qlvbayes.batching import batch
 from qlvbayes.data import Test
 from qlvbayes.defaults import Scales, default_model
+from qlvbayes.kinematics.phases import find_phases
+from qlvbayes.kinematics.trajectory import smooth
 from qlvbayes.noise import Correlated, White
-from qlvbayes.phases import find_phases
 from qlvbayes.posterior import Posterior
-from qlvbayes.reduction import reduce_test
+from qlvbayes.records.batching import batch
+from qlvbayes.records.reduction import reduce_test
 from qlvbayes.synthetic import NOISES, TABLE_1, Platen, encode, paper_protocol
 from qlvbayes.synthetic import Pad as SimulatedPad
-from qlvbayes.trajectory import smooth
 
 CONSTANTS = TABLE_1["B"]
 MODEL = default_model(

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from qlvbayes.checks import InputError
-from qlvbayes.trajectory import smooth
+from qlvbayes.kinematics.trajectory import smooth
 
 STEP = 1e-3  # mm
 LIMIT = 1000.0  # mm/s2

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from qlvbayes.transforms import (
+from qlvbayes.priors.transforms import (
     from_between,
     from_interval,
     from_simplex,

@@ -59,12 +59,16 @@ def check(
 
 def _study(source: Path, saved: Saved) -> Study:
     if not source.exists():
-        raise InputError("the measurements are no longer here", file=source,
-                         remedy="say where they are with --data FILE")  # fmt: skip
+        raise InputError(
+            "the measurements are no longer here",
+            file=source,
+            remedy="say where they are with --data FILE",
+        )
     study = read_study(source)
     if study.sha256 != saved.sha256:
-        raise InputError("the file has changed since the fit", file=source,
-                         remedy="run qlvbayes fit again")  # fmt: skip
+        raise InputError(
+            "the file has changed since the fit", file=source, remedy="run qlvbayes fit again"
+        )
     return study
 
 

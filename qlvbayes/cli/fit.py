@@ -55,9 +55,13 @@ def fit(
     with waiting("reading"):
         study = read_study(file)
     choices = Choices(
-        law=elastic, modes=modes, noise=noise, priors=tuple(prior or ()), fixed=tuple(fix or ()),
+        law=elastic,
+        modes=modes,
+        noise=noise,
+        priors=tuple(prior or ()),
+        fixed=tuple(fix or ()),
         bonded=study.units.bonded_default if bonded is None else bonded,
-    )  # fmt: skip
+    )
     settings = Settings(walkers=walkers, max_steps=max_steps, seed=seed)
     if method not in METHODS:
         raise InputError(f"no method {method!r}", remedy=f"use one of {', '.join(METHODS)}")
@@ -97,9 +101,13 @@ def _fit_one(
     summary = summarise(found)
     with waiting(f"pad {pad.name}: writing"):
         tree = to_arviz(
-            found, summary, source=str(Path(study.source).resolve()), sha256=study.sha256,
-            all_tests=all_tests, seed=settings.seed,
-        )  # fmt: skip
+            found,
+            summary,
+            source=str(Path(study.source).resolve()),
+            sha256=study.sha256,
+            all_tests=all_tests,
+            seed=settings.seed,
+        )
         save(tree, folder / "posterior.nc")
         write_json(folder / "summary.json", summary.as_dict())
     remove_chain(chain)

@@ -35,9 +35,14 @@ def simulate(
     command = shlex.join(["qlvbayes", *sys.argv[1:]])
     with waiting("simulating"):
         simulate_file(
-            output, pads_of_table_1(split_names(pads)), _rates(rates), NOISES[noise], seed,
-            max_rows, command,
-        )  # fmt: skip
+            output,
+            pads_of_table_1(split_names(pads)),
+            _rates(rates),
+            NOISES[noise],
+            seed,
+            max_rows,
+            command,
+        )
     out.print(f"wrote {output}", markup=False)
 
 

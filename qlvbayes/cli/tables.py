@@ -29,11 +29,15 @@ def constants_table(summary: Summary) -> Table:
         table.add_column(name, justify="right")
     for c in summary.constants:
         table.add_row(
-            c.name, "" if c.unit == "1" else c.unit, significant(c.median, c.sd),
-            significant(c.mean, c.sd), "fixed" if c.fixed else f"{c.sd:.2g}", _interval(c),
+            c.name,
+            "" if c.unit == "1" else c.unit,
+            significant(c.median, c.sd),
+            significant(c.mean, c.sd),
+            "fixed" if c.fixed else f"{c.sd:.2g}",
+            _interval(c),
             "" if c.r_hat is None else f"{c.r_hat:.3f}",
             "" if c.ess_bulk is None else f"{c.ess_bulk:.0f}",
-        )  # fmt: skip
+        )
     return table
 
 
@@ -44,8 +48,9 @@ def _interval(c: Constant) -> str:
 
 def pads_table(summaries: Sequence[dict]) -> Table:
     """All pads side by side, from the contents of ``summary.json``: median (90 % interval)."""
-    table = Table(title="constants: median (90 % interval)", title_justify="left",
-                  title_style="bold")  # fmt: skip
+    table = Table(
+        title="constants: median (90 % interval)", title_justify="left", title_style="bold"
+    )
     table.add_column("constant")
     table.add_column("unit")
     for summary in summaries:
@@ -73,8 +78,14 @@ def check_table(check: Check, force_unit: str, speed_unit: str) -> Table:
     table = Table(title=title, title_justify="left", title_style="bold")
     for name in ("test", "role", "phase"):
         table.add_column(name)
-    for name in (f"rate {speed_unit}", "n", f"RMSE {force_unit}", "RMSE/noise",
-                 f"bias {force_unit}", "in 90 % band"):  # fmt: skip
+    for name in (
+        f"rate {speed_unit}",
+        "n",
+        f"RMSE {force_unit}",
+        "RMSE/noise",
+        f"bias {force_unit}",
+        "in 90 % band",
+    ):
         table.add_column(name, justify="right")
     table.add_column("")
     before = None
@@ -84,8 +95,15 @@ def check_table(check: Check, force_unit: str, speed_unit: str) -> Table:
             table.add_section()
         before = c.test
         table.add_row(
-            c.test, c.role, c.phase, "" if c.rate is None else f"{c.rate:.3g}", str(c.n),
-            f"{c.rmse:.4f}", f"{c.rmse / check.noise:.2f}", f"{c.bias:+.4f}",
-            f"{100 * c.coverage90:.0f} %", Text("fails", style="bold red") if fails else "",
-        )  # fmt: skip
+            c.test,
+            c.role,
+            c.phase,
+            "" if c.rate is None else f"{c.rate:.3g}",
+            str(c.n),
+            f"{c.rmse:.4f}",
+            f"{c.rmse / check.noise:.2f}",
+            f"{c.bias:+.4f}",
+            f"{100 * c.coverage90:.0f} %",
+            Text("fails", style="bold red") if fails else "",
+        )
     return table

@@ -48,9 +48,14 @@ class ChainStore:
         _, state, *place = stretch.random_state
         with part.open("wb") as file:
             np.savez(
-                file, key=self.key, theta=stretch.theta, log_density=stretch.log_density,
-                accepted=stretch.accepted, state=state, place=np.array(place, dtype=float),
-            )  # fmt: skip
+                file,
+                key=self.key,
+                theta=stretch.theta,
+                log_density=stretch.log_density,
+                accepted=stretch.accepted,
+                state=state,
+                place=np.array(place, dtype=float),
+            )
         os.replace(part, self._path(number))
 
     def _path(self, number: int) -> Path:

@@ -11,7 +11,7 @@ from jaxtyping import Array
 
 from qlvbayes.noise import AbstractNoise
 from qlvbayes.posterior import Posterior
-from qlvbayes.record import Blocks
+from qlvbayes.records.record import Blocks
 
 
 @jax.jit

@@ -191,8 +191,9 @@ def _state(
         )
     thetas = start.draw(walkers, np.random.default_rng(seed))
     random_state = np.random.RandomState(seed).get_state()
-    return emcee.State(thetas, log_prob=sampler.compute_log_prob(thetas)[0],
-                       random_state=random_state)  # fmt: skip
+    return emcee.State(
+        thetas, log_prob=sampler.compute_log_prob(thetas)[0], random_state=random_state
+    )
 
 
 def _advance(

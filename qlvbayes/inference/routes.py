@@ -121,8 +121,9 @@ def _finish(
     agreeing: int,
 ) -> LeastSquaresFit:
     """Give the white noise the residual's root mean square over the blocks that were fitted."""
-    values, _ = compiled.residuals_and_slopes(bare, np.where(np.isinf(scale), np.inf, 1.0),
-                                              normal.mean)  # fmt: skip
+    values, _ = compiled.residuals_and_slopes(
+        bare, np.where(np.isinf(scale), np.inf, 1.0), normal.mean
+    )
     used = max(int(np.sum(np.isfinite(scale))), 1)
     residual_sd = float(np.sqrt(np.sum(np.asarray(values) ** 2) / used))
     fitted = Posterior(posterior.model, White(residual_sd), posterior.record)

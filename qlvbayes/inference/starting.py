@@ -23,9 +23,7 @@ def block_scale(posterior: Posterior, floor: NoiseFloor) -> np.ndarray:
     return np.asarray(blocks.weight) * np.sqrt(variance)
 
 
-def starting_point(
-    posterior: Posterior, floor: NoiseFloor, rng: np.random.Generator
-) -> Optimum:
+def starting_point(posterior: Posterior, floor: NoiseFloor, rng: np.random.Generator) -> Optimum:
     """Highest point found from multi-start least squares, and the curvature there."""
     bare = Posterior(posterior.model, White(1.0), posterior.record)
     scale = block_scale(posterior, floor)

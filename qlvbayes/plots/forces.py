@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 
-from qlvbayes.phases import KINDS, Phase
+from qlvbayes.kinematics.phases import KINDS, Phase
 from qlvbayes.plots.style import BLACK, COLOURS, DOUBLE, MM, quantity, rated, shortened, style
 from qlvbayes.predict import Prediction
 from qlvbayes.units import UnitSystem
@@ -112,9 +112,7 @@ def _columns(parts: Sequence[Sequence[_Stretch]]) -> list[str]:
 def _panels(count: int, columns: Sequence[str]) -> tuple[Figure, np.ndarray]:
     figure = Figure((DOUBLE * MM, (_FRAME + _ROW * count) * MM), layout="constrained")
     widths = [1.8 if column == _WHOLE else 1.0 for column in columns]
-    axes = figure.subplots(
-        count, len(columns), sharey="row", squeeze=False, width_ratios=widths
-    )  # fmt: skip
+    axes = figure.subplots(count, len(columns), sharey="row", squeeze=False, width_ratios=widths)
     return figure, axes
 
 
@@ -175,9 +173,15 @@ def _overlay(
 
 def _number(axis: Axes, stretch: _Stretch, time: float, force: float) -> None:
     axis.annotate(
-        f"{stretch.number + 1}", (time, force), xytext=(2, 0), textcoords="offset points",
-        va="center", fontsize=6, color=stretch.colour, annotation_clip=False,
-    )  # fmt: skip
+        f"{stretch.number + 1}",
+        (time, force),
+        xytext=(2, 0),
+        textcoords="offset points",
+        va="center",
+        fontsize=6,
+        color=stretch.colour,
+        annotation_clip=False,
+    )
 
 
 def _lines(
@@ -189,9 +193,14 @@ def _lines(
         time, low, high, color=colour, alpha=0.3, linewidth=0, label="90 % predictive band"
     )
     axis.plot(
-        time, prediction.observed[rows], ".", color=dots, markersize=2.6, markeredgewidth=0,
+        time,
+        prediction.observed[rows],
+        ".",
+        color=dots,
+        markersize=2.6,
+        markeredgewidth=0,
         label="measured",
-    )  # fmt: skip
+    )
     axis.plot(time, prediction.mean[rows], color=colour, label="posterior mean")
 
 
@@ -231,6 +240,4 @@ def _same_times(axes: np.ndarray) -> None:
 def _legend(figure: Figure, axes: np.ndarray) -> None:
     used = next(axis for axis in axes.flat if axis.lines)
     handles, labels = used.get_legend_handles_labels()
-    figure.legend(
-        handles[:3], labels[:3], loc="outside upper center", ncols=3, markerscale=2.0
-    )  # fmt: skip
+    figure.legend(handles[:3], labels[:3], loc="outside upper center", ncols=3, markerscale=2.0)

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
-from qlvbayes.phases import KINDS
+from qlvbayes.kinematics.phases import KINDS
 from qlvbayes.plots.style import BLACK, MIDDLE, MM, quantity, rated, shortened, style
 from qlvbayes.residuals import Cell, Check
 from qlvbayes.units import UnitSystem
@@ -96,18 +96,28 @@ def _draw_cell(axis: Axes, cell: Cell, check: Check, worst: float, row: int) -> 
     colour, ink = colormaps[_COLOURS](shade), "white" if shade > _DARK else BLACK
     axis.add_patch(
         _square(
-            row, column, facecolor=colour, edgecolor=BLACK, linewidth=1.6 if fails else 0.0,
+            row,
+            column,
+            facecolor=colour,
+            edgecolor=BLACK,
+            linewidth=1.6 if fails else 0.0,
             gid="fails" if fails else None,
         )
-    )  # fmt: skip
+    )
     text = f"{_short(ratio)}\n{_signed(cell.bias, max(cell.rmse, check.noise))}"
     axis.text(column + 0.5, row + 0.5, text, color=ink, ha="center", va="center", linespacing=1.15)
     if fails:
         corner = (column + 0.98, row + 0.04)
         axis.annotate(
-            "×", corner, xytext=(-6, -6), textcoords="offset points", color=ink, ha="center",
-            va="center", fontsize=10,
-        )  # fmt: skip
+            "×",
+            corner,
+            xytext=(-6, -6),
+            textcoords="offset points",
+            color=ink,
+            ha="center",
+            va="center",
+            fontsize=10,
+        )
 
 
 def _short(ratio: float) -> str:

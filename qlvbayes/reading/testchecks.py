@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes.checks import InputError
-from qlvbayes.header import Columns
-from qlvbayes.table import Table
+from qlvbayes.reading.header import Columns
+from qlvbayes.reading.table import Table
 
 LEAST_SAMPLES = 10
 

@@ -13,10 +13,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from qlvbayes.data import Test
+from qlvbayes.kinematics.phases import Phase
+from qlvbayes.kinematics.trajectory import Trajectory
 from qlvbayes.motion import Motion
-from qlvbayes.phases import Phase
-from qlvbayes.record import Blocks, Record
-from qlvbayes.trajectory import Trajectory
+from qlvbayes.records.record import Blocks, Record
 
 GROWTH = 0.2  # a block's width over the time since its phase began
 MOVING_BLOCKS = 20  # at least so many in a ramp or unloading,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes.checks import InputError
-from qlvbayes.trajectory import Trajectory
+from qlvbayes.kinematics.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 Kind = Literal["ramp", "hold", "unload", "recovery"]
@@ -90,9 +90,7 @@ def _turning_points(trajectory: Trajectory) -> tuple[Array, Array]:
     return times, trajectory.displacement(times)
 
 
-def _from_the_start(
-    moves: list[tuple[int, int, int]], times: Array
-) -> list[tuple[int, int, int]]:
+def _from_the_start(moves: list[tuple[int, int, int]], times: Array) -> list[tuple[int, int, int]]:
     """The first movement begins with the record if the rest before it is shorter than it is.
 
     The encoder shows a slow start late; a rest worth the name lasts longer.

@@ -17,6 +17,7 @@ def to_positive(y: Array) -> tuple[Array, Array]:
 
 def to_interval(y: Array, low: ArrayLike, high: ArrayLike) -> tuple[Array, Array]:
     """X = low + (high - low) sigmoid(y)."""
+    low = jnp.asarray(low)
     width = jnp.asarray(high) - low
     log_volume = jnp.log(width) + jax.nn.log_sigmoid(y) + jax.nn.log_sigmoid(-y)
     return low + width * jax.nn.sigmoid(y), log_volume
@@ -52,10 +53,12 @@ def to_between(y: Array, low: Array | None, high: Array | None) -> tuple[Array, 
     """X in (low, high), where either end may be absent (None)."""
     if low is None and high is None:
         return y, jnp.zeros_like(y)
-    if high is None:
+    if low is not None and high is None:
         return low + jnp.exp(y), y
-    if low is None:
+    if high is not None and low is None:
         return high - jnp.exp(y), y
+    assert low is not None
+    assert high is not None
     return to_interval(y, low, high)
 
 
@@ -63,8 +66,10 @@ def from_between(x: Array, low: Array | None, high: Array | None) -> Array:
     """Y with ``to_between(y, low, high)`` = x."""
     if low is None and high is None:
         return x
-    if high is None:
+    if low is not None and high is None:
         return jnp.log(x - low)
-    if low is None:
+    if high is not None and low is None:
         return jnp.log(high - x)
+    assert low is not None
+    assert high is not None
     return from_interval(x, low, high)

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array
 
 from qlvbayes.motion import Motion
-from qlvbayes.record import Blocks, Record
+from qlvbayes.records.record import Blocks, Record
 
 _GRID_STEP = 64  # sizes are rounded up to multiples of these, so that compiled functions are shared
 _BLOCK_STEP = 32

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import fields
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -12,7 +12,7 @@ import jax.scipy.stats as jss
 import numpy as np
 from jaxtyping import Array, ArrayLike
 
-from qlvbayes.transforms import from_interval, to_interval, to_positive
+from qlvbayes.priors.transforms import from_interval, to_interval, to_positive
 
 
 class AbstractPrior(eqx.Module):
@@ -88,8 +88,8 @@ class AbstractPositivePrior(AbstractScalarPrior):
 class Normal(AbstractScalarPrior):
     """Normal with mean and standard deviation."""
 
-    mean: ArrayLike
-    sd: ArrayLike
+    mean: Any
+    sd: Any
     word: ClassVar[str] = "normal"
 
     def log_density(self, value: ArrayLike) -> Array:
@@ -115,8 +115,8 @@ class LogNormal(AbstractPositivePrior):
     Written ``lognormal(1.8, 0.5)``: median e^1.8 = 6.05, a factor e^0.5 = 1.65 either way.
     """
 
-    log_median: ArrayLike
-    log_sd: ArrayLike
+    log_median: Any
+    log_sd: Any
     word: ClassVar[str] = "lognormal"
 
     def log_density(self, value: ArrayLike) -> Array:
@@ -132,7 +132,7 @@ class LogNormal(AbstractPositivePrior):
 class HalfNormal(AbstractPositivePrior):
     """Normal folded at zero, with scale ``sd``."""
 
-    sd: ArrayLike
+    sd: Any
     word: ClassVar[str] = "halfnormal"
 
     def log_density(self, value: ArrayLike) -> Array:
@@ -147,8 +147,8 @@ class HalfNormal(AbstractPositivePrior):
 class AbstractBoundedPrior(AbstractScalarPrior):
     """The prior of a number between two bounds."""
 
-    low: eqx.AbstractVar[ArrayLike]
-    high: eqx.AbstractVar[ArrayLike]
+    low: eqx.AbstractVar[Any]
+    high: eqx.AbstractVar[Any]
 
     def to_support(self, y: Array) -> tuple[Array, Array]:
         """Low + (high - low) sigmoid(y)."""
@@ -162,8 +162,8 @@ class AbstractBoundedPrior(AbstractScalarPrior):
 class Uniform(AbstractBoundedPrior):
     """Uniform between ``low`` and ``high``."""
 
-    low: ArrayLike
-    high: ArrayLike
+    low: Any
+    high: Any
     word: ClassVar[str] = "uniform"
 
     def log_density(self, value: ArrayLike) -> Array:
@@ -178,8 +178,8 @@ class Uniform(AbstractBoundedPrior):
 class LogUniform(AbstractBoundedPrior):
     """Uniform in the logarithm between ``low`` and ``high``, both positive."""
 
-    low: ArrayLike
-    high: ArrayLike
+    low: Any
+    high: Any
     word: ClassVar[str] = "loguniform"
 
     def log_density(self, value: ArrayLike) -> Array:

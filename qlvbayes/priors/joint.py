@@ -2,42 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jax.scipy.special import gammaln
 from jaxtyping import Array, ArrayLike
 
-from qlvbayes.distributions import (
-    AbstractPositivePrior,
-    AbstractPrior,
-    AbstractScalarPrior,
-    HalfNormal,
-    LogNormal,
-    LogUniform,
-    Normal,
-    Uniform,
-)
-from qlvbayes.transforms import from_between, from_simplex, to_between, to_simplex
-
-__all__ = [
-    "AbstractPositivePrior",
-    "AbstractPrior",
-    "AbstractScalarPrior",
-    "Dirichlet",
-    "HalfNormal",
-    "LogNormal",
-    "LogUniform",
-    "Normal",
-    "Ordered",
-    "Uniform",
-]
+from qlvbayes.priors.distributions import AbstractPositivePrior, AbstractPrior, LogNormal
+from qlvbayes.priors.transforms import from_between, from_simplex, to_between, to_simplex
 
 
 class Dirichlet(AbstractPrior):
     """Dirichlet over fractions that sum to one, some of which may be fixed.
 
-    alpha: (k,) concentrations; fixed: (k,) values, NaN where free. With some fixed, the free ones
+    alpha: (k,) concentrations; fixed: values by place. With some fixed, the free ones
     share what is left, with the Dirichlet conditioned on the fixed values.
     """
 
@@ -45,7 +25,9 @@ class Dirichlet(AbstractPrior):
     values: Array
     free: tuple[int, ...] = eqx.field(static=True)
 
-    def __init__(self, alpha: ArrayLike, fixed: dict[int, float] | None = None) -> None:
+    def __init__(
+        self, alpha: Sequence[float] | Array, fixed: dict[int, float] | None = None
+    ) -> None:
         self.alpha = jnp.asarray(alpha, dtype=float)
         values = np.zeros(self.alpha.shape[0])
         for index, value in (fixed or {}).items():

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from qlvbayes.checks import InputError
-from qlvbayes.freeknots import (
+from qlvbayes.kinematics.freeknots import (
     MOST_FREE_KNOTS,
     Joints,
     Pieces,
@@ -20,7 +20,14 @@ from qlvbayes.freeknots import (
     residuals,
     with_knot_at_worst,
 )
-from qlvbayes.segments import Rest, Tolerance, encoder_step, find_rests, greedy_segments, tolerance
+from qlvbayes.kinematics.segments import (
+    Rest,
+    Tolerance,
+    encoder_step,
+    find_rests,
+    greedy_segments,
+    tolerance,
+)
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 from qlvbayes.checks import InputError
-from qlvbayes.dialect import Dialect, split_row
+from qlvbayes.reading.dialect import Dialect, split_row
 
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
 _SWAP = str.maketrans(",.", ".,")

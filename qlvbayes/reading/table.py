@@ -16,10 +16,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from qlvbayes.badline import first_fault, parse_number
-from qlvbayes.csvtext import blocks
-from qlvbayes.dialect import Dialect, split_row
-from qlvbayes.growing import GrowingColumn
+from qlvbayes.reading.badline import first_fault, parse_number
+from qlvbayes.reading.csvtext import blocks
+from qlvbayes.reading.dialect import Dialect, split_row
+from qlvbayes.reading.growing import GrowingColumn
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

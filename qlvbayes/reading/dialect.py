@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from qlvbayes.checks import InputError
-from qlvbayes.csvtext import head
-from qlvbayes.header import Columns, read_columns
+from qlvbayes.reading.csvtext import head
+from qlvbayes.reading.header import Columns, read_columns
 
 _SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab"}
 _FRACTION = re.compile(r"[+-]?\d*([.,])\d+([eE][+-]?\d+)?")

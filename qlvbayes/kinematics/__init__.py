@@ -1,0 +1,1 @@
+"""What the platen did: a smooth trajectory and its phases."""

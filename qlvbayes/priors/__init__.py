@@ -1,0 +1,26 @@
+"""Priors: densities of constants, and the maps from unconstrained numbers to their supports."""
+
+from qlvbayes.priors.distributions import (
+    AbstractPositivePrior,
+    AbstractPrior,
+    AbstractScalarPrior,
+    HalfNormal,
+    LogNormal,
+    LogUniform,
+    Normal,
+    Uniform,
+)
+from qlvbayes.priors.joint import Dirichlet, Ordered
+
+__all__ = [
+    "AbstractPositivePrior",
+    "AbstractPrior",
+    "AbstractScalarPrior",
+    "Dirichlet",
+    "HalfNormal",
+    "LogNormal",
+    "LogUniform",
+    "Normal",
+    "Ordered",
+    "Uniform",
+]

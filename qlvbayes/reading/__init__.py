@@ -1,0 +1,1 @@
+"""A tidy CSV file, from bytes to checked columns."""

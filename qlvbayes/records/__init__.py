@@ -1,0 +1,1 @@
+"""Tests as the likelihood sees them: block averages, batched."""
