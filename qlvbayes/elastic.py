@@ -13,7 +13,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from qlvbayes.smoothmath import exp_difference_ratio, exp_slope, exp_slope_alike
+from qlvbayes.smoothmath import exp_difference_ratio, exp_growth, exp_slope
 
 
 class AbstractElastic(eqx.Module):
@@ -54,7 +54,7 @@ class Exponential(AbstractElastic):
 
     def force(self, depth: Array) -> Array:
         """(m/b)(e^{b depth} - 1)."""
-        return self.m * depth * exp_slope_alike(self.b * depth)
+        return self.m * exp_growth(depth, self.b)
 
     def stiffness(self, depth: Array) -> Array:
         """K = m e^{b depth}."""

@@ -35,28 +35,21 @@ def hereditary_force(
     rates = relaxation.v[:, None]
 
     def advance(state: tuple[Array, ...], point: tuple[Array, ...]) -> tuple:
-        part, survival, time_before, depth_before, instant_before = state
+        part, time_before, depth_before, instant_before = state
         time_now, depth_now, instant_now = point
         decay = rates * (time_now - time_before)
-        shrink = jnp.exp(-decay)
         step = elastic.relaxed_step(depth_before, depth_now, instant_before, instant_now, decay)
-        part, survival = shrink * part + step, shrink * survival
-        return (part, survival, time_now, depth_now, instant_now), (part, survival)
+        part = jnp.exp(-decay) * part + step
+        local = jnp.sum(relaxation.c[1:, None] * part, axis=0)
+        return (part, time_now, depth_now, instant_now), local
 
     lanes = (relaxation.v.shape[0], times.shape[1])
-    first = (
-        jnp.zeros(lanes),
-        jnp.ones(lanes),
-        start_time,
-        start_depth,
-        elastic.force(start_depth),
-    )
-    last: tuple
-    history: tuple
-    last, history = jax.lax.scan(advance, first, (times, depths, instant))
-    (part, survival), (parts, survivals) = last[:2], history
-    carried = parts + survivals * _carry(survival, part)
-    force = relaxation.c[0] * instant + jnp.sum(relaxation.c[1:, None] * carried, axis=1)
+    first = (jnp.zeros(lanes), start_time, start_depth, elastic.force(start_depth))
+    local: Array
+    (part, *_), local = jax.lax.scan(advance, first, (times, depths, instant))
+    left = jnp.exp(-rates * (times - start_time)[:, None])
+    carried = relaxation.c[1:, None] * _carry(left[-1], part)
+    force = relaxation.c[0] * instant + local + jnp.sum(left * carried, axis=1)
     return force.T.reshape(-1)[: time.shape[0]]
 
 

@@ -27,16 +27,15 @@ def exp_slope_series(x: Array) -> Array:
     return total
 
 
-def exp_slope_alike(x: Array) -> Array:
-    """(e^x - 1)/x for an array that is small everywhere or not: one choice for all its elements.
+def exp_growth(x: Array, rate: Array) -> Array:
+    """(e^(rate x) - 1)/rate for an array x and one rate; x itself at rate = 0.
 
-    Cheaper than ``exp_slope``. Plain division is accurate at any x but 0; its derivative is to
-    1e-12 of the array's largest once that is above 0.04.
+    Small rates take the series for the whole array at once, which spares a division an element.
     """
-    small = jnp.max(jnp.abs(x), initial=0.0) < _NEAR
-    zero = x == 0.0
-    far = jnp.where(small | zero, 1.0, x)
-    return jnp.where(small | zero, exp_slope_series(jnp.where(small, x, 0.0)), jnp.expm1(far) / far)
+    small = jnp.abs(rate) * jnp.max(jnp.abs(x), initial=0.0) < _NEAR
+    divisor = jnp.where(small, 1.0, rate)
+    series = x * exp_slope_series(jnp.where(small, rate * x, 0.0))
+    return jnp.where(small, series, jnp.expm1(rate * x) / divisor)
 
 
 def exp_difference_ratio(top: Array, bottom: Array, gap: Array) -> Array:
