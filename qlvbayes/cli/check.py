@@ -14,9 +14,6 @@ from qlvbayes.cli.console import out, waiting
 from qlvbayes.cli.tables import check_table, pads_table
 from qlvbayes.data import Study, read_study
 from qlvbayes.files import write_json
-from qlvbayes.plots.files import save_figure
-from qlvbayes.plots.forces import plot_forces
-from qlvbayes.plots.residual_map import plot_residual_map
 from qlvbayes.results import Saved, load
 
 
@@ -73,6 +70,11 @@ def _study(source: Path, saved: Saved) -> Study:
 
 
 def _figures(checked: CheckedPad, folder: Path) -> list[Path]:
+    # here, so that the other commands do not wait for matplotlib
+    from qlvbayes.plots.files import save_figure
+    from qlvbayes.plots.forces import plot_forces
+    from qlvbayes.plots.residual_map import plot_residual_map
+
     units = checked.experiment.units
     return [
         save_figure(plot_forces(checked.predictions, units), folder / "forces"),

@@ -1,0 +1,51 @@
+"""`qlvbayes fit` of one pad as a user starts it: cold, and with a warm compile cache."""
+
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from timing import command_s
+
+
+def shell_times(warm_runs=3):
+    """Seconds: cold, then the median of warm runs."""
+    command = [str(Path(sys.executable).with_name("qlvbayes")), "fit", "data/pads.csv"]
+    with tempfile.TemporaryDirectory() as folder:
+        run = [*command, "--pads", "B", "-o", f"{folder}/results"]
+        cold = command_s(run, f"{folder}/cache")
+        warm = sorted(command_s(run, f"{folder}/cache") for _ in range(warm_runs))
+    return cold, warm[warm_runs // 2]
+
+
+def where_time_goes():
+    """(part, seconds) of a warm fit, in a process of its own."""
+    began = time.perf_counter()
+    import numpy as np
+
+    import qlvbayes as q
+    from qlvbayes.fit import build_posterior
+    from qlvbayes.inference.ensemble import Settings, sample
+    from qlvbayes.inference.starting import starting_point
+
+    marks = [("imports", time.perf_counter() - began)]
+
+    def mark(name, function, *arguments, **options):
+        start = time.perf_counter()
+        value = function(*arguments, **options)
+        marks.append((name, time.perf_counter() - start))
+        return value
+
+    study = mark("reading the file", q.read_study, "data/pads.csv")
+    experiment = mark("motion, phases, noise floor", q.prepare, study.pad("B"))
+    trials = experiment.with_role("fit")
+    posterior = mark("reduction, priors", build_posterior, experiment, q.Choices(), trials)
+    rng = np.random.default_rng(0)
+    start = mark("optimum (loads compiled code)", starting_point, posterior, experiment.floor, rng)
+    mark("emcee", sample, posterior, start.normal, Settings())
+    return marks
+
+
+if __name__ == "__main__":
+    for name, seconds in where_time_goes():
+        print(f"{name}\t{seconds:.2f}")

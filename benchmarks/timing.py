@@ -1,0 +1,41 @@
+"""Timing of calls in this process, and of commands in their own."""
+
+import os
+import resource
+import subprocess
+import sys
+import time
+
+import jax
+import numpy as np
+
+
+def call_ms(function, *arguments, repeats=15):
+    """Median wall time (ms) of a call, after one that compiles."""
+    jax.block_until_ready(function(*arguments))
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        jax.block_until_ready(function(*arguments))
+        times.append(time.perf_counter() - start)
+    return 1e3 * float(np.median(times))
+
+
+def command_s(command, cache):
+    """Wall time (s) of a command with its compile cache in ``cache``; fails if it fails."""
+    start = time.perf_counter()
+    subprocess.run(
+        command, check=True, stdout=subprocess.DEVNULL, env={**os.environ, "QLVBAYES_CACHE": cache}
+    )
+    return time.perf_counter() - start
+
+
+def peak_mb():
+    """Largest resident size of this process so far (MB)."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+
+
+def in_new_process(file, *arguments):
+    """What a script prints when it runs by itself, so that its memory is its own."""
+    command = [sys.executable, str(file), *map(str, arguments)]
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
