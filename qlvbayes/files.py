@@ -25,11 +25,19 @@ def results_folder(path: Path) -> Path:
     return path
 
 
-def write_json(path: Path, content: object) -> None:
-    """Write JSON whose numbers are finite or null, to a temporary name, then rename."""
-    part = path.with_suffix(".part")
+def write_whole(path: Path, content: bytes | memoryview) -> None:
+    """Write to a temporary name, then rename; where that fails, an OSError names the file."""
+    part = path.with_name(f"{path.name}.part")
     try:
-        part.write_text(json.dumps(content, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+        part.write_bytes(content)
         os.replace(part, path)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from error
     finally:
         part.unlink(missing_ok=True)
+
+
+def write_json(path: Path, content: object) -> None:
+    """Write JSON whose numbers are finite or null, whole or not at all."""
+    text = json.dumps(content, indent=2, allow_nan=False) + "\n"
+    write_whole(path, text.encode())

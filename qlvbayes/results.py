@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
 
 import arviz_base
+import h5py
 import numpy as np
 import xarray
 
 import qlvbayes
 from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
+from qlvbayes.files import write_whole
 from qlvbayes.fit import Fit
 from qlvbayes.inference import compiled
 from qlvbayes.summary import Summary
@@ -147,18 +148,22 @@ def _provenance(
 
 
 def save(tree: xarray.DataTree, path: Path) -> None:
-    """Write the file whole or not at all."""
-    part = path.with_suffix(".part")
-    try:
-        tree.to_netcdf(part, engine="h5netcdf")
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
+    """Write the file whole or not at all, with checksums of its numbers.
+
+    By way of memory: HDF5 brings the process down where the disk is full.
+    """
+    checksums = {
+        node.path: {name: {"fletcher32": True} for name in node.to_dataset(inherit=False).variables}
+        for node in tree.subtree
+    }
+    write_whole(path, tree.to_netcdf(engine="h5netcdf", encoding=checksums))
 
 
 def load(path: Path) -> Saved:
     """Read a results file; InputError if it is not one."""
     try:
+        # h5netcdf, given what is no HDF5 file, prints a traceback when it is swept up
+        h5py.File(path).close()
         tree = xarray.load_datatree(path, engine="h5netcdf")
         attrs = tree.attrs
         posterior = tree["posterior"].to_dataset()
@@ -174,7 +179,7 @@ def load(path: Path) -> Saved:
             all_tests=bool(attrs["all_tests"]),
             fitted=tuple(json.loads(attrs["fitted_tests"])),
         )
-    except (OSError, KeyError, ValueError) as error:
+    except (OSError, KeyError, ValueError, RuntimeError, TypeError) as error:
         raise InputError(
             f"not a results file of qlvbayes ({type(error).__name__})",
             file=path,

@@ -18,7 +18,7 @@ from rich.progress import (
 
 from qlvbayes.inference.ensemble import Progress as Report
 
-WIDE = 110  # columns of a table where the output is no terminal
+WIDE = 140  # columns of a table where the output is no terminal
 
 out = Console(highlight=False, width=None if sys.stdout.isatty() else WIDE)
 err = Console(stderr=True, highlight=False, width=None if sys.stderr.isatty() else 1000)

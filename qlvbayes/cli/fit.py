@@ -15,7 +15,7 @@ from qlvbayes.cli.options import Bonded, Elastic, Modes, Out, Pads, chosen_pads
 from qlvbayes.cli.tables import constants_table
 from qlvbayes.data import Pad, Study, read_study
 from qlvbayes.defaults import NOISES
-from qlvbayes.experiment import Experiment, prepare
+from qlvbayes.experiment import Experiment, prepare, pulls
 from qlvbayes.files import results_folder, write_json
 from qlvbayes.fit import METHODS, fit_pad
 from qlvbayes.inference.chainstore import remove_chain
@@ -43,7 +43,7 @@ def fit(
         list[str] | None, typer.Option(help="A fixed constant, as 'v[2]=0.14'; repeatable.")
     ] = None,
     walkers: Annotated[int, typer.Option(min=4, help="Walkers of the ensemble.")] = 32,
-    max_steps: Annotated[int, typer.Option(min=10, help="Steps at most.")] = 40_000,
+    max_steps: Annotated[int, typer.Option(min=10, help="Steps at most.")] = 100_000,
     seed: Annotated[int, typer.Option(min=0, help="Makes a run repeat.")] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print summaries as JSON.")] = False,
 ) -> None:
@@ -66,11 +66,10 @@ def fit(
     if method not in METHODS:
         raise InputError(f"no method {method!r}", remedy=f"use one of {', '.join(METHODS)}")
     wanted = chosen_pads(study, pads)
-    folders = {pad.name: results_folder(output / pad.name) for pad in wanted}
     for notice in study.notices:
         err.print(f"notice: {notice}", markup=False)
     summaries = [
-        _fit_one(pad, study, choices, method, all_tests, settings, folders[pad.name], as_json)
+        _fit_one(pad, study, choices, method, all_tests, settings, output / pad.name, as_json)
         for pad in wanted
     ]
     if as_json:
@@ -91,6 +90,14 @@ def _fit_one(
 ) -> Summary:
     with waiting(f"pad {pad.name}: motion, phases and noise floor"):
         experiment = prepare(pad, all_tests=all_tests)
+    choices.build(experiment.scales)  # a setting that cannot be used leaves nothing behind
+    results_folder(folder)
+    if pulls(experiment) and not choices.bonded:
+        err.print(
+            f"notice: pad {pad.name}: the measured force turns negative, but a loose specimen cannot "
+            "pull; if it is glued to the platen, add --bonded",
+            markup=False,
+        )
     if not quiet:
         _show_start(experiment, choices)
     chain = folder / "chain"

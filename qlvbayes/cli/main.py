@@ -34,8 +34,10 @@ def run() -> None:
         app()
     except InputError as error:
         _stop(str(error), 2)
-    except KeyboardInterrupt:
-        _stop("interrupted; the same command goes on where it stopped", INTERRUPTED)
+    except SystemExit as stop:
+        if stop.code == INTERRUPTED:  # what typer makes of Ctrl-C
+            _stop("interrupted; the same command goes on where it stopped", INTERRUPTED)
+        raise
     except BrokenPipeError:
         os._exit(1)  # the reader has gone: nobody is left to tell
     except OSError as error:

@@ -77,7 +77,7 @@ def check_table(check: Check, force_unit: str, speed_unit: str) -> Table:
     title = f"pad {check.pad}: prediction errors, noise floor {check.noise:.3g} {force_unit}"
     table = Table(title=title, title_justify="left", title_style="bold")
     for name in ("test", "role", "phase"):
-        table.add_column(name)
+        table.add_column(name, no_wrap=True, overflow="fold")
     for name in (
         f"rate {speed_unit}",
         "n",

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-import os
+import io
+import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+
+from qlvbayes.files import write_whole
 
 
 @dataclass(frozen=True)
@@ -28,35 +31,43 @@ class ChainStore:
         self.key = key
 
     def load(self) -> Iterator[Stretch]:
-        """The stretches written before, in order, as far as they belong to this run."""
+        """The stretches written before, in order, as far as they belong to this run.
+
+        One that cannot be read ends them: it and what came after are sampled again.
+        """
         for number in range(10**6):
-            path = self._path(number)
-            if not path.exists():
+            try:
+                stretch = self._read(self._path(number))
+            except (OSError, ValueError, KeyError, zipfile.BadZipFile):
                 return
-            with np.load(path) as file:
-                if str(file["key"]) != self.key:
-                    return
-                place, half, normal = file["place"]
-                state = ("MT19937", file["state"], int(place), int(half), float(normal))
-                accepted = int(file["accepted"])
-                yield Stretch(file["theta"], file["log_density"], accepted, state)
+            if stretch is None:
+                return
+            yield stretch
+
+    def _read(self, path: Path) -> Stretch | None:
+        """One stretch; None if it is another run's."""
+        with np.load(path) as file:
+            if str(file["key"]) != self.key:
+                return None
+            place, half, normal = file["place"]
+            state = ("MT19937", file["state"], int(place), int(half), float(normal))
+            return Stretch(file["theta"], file["log_density"], int(file["accepted"]), state)
 
     def save(self, number: int, stretch: Stretch) -> None:
         """Write stretch ``number``, whole or not at all."""
         self.folder.mkdir(parents=True, exist_ok=True)
-        part = self._path(number).with_suffix(".part")
         _, state, *place = stretch.random_state
-        with part.open("wb") as file:
-            np.savez(
-                file,
-                key=self.key,
-                theta=stretch.theta,
-                log_density=stretch.log_density,
-                accepted=stretch.accepted,
-                state=state,
-                place=np.array(place, dtype=float),
-            )
-        os.replace(part, self._path(number))
+        content = io.BytesIO()
+        np.savez(
+            content,
+            key=self.key,
+            theta=stretch.theta,
+            log_density=stretch.log_density,
+            accepted=stretch.accepted,
+            state=state,
+            place=np.array(place, dtype=float),
+        )
+        write_whole(self._path(number), content.getbuffer())
 
     def _path(self, number: int) -> Path:
         return self.folder / f"stretch-{number:05d}.npz"

@@ -38,7 +38,7 @@ class Settings:
 
     walkers: int = 32
     min_steps: int = 600
-    max_steps: int = 40_000
+    max_steps: int = 100_000
     stretch: int = 200
     seed: int = 0
 
@@ -78,6 +78,18 @@ class _Run:
     def kept(self) -> int:
         """Steps since the last adaptation."""
         return sum(len(stretch.theta) for stretch in self.stretches[self.adapted :])
+
+    def due(self, first: int) -> bool:
+        """Whether to look at the chain: with ``first`` steps kept, then 1.25 times as many, ...
+
+        It depends on nothing but the stretches, so that a resumed run looks where it would have.
+        """
+        kept, look_at, due = 0, first, False
+        for stretch in self.stretches[self.adapted :]:
+            kept += len(stretch.theta)
+            due = kept >= look_at
+            look_at = int(_PATIENCE * kept) if due else look_at
+        return due
 
     def proposals(self, start: NormalApproximation) -> tuple[Proposal, ...]:
         """One kernel from the optimum; later one, and many, from the chain."""
@@ -120,13 +132,13 @@ def sample(
     run = _Run(list(store.load()) if store else [])
     sampler = _sampler(posterior, run.proposals(start), walkers)
     state = _state(run, sampler, start, walkers, settings.seed)
-    expected, look_at = settings.min_steps, settings.min_steps
+    expected = settings.min_steps
     while run.steps < settings.max_steps:
-        if run.kept >= look_at:
+        if run.due(settings.min_steps):
             chain = run.chain()
             if chain.enough:
                 return chain
-            expected, look_at = _expected(chain, run, settings), int(_PATIENCE * run.kept)
+            expected = _expected(chain, run, settings)
         if progress:
             progress(run.steps, expected)
         count = min(settings.stretch, settings.max_steps - run.steps)
@@ -136,7 +148,6 @@ def sample(
         run.stretches.append(stretch)
         if len(run.stretches) in _ADAPT_AFTER:
             sampler = _sampler(posterior, run.proposals(start), walkers)
-            look_at = settings.min_steps
     return run.chain()
 
 

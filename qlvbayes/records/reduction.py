@@ -22,6 +22,7 @@ GROWTH = 0.2  # a block's width over the time since its phase began
 MOVING_BLOCKS = 20  # at least so many in a ramp or unloading,
 RESTING_BLOCKS = 8  # and in a hold
 _MOST_KINKS = 40
+_EVEN = 1.5  # a gap this much longer than one beside it ends a block
 _CHORD = 1e-4  # of the stroke: how far the grid's straight lines may be from the motion
 
 
@@ -48,6 +49,20 @@ def _phase_edges(phase: Phase, parts: int, shortest: float) -> np.ndarray:
     return phase.start + np.array(edges)
 
 
+def _beginnings(time: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """First sample of each block: at an edge, and after a gap that interrupts even spacing.
+
+    The noise of a block's mean is that of evenly spaced samples; a burst between sparse samples,
+    as loggers leave, is a block of its own.
+    """
+    owner = np.searchsorted(edges, time, side="right")
+    gap = np.diff(time)
+    before, after = np.append(gap[:1], gap[:-1]), np.append(gap[1:], gap[-1:])
+    uneven = gap > _EVEN * np.minimum(before, after)
+    first = np.concatenate([[True], (np.diff(owner) > 0) | uneven])
+    return np.flatnonzero(first)
+
+
 def reduce_test(
     test: Test,
     trajectory: Trajectory,
@@ -63,8 +78,7 @@ def reduce_test(
     shortest = 2.0 * float(np.median(np.diff(test.time)[:200]))
     if blocks:
         edges = block_edges(phases, trajectory.kinks, shortest)
-        owner = np.searchsorted(edges, test.time, side="right")
-        _, begin = np.unique(owner, return_index=True)
+        begin = _beginnings(test.time, edges)
     else:
         begin = np.arange(test.time.size)
     averaged = _average(test, begin, sd_scale)

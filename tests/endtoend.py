@@ -1,0 +1,123 @@
+"""What the end-to-end tests share: the command, pad B and its fits, and the files' contract."""
+
+import contextlib
+import functools
+import io
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+from unittest import mock
+
+from qlvbayes.choices import Choices
+from qlvbayes.cli.main import run
+from qlvbayes.data import read_study
+from qlvbayes.experiment import prepare
+from qlvbayes.fit import fit_pad
+from qlvbayes.inference.ensemble import Settings
+from qlvbayes.synthetic import TABLE_1
+
+PADS = Path(__file__).parents[1] / "data" / "pads.csv"
+COMMAND = Path(sys.executable).with_name("qlvbayes")
+TRUTH = TABLE_1["B"]
+CONSTANTS = ["m", "b", "c[0]", "c[1]", "c[2]", "v[1]", "v[2]"]
+SHORT = Settings(max_steps=40)
+
+
+def true_value(name):
+    """The constant that pad B of the example data was simulated with."""
+    stem, _, index = name.partition("[")
+    value = getattr(TRUTH, stem)
+    if not index:
+        return value
+    return value[int(index[:-1]) - (1 if stem == "v" else 0)]
+
+
+def qlvbayes(*words, **options):
+    """Run the command in a process of its own; stdout and stderr are pipes."""
+    line = [str(COMMAND), *map(str, words)]
+    return subprocess.run(line, capture_output=True, text=True, timeout=300, **options)
+
+
+def call(*words):
+    """Run the command in this process: its exit status, stdout and stderr."""
+    out, err = io.StringIO(), io.StringIO()
+    line = ["qlvbayes", *map(str, words)]
+    status = 0
+    with (
+        mock.patch.object(sys, "argv", line),
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(err),
+    ):
+        try:
+            run()
+        except SystemExit as stop:
+            status = stop.code or 0
+    return status, out.getvalue(), err.getvalue()
+
+
+@functools.cache
+def study():
+    return read_study(PADS)
+
+
+@functools.cache
+def experiment(pad="B"):
+    return prepare(study().pad(pad))
+
+
+@functools.cache
+def fitted(choices=Choices(), method="emcee", settings=Settings(), pad="B"):  # noqa: B008
+    return fit_pad(experiment(pad), choices, method=method, settings=settings)
+
+
+def read_json(path):
+    """What a JSON file says; NaN and infinities are no JSON."""
+
+    def refuse(token):
+        raise ValueError(f"{token} is not JSON")
+
+    return json.loads(path.read_text(encoding="utf-8"), parse_constant=refuse)
+
+
+def is_number(x):
+    return isinstance(x, int | float) and not isinstance(x, bool) and math.isfinite(x)
+
+
+def keeps_summary_contract(content):
+    assert content["schema"] == 1
+    for key, kind in (
+        ("pad", str),
+        ("effects", list),
+        ("sampler", str),
+        ("converged", bool),
+        ("parameters", dict),
+    ):
+        assert isinstance(content[key], kind), key
+    parameters = content["parameters"]
+    assert {"m", "c[0]", "c[1]", "v[1]"} <= set(parameters)
+    assert any(name.startswith("noise.") for name in parameters)
+    for name, parameter in parameters.items():
+        assert isinstance(parameter["unit"], str), name
+        assert all(is_number(parameter[key]) for key in ("mean", "sd", "median")), name
+        for key in ("r_hat", "ess_bulk"):
+            assert parameter[key] is None or is_number(parameter[key]), (name, key)
+        low, high = parameter["hdi90"]
+        assert is_number(low), name
+        assert is_number(high), name
+        assert low <= high, name
+
+
+def keeps_check_contract(content):
+    assert content["schema"] == 1
+    assert isinstance(content["pad"], str)
+    assert isinstance(content["effects"], list)
+    assert is_number(content["noise_N"])
+    assert content["cells"]
+    for cell in content["cells"]:
+        assert isinstance(cell["test"], str)
+        assert cell["phase"] in {"ramp", "hold", "unload", "recovery"}
+        assert cell["role"] in {"fit", "validate"}
+        assert cell["rate_mm_s"] is None or is_number(cell["rate_mm_s"])
+        assert all(is_number(cell[key]) for key in ("n", "rmse_N", "bias_N", "coverage90"))

@@ -1,0 +1,265 @@
+"""The commands on the example data: what they leave, print and repeat."""
+
+import json
+import shlex
+import subprocess
+
+import numpy as np
+import pytest
+from endtoend import (
+    COMMAND,
+    CONSTANTS,
+    PADS,
+    call,
+    keeps_check_contract,
+    keeps_summary_contract,
+    qlvbayes,
+    read_json,
+    true_value,
+)
+
+QUICK = ("--pads", "B", "--method", "least-squares")
+BRIEF = ("--pads", "B", "--max-steps", "40")
+NOISE = ["noise.white", "noise.ou", "noise.tau"]
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory):
+    """Fit and check pad B, each in a process of its own."""
+    folder = tmp_path_factory.mktemp("done") / "out"
+    fit = qlvbayes("fit", PADS, "-o", folder, "--pads", "B")
+    check = qlvbayes("check", folder)
+    return folder / "B", fit, check
+
+
+@pytest.fixture(scope="module")
+def summary(done):
+    return read_json(done[0] / "summary.json")
+
+
+@pytest.fixture(scope="module")
+def checked(done):
+    return read_json(done[0] / "check.json")
+
+
+def parameters_after(folder, *words):
+    status, _, err = call("fit", PADS, "-o", folder, *words)
+    assert (status, err) == (0, "")
+    content = read_json(folder / "B" / "summary.json")
+    keeps_summary_contract(content)
+    return content["parameters"]
+
+
+def test_fit_and_check_succeed_and_are_silent_on_a_piped_stderr(done):
+    for process in done[1:]:
+        assert process.returncode == 0
+        assert process.stderr == ""
+        assert "\x1b" not in process.stdout
+
+
+def test_fit_prints_every_constant_and_where_the_results_are(done):
+    folder, fit, _ = done
+    for name in (*CONSTANTS, *NOISE):
+        assert f"│ {name} " in fit.stdout
+    assert f"results in {folder.parent}" in fit.stdout
+    assert "B-20 (20 mm/s)" in fit.stdout
+
+
+def test_summary_keeps_its_contract(summary):
+    keeps_summary_contract(summary)
+    assert summary["pad"] == "B"
+    assert summary["sampler"] == "emcee"
+    assert summary["converged"] is True
+    assert summary["troubles"] == []
+
+
+def test_constants_are_named_and_have_units(summary):
+    units = ["N/mm", "1/mm", "1", "1", "1", "1/s", "1/s", "N", "N", "s"]
+    assert list(summary["parameters"]) == [*CONSTANTS, *NOISE]
+    assert [p["unit"] for p in summary["parameters"].values()] == units
+
+
+def test_every_fitted_constant_mixed(summary):
+    for parameter in summary["parameters"].values():
+        assert parameter["r_hat"] < 1.05
+        assert parameter["ess_bulk"] > 400
+        assert parameter["hdi90"][0] < parameter["median"] < parameter["hdi90"][1]
+
+
+@pytest.mark.parametrize("name", CONSTANTS)
+def test_the_constants_that_made_the_data_are_within_four_sds(summary, name):
+    parameter = summary["parameters"][name]
+    assert abs(parameter["mean"] - true_value(name)) < 4.0 * parameter["sd"]
+
+
+def test_check_keeps_its_contract(checked):
+    keeps_check_contract(checked)
+    assert checked["pad"] == "B"
+
+
+def test_check_has_a_cell_for_each_test_and_phase(checked):
+    cells = [(cell["test"], cell["phase"]) for cell in checked["cells"]]
+    tests = [f"B-{rate}" for rate in ("0.1", "1", "10", "20", "30", "100")]
+    assert cells == [(t, p) for t in tests for p in ("ramp", "hold", "unload", "recovery")]
+    roles = {cell["test"]: cell["role"] for cell in checked["cells"]}
+    assert [test for test in tests if roles[test] == "fit"] == ["B-20"]
+
+
+def test_check_finds_the_noise_that_was_simulated(checked):
+    # 0.006 N white and 0.008 N correlated: 0.010 N in all
+    assert checked["noise_N"] == pytest.approx(0.010, rel=0.1)
+
+
+def test_check_leaves_figures_as_png_and_pdf(done):
+    folder = done[0]
+    for name in ("forces", "residual_map"):
+        assert (folder / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+        assert (folder / f"{name}.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_nothing_else_is_left(done):
+    assert sorted(path.name for path in done[0].iterdir()) == [
+        "check.json",
+        "forces.pdf",
+        "forces.png",
+        "posterior.nc",
+        "residual_map.pdf",
+        "residual_map.png",
+        "summary.json",
+    ]
+
+
+def test_check_repeats_with_its_seed_and_prints_json_only(done, checked):
+    status, out, err = call("check", done[0].parent, "--json")
+    assert (status, err) == (0, "")
+    assert json.loads(out) == [checked]
+    assert read_json(done[0] / "check.json") == checked
+
+
+def test_check_follows_data_that_have_moved(done, tmp_path):
+    moved = tmp_path / "moved.csv"
+    moved.write_bytes(PADS.read_bytes())
+    status, out, err = call("check", done[0].parent, "--data", moved, "--json")
+    assert (status, err) == (0, "")
+    keeps_check_contract(json.loads(out)[0])
+
+
+def test_a_reader_that_leaves_early_sees_no_traceback(done):
+    line = f"{shlex.quote(str(COMMAND))} check {shlex.quote(str(done[0].parent))} --json | head -c 1"
+    piped = subprocess.run(line, shell=True, capture_output=True, text=True, timeout=300)
+    assert piped.stdout == "["
+    assert piped.stderr == ""
+
+
+def test_fit_prints_json_only(tmp_path):
+    status, out, err = call("fit", PADS, "-o", tmp_path, *QUICK, "--json")
+    assert (status, err) == (0, "")
+    assert json.loads(out) == [read_json(tmp_path / "B" / "summary.json")]
+
+
+def test_a_seed_repeats_and_another_does_not(tmp_path):
+    found = []
+    for place, seed in (("first", 4), ("second", 4), ("third", 5)):
+        words = ("fit", PADS, "-o", tmp_path / place, *BRIEF, "--seed", seed, "--json")
+        status, out, err = call(*words)
+        assert status == 0
+        assert err.count("NOT CONVERGED") == err.count("\n") >= 1
+        found.append(json.loads(out)[0])
+        keeps_summary_contract(found[-1])
+    assert found[0] == found[1]
+    assert found[0] != found[2]
+    assert not found[0]["converged"]
+
+
+def test_a_fixed_constant_stays(tmp_path):
+    found = parameters_after(tmp_path, *QUICK, "--fix", "v[2]=0.14", "--fix", "b=1.2")
+    assert found["v[2]"]["mean"] == found["v[2]"]["median"] == 0.14
+    assert found["v[2]"]["sd"] == found["b"]["sd"] == 0.0
+    assert found["b"]["hdi90"] == [1.2, 1.2]
+    assert found["m"]["sd"] > 0.0
+
+
+def test_a_prior_is_said_and_used(tmp_path):
+    words = ("--pads", "B", "--max-steps", "200", "--prior", "v[1]=lognormal(1.8,0.001)")
+    status, out, _ = call("fit", PADS, "-o", tmp_path, *words)
+    assert status == 0
+    assert "v ~ lognormal(1.8, 0.001) > lognormal(" in out
+    parameter = read_json(tmp_path / "B" / "summary.json")["parameters"]["v[1]"]
+    assert parameter["mean"] == pytest.approx(np.exp(1.8), rel=0.005)
+    assert parameter["sd"] == pytest.approx(0.001 * np.exp(1.8), rel=0.5)
+
+
+@pytest.mark.parametrize("method", ["least-squares", "two-step"])
+def test_method_is_named_in_the_summary(tmp_path, method):
+    parameters_after(tmp_path, "--pads", "B", "--method", method)
+    content = read_json(tmp_path / "B" / "summary.json")
+    assert content["sampler"] == method
+    assert content["converged"] is True
+
+
+def test_noise_law_and_modes_make_the_constants(tmp_path):
+    found = parameters_after(tmp_path / "1", *QUICK, "--elastic", "hertz", "--modes", "1")
+    assert list(found) == ["m", "n", "c[0]", "c[1]", "v[1]", "noise.white"]
+    found = parameters_after(tmp_path / "2", *QUICK, "--elastic", "linear", "--modes", "3")
+    assert list(found)[:5] == ["m", "c[0]", "c[1]", "c[2]", "c[3]"]
+    assert found["v[1]"]["median"] > found["v[2]"]["median"] > found["v[3]"]["median"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "names"),
+    [("white", ["noise.white"]), ("student-t", ["noise.scale", "noise.nu"])],
+)
+def test_noise_option_chooses_the_noise(tmp_path, kind, names):
+    status, out, _ = call("fit", PADS, "-o", tmp_path, *BRIEF, "--noise", kind, "--json")
+    assert status == 0
+    assert list(json.loads(out)[0]["parameters"])[len(CONSTANTS) :] == names
+
+
+def test_all_tests_fits_every_test_and_check_knows(tmp_path):
+    parameters_after(tmp_path, *QUICK, "--all-tests")
+    status, out, err = call("check", tmp_path, "--json")
+    assert (status, err) == (0, "")
+    assert {cell["role"] for cell in json.loads(out)[0]["cells"]} == {"fit"}
+
+
+def test_pads_are_fitted_one_folder_each(tmp_path):
+    status, out, _ = call(
+        "fit", PADS, "-o", tmp_path, "--pads", "C, A", "--method", "least-squares"
+    )
+    assert status == 0
+    assert out.index("pad C") < out.index("pad A")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["A", "C"]
+
+
+def test_simulated_data_can_be_fitted(tmp_path):
+    data = tmp_path / "mine.csv.gz"
+    words = ("--pads", "B", "--rates", "20", "--noise", "none", "--max-rows", "400")
+    assert call("simulate", "-o", data, *words)[0] == 0
+    status, _, err = call("fit", data, "-o", tmp_path, "--method", "least-squares")
+    assert (status, err) == (0, "")
+    found = read_json(tmp_path / "B" / "summary.json")["parameters"]
+    for name in CONSTANTS:
+        assert found[name]["mean"] == pytest.approx(true_value(name), rel=0.01), name
+
+
+def test_help_of_the_command_names_its_subcommands():
+    process = qlvbayes("--help")
+    assert process.returncode == 0
+    assert process.stderr == ""
+    for name in ("fit", "check", "simulate"):
+        assert name in process.stdout
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("fit", ["--output", "--prior", "--fix", "--all-tests", "--method", "--seed", "--json"]),
+        ("check", ["--data", "--seed", "--json"]),
+        ("simulate", ["--rates", "--noise", "--max-rows", "--seed"]),
+    ],
+)
+def test_help_of_a_subcommand_names_its_options(name, options, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    status, out, err = call(name, "--help")
+    assert (status, err) == (0, "")
+    assert all(option in out for option in options)

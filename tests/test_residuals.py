@@ -1,0 +1,72 @@
+"""Failing cells: a right model is accused as rarely as promised, a wrong one is found."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from qlvbayes.predict import Prediction
+from qlvbayes.residuals import check
+
+WHITE, OU, TAU = 0.006, 0.008, 0.5
+DRAWS, REPEATS, SAMPLES = 200, 1000, 50
+
+TIMES = {
+    "short ramp": np.arange(SAMPLES) * 1e-3,
+    "slow ramp": np.linspace(0.0, 16.0, SAMPLES),
+    "hold": 0.02 * np.expm1(np.linspace(0.0, np.log1p(30.0 / 0.02), SAMPLES)),
+}
+
+
+def noise(times, count, rng):
+    lag = np.abs(times[:, None] - times)
+    covariance = OU**2 * np.exp(-lag / TAU) + WHITE**2 * np.eye(times.size)
+    return rng.standard_normal((count, times.size)) @ np.linalg.cholesky(covariance).T
+
+
+def prediction(times, observed, rng, floor=None):
+    """Predict zero force with a posterior sd of 2 mN in its level."""
+    forces = 0.002 * rng.standard_normal((DRAWS, 1)) + np.zeros(times.size)
+    floor = noise(times, DRAWS, rng) if floor is None else floor
+    phase = np.full(times.size, "hold")
+    trial = SimpleNamespace(name="test", role="validate", rate=20.0)
+    mean = forces.mean(axis=0)
+    wide = np.full(times.size, 0.02)
+    return Prediction(trial, times, phase, observed, mean, -wide, wide, forces, floor)
+
+
+def p_value(given):
+    (cell,) = check("pad", 0.01, [given]).cells
+    return cell.p_value
+
+
+@pytest.mark.parametrize("name", TIMES)
+def test_p_values_of_a_right_model_are_uniform_in_the_tail(name):
+    rng = np.random.default_rng(11)
+    times = TIMES[name]
+    floor = noise(times, DRAWS, rng)
+    seen = noise(times, REPEATS, rng) + 0.002 * rng.standard_normal((REPEATS, 1))
+    found = np.array([p_value(prediction(times, force, rng, floor)) for force in seen])
+    for level in (0.1, 0.01):
+        # four binomial sds, and a quarter for the floor known from few draws only
+        slack = 4.0 * np.sqrt(level * (1.0 - level) / REPEATS) + 0.25 * level
+        assert abs(np.mean(found < level) - level) < slack
+
+
+@pytest.mark.parametrize("name", TIMES)
+def test_structure_of_five_sds_fails(name):
+    rng = np.random.default_rng(12)
+    times = TIMES[name]
+    observed = noise(times, 1, rng)[0] + 5.0 * np.hypot(WHITE, OU)
+    found = check("pad", 0.01, [prediction(times, observed, rng)])
+    assert found.fails(found.cells[0])
+
+
+def test_an_error_of_nothing_but_rounding_does_not_divide_by_zero():
+    times = TIMES["slow ramp"]
+    nothing = np.zeros((DRAWS, times.size))
+    trial = SimpleNamespace(name="test", role="fit", rate=20.0)
+    phase = np.full(times.size, "ramp")
+    zero = np.zeros(times.size)
+    given = Prediction(trial, times, phase, zero, zero, zero, zero, nothing, nothing)
+    assert p_value(given) == 1.0
