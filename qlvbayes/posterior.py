@@ -127,7 +127,7 @@ def draw_prior(part: eqx.Module, rng: np.random.Generator) -> np.ndarray:
     return np.concatenate([np.zeros(0), *draws])
 
 
-def central(part: eqx.Module, draws: int = 200) -> np.ndarray:
+def central(part: eqx.Module, draws: int = 50) -> np.ndarray:
     """Median of the priors' unconstrained numbers (the same at every call)."""
     rng = np.random.default_rng(0)
     return np.median([draw_prior(part, rng) for _ in range(draws)], axis=0)

@@ -84,7 +84,7 @@ def summarise(fit: Fit) -> Summary:
             Constant(
                 name,
                 unit,
-                float(values.mean()),
+                _mean(values),
                 _spread(values),
                 float(np.median(values)),
                 highest_density(values),
@@ -94,6 +94,11 @@ def summarise(fit: Fit) -> Summary:
         )
     troubles = diagnostics.troubles if diagnostics else []
     return Summary(fit.pad, fit.method, tuple(rows), (*troubles, *_length_troubles(fit)))
+
+
+def _mean(values: np.ndarray) -> float:
+    """Mean; exactly the constant's value for one that does not vary."""
+    return float(values.mean()) if np.ptp(values) > 0.0 else float(values.flat[0])
 
 
 def _spread(values: np.ndarray) -> float:

@@ -5,6 +5,7 @@ import functools
 import io
 import json
 import math
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -34,10 +35,17 @@ def true_value(name):
     return value[int(index[:-1]) - (1 if stem == "v" else 0)]
 
 
+def environment():
+    """Where stdout is buffered, as it is for users."""
+    return {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+
+
 def qlvbayes(*words, **options):
     """Run the command in a process of its own; stdout and stderr are pipes."""
     line = [str(COMMAND), *map(str, words)]
-    return subprocess.run(line, capture_output=True, text=True, timeout=300, **options)
+    return subprocess.run(
+        line, capture_output=True, text=True, timeout=300, env=environment(), **options
+    )
 
 
 def call(*words):

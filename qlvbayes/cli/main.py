@@ -31,7 +31,10 @@ def run() -> None:
     if os.environ.get("QLVBAYES_DEBUG"):
         app()
     try:
-        app()
+        try:
+            app()
+        finally:
+            sys.stdout.flush()  # here, where a reader that has gone can still be noticed
     except InputError as error:
         _stop(str(error), 2)
     except SystemExit as stop:

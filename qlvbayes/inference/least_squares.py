@@ -12,7 +12,7 @@ from qlvbayes.inference import compiled
 from qlvbayes.inference.normal import NormalApproximation, covariance_from
 from qlvbayes.posterior import Posterior, draw_prior
 
-_PRIOR_DRAWS = 256
+_PRIOR_DRAWS = 96
 _BOUND_SDS = 5.0
 
 
@@ -29,7 +29,7 @@ def least_squares(
 ) -> LeastSquares:
     """Minimise the sum of ((block mean - model)/scale)^2 over the model's free constants.
 
-    ``scale`` (T, B): what a residual is divided by. Starts are the best of 256 prior draws; bounds
+    ``scale`` (T, B): what a residual is divided by. Starts are the best of 96 prior draws; bounds
     are five prior sds about the prior mean of the unconstrained numbers. The noise of
     ``posterior`` must be fixed.
     """
