@@ -102,7 +102,7 @@ def _sampled(
     posterior = build_posterior(experiment, choices, trials)
     rng = np.random.default_rng(settings.seed)
     start = starting_point(posterior, experiment.floor, rng).normal
-    store = ChainStore(folder, key_of(posterior, start, settings)) if folder else None
+    store = ChainStore(folder, key_of(posterior, settings)) if folder else None
     chain = sample(posterior, start, settings, store, progress)
     steps, walkers = chain.log_density.shape
     thin = max(1, -(-steps * walkers // _KEPT))

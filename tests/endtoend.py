@@ -40,12 +40,10 @@ def environment():
     return {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
 
 
-def qlvbayes(*words, **options):
+def qlvbayes(*words):
     """Run the command in a process of its own; stdout and stderr are pipes."""
     line = [str(COMMAND), *map(str, words)]
-    return subprocess.run(
-        line, capture_output=True, text=True, timeout=300, env=environment(), **options
-    )
+    return subprocess.run(line, capture_output=True, text=True, timeout=300, env=environment())
 
 
 def call(*words):

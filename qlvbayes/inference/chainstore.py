@@ -38,7 +38,7 @@ class ChainStore:
         for number in range(10**6):
             try:
                 stretch = self._read(self._path(number))
-            except (OSError, ValueError, KeyError, zipfile.BadZipFile):
+            except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile):
                 return
             if stretch is None:
                 return
@@ -46,7 +46,7 @@ class ChainStore:
 
     def _read(self, path: Path) -> Stretch | None:
         """One stretch; None if it is another run's."""
-        with np.load(path) as file:
+        with np.load(io.BytesIO(path.read_bytes())) as file:
             if str(file["key"]) != self.key:
                 return None
             place, half, normal = file["place"]

@@ -217,7 +217,7 @@ def _advance(
     return state, stretch
 
 
-def key_of(posterior: Posterior, start: NormalApproximation, settings: Settings) -> str:
+def key_of(posterior: Posterior, settings: Settings) -> str:
     """Digest of everything that a chain depends on."""
     leaves, shape = jax.tree.flatten(posterior)
     digest = hashlib.sha256(repr((str(shape), settings)).encode())

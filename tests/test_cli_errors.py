@@ -1,0 +1,244 @@
+"""What goes wrong ends in one plain line and leaves nothing half done; what stops, resumes."""
+
+import errno
+import json
+import os
+import resource
+import signal
+import subprocess
+import time
+
+import pytest
+from endtoend import COMMAND, PADS, call, environment, qlvbayes, read_json
+
+from qlvbayes.files import write_json, write_whole
+
+QUICK = ("--pads", "B", "--method", "least-squares")
+
+
+@pytest.fixture(scope="module")
+def fitted_folder(tmp_path_factory):
+    """A fit whose data are its own copy."""
+    folder = tmp_path_factory.mktemp("fitted")
+    data = folder / "pads.csv"
+    data.write_bytes(PADS.read_bytes())
+    assert call("fit", data, "-o", folder / "out", *QUICK)[0] == 0
+    return folder
+
+
+def one_line(err):
+    """The one line on stderr, without the command's name."""
+    assert err.startswith("qlvbayes: ")
+    assert err.count("\n") == 1
+    assert err.endswith("\n")
+    assert "Traceback" not in err
+    return err.removeprefix("qlvbayes: ").strip()
+
+
+def refused(*words):
+    """The line that the command ends with, status 2, and nothing on stdout."""
+    status, out, err = call(*words)
+    assert status == 2
+    assert out == ""
+    return one_line(err)
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--pads", "Z"], "no pad 'Z'; name one of: A, B, C"),
+        (["--method", "guess"], "use one of emcee, least-squares, two-step"),
+        (["--noise", "pink"], "use one of correlated, white, student-t"),
+        (["--elastic", "rubber"], "use one of exponential, linear, hertz"),
+        (["--prior", "v[1]=banana(1,2)"], "no prior is called 'banana'"),
+        (["--prior", "v[1]"], "is not name=value"),
+        (["--prior", "v[7]=lognormal(1,1)"], "use one of v[1], v[2]"),
+        (["--prior", "m=normal(1,1)"], "m must be positive"),
+        (["--fix", "q=1"], "no constant is called 'q'"),
+        (["--fix", "m=soft"], "'soft' is not a finite number"),
+        (["--fix", "m=nan"], "'nan' is not a finite number"),
+        (["--fix", "v[1]=0.1", "--fix", "v[2]=5"], "rates must fall"),
+        (["--fix", "noise.pink=1"], "no constant is called 'noise.pink'"),
+    ],
+)
+def test_a_setting_that_cannot_be_used_is_refused_before_anything_is_written(tmp_path, words, says):
+    pads = [] if "--pads" in words else ["--pads", "B"]
+    assert says in refused("fit", PADS, "-o", tmp_path / "out", *pads, *words)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (None, "no such file"),
+        (b"", "the file is empty"),
+        (b"time_s,displacement_mm\n0,0\n", "force"),
+        (b"time_s,displacement_mm,force_N\n0,0,0\n1,0.1,abc\n2,0.2,1\n", "line 3"),
+        (b"\x00\x01\x02\x03", "data.csv"),
+    ],
+)
+def test_a_file_that_cannot_be_used_is_named(tmp_path, content, says):
+    data = tmp_path / "data.csv"
+    if content is not None:
+        data.write_bytes(content)
+    line = refused("fit", data, "-o", tmp_path / "out")
+    assert line.startswith(str(data))
+    assert says in line
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("place", [".", "deeper"])
+def test_a_file_where_the_results_should_go_is_left_alone(tmp_path, place):
+    taken = tmp_path / "taken"
+    taken.write_text("mine")
+    line = refused("fit", PADS, "-o", taken / place, *QUICK)
+    assert str(taken) in line
+    assert "choose another folder with -o" in line
+    assert taken.read_text() == "mine"
+
+
+def test_a_command_of_its_own_process_says_the_same(tmp_path):
+    process = qlvbayes("fit", tmp_path / "no.csv", "-o", tmp_path / "out")
+    assert process.returncode == 2
+    assert one_line(process.stderr).startswith(f"{tmp_path / 'no.csv'}: no such file")
+
+
+@pytest.mark.parametrize("words", [["fit", "--bogus"], ["nonsense"], ["fit"], ["check", "--seed"]])
+def test_usage_errors_end_with_status_2(words):
+    status, out, err = call(*words)
+    assert status == 2
+    assert out == ""
+    assert "Traceback" not in err
+
+
+def test_check_needs_a_fit(tmp_path):
+    for folder in (tmp_path, tmp_path / "nowhere"):
+        assert "run qlvbayes fit first" in refused("check", folder)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_check_says_when_the_data_are_gone_or_changed(fitted_folder, tmp_path):
+    folder, data = fitted_folder / "out", fitted_folder / "pads.csv"
+    content = data.read_bytes()
+    data.unlink()
+    line = refused("check", folder)
+    assert line.startswith(str(data))
+    assert "--data FILE" in line
+    data.write_bytes(content + b"# another line\n")
+    assert "changed since the fit" in refused("check", folder)
+    data.write_bytes(content)
+    assert "no longer here" in refused("check", folder, "--data", tmp_path / "no.csv")
+    assert not (folder / "B" / "check.json").exists()
+
+
+@pytest.mark.parametrize("damage", ["empty", "half", "text", "zeros", "folder"])
+def test_check_refuses_damaged_results(fitted_folder, tmp_path, damage):
+    good = (fitted_folder / "out" / "B" / "posterior.nc").read_bytes()
+    file = tmp_path / "B" / "posterior.nc"
+    file.parent.mkdir()
+    if damage == "folder":
+        file.mkdir()
+    elif damage == "zeros":
+        # a hole in the draws themselves, where a file's structure is whole
+        hole = len(good) // 2
+        file.write_bytes(good[:hole] + bytes(4096) + good[hole + 4096 :])
+    else:
+        file.write_bytes({"empty": b"", "half": good[: len(good) // 2], "text": b"m,b\n"}[damage])
+    line = refused("check", tmp_path)
+    assert line.startswith(str(file))
+    assert "run qlvbayes fit again" in line
+    assert [path.name for path in file.parent.iterdir()] == ["posterior.nc"]
+
+
+def test_damaged_results_leave_nothing_else_on_stderr(tmp_path):
+    (tmp_path / "B").mkdir()
+    (tmp_path / "B" / "posterior.nc").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(100))
+    process = qlvbayes("check", tmp_path)
+    assert process.returncode == 2
+    assert "not a results file" in one_line(process.stderr)
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--noise", "pink"], "use one of correlated, white, none"),
+        (["--pads", "Q"], "no pad 'Q'"),
+        (["--rates", "fast"], "not a list of rates"),
+        (["--rates", "-1"], "not a list of rates"),
+        (["--max-rows", "0"], "too few"),
+    ],
+)
+def test_simulate_refuses(tmp_path, words, says):
+    assert says in refused("simulate", "-o", tmp_path / "x.csv", *words)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_full_disk_leaves_no_half_written_results(tmp_path):
+    # files of at most 1 MB: as on a full disk, a write comes to an end in the middle
+    limited = ["sh", "-c", 'ulimit -f 1000; exec "$0" "$@"', COMMAND]
+    line = [*limited, "fit", PADS, "-o", tmp_path, *QUICK]
+    process = subprocess.run(line, capture_output=True, text=True, timeout=300, env=environment())
+    assert process.returncode == 2
+    assert one_line(process.stderr).startswith(f"{tmp_path / 'B' / 'posterior.nc'}: ")
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
+
+
+def test_a_failed_write_keeps_the_file_that_was_there(tmp_path):
+    file = tmp_path / "kept.json"
+    write_json(file, {"a": 1})
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
+    try:
+        with pytest.raises(OSError, match=r"kept\.json") as error:
+            write_whole(file, bytes(5000))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert error.value.errno == errno.EFBIG
+    assert read_json(file) == {"a": 1}
+    assert list(tmp_path.iterdir()) == [file]
+
+
+def test_json_refuses_what_is_not_finite(tmp_path):
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        write_json(tmp_path / "x.json", {"a": float("nan")})
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_stopped_fit_resumes_and_ends_as_if_never_stopped(tmp_path):
+    """Killed outright, then Ctrl-C, then left alone: the numbers of one uninterrupted run."""
+    words = ["fit", str(PADS), "-o", str(tmp_path / "out"), "--pads", "B", "--seed", "8"]
+    chain = tmp_path / "out" / "B" / "chain"
+
+    killed = _stopped(words, chain / "stretch-00000.npz", signal.SIGKILL)
+    assert killed == (-signal.SIGKILL, "")
+    first = (chain / "stretch-00000.npz").stat().st_mtime_ns
+
+    status, err = _stopped(words, chain / "stretch-00001.npz", signal.SIGINT)
+    assert status == 130
+    assert one_line(err) == "interrupted; the same command goes on where it stopped"
+    assert (chain / "stretch-00000.npz").stat().st_mtime_ns == first
+    assert not (tmp_path / "out" / "B" / "posterior.nc").exists()
+
+    resumed = call(*words, "--json")
+    words[3] = str(tmp_path / "whole")
+    whole = call(*words, "--json")
+    assert resumed[0] == whole[0] == 0
+    assert json.loads(resumed[1]) == json.loads(whole[1])
+    assert not chain.exists()
+
+
+def _stopped(words, file, number):
+    """Send a signal once a file is there: the exit status and stderr."""
+    process = subprocess.Popen(
+        [COMMAND, *words],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment(),
+    )
+    deadline = time.monotonic() + 200.0
+    while not file.exists() and process.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.01)
+    os.kill(process.pid, number)
+    err = process.communicate(timeout=60)[1]
+    return process.returncode, err

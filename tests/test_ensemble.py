@@ -1,0 +1,324 @@
+"""The sampler against posteriors that are known, its proposals, and its chain on disk."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import emcee
+import numpy as np
+import pytest
+from endtoend import experiment
+from scipy.special import logsumexp
+from scipy.stats import beta, multivariate_normal, multivariate_t, norm
+
+from qlvbayes.choices import Choices
+from qlvbayes.fit import build_posterior
+from qlvbayes.inference import compiled
+from qlvbayes.inference.chainstore import ChainStore, remove_chain
+from qlvbayes.inference.diagnostics import diagnose_chain, highest_density
+from qlvbayes.inference.ensemble import Settings, autocorrelation_time, key_of, sample
+from qlvbayes.inference.normal import NormalApproximation
+from qlvbayes.inference.proposal import TAIL, Proposal, from_draws, from_normal
+from qlvbayes.noise import White
+from qlvbayes.parameters import names
+from qlvbayes.posterior import Posterior, draw_prior
+
+RNG = 20
+STEPS = Settings(min_steps=100, stretch=20, max_steps=4000)
+
+
+@pytest.fixture(scope="module")
+def uninformed():
+    """A posterior that is its prior: the noise drowns the data."""
+    built = build_posterior(
+        experiment(),
+        Choices(priors=("m=lognormal(0,0.5)", "b=lognormal(-1,0.5)")),
+        experiment().with_role("fit"),
+    )
+    return Posterior(built.model, White(1e7), built.record)
+
+
+@pytest.fixture(scope="module")
+def start(uninformed):
+    rng = np.random.default_rng(RNG)
+    draws = np.stack([draw_prior(uninformed, rng) for _ in range(2000)])
+    return NormalApproximation(draws.mean(axis=0), np.cov(draws, rowvar=False))
+
+
+@pytest.fixture(scope="module")
+def chain(uninformed, start):
+    return sample(uninformed, start, STEPS)
+
+
+@pytest.fixture(scope="module")
+def constants(uninformed, chain):
+    """(walkers, steps, P)."""
+    theta = np.swapaxes(chain.theta, 0, 1)
+    flat = theta.reshape(-1, theta.shape[-1])
+    values = compiled.in_batches(compiled.constants, uninformed, flat, size=4096)
+    return values.reshape(*theta.shape[:2], -1)
+
+
+def prior_quantiles(uninformed, name, shares):
+    """What the prior says; rates, whose order makes it no textbook's, by many draws."""
+    if name == "m":
+        return np.exp(norm.ppf(shares, 0.0, 0.5))
+    if name == "b":
+        return np.exp(norm.ppf(shares, -1.0, 0.5))
+    if name.startswith("c"):
+        return beta.ppf(shares, 1.0, 2.0)
+    rng = np.random.default_rng(RNG + 1)
+    rates = [uninformed.model.relaxation.v.draw(rng) for _ in range(20_000)]
+    return np.quantile(rates, shares, axis=0)[:, int(name[2]) - 1]
+
+
+def test_without_information_the_prior_comes_out(uninformed, constants):
+    shares = np.array([0.05, 0.25, 0.5, 0.75, 0.95])
+    ess = diagnose_chain(constants).ess_bulk
+    for k, name in enumerate(names(uninformed)[:-1]):
+        expected = prior_quantiles(uninformed, name, shares)
+        found = np.array([np.mean(constants[..., k] < q) for q in expected])
+        # effective draws of the chain, and the 20 000 of the rates
+        error = np.sqrt(shares * (1.0 - shares) * (1.0 / ess[k] + 1.0 / 20_000))
+        assert np.all(np.abs(found - shares) < 4.5 * error), name
+
+
+def test_the_chain_is_enough_and_says_how_long(chain):
+    assert chain.enough
+    assert len(chain.theta) >= 50.0 * chain.autocorrelation
+    assert chain.steps % STEPS.stretch == 0
+    assert 0.1 < chain.acceptance < 0.9
+
+
+def test_log_densities_are_those_of_the_posterior(uninformed, chain):
+    last = np.asarray(compiled.log_densities(uninformed, chain.theta[-1]))
+    np.testing.assert_allclose(chain.log_density[-1], last, rtol=1e-12)
+
+
+def test_too_few_steps_are_not_enough(uninformed, start):
+    short = sample(uninformed, start, replace(STEPS, max_steps=50))
+    assert short.steps == 50
+    assert not short.enough
+
+
+def test_a_seed_repeats(uninformed, start):
+    settings = replace(STEPS, max_steps=60)
+    one, two = (sample(uninformed, start, settings) for _ in range(2))
+    other = sample(uninformed, start, replace(settings, seed=1))
+    np.testing.assert_array_equal(one.theta, two.theta)
+    assert not np.array_equal(one.theta, other.theta)
+
+
+class Killed(BaseException):
+    """What ends a run in the middle."""
+
+
+def stop_at(step):
+    def progress(done, expected):
+        if done >= step:
+            raise Killed
+
+    return progress
+
+
+def test_a_killed_chain_resumes_bitwise(uninformed, start, chain, tmp_path):
+    """Stopped before each stretch in turn, the chain is that of one run."""
+    store = ChainStore(tmp_path / "chain", key_of(uninformed, STEPS))
+    for step in range(STEPS.stretch, chain.steps, STEPS.stretch):
+        with pytest.raises(Killed):
+            sample(uninformed, start, STEPS, store, stop_at(step))
+    resumed = sample(uninformed, start, STEPS, store)
+    np.testing.assert_array_equal(resumed.theta, chain.theta)
+    np.testing.assert_array_equal(resumed.log_density, chain.log_density)
+    assert resumed.steps == chain.steps
+    assert resumed.acceptance == chain.acceptance
+
+
+def test_a_resumed_chain_is_not_looked_at_more_often(uninformed, start, tmp_path, monkeypatch):
+    """Else a stopped run would end sooner, at a length that favours luck."""
+    looks = []
+
+    def never_enough(chains):
+        looks.append(chains.shape[1])
+        return SimpleNamespace(troubles=["not yet"])
+
+    monkeypatch.setattr("qlvbayes.inference.ensemble.diagnose_chain", never_enough)
+    settings = replace(STEPS, max_steps=1200)
+    sample(uninformed, start, settings)
+    uninterrupted, looks[:] = list(looks), []
+    store = ChainStore(tmp_path / "chain", key_of(uninformed, settings))
+    for step in (620, 740, 900, 1180):
+        with pytest.raises(Killed):
+            sample(uninformed, start, settings, store, stop_at(step))
+    sample(uninformed, start, settings, store)
+    assert sorted(set(looks)) == sorted(set(uninterrupted))
+
+
+def test_a_damaged_stretch_is_sampled_again(uninformed, start, tmp_path):
+    settings = replace(STEPS, max_steps=100)
+    store = ChainStore(tmp_path, key_of(uninformed, settings))
+    whole = sample(uninformed, start, settings, store)
+    last = tmp_path / "stretch-00003.npz"
+    for content in (b"", b"PK\x03\x04", last.read_bytes()[:-500], b"text"):
+        last.write_bytes(content)
+        assert len(list(store.load())) == 3
+        np.testing.assert_array_equal(sample(uninformed, start, settings, store).theta, whole.theta)
+
+
+def test_a_chain_of_another_run_is_not_resumed(uninformed, start, tmp_path):
+    settings = replace(STEPS, max_steps=60)
+    sample(uninformed, start, settings, ChainStore(tmp_path, key_of(uninformed, settings)))
+    other = replace(settings, seed=9)
+    store = ChainStore(tmp_path, key_of(uninformed, other))
+    assert list(store.load()) == []
+    beside = sample(uninformed, start, other, store)
+    np.testing.assert_array_equal(beside.theta, sample(uninformed, start, other).theta)
+    assert len(list(store.load())) == 3
+    remove_chain(tmp_path)
+    assert not tmp_path.exists()
+    remove_chain(tmp_path)
+
+
+def test_a_chains_key_knows_all_that_it_depends_on():
+    trials = experiment().with_role("fit")
+    choices = [
+        Choices(),
+        Choices(bonded=True),
+        Choices(law="linear"),
+        Choices(modes=1),
+        Choices(noise="white"),
+        Choices(priors=("m=lognormal(0,1)",)),
+        Choices(fixed=("c[0]=0.3",)),
+        Choices(fixed=("c[1]=0.3",)),
+        Choices(fixed=("m=0.3",)),
+    ]
+    keys = [key_of(build_posterior(experiment(), c, trials), STEPS) for c in choices]
+    others = experiment().trials[:1]
+    keys.append(key_of(build_posterior(experiment(), Choices(), others), STEPS))
+    plain = build_posterior(experiment(), Choices(), trials)
+    keys += [key_of(plain, replace(STEPS, seed=1)), key_of(plain, replace(STEPS, walkers=40))]
+    assert len(set(keys)) == len(keys)
+    assert keys[0] == key_of(build_posterior(experiment(), Choices(), trials), STEPS)
+
+
+def test_an_unwritable_chain_is_an_error_that_names_it(uninformed, start, tmp_path):
+    (tmp_path / "chain").write_text("in the way")
+    store = ChainStore(tmp_path / "chain" / "deeper", "key")
+    with pytest.raises(OSError, match="chain"):
+        sample(uninformed, start, replace(STEPS, max_steps=20), store)
+
+
+@pytest.fixture(scope="module")
+def mixture():
+    """Three kernels in two dimensions."""
+    random = np.random.default_rng(RNG)
+    roots = np.array([np.linalg.cholesky(a @ a.T) for a in random.normal(size=(3, 2, 2))])
+    return Proposal(random.normal(size=(3, 2)), roots)
+
+
+def test_a_proposals_density_is_that_of_a_t_mixture(mixture):
+    points = np.random.default_rng(1).normal(scale=3.0, size=(200, 2))
+    parts = [
+        multivariate_t(c, r @ r.T, df=TAIL).logpdf(points)
+        for c, r in zip(mixture.centres, mixture.roots, strict=True)
+    ]
+    difference = mixture.log_density(points) - logsumexp(parts, axis=0)
+    np.testing.assert_allclose(difference, difference[0], rtol=0.0, atol=1e-10)
+
+
+def test_a_proposals_draws_have_its_density(mixture):
+    """Weights 1/q of two normals average to the same constant: both integrate to one."""
+    draws = mixture.draw(200_000, np.random.RandomState(RNG))
+    density = mixture.log_density(draws)
+    weights = [
+        np.exp(multivariate_normal(mean, 0.3 * np.eye(2)).logpdf(draws) - density)
+        for mean in (mixture.centres[0], mixture.centres[2] + 0.5)
+    ]
+    means = np.array([w.mean() for w in weights])
+    errors = np.array([w.std() / np.sqrt(w.size) for w in weights])
+    assert abs(means[0] - means[1]) < 4.5 * np.hypot(*errors)
+
+
+def test_a_proposal_from_draws_covers_them():
+    draws = banana(np.random.default_rng(RNG), 4000)
+    proposal = from_draws(draws)
+    again = proposal.draw(4000, np.random.RandomState(RNG))
+    # a kernel estimate is wider than its draws, not elsewhere
+    np.testing.assert_allclose(again.mean(axis=0), draws.mean(axis=0), atol=0.25)
+    assert np.all(again.std(axis=0) > draws.std(axis=0))
+    assert np.all(again.std(axis=0) < 2.0 * draws.std(axis=0))
+
+
+def banana(rng, count):
+    x = rng.standard_normal(count)
+    return np.column_stack([x, x**2 + 0.5 * rng.standard_normal(count)])
+
+
+def banana_density(points):
+    x, y = points.T
+    return norm.logpdf(x) + norm.logpdf(y, x**2, 0.5)
+
+
+@pytest.mark.parametrize("kind", ["normal", "draws"])
+def test_its_move_leaves_a_banana_as_it_is(kind):
+    """Metropolis-Hastings with a proposal that is off centre gives the banana's moments."""
+    if kind == "normal":
+        proposal = from_normal(NormalApproximation(np.array([0.5, 2.0]), np.diag([2.0, 9.0])))
+    else:
+        proposal = from_draws(banana(np.random.default_rng(2), 1000) + np.array([0.3, 0.4]))
+    sampler = emcee.EnsembleSampler(
+        16, 2, banana_density, moves=emcee.moves.MHMove(proposal.move), vectorize=True
+    )
+    state = emcee.State(
+        banana(np.random.default_rng(3), 16),
+        random_state=np.random.RandomState(RNG).get_state(),
+    )
+    sampler.run_mcmc(state, 3000)
+    x, y = np.moveaxis(sampler.get_chain(), -1, 0)
+    statistics = np.stack([x, x**2, y, (y - 1.0) ** 2, x * y, x < 1.0, y < 0.0], axis=-1)
+    exact = [0.0, 1.0, 1.0, 2.25, 0.0, norm.cdf(1.0), _share_below_zero()]
+    ess = diagnose_chain(np.swapaxes(statistics, 0, 1)).ess_bulk
+    error = statistics.std(axis=(0, 1)) / np.sqrt(ess)
+    assert np.all(np.abs(statistics.mean(axis=(0, 1)) - exact) < 4.5 * error)
+
+
+def _share_below_zero():
+    """P(y < 0) of the banana, by quadrature."""
+    x = np.linspace(-8.0, 8.0, 20_001)
+    return np.trapezoid(norm.pdf(x) * norm.cdf(0.0, x**2, 0.5), x)
+
+
+def test_autocorrelation_of_a_known_process():
+    """x' = 0.9 x + noise has time (1 + 0.9)/(1 - 0.9) = 19."""
+    rng = np.random.default_rng(RNG)
+    noise = rng.standard_normal((20_000, 8))
+    x = np.zeros_like(noise)
+    for k in range(1, len(x)):
+        x[k] = 0.9 * x[k - 1] + noise[k]
+    assert autocorrelation_time(x[..., None]) == pytest.approx(19.0, rel=0.1)
+    assert autocorrelation_time(np.ones((10, 4, 2))) == np.inf
+
+
+def test_chains_that_disagree_are_told():
+    rng = np.random.default_rng(RNG)
+    good = rng.standard_normal((4, 500, 1))
+    assert diagnose_chain(good).troubles == []
+    apart = good + np.arange(4)[:, None, None]
+    assert any("R-hat" in trouble for trouble in diagnose_chain(apart).troubles)
+    few = diagnose_chain(good[:, :40]).troubles
+    assert any("effective samples" in trouble for trouble in few)
+
+
+def test_what_does_not_vary_has_no_diagnostics():
+    values = np.random.default_rng(RNG).standard_normal((4, 500, 2))
+    values[..., 1] = 3.0
+    found = diagnose_chain(values)
+    assert np.isnan(found.r_hat[1])
+    assert np.isnan(found.ess_bulk[1])
+    assert found.troubles == []
+
+
+def test_the_highest_density_interval_is_the_shortest():
+    draws = np.random.default_rng(RNG).exponential(size=(4, 50_000))
+    low, high = highest_density(draws)
+    assert low == pytest.approx(0.0, abs=1e-3)
+    assert high == pytest.approx(-np.log(0.1), rel=0.02)

@@ -1,0 +1,207 @@
+"""Fits of pad B: what the data say, what the user says, and the paper's own routes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from endtoend import CONSTANTS, SHORT, TRUTH, experiment, fitted, study, true_value
+
+from qlvbayes.checks import InputError
+from qlvbayes.choices import Choices
+from qlvbayes.experiment import prepare
+from qlvbayes.fit import build_posterior, fit_pad
+from qlvbayes.inference import compiled
+from qlvbayes.inference.ensemble import Settings
+from qlvbayes.inference.starting import starting_point
+from qlvbayes.summary import summarise
+
+
+def mean(found, name):
+    return summarise(found)[name].mean
+
+
+def curve(found, times):
+    """G(t) of the posterior means."""
+    r = sum(name.startswith("v") for name in found.names)
+    rates = [mean(found, f"v[{k}]") for k in range(1, r + 1)]
+    parts = [mean(found, f"c[{k}]") for k in range(r + 1)]
+    return parts[0] + np.exp(-np.outer(times, rates)) @ parts[1:]
+
+
+def true_curve(times):
+    return TRUTH.c[0] + np.exp(-np.outer(times, TRUTH.v)) @ np.array(TRUTH.c[1:])
+
+
+def test_draws_obey_the_model():
+    found = fitted()
+    constants = dict(zip(found.names, np.moveaxis(found.every, -1, 0), strict=True))
+    total = constants["c[0]"] + constants["c[1]"] + constants["c[2]"]
+    np.testing.assert_allclose(total, 1.0, atol=1e-12)
+    assert np.all(constants["v[1]"] > constants["v[2]"])
+    assert all(np.all(values > 0.0) for values in constants.values())
+
+
+def test_the_constants_that_made_the_data_are_found():
+    summary = summarise(fitted())
+    assert summary.converged
+    for name in CONSTANTS:
+        assert abs(summary[name].mean - true_value(name)) < 4.0 * summary[name].sd, name
+
+
+def test_the_noise_that_was_simulated_is_found():
+    summary = summarise(fitted())
+    # 0.006 N white, 0.008 N correlated over 0.5 s
+    for name, value in (("noise.white", 0.006), ("noise.ou", 0.008), ("noise.tau", 0.5)):
+        assert abs(summary[name].median - value) < 4.0 * summary[name].sd, name
+
+
+def test_kept_draws_stand_for_the_chain():
+    found = fitted()
+    assert found.theta.shape[:2] == found.constants.shape[:2]
+    assert 1000 <= found.theta.shape[0] * found.theta.shape[1] <= 2000
+    sd = found.every.std(axis=(0, 1))
+    shift = found.constants.mean(axis=(0, 1)) - found.every.mean(axis=(0, 1))
+    assert np.all(np.abs(shift) < 0.1 * sd)
+
+
+def test_the_normal_approximation_agrees_with_the_chain():
+    found = fitted()
+    rng = np.random.default_rng(0)
+    normal = starting_point(found.posterior, experiment().floor, rng).normal
+    theta = found.theta.reshape(-1, normal.mean.size)
+    sd = theta.std(axis=0)
+    free = len(CONSTANTS) - 1  # of the model: the noise's posterior is skewed
+    assert np.all(np.abs(normal.mean - theta.mean(axis=0))[:free] < 0.35 * sd[:free])
+    ratio = np.sqrt(np.diag(normal.covariance)) / sd
+    assert np.all((ratio > 0.7) & (ratio < 1.4))
+
+
+def test_the_start_is_the_highest_point():
+    found = fitted()
+    rng = np.random.default_rng(0)
+    optimum = starting_point(found.posterior, experiment().floor, rng)
+    flat = found.theta.reshape(-1, found.theta.shape[-1])
+    densities = compiled.in_batches(compiled.log_densities, found.posterior, flat)
+    assert optimum.log_density > np.max(densities) - 1e-6
+
+
+def test_too_few_steps_do_not_converge_and_say_why():
+    summary = summarise(fitted(settings=SHORT))
+    assert not summary.converged
+    assert any("autocorrelation times" in t or "effective" in t for t in summary.troubles)
+    assert summary.as_dict()["converged"] is False
+    assert summary.as_dict()["troubles"] == list(summary.troubles)
+
+
+@pytest.mark.parametrize("name", ["v[2]", "m", "c[0]", "noise.white"])
+def test_a_fixed_constant_is_exactly_that(name):
+    found = fitted(Choices(fixed=(f"{name}=0.3",)), settings=SHORT)
+    constant = summarise(found)[name]
+    assert (constant.mean, constant.sd, constant.median) == (0.3, 0.0, 0.3)
+    assert constant.hdi90 == (0.3, 0.3)
+    assert constant.r_hat is None
+    assert constant.fixed
+
+
+def test_a_narrow_prior_wins_over_the_data():
+    choices = Choices(priors=("b=lognormal(0.2,0.0001)",))
+    constant = summarise(fitted(choices, settings=Settings(max_steps=200)))["b"]
+    assert constant.mean == pytest.approx(np.exp(0.2), rel=1e-3)
+
+
+@pytest.mark.parametrize("method", ["least-squares", "two-step"])
+def test_least_squares_draws_stand_for_its_normal_approximation(method):
+    found = fitted(method=method)
+    summary = summarise(found)
+    assert summary.method == method
+    assert summary.converged
+    assert found.names[-1] == "noise.white"
+    assert summary["noise.white"].fixed
+    assert all(summary[name].r_hat is None for name in found.names)
+    assert all(summary[name].sd > 0.0 for name in CONSTANTS)
+
+
+def test_one_step_least_squares_finds_the_constants():
+    """Eq. 9 on ramp and hold: the model's curve to 2 %, as correlated noise allows."""
+    found = fitted(method="least-squares")
+    assert mean(found, "m") == pytest.approx(TRUTH.m, rel=0.05)
+    assert mean(found, "b") == pytest.approx(TRUTH.b, rel=0.05)
+    times = np.geomspace(0.01, 30.0, 20)
+    np.testing.assert_allclose(curve(found, times), true_curve(times), atol=0.02)
+
+
+def test_two_steps_underestimate_the_instantaneous_force():
+    """The fastest ramp takes 0.08 s, in which a pad of v_1 = 6.2/s relaxes: m e^b comes out low."""
+    depth = 1.6
+    found = fitted(method="two-step")
+    m, b = mean(found, "m"), mean(found, "b")
+    elastic = m / b * np.expm1(b * depth)
+    exact = TRUTH.m / TRUTH.b * np.expm1(TRUTH.b * depth)
+    assert 0.75 < elastic / exact < 0.97
+
+
+def test_white_noise_in_the_likelihood_makes_sds_too_small():
+    """Noise is correlated over 0.5 s: who takes it for white believes too much."""
+    white = summarise(fitted(Choices(noise="white")))
+    honest = summarise(fitted())
+    assert white.converged
+    assert white["c[0]"].sd < 0.7 * honest["c[0]"].sd
+    assert abs(white["c[0]"].mean - honest["c[0]"].mean) < 5.0 * honest["c[0]"].sd
+
+
+def test_student_t_noise_runs():
+    found = fitted(Choices(noise="student-t"), settings=SHORT)
+    assert found.names[-2:] == ["noise.scale", "noise.nu"]
+    assert found.units[-2:] == ["N", "1"]
+    assert mean(found, "noise.scale") == pytest.approx(0.009, rel=0.5)
+
+
+def test_a_wrong_law_leaves_a_larger_residual():
+    exact = fitted(method="least-squares").facts["residual_sd"]
+    for wrong in (Choices(law="linear"), Choices(modes=1)):
+        assert fitted(wrong, method="least-squares").facts["residual_sd"] > 1.5 * exact
+    # a power of the depth comes near an exponential over one stroke
+    hertz = fitted(Choices(law="hertz"), method="least-squares").facts["residual_sd"]
+    assert hertz > 0.9 * exact
+
+
+def test_more_modes_do_not_fit_worse():
+    sds = [
+        fitted(Choices(modes=modes), method="least-squares").facts["residual_sd"]
+        for modes in (1, 2, 3)
+    ]
+    assert sds[0] > sds[1] > 0.999 * sds[2]
+
+
+def test_fitted_tests_are_those_whose_role_says_so():
+    assert [trial.name for trial in fitted().trials] == ["B-20"]
+    pad = replace_roles(["fit", "validate", "fit", None, None, None])
+    found = fit_pad(prepare(pad), Choices(), method="least-squares")
+    assert [trial.name for trial in found.trials] == ["B-0.1", "B-10"]
+
+
+def replace_roles(roles):
+    pad = study().pad("B")
+    tests = tuple(replace(t, role=r) for t, r in zip(pad.tests, roles, strict=True))
+    return replace(pad, tests=tests)
+
+
+def test_a_bonded_specimen_may_pull():
+    """On unloading the loose pad's force ends at zero; the glued one's goes on below."""
+    trials = experiment().with_role("fit")
+    theta = None
+    lowest = {}
+    for bonded in (False, True):
+        posterior = build_posterior(experiment(), Choices(bonded=bonded), trials)
+        if theta is None:
+            values = [0.34, 1.165, 0.0, 0.9255, 0.0745, 6.215, 0.14, 0.006, 0.008, 0.5]
+            values[2], values[3] = 1e-3, 0.9245
+            theta = posterior.unconstrain(np.array(values))
+        lowest[bonded] = float(np.min(posterior.predict(theta)))
+    assert lowest[False] == 0.0
+    assert lowest[True] < -0.1
+
+
+def test_an_unknown_method_is_refused():
+    with pytest.raises(InputError, match="no method 'guess'"):
+        fit_pad(experiment(), Choices(), method="guess")

@@ -1,0 +1,209 @@
+"""The results file: ArviZ's groups, units, likelihood, predictions, and the way back."""
+
+import json
+import warnings
+
+import h5py
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import xarray
+from arviz_stats import summary as arviz_summary
+from endtoend import CONSTANTS, experiment, fitted
+
+from qlvbayes.checks import InputError
+from qlvbayes.choices import Choices
+from qlvbayes.noise import Correlated
+from qlvbayes.results import load, save, to_arviz
+from qlvbayes.summary import summarise
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")  # arviz 0.23 announces on import that 1.0 will differ
+    import arviz
+
+GROUPS = {"posterior", "posterior_predictive", "log_likelihood", "observed_data", "constant_data"}
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("results") / "posterior.nc"
+    found = fitted()
+    tree = to_arviz(
+        found, summarise(found), source="/data/pads.csv", sha256="abc", all_tests=False, seed=0
+    )
+    save(tree, path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def tree(file):
+    return xarray.load_datatree(file, engine="h5netcdf")
+
+
+def test_arviz_opens_the_file(file):
+    data = arviz.from_netcdf(file)
+    groups = data.groups() if callable(data.groups) else data.groups
+    assert {name.strip("/") for name in groups} - {""} == GROUPS
+
+
+def test_walkers_are_chains(tree):
+    found = fitted()
+    for group in ("posterior", "posterior_predictive", "log_likelihood"):
+        sizes = tree[group].sizes
+        assert (sizes["chain"], sizes["draw"]) == found.theta.shape[:2]
+    assert tree["posterior"].sizes["chain"] == found.facts["walkers"]
+
+
+def test_variables_carry_units(tree):
+    posterior = tree["posterior"]
+    units = {name: variable.attrs["units"] for name, variable in posterior.data_vars.items()}
+    assert units == {
+        "m": "N/mm",
+        "b": "1/mm",
+        "c": "1",
+        "v": "1/s",
+        "noise.white": "N",
+        "noise.ou": "N",
+        "noise.tau": "s",
+    }
+    assert tree["observed_data"]["force"].attrs["units"] == "N"
+    assert tree["constant_data"]["first_s"].attrs["units"] == "s"
+
+
+def test_fractions_and_rates_are_vectors_counted_as_in_the_paper(tree):
+    assert tree["posterior"]["c_index"].values.tolist() == [0, 1, 2]
+    assert tree["posterior"]["v_index"].values.tolist() == [1, 2]
+
+
+def test_every_number_is_finite(tree):
+    for node in tree.subtree:
+        for name, variable in node.data_vars.items():
+            assert np.all(np.isfinite(variable)), (node.path, name)
+
+
+def test_the_root_says_where_it_comes_from(tree):
+    attrs = tree.attrs
+    assert (attrs["pad"], attrs["method"], attrs["sha256"]) == ("B", "emcee", "abc")
+    assert json.loads(attrs["fitted_tests"]) == ["B-20"]
+    assert attrs["converged"] == 1
+    assert attrs["force_unit"] == "N"
+
+
+def test_arviz_summary_agrees_with_ours(tree):
+    table = arviz_summary(tree, round_to="none")
+    ours = summarise(fitted())
+    for constant in ours.constants:
+        row = table.loc[constant.name]
+        # both from one chain, of which the file keeps a part
+        assert abs(row["mean"] - constant.mean) < 0.15 * constant.sd
+        assert row["sd"] == pytest.approx(constant.sd, rel=0.1)
+        assert row["r_hat"] < 1.05
+
+
+def test_pointwise_log_likelihood_sums_to_the_joint_one(tree):
+    found = fitted()
+    pointwise = tree["log_likelihood"]["force"].values
+    for chain, draw in ((0, 0), (3, 11), (31, 40)):
+        joint = np.sum(found.posterior.log_likelihoods(jnp.asarray(found.theta[chain, draw])))
+        assert pointwise[chain, draw].sum() == pytest.approx(float(joint), rel=1e-10)
+
+
+def test_observed_data_are_the_block_means(tree):
+    """Weighted by their counts they average to the mean of all samples."""
+    (trial,) = fitted().trials
+    observed, facts = tree["observed_data"]["force"].values, tree["constant_data"]
+    count = facts["samples"].values
+    assert count.sum() == trial.test.time.size
+    assert np.average(observed, weights=count) == pytest.approx(trial.test.force.mean())
+    assert np.all(facts["first_s"].values <= facts["last_s"].values)
+    assert set(facts["test"].values.tolist()) == {0}
+
+
+def test_posterior_predictive_covers_what_was_observed(tree):
+    draws = tree["posterior_predictive"]["force"].values
+    draws = draws.reshape(-1, draws.shape[-1])
+    observed = tree["observed_data"]["force"].values
+    low, high = np.quantile(draws, [0.05, 0.95], axis=0)
+    assert 0.8 < np.mean((observed >= low) & (observed <= high)) < 0.99
+    # in units of its own sd the difference has neither a mean nor a spread of its own
+    z = (observed - draws.mean(axis=0)) / draws.std(axis=0)
+    assert abs(z.mean()) < 0.6
+    assert 0.7 < z.std() < 1.3
+
+
+def test_posterior_predictive_noise_is_the_models(tree):
+    """About the model's force, draws have the noise's variance; neighbours share its slow part."""
+    found = fitted()
+    flat = found.theta.reshape(-1, found.theta.shape[-1])[:200]
+    predicted = np.array([found.posterior.predict(jnp.asarray(x))[0] for x in flat])
+    real = np.asarray(found.posterior.record.blocks.real)[0]
+    draws = tree["posterior_predictive"]["force"].values.reshape(-1, int(real.sum()))[:200]
+    error = draws - predicted[:, real]
+    constants = dict(zip(found.names, found.constants.reshape(-1, 10)[:200].T, strict=True))
+    count = tree["constant_data"]["samples"].values
+    ou, white = constants["noise.ou"][:, None], constants["noise.white"][:, None]
+    expected = np.mean(ou**2 + white**2 / count)
+    assert np.mean(error**2) == pytest.approx(expected, rel=0.25)
+    assert Correlated(0.0, 1.0, 1.0).units == {"white": "force", "ou": "force", "tau": "time"}
+
+
+@pytest.mark.parametrize(
+    "choices",
+    [
+        Choices(),
+        Choices(law="hertz", modes=1, noise="white", priors=("m=lognormal(0,1)",)),
+        Choices(modes=3, bonded=True, fixed=("v[2]=0.5", "c[1]=0.2")),
+    ],
+)
+def test_what_is_saved_is_loaded(choices, tmp_path):
+    found = fitted(choices, method="least-squares")
+    path = tmp_path / "posterior.nc"
+    tree = to_arviz(
+        found, summarise(found), source="/a/b.csv", sha256="f00", all_tests=True, seed=3
+    )
+    save(tree, path)
+    saved = load(path)
+    assert list(saved.names) == found.names
+    np.testing.assert_array_equal(saved.constants, found.constants)
+    assert saved.choices == found.choices
+    assert (saved.pad, saved.method) == ("B", "least-squares")
+    assert (saved.source, saved.sha256, saved.all_tests) == ("/a/b.csv", "f00", True)
+    assert saved.fitted == ("B-20",)
+    assert saved.draws.shape == (found.constants[..., 0].size, len(found.names))
+    assert [entry.name for entry in tmp_path.iterdir()] == ["posterior.nc"]
+
+
+def test_the_same_fit_gives_the_same_numbers(tree):
+    found = fitted()
+    again = to_arviz(
+        found, summarise(found), source="/data/pads.csv", sha256="abc", all_tests=False, seed=0
+    )
+    for group in GROUPS:
+        xarray.testing.assert_identical(tree[group].to_dataset(), again[group].to_dataset())
+
+
+def test_every_array_carries_a_checksum(file):
+    with h5py.File(file) as content:
+        for name in ("posterior/m", "posterior/c", "observed_data/force", "posterior/chain"):
+            assert content[name].fletcher32, name
+
+
+@pytest.mark.parametrize("content", [b"", b"x", b"\x89HDF\r\n\x1a\n" + bytes(200)])
+def test_what_is_no_results_file_is_refused(tmp_path, content):
+    path = tmp_path / "posterior.nc"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match="not a results file"):
+        load(path)
+
+
+def test_a_file_of_another_program_is_refused(tmp_path):
+    path = tmp_path / "posterior.nc"
+    other = xarray.DataTree.from_dict({"posterior": xarray.Dataset({"a": ("x", np.ones(3))})})
+    other.to_netcdf(path, engine="h5netcdf")
+    with pytest.raises(InputError, match="not a results file"):
+        load(path)
+
+
+def test_names_of_the_constants_are_the_papers():
+    assert fitted().names[: len(CONSTANTS)] == CONSTANTS
+    assert experiment().pad == "B"
