@@ -1,0 +1,232 @@
+"""Predictions of tests that were not fitted, and the cells in which a wrong model fails."""
+
+from dataclasses import replace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from endtoend import TRUTH, experiment, fitted, study
+
+from qlvbayes.checked import check_pad
+from qlvbayes.choices import Choices
+from qlvbayes.data import Pad
+from qlvbayes.data import Test as Measured
+from qlvbayes.elastic import Exponential
+from qlvbayes.experiment import prepare
+from qlvbayes.hereditary import hereditary_force
+from qlvbayes.predict import predict
+from qlvbayes.relaxation import Prony
+from qlvbayes.residuals import check
+from qlvbayes.results import Saved
+from qlvbayes.synthetic import NOISES, simulate_study
+from qlvbayes.units import PAD
+
+ETA = 0.003  # N s/mm, of the drag that some tests below suffer from
+
+
+def saved(found, **changes):
+    kept = Saved(
+        pad=found.pad,
+        names=tuple(found.names),
+        constants=found.constants,
+        choices=found.choices,
+        method=found.method,
+        source="pads.csv",
+        sha256="",
+        all_tests=False,
+        fitted=("B-20",),
+    )
+    return replace(kept, **changes)
+
+
+@pytest.fixture(scope="module")
+def right():
+    """Pad B with the model that made it."""
+    return check_pad(saved(fitted()), study().pad("B"))
+
+
+@pytest.fixture(scope="module")
+def dragged():
+    """The same, with a drag in every test but the fitted one."""
+    tests = tuple(
+        trial.test
+        if trial.role == "fit"
+        else replace(trial.test, force=trial.test.force + drag(trial, trial.test.time))
+        for trial in experiment().trials
+    )
+    return check_pad(saved(fitted()), replace(study().pad("B"), tests=tests))
+
+
+def drag(trial, time):
+    return ETA * trial.trajectory.velocity(time)
+
+
+def cell(checked, test, phase):
+    return next(c for c in checked.check.cells if (c.test, c.phase) == (test, phase))
+
+
+def at_truth(noise="correlated"):
+    """One draw (many times) of the constants that made pad B."""
+    values = {"m": TRUTH.m, "b": TRUTH.b}
+    values |= {f"c[{k}]": c for k, c in enumerate(TRUTH.c)}
+    values |= {f"v[{k + 1}]": v for k, v in enumerate(TRUTH.v)}
+    values |= {"noise.white": 0.006, "noise.ou": 0.008, "noise.tau": 0.5}
+    return {name: np.full(4, value) for name, value in values.items()}
+
+
+def test_a_right_model_fails_nowhere(right):
+    assert [c for c in right.check.cells if right.check.fails(c)] == []
+
+
+def test_the_noise_floor_is_what_a_right_model_leaves(right):
+    squares = [c.rmse**2 * c.n for c in right.check.cells]
+    rms = np.sqrt(np.sum(squares) / np.sum([c.n for c in right.check.cells]))
+    assert rms == pytest.approx(right.check.noise, rel=0.25)
+
+
+def test_bands_cover_what_they_say(right):
+    n = np.array([c.n for c in right.check.cells])
+    covered = np.array([c.coverage90 for c in right.check.cells])
+    assert 0.85 < np.average(covered, weights=n) < 0.97
+
+
+def test_cells_hold_every_sample_that_was_looked_at(right):
+    for prediction in right.predictions:
+        cells = [c for c in right.check.cells if c.test == prediction.trial.name]
+        assert sum(c.n for c in cells) == prediction.time.size
+        # each phase has fewer samples than the most that are looked at: none is left out
+        assert prediction.time.size == prediction.trial.test.time.size
+        np.testing.assert_array_equal(prediction.observed, prediction.trial.test.force)
+
+
+def test_cells_say_what_the_predictions_say(right):
+    prediction = right.predictions[0]
+    here = prediction.phase == "ramp"
+    ramp = cell(right, prediction.trial.name, "ramp")
+    residual = prediction.observed[here] - prediction.mean[here]
+    assert ramp.rmse == pytest.approx(np.sqrt(np.mean(residual**2)))
+    assert ramp.bias == pytest.approx(residual.mean())
+    inside = (prediction.low <= prediction.observed) & (prediction.observed <= prediction.high)
+    assert ramp.coverage90 == inside[here].mean()
+
+
+def test_roles_and_rates_are_those_of_the_trials(right):
+    for trial in experiment().trials:
+        ramp = cell(right, trial.name, "ramp")
+        assert (ramp.role, ramp.rate) == (trial.role, trial.rate)
+
+
+def test_a_fit_of_all_tests_has_no_validation():
+    checked = check_pad(saved(fitted(), all_tests=True), study().pad("B"))
+    assert {c.role for c in checked.check.cells} == {"fit"}
+
+
+def test_drag_fails_the_fast_ramps_and_not_the_slow_tests(dragged):
+    failing = {(c.test, c.phase) for c in dragged.check.cells if dragged.check.fails(c)}
+    assert {("B-30", "ramp"), ("B-100", "ramp")} <= failing
+    assert not {name for name, _ in failing} & {"B-0.1", "B-1", "B-20"}
+    assert not {phase for _, phase in failing} & {"unload", "recovery"}
+
+
+def test_bias_is_the_drag(right, dragged):
+    """Observed minus predicted: a force that the model lacks counts positive, and whole."""
+    for trial in experiment().trials:
+        if trial.role == "fit":
+            continue
+        for phase in {p.kind for p in trial.phases}:
+            time = trial.test.time[trial.phase_of(trial.test.time) == phase]
+            added = drag(trial, time).mean()
+            before, after = cell(right, trial.name, phase), cell(dragged, trial.name, phase)
+            assert after.bias - before.bias == pytest.approx(added, abs=1e-9)
+    assert cell(dragged, "B-100", "ramp").bias > 0.05
+
+
+def test_the_worst_cell_is_the_fastest_ramp(dragged):
+    worst = max(dragged.check.cells, key=lambda c: c.rmse)
+    assert (worst.test, worst.phase) == ("B-100", "ramp")
+    assert worst.coverage90 < 0.3
+
+
+@pytest.mark.parametrize("name", ["B-0.1", "B-20", "B-100"])
+def test_a_prediction_is_the_forward_model_at_the_samples(name):
+    """Against the hereditary integral on a grid of its own, a hundred times finer."""
+    trial = next(t for t in experiment().trials if t.name == name)
+    (prediction,) = predict(experiment(), Choices(), at_truth(), [trial])
+    time = trial.test.time
+    knots = trial.trajectory.knots
+    inside = knots[(knots >= time[0]) & (knots <= time[-1])]
+    fine = [np.linspace(a, b, 101) for a, b in zip(time[:-1], time[1:], strict=True)]
+    grid = np.unique(np.concatenate([*fine, inside]))
+    force = hereditary_force(
+        Exponential(TRUTH.m, TRUTH.b),
+        Prony(jnp.array(TRUTH.c), jnp.array(TRUTH.v)),
+        jnp.asarray(grid),
+        jnp.maximum(jnp.asarray(trial.trajectory.displacement(grid)), 0.0),
+    )
+    direct = np.maximum(np.interp(time, grid, np.asarray(force)), 0.0)
+    np.testing.assert_array_equal(prediction.time, time)
+    np.testing.assert_allclose(prediction.mean, direct, atol=2e-4 * direct.max())
+
+
+def test_predictions_repeat_with_their_seed():
+    trials = experiment().trials[:2]
+    one, two = (predict(experiment(), Choices(), at_truth(), trials, seed=3) for _ in range(2))
+    other = predict(experiment(), Choices(), at_truth(), trials, seed=4)
+    for a, b, c in zip(one, two, other, strict=True):
+        np.testing.assert_array_equal(a.low, b.low)
+        assert not np.array_equal(a.low, c.low)
+
+
+def test_a_missing_constant_is_an_error():
+    constants = at_truth()
+    del constants["b"]
+    with pytest.raises(KeyError, match="b"):
+        predict(experiment(), Choices(), constants, experiment().trials[:1])
+
+
+def test_long_phases_are_looked_at_in_part():
+    """Ten times as many samples in a hold: at most 300 of each phase, its ends among them."""
+    trial = experiment().with_role("fit")[0]
+    time = np.linspace(trial.test.time[0], trial.test.time[-1], 5000)
+    test = replace(
+        trial.test,
+        time=time,
+        displacement=np.interp(time, trial.test.time, trial.test.displacement),
+        force=np.interp(time, trial.test.time, trial.test.force),
+    )
+    (prediction,) = predict(experiment(), Choices(), at_truth(), [replace(trial, test=test)])
+    for phase in ("hold", "recovery"):
+        looked_at = prediction.time[prediction.phase == phase]
+        there = time[trial.phase_of(time) == phase]
+        assert looked_at.size <= 300
+        assert looked_at[[0, -1]] == pytest.approx(there[[0, -1]])
+
+
+@pytest.fixture(scope="module")
+def p_values():
+    """Of all cells of eight simulated studies, predicted with the constants that made them."""
+    found = []
+    for seed in range(8):
+        simulated = simulate_study({"B": TRUTH}, (1.0, 20.0), NOISES["correlated"], seed, 400)
+        tests = tuple(
+            Measured(s.name, s.pad, s.record.time, s.record.displacement, s.record.force)
+            for s in simulated
+        )
+        ready = prepare(Pad("B", tests, PAD))
+        predictions = predict(ready, Choices(), at_truth(), ready.trials, seed=seed)
+        found.append([c.p_value for c in check("B", ready.floor.total, predictions).cells])
+    return np.array(found)
+
+
+def test_p_values_of_a_right_model_are_spread_evenly(p_values):
+    """Small ones about as often as they say; the noise floor is measured, so not exactly."""
+    assert p_values.shape == (8, 8)
+    # 64 cells: binomial with three sds for each share
+    for share in (0.1, 0.25, 0.5, 0.75):
+        sd = np.sqrt(share * (1.0 - share) / p_values.size)
+        assert abs(np.mean(p_values < share) - share) < 3.0 * sd + 0.05, share
+
+
+def test_a_right_model_is_hardly_ever_called_failing(p_values):
+    """1 % a study: none of eight, but for a chance of 8 %."""
+    assert np.sum(p_values.min(axis=1) < 0.01 / p_values.shape[1]) <= 1
