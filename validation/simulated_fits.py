@@ -63,7 +63,9 @@ def run(setting: Setting, seed: int, index: int, settings: Settings | None = Non
     begun = time.perf_counter()
     experiment = prepare(measured(tests))
     fit = fit_pad(
-        experiment, Choices(noise=setting.noise), settings=settings or Settings(seed=index, max_steps=15_000)
+        experiment,
+        Choices(noise=setting.noise),
+        settings=settings or Settings(seed=index, max_steps=15_000),
     )
     summary = summarise(fit)
     seconds = time.perf_counter() - begun

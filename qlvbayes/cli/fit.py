@@ -94,8 +94,8 @@ def _fit_one(
     results_folder(folder)
     if pulls(experiment) and not choices.bonded:
         err.print(
-            f"notice: pad {pad.name}: the measured force turns negative, but a loose specimen cannot "
-            "pull; if it is glued to the platen, add --bonded",
+            f"notice: pad {pad.name}: the measured force turns negative, but a loose specimen "
+            "cannot pull; if it is glued to the platen, add --bonded",
             markup=False,
         )
     if not quiet:
