@@ -31,7 +31,7 @@ bench: $(VENV)/installed-dev
 	$(BIN)/python benchmarks/run.py
 
 validate: $(VENV)/installed-dev
-	$(BIN)/python validation/coverage.py --fits 80 --side-fits 6 --seed 1 -o docs/validation.md
+	$(BIN)/python validation/coverage.py --fits 80 --side-fits 0 --seed 1 -o docs/validation.md
 
 notebooks: $(VENV)/installed-dev
 	$(BIN)/python notebooks/execute.py

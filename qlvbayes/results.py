@@ -73,6 +73,8 @@ def to_arviz(
         dims=dims,
     )
     _label(tree, fit, force)
+    for node in tree.subtree:
+        node.attrs.pop("created_at", None)  # the same fit gives the same file
     tree.attrs.update(_provenance(fit, summary, source, sha256, all_tests, seed))
     return tree
 
