@@ -32,8 +32,8 @@ def rows():
                 (
                     noise,
                     walkers,
-                    call_ms(compiled.log_densities, posterior, thetas),
-                    call_ms(gradients, posterior, thetas, repeats=5),
+                    call_ms(compiled.log_densities, posterior, thetas, repeats=7),
+                    call_ms(gradients, posterior, thetas, repeats=3),
                 )
             )
     grid, blocks = posterior.record.motion.time.shape, posterior.record.blocks.force.shape

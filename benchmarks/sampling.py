@@ -12,7 +12,7 @@ from qlvbayes.inference import compiled
 from qlvbayes.inference.ensemble import autocorrelation_time, sample
 from qlvbayes.inference.starting import starting_point
 
-RIVAL_STEPS = 1500
+RIVAL_STEPS = 500
 
 
 def compare(seed=0):

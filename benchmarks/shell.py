@@ -8,7 +8,7 @@ from pathlib import Path
 from timing import command_s
 
 
-def shell_times(warm_runs=3):
+def shell_times(warm_runs=1):
     """Seconds: cold, then the median of warm runs."""
     command = [str(Path(sys.executable).with_name("qlvbayes")), "fit", "data/pads.csv"]
     with tempfile.TemporaryDirectory() as folder:

@@ -21,6 +21,8 @@ from qlvbayes.synthetic import (
 )
 from qlvbayes.units import PAD
 
+MOST_STEPS = 15_000  # fewer than the default, as a fit that needs more would take minutes
+
 
 @dataclass(frozen=True)
 class Setting:
@@ -65,7 +67,7 @@ def run(setting: Setting, seed: int, index: int, settings: Settings | None = Non
     fit = fit_pad(
         experiment,
         Choices(noise=setting.noise),
-        settings=settings or Settings(seed=index, max_steps=15_000),
+        settings=settings or Settings(seed=index, max_steps=MOST_STEPS),
     )
     summary = summarise(fit)
     seconds = time.perf_counter() - begun
