@@ -13,15 +13,16 @@ import numpy as np
 
 from qlvbayes.checks import InputError
 from qlvbayes.parameters import Field, fields_of
-from qlvbayes.priors import Dirichlet, Ordered
-from qlvbayes.priors.distributions import (
+from qlvbayes.priors import (
     AbstractPositivePrior,
     AbstractPrior,
     AbstractScalarPrior,
+    Dirichlet,
     HalfNormal,
     LogNormal,
     LogUniform,
     Normal,
+    Ordered,
     Uniform,
 )
 
