@@ -28,5 +28,5 @@ def check_pad(saved: Saved, pad: Pad, *, seed: int = 0) -> CheckedPad:
     experiment = prepare(pad, all_tests=saved.all_tests)
     constants = dict(zip(saved.names, saved.draws.T, strict=True))
     predictions = predict(experiment, saved.choices, constants, experiment.trials, seed=seed)
-    found = check(pad.name, experiment.floor.total, predictions)
+    found = check(pad.name, experiment.floor.total, predictions, saved.choices.effects)
     return CheckedPad(experiment, tuple(predictions), found)

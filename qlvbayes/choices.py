@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from pathlib import Path
 
 from qlvbayes.checks import InputError
-from qlvbayes.defaults import LAWS, NOISES, Scales, default_model, default_noise
+from qlvbayes.defaults import LAWS, NOISES, default_model, default_noise
+from qlvbayes.effects.catalogue import EFFECTS, find
+from qlvbayes.effects.effect import AbstractEffect
+from qlvbayes.effects.userfile import load
 from qlvbayes.model import Model
 from qlvbayes.noise import AbstractNoise
 from qlvbayes.overrides import override, parse
+from qlvbayes.scales import Scales
 
 
 @dataclass(frozen=True)
@@ -16,7 +21,8 @@ class Choices:
     """A model's description in words and numbers, as kept in the results.
 
     law: elastic law; modes: relaxation modes r; bonded: whether the specimen can pull; noise: kind
-    of noise; priors, fixed: ``name=prior`` and ``name=number``, applied in this order.
+    of noise; priors, fixed: ``name=prior`` and ``name=number``, applied in this order; effects:
+    names of the effects in the model; effects_file: a user's own effects.
     """
 
     law: str = "exponential"
@@ -25,6 +31,8 @@ class Choices:
     noise: str = "correlated"
     priors: tuple[str, ...] = ()
     fixed: tuple[str, ...] = ()
+    effects: tuple[str, ...] = ()
+    effects_file: str | None = None
 
     def __post_init__(self) -> None:
         _one_of("elastic law", self.law, LAWS)
@@ -38,12 +46,20 @@ class Choices:
         Raises InputError where a setting cannot be applied.
         """
         model = default_model(scales, self.law, self.modes, bonded=self.bonded)
+        for name in self.effects:
+            model = model + find(name, self.kinds).default(scales)
         noise = default_noise(scales, self.noise)
         settings = [parse(text, fixed=False) for text in self.priors]
         settings += [parse(text, fixed=True) for text in self.fixed]
         of_noise = [s for s in settings if s[0].startswith("noise.")]
         of_model = [s for s in settings if not s[0].startswith("noise.")]
         return override(model, of_model), override(noise, of_noise)
+
+    @property
+    def kinds(self) -> tuple[type[AbstractEffect], ...]:
+        """Every effect that can be added: those of the package, and the user's own."""
+        own = load(Path(self.effects_file)) if self.effects_file else ()
+        return (*EFFECTS, *own)
 
     def as_dict(self) -> dict[str, object]:
         """For JSON."""
@@ -52,7 +68,7 @@ class Choices:
     @classmethod
     def from_dict(cls, values: dict) -> Choices:
         """The inverse of ``as_dict``."""
-        lists = {key: tuple(values[key]) for key in ("priors", "fixed")}
+        lists = {key: tuple(values.get(key, ())) for key in ("priors", "fixed", "effects")}
         return cls(**{**values, **lists})
 
 

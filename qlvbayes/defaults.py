@@ -3,38 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 from qlvbayes.elastic import AbstractElastic, Exponential, HertzPower, Linear
 from qlvbayes.model import Model
 from qlvbayes.noise import AbstractNoise, Correlated, StudentT, White
 from qlvbayes.priors import Dirichlet, HalfNormal, LogNormal, Ordered
 from qlvbayes.relaxation import Prony
+from qlvbayes.scales import Scales, lognormal
 
 LAWS = ("exponential", "linear", "hertz")
 NOISES = ("correlated", "white", "student-t")
-
-
-@dataclass(frozen=True)
-class Scales:
-    """The sizes that priors are scaled to.
-
-    force (N) and depth (mm): largest magnitudes; shortest, longest (s): the sampling interval and
-    the longest phase; white, ou (N) and tau (s): the noise floor, measured without the model.
-    """
-
-    force: float
-    depth: float
-    shortest: float
-    longest: float
-    white: float
-    ou: float
-    tau: float
-
-
-def lognormal(median: float, factor: float) -> LogNormal:
-    """Log-normal with this median and a factor ``factor`` either way for one sd."""
-    return LogNormal(math.log(median), math.log(factor))
 
 
 def default_model(

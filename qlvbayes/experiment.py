@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from qlvbayes.data import Pad, Test
-from qlvbayes.defaults import Scales
 from qlvbayes.kinematics.phases import Phase, find_phases, loading_rate
 from qlvbayes.kinematics.trajectory import Trajectory, smooth
 from qlvbayes.noisefloor import NoiseFloor, measure
 from qlvbayes.records.batching import batch
 from qlvbayes.records.record import Record
 from qlvbayes.records.reduction import reduce_test
+from qlvbayes.scales import Scales
 from qlvbayes.units import UnitSystem
 
 FIT_RATE = 20.0  # mm/s, the paper's identification test
@@ -65,6 +65,7 @@ class Experiment:
     def scales(self) -> Scales:
         """The sizes that default priors are scaled to."""
         tests = [trial.test for trial in self.trials]
+        paths = [trial.trajectory for trial in self.trials]
         floor = self.floor
         return Scales(
             force=max(float(np.max(np.abs(t.force))) for t in tests),
@@ -74,12 +75,29 @@ class Experiment:
             white=floor.white,
             ou=floor.ou,
             tau=floor.tau,
+            speed=max(path.top_speed for path in paths),
+            acceleration=max(path.top_acceleration for path in paths),
+            clock=max(t.start_s + float(t.time[-1]) for t in tests) - self.clock_zero,
         )
+
+    @property
+    def clock_zero(self) -> float:
+        """The clock (s) at the beginning of the pad's first test."""
+        return min(trial.test.start_s + float(trial.test.time[0]) for trial in self.trials)
 
     def record(self, trials: Sequence[Trial]) -> Record:
         """Block averages of some trials, as one batch."""
         return batch(
-            [reduce_test(t.test, t.trajectory, t.phases, sd_scale=self.sd_scale) for t in trials]
+            [
+                reduce_test(
+                    t.test,
+                    t.trajectory,
+                    t.phases,
+                    sd_scale=self.sd_scale,
+                    start=t.test.start_s - self.clock_zero,
+                )
+                for t in trials
+            ]
         )
 
 

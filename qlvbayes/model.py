@@ -1,35 +1,60 @@
-"""The model of a specimen: an elastic law, a relaxation, and whether it can pull."""
+"""The model of a specimen: an elastic law, a relaxation, effects, and whether it can pull."""
 
 from __future__ import annotations
 
 import equinox as eqx
-import jax.numpy as jnp
 from jaxtyping import Array
 
+from qlvbayes.checks import InputError
+from qlvbayes.effects.adhesion import Adhesion
+from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.elastic import AbstractElastic
-from qlvbayes.hereditary import hereditary_force
+from qlvbayes.law import Contact, Law, Layer
 from qlvbayes.motion import Motion
 from qlvbayes.relaxation import Prony
 
 
 class Model(eqx.Module):
-    """Quasi-linear viscoelastic specimen (Fung), the paper's Eq. 6.
+    """Quasi-linear viscoelastic specimen (Fung), the paper's Eq. 6, with effects around it.
 
     elastic: an elastic law; relaxation: a Prony series; bonded: whether the specimen is fixed to
-    the platen. One that is not cannot pull: it is not touched at negative displacement and its
-    force is never negative. A field of either part is a number (fixed) or a prior (free).
+    the platen (one that is not cannot pull, `law.Contact`); effects: in the order in which they
+    nest, innermost first, whatever the order in which they were added. A field of any part is a
+    number (fixed) or a prior (free).
     """
 
     elastic: AbstractElastic
     relaxation: Prony
     bonded: bool = eqx.field(static=True, default=False)
+    effects: tuple[AbstractEffect, ...] = ()
+
+    def __add__(self, effect: AbstractEffect) -> Model:
+        """The model with one more effect.
+
+        Raises InputError if it has the effect already, or if the effect cannot act on it.
+        """
+        if effect.name in [own.name for own in self.effects]:
+            raise InputError(f"the effect {effect.name} is in the model already")
+        if self.bonded and isinstance(effect, Adhesion):
+            raise InputError(
+                "adhesion changes nothing where the specimen is fixed to the platen",
+                remedy="use --loose",
+            )
+        effects = tuple(sorted((*self.effects, effect), key=lambda x: (x.level, x.rank)))
+        return Model(self.elastic, self.relaxation, self.bonded, effects)
+
+    def without(self, name: str) -> Model:
+        """The model less the effect of that name."""
+        kept = tuple(effect for effect in self.effects if effect.name != name)
+        return Model(self.elastic, self.relaxation, self.bonded, kept)
 
     def force(self, motion: Motion) -> Array:
         """Force (N,) in N at the motion's N grid points; every constant must be a number."""
-        if self.bonded:
-            return self._material_force(motion.time, motion.displacement)
-        depth = jnp.maximum(motion.displacement, 0.0)
-        return jnp.maximum(self._material_force(motion.time, depth), 0.0)
+        return Law(self.elastic, self.relaxation, self._layers()).force(motion)
 
-    def _material_force(self, time: Array, depth: Array) -> Array:
-        return hereditary_force(self.elastic, self.relaxation, time, depth)
+    def _layers(self) -> tuple[Layer, ...]:
+        """The effects, and the contact of a loose specimen between those of pad and of depth."""
+        if self.bonded or any(isinstance(effect, Adhesion) for effect in self.effects):
+            return self.effects
+        inner = sum(effect.level < Level.CONTACT for effect in self.effects)
+        return (*self.effects[:inner], Contact(), *self.effects[inner:])

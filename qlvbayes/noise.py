@@ -36,7 +36,27 @@ class AbstractNoise(eqx.Module):
         """Standard deviation (N) of the noise of single samples of these weights."""
 
 
-class White(AbstractNoise):
+class AbstractGaussian(AbstractNoise):
+    """Normal noise, whose likelihood is that of its innovations.
+
+    These are linear in the residual, so that the same filter whitens a model's sensitivities.
+    """
+
+    @abstractmethod
+    def innovations(self, residual: Array, blocks: Blocks) -> tuple[Array, Array]:
+        """(B,) what each residual (N) is beyond its expectation given the ones before; variances.
+
+        In padding the innovation is 0 and the variance 1.
+        """
+
+    def log_likelihoods(self, residual: Array, blocks: Blocks) -> Array:
+        """Log densities of the innovations."""
+        errors, variances = self.innovations(residual, blocks)
+        density = jss.norm.logpdf(errors, 0.0, jnp.sqrt(variances))
+        return jnp.where(blocks.real, density, 0.0)
+
+
+class White(AbstractGaussian):
     """Independent normal noise of sd ``white`` (N) in every sample."""
 
     white: Any
@@ -45,10 +65,10 @@ class White(AbstractNoise):
     def _scale(self, blocks: Blocks) -> Array:
         return self.white * blocks.weight / jnp.sqrt(blocks.count)
 
-    def log_likelihoods(self, residual: Array, blocks: Blocks) -> Array:
-        """Normal with variance white^2/count."""
-        density = jss.norm.logpdf(residual, 0.0, self._scale(blocks))
-        return jnp.where(blocks.real, density, 0.0)
+    def innovations(self, residual: Array, blocks: Blocks) -> tuple[Array, Array]:
+        """The residuals, of variance white^2/count."""
+        variances = jnp.where(blocks.real, self._scale(blocks) ** 2, 1.0)
+        return jnp.where(blocks.real, residual, 0.0), variances
 
     def draw(self, key: Array, blocks: Blocks) -> Array:
         """Normal with variance white^2/count."""
@@ -89,7 +109,7 @@ class StudentT(AbstractNoise):
         return self.scale * weight * jnp.sqrt(ratio)
 
 
-class Correlated(AbstractNoise):
+class Correlated(AbstractGaussian):
     r"""White noise plus an Ornstein-Uhlenbeck process, as a load cell has.
 
     white: sd of the white part (N); ou: stationary sd of the correlated part (N); tau: its
@@ -104,8 +124,8 @@ class Correlated(AbstractNoise):
     tau: Any
     units: ClassVar[dict[str, str]] = {"white": "force", "ou": "force", "tau": "time"}
 
-    def log_likelihoods(self, residual: Array, blocks: Blocks) -> Array:
-        """Log densities of the filter's innovations."""
+    def innovations(self, residual: Array, blocks: Blocks) -> tuple[Array, Array]:
+        """What the Kalman filter leaves of the residuals."""
         links = _links(blocks, self.tau)
         white = (self.white * blocks.weight) ** 2 / blocks.count
 
@@ -126,8 +146,7 @@ class Correlated(AbstractNoise):
 
         start = (jnp.zeros(()), self.ou**2 * jnp.ones(()))
         _, (errors, spreads) = jax.lax.scan(step, start, (links, white, residual, blocks.real))
-        density = jss.norm.logpdf(errors, 0.0, jnp.sqrt(spreads))
-        return jnp.where(blocks.real, density, 0.0)
+        return jnp.where(blocks.real, errors, 0.0), jnp.where(blocks.real, spreads, 1.0)
 
     def draw(self, key: Array, blocks: Blocks) -> Array:
         """One realisation, by the same recursion."""

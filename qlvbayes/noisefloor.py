@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -31,17 +31,25 @@ class NoiseFloor:
     """White noise of sd ``white`` plus an Ornstein-Uhlenbeck process of sd ``ou``.
 
     cov(t, t') = white^2 [t = t'] + ou^2 exp(-|t - t'| / tau); sds in units of force, ``tau`` in s.
-    ``ou`` is 0 where no correlation is seen; ``tau`` is then a neutral tenth of a hold.
+    ``ou`` is 0 where no correlation is seen; ``tau`` is then a neutral tenth of a hold. ``rests``:
+    the readings behind it, None where there were none.
     """
 
     white: float
     ou: float
     tau: float
+    rests: Rests | None = field(default=None, repr=False, compare=False)
 
     @property
     def total(self) -> float:
         """Return the sd of a single reading."""
         return float(np.hypot(self.white, self.ou))
+
+    def surprise(self, white: float, ou: float, tau: float) -> float:
+        """Log-likelihood of the rests that other noise loses against the best; 0 without rests."""
+        if self.rests is None:
+            return 0.0
+        return self.rests.best - self.rests.log_likelihood(white, ou, tau)
 
 
 class Record(Protocol):
@@ -97,8 +105,8 @@ def measure(tests: Sequence[Record], phases: Sequence[Sequence[Phase]]) -> Noise
     if not rests:
         return _without_rests(tests, floor)
     neutral = 0.1 * float(np.median([np.ptp(r.time) for r in rests]))
-    white, ou, tau = _pooled(rests, neutral)
-    return NoiseFloor(max(white, floor), ou if ou > floor else 0.0, tau)
+    white, ou, tau, found = _pooled(rests, neutral)
+    return NoiseFloor(max(white, floor), ou if ou > floor else 0.0, tau, found)
 
 
 def _without_rests(tests: Sequence[Record], floor: float) -> NoiseFloor:
@@ -226,7 +234,22 @@ class _Pool:
         return -0.5 * (self.freedom * np.log(power / self.freedom) + log_det), power / self.freedom
 
 
-def _pooled(rests: list[_Rest], neutral: float) -> tuple[float, float, float]:
+@dataclass(frozen=True, eq=False)
+class Rests:
+    """The pooled rests and the highest restricted log-likelihood that any noise gives them."""
+
+    pool: _Pool
+    best: float
+
+    def log_likelihood(self, white: float, ou: float, tau: float) -> float:
+        """Restricted log-likelihood (up to a constant) of some noise."""
+        log_ratio = 2.0 * np.log(max(ou / white, 1e-3))
+        profile, variance = self.pool.likelihood(float(log_ratio), float(np.log(tau)))
+        size = variance / white**2
+        return profile - 0.5 * self.pool.freedom * (size - 1.0 - float(np.log(size)))
+
+
+def _pooled(rests: list[_Rest], neutral: float) -> tuple[float, float, float, Rests | None]:
     """White sd, correlated sd and its time, by restricted maximum likelihood."""
     span = max(float(np.ptp(r.force)) for r in rests)
     for ratio in _TREND_RATIOS:
@@ -235,7 +258,7 @@ def _pooled(rests: list[_Rest], neutral: float) -> tuple[float, float, float]:
         if power > pool.freedom * (_QUIET * span) ** 2:
             break
     if power == 0.0:
-        return 0.0, 0.0, neutral
+        return 0.0, 0.0, neutral, None
     gaps = pool.gaps[np.isfinite(pool.gaps)]
     shortest = 3.0 * float(np.quantile(gaps, 0.1))
     longest = 0.3 * float(np.median([np.ptp(r.time) for r in rests]))
@@ -251,7 +274,8 @@ def _pooled(rests: list[_Rest], neutral: float) -> tuple[float, float, float]:
     limits = Bounds(np.array([-8.0, log_taus[0]]), np.array([12.0, log_taus[-1]]))
     best = minimize(loss, np.array(start), method="L-BFGS-B", bounds=limits)
     gain, variance = pool.likelihood(*best.x)
+    found = Rests(pool, gain)
     if gain + 0.5 * pool.freedom * np.log(power / pool.freedom) < _DECISIVE:
-        return float(np.sqrt(power / pool.freedom)), 0.0, neutral
+        return float(np.sqrt(power / pool.freedom)), 0.0, neutral, found
     white = float(np.sqrt(variance))
-    return white, white * float(np.exp(0.5 * best.x[0])), float(np.exp(best.x[1]))
+    return white, white * float(np.exp(0.5 * best.x[0])), float(np.exp(best.x[1])), found

@@ -115,6 +115,8 @@ def _put(part: Part, name: str, value: object, prefix: str = "") -> Part:
         old = getattr(part, field.name)
         if prefix + field.name == name:
             changes[field.name] = value
+        elif isinstance(old, tuple):
+            changes[field.name] = tuple(_put(member, name, value, prefix) for member in old)
         elif isinstance(old, eqx.Module) and not isinstance(old, AbstractPrior):
             changes[field.name] = _put(old, name, value, prefix)
     return replace(part, **changes)

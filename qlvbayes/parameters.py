@@ -37,6 +37,10 @@ def fields_of(part: eqx.Module, prefix: str = "") -> Iterator[Field]:
         if field.metadata.get("static", False):
             continue
         value = getattr(part, field.name)
+        if isinstance(value, tuple):
+            for member in value:
+                yield from fields_of(member, prefix)
+            continue
         if isinstance(value, eqx.Module) and not isinstance(value, AbstractPrior):
             yield from fields_of(value, prefix)
             continue

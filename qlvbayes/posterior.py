@@ -45,19 +45,24 @@ class Posterior(eqx.Module):
 
     def bind(self, theta: Array) -> tuple[Model, AbstractNoise, Array]:
         """Model and noise with numbers for priors, and the log prior density over theta."""
+        (model, noise), log_priors = self._bound(theta)
+        return model, noise, jnp.sum(log_priors)
+
+    def log_priors(self, theta: Array) -> Array:
+        """(L,) log density of each prior over its part of theta, in field order."""
+        return self._bound(theta)[1]
+
+    def _bound(self, theta: Array) -> tuple[tuple[Model, AbstractNoise], Array]:
         leaves, shape = jax.tree.flatten((self.model, self.noise), is_leaf=is_prior)
-        log_prior = jnp.zeros(())
-        bound, taken = [], 0
+        bound, log_priors, taken = [], [jnp.zeros(0)], 0
         for leaf in leaves:
+            value = leaf
             if is_prior(leaf):
                 value, log_density = leaf.constrain(theta[taken : taken + leaf.size])
-                log_prior = log_prior + log_density
+                log_priors.append(jnp.reshape(log_density, (1,)))
                 taken += leaf.size
-            else:
-                value = leaf
             bound.append(value)
-        model, noise = jax.tree.unflatten(shape, bound)
-        return model, noise, log_prior
+        return jax.tree.unflatten(shape, bound), jnp.concatenate(log_priors)
 
     def predict(self, theta: Array) -> Array:
         """Block means (T, B) of the force."""

@@ -15,6 +15,7 @@ from qlvbayes.noise import Correlated
 from qlvbayes.parameters import names
 from qlvbayes.posterior import Posterior
 from qlvbayes.records.batching import batch
+from qlvbayes.records.record import Record
 from qlvbayes.records.reduction import reduce_test
 
 DRAWS = 400
@@ -91,27 +92,36 @@ def _sample_by_sample(
     experiment: Experiment, choices: Choices, trials: Sequence[Trial], rows: list[np.ndarray]
 ) -> Posterior:
     model, noise = choices.build(experiment.scales)
-    records = []
-    for trial, chosen in zip(trials, rows, strict=True):
-        test = trial.test
-        sd = None if test.force_sd is None else test.force_sd[chosen]
-        thinned = replace(
-            test,
-            time=test.time[chosen],
-            displacement=test.displacement[chosen],
-            force=test.force[chosen],
-            force_sd=sd,
-        )
-        records.append(
-            reduce_test(
-                thinned,
-                trial.trajectory,
-                trial.phases,
-                sd_scale=experiment.sd_scale,
-                blocks=False,
-            )
-        )
+    records = [
+        _single_samples(experiment, trial, chosen)
+        for trial, chosen in zip(trials, rows, strict=True)
+    ]
     return Posterior(model, noise, batch(records))
+
+
+def thinned_record(experiment: Experiment, trial: Trial) -> tuple[np.ndarray, Record]:
+    """Which samples of a trial are looked at, and their record, each sample its own block."""
+    rows = _rows(trial)
+    return rows, _single_samples(experiment, trial, rows)
+
+
+def _single_samples(experiment: Experiment, trial: Trial, rows: np.ndarray) -> Record:
+    test = trial.test
+    thinned = replace(
+        test,
+        time=test.time[rows],
+        displacement=test.displacement[rows],
+        force=test.force[rows],
+        force_sd=None if test.force_sd is None else test.force_sd[rows],
+    )
+    return reduce_test(
+        thinned,
+        trial.trajectory,
+        trial.phases,
+        sd_scale=experiment.sd_scale,
+        start=test.start_s - experiment.clock_zero,
+        blocks=False,
+    )
 
 
 def _some(

@@ -41,6 +41,7 @@ class Check:
     pad: str
     noise: float
     cells: tuple[Cell, ...]
+    effects: tuple[str, ...] = ()
 
     def fails(self, cell: Cell) -> bool:
         """Whether structure beyond noise is left in a cell (1 % false alarms over all cells)."""
@@ -63,10 +64,18 @@ class Check:
             }
             for c in self.cells
         ]
-        return {"schema": 1, "pad": self.pad, "effects": [], "noise_N": self.noise, "cells": cells}
+        return {
+            "schema": 1,
+            "pad": self.pad,
+            "effects": list(self.effects),
+            "noise_N": self.noise,
+            "cells": cells,
+        }
 
 
-def check(pad: str, noise: float, predictions: Sequence[Prediction]) -> Check:
+def check(
+    pad: str, noise: float, predictions: Sequence[Prediction], effects: Sequence[str] = ()
+) -> Check:
     """Compare predictions with what was measured; cells without samples are left out."""
     cells = [
         _cell(prediction, kind)
@@ -74,7 +83,7 @@ def check(pad: str, noise: float, predictions: Sequence[Prediction]) -> Check:
         for kind in KINDS
         if np.any(prediction.phase == kind)
     ]
-    return Check(pad, noise, tuple(cells))
+    return Check(pad, noise, tuple(cells), tuple(effects))
 
 
 def _cell(prediction: Prediction, kind: str) -> Cell:

@@ -136,7 +136,7 @@ def _provenance(
         "method": fit.method,
         "converged": int(summary.converged),
         "choices": json.dumps(fit.choices.as_dict()),
-        "effects": json.dumps([]),
+        "effects": json.dumps(list(fit.choices.effects)),
         "fitted_tests": json.dumps([trial.name for trial in fit.trials]),
         "all_tests": int(all_tests),
         "source": source,

@@ -36,6 +36,7 @@ class Summary:
 
     pad: str
     method: str
+    effects: tuple[str, ...]
     constants: tuple[Constant, ...]
     troubles: tuple[str, ...]
 
@@ -65,7 +66,7 @@ class Summary:
         return {
             "schema": 1,
             "pad": self.pad,
-            "effects": [],
+            "effects": list(self.effects),
             "sampler": self.method,
             "converged": self.converged,
             "troubles": list(self.troubles),
@@ -93,7 +94,9 @@ def summarise(fit: Fit) -> Summary:
             )
         )
     troubles = diagnostics.troubles if diagnostics else []
-    return Summary(fit.pad, fit.method, tuple(rows), (*troubles, *_length_troubles(fit)))
+    return Summary(
+        fit.pad, fit.method, fit.choices.effects, tuple(rows), (*troubles, *_length_troubles(fit))
+    )
 
 
 def _mean(values: np.ndarray) -> float:

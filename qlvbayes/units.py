@@ -46,8 +46,28 @@ class UnitSystem:
         """Unit of the loading rate."""
         return f"{self.displacement}/s"
 
+    @property
+    def drag(self) -> str:
+        """Unit of a drag coefficient, force over speed."""
+        return f"{self.force} s" if self.dimensionless else f"{self.force} s/{self.displacement}"
+
+    @property
+    def mass(self) -> str:
+        """Unit of a mass, force over acceleration; 1 N s2/mm is 1000 kg."""
+        return f"{self.force} s2" if self.dimensionless else f"{self.force} s2/{self.displacement}"
+
+    @property
+    def compliance(self) -> str:
+        """Unit of displacement over force."""
+        return f"{self.displacement}/{self.force}"
+
+    @property
+    def force_rate(self) -> str:
+        """Unit of a drift of the force."""
+        return f"{self.force}/s"
+
     def of(self, kind: str) -> str:
-        """Unit of a kind of constant: stiffness, exponent, rate, force, time, fraction, count."""
+        """Unit of a kind of constant, any of the properties above or time, fraction, count."""
         fixed = {"time": "s", "fraction": "1", "count": "1"}
         return fixed[kind] if kind in fixed else str(getattr(self, kind))
 

@@ -23,7 +23,9 @@ LAYERS = [
     # laws, priors, likelihood
     ["smoothmath"],
     ["elastic", "relaxation", "priors"],
-    ["hereditary"],
+    ["hereditary", "scales"],
+    ["law"],
+    ["effects"],
     ["model", "noise"],
     ["posterior", "defaults"],
     ["parameters", "experiment"],
@@ -33,10 +35,12 @@ LAYERS = [
     ["inference"],
     ["fit"],
     ["summary", "predict"],
-    ["results", "residuals"],
+    ["results", "residuals", "diagnosis"],
     ["checked"],
     # a rig of its own, which shares nothing with the model
     ["synthetic"],
+    # how well the diagnosis does on what that rig hides
+    ["benchmark"],
     # seen by people
     ["plots"],
     ["cli"],

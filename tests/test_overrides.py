@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from qlvbayes.checks import InputError
-from qlvbayes.defaults import Scales, default_model, default_noise
+from qlvbayes.defaults import default_model, default_noise
 from qlvbayes.motion import Motion
 from qlvbayes.overrides import override, parse, parse_prior
 from qlvbayes.parameters import fields_of, names, unit_kinds
@@ -20,6 +20,7 @@ from qlvbayes.priors import (
 )
 from qlvbayes.records.batching import batch
 from qlvbayes.records.record import Blocks, Record
+from qlvbayes.scales import Scales
 
 SCALES = Scales(force=2.0, depth=1.6, shortest=1e-3, longest=30.0, white=0.006, ou=0.008, tau=0.5)
 MODEL = default_model(SCALES)

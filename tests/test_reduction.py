@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from qlvbayes.data import Test
-from qlvbayes.defaults import Scales, default_model
+from qlvbayes.defaults import default_model
 from qlvbayes.kinematics.phases import find_phases
 from qlvbayes.kinematics.trajectory import smooth
 from qlvbayes.noise import Correlated, White
 from qlvbayes.posterior import Posterior
 from qlvbayes.records.batching import batch
 from qlvbayes.records.reduction import reduce_test
+from qlvbayes.scales import Scales
 from qlvbayes.synthetic import NOISES, TABLE_1, Platen, encode, paper_protocol
 from qlvbayes.synthetic import Pad as SimulatedPad
 

@@ -74,7 +74,7 @@ def test_thinning_keeps_samples_as_they_were(pad_a):
         places = np.searchsorted(whole.record.time, thin.record.time)
         for field in ("time", "displacement", "force", "true_displacement", "true_force"):
             kept = getattr(thin.record, field)
-            assert np.array_equal(kept, getattr(whole.record, field)[places])
+            assert np.abs(kept - getattr(whole.record, field)[places]).max() < 1e-12
 
 
 def test_leaving_out_pads_or_rates_leaves_the_other_tests_as_they_were(pad_a):

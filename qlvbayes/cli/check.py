@@ -39,19 +39,28 @@ def check(
         source = data or Path(saved.source)
         if source not in studies:
             studies[source] = _study(source, saved)
-        with waiting(f"pad {saved.pad}: predicting"):
-            checked = check_pad(saved, studies[source].pad(saved.pad), seed=seed)
-            write_json(file.with_name("check.json"), checked.check.as_dict())
-            figures += _figures(checked, file.parent)
+        checked, drawn = check_one(saved, studies[source], file.parent, seed, as_json)
+        figures += drawn
         reports.append(checked.check.as_dict())
-        if not as_json:
-            units = checked.experiment.units
-            out.print(check_table(checked.check, units.force, units.speed))
     if as_json:
         print(json.dumps(reports, allow_nan=False))
         return
     _show_constants(files)
     out.print("figures:", *(f"  {path}" for path in figures), sep="\n", markup=False)
+
+
+def check_one(
+    saved: Saved, study: Study, folder: Path, seed: int, quiet: bool
+) -> tuple[CheckedPad, list[Path]]:
+    """Check one pad, write its results and figures, show its errors."""
+    with waiting(f"pad {saved.pad}: predicting"):
+        checked = check_pad(saved, study.pad(saved.pad), seed=seed)
+        write_json(folder / "check.json", checked.check.as_dict())
+        figures = _figures(checked, folder)
+    if not quiet:
+        units = checked.experiment.units
+        out.print(check_table(checked.check, units.force, units.speed))
+    return checked, figures
 
 
 def _study(source: Path, saved: Saved) -> Study:

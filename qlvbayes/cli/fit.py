@@ -11,10 +11,23 @@ import typer
 from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
 from qlvbayes.cli.console import err, out, sampling, waiting
-from qlvbayes.cli.options import Bonded, Elastic, Modes, Out, Pads, chosen_pads
+from qlvbayes.cli.options import (
+    Add,
+    Bonded,
+    EffectsFile,
+    Elastic,
+    Fix,
+    Modes,
+    Noise,
+    Out,
+    Pads,
+    Prior,
+    Seed,
+    chosen_pads,
+    model_choices,
+)
 from qlvbayes.cli.tables import constants_table
 from qlvbayes.data import Pad, Study, read_study
-from qlvbayes.defaults import NOISES
 from qlvbayes.experiment import Experiment, prepare, pulls
 from qlvbayes.files import results_folder, write_json
 from qlvbayes.fit import METHODS, fit_pad
@@ -34,17 +47,15 @@ def fit(
     all_tests: Annotated[bool, typer.Option("--all-tests", help="Fit every test.")] = False,
     elastic: Elastic = "exponential",
     modes: Modes = 2,
-    noise: Annotated[str, typer.Option(help=f"One of {', '.join(NOISES)}.")] = "correlated",
+    noise: Noise = "correlated",
     bonded: Bonded = None,
-    prior: Annotated[
-        list[str] | None, typer.Option(help="A prior, as 'v[1]=lognormal(1.8,0.5)'; repeatable.")
-    ] = None,
-    fix: Annotated[
-        list[str] | None, typer.Option(help="A fixed constant, as 'v[2]=0.14'; repeatable.")
-    ] = None,
+    prior: Prior = None,
+    fix: Fix = None,
+    add: Add = None,
+    effects_file: EffectsFile = None,
     walkers: Annotated[int, typer.Option(min=4, help="Walkers of the ensemble.")] = 32,
     max_steps: Annotated[int, typer.Option(min=10, help="Steps at most.")] = 100_000,
-    seed: Annotated[int, typer.Option(min=0, help="Makes a run repeat.")] = 0,
+    seed: Seed = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print summaries as JSON.")] = False,
 ) -> None:
     """Fit the QLV model to each pad's tests whose role is 'fit'; sample its posterior.
@@ -54,14 +65,7 @@ def fit(
     """
     with waiting("reading"):
         study = read_study(file)
-    choices = Choices(
-        law=elastic,
-        modes=modes,
-        noise=noise,
-        priors=tuple(prior or ()),
-        fixed=tuple(fix or ()),
-        bonded=study.units.bonded_default if bonded is None else bonded,
-    )
+    choices = model_choices(study, elastic, modes, noise, bonded, prior, fix, add, effects_file)
     settings = Settings(walkers=walkers, max_steps=max_steps, seed=seed)
     if method not in METHODS:
         raise InputError(f"no method {method!r}", remedy=f"use one of {', '.join(METHODS)}")
@@ -69,7 +73,7 @@ def fit(
     for notice in study.notices:
         err.print(f"notice: {notice}", markup=False)
     summaries = [
-        _fit_one(pad, study, choices, method, all_tests, settings, output / pad.name, as_json)
+        fit_one(pad, study, choices, method, all_tests, settings, output / pad.name, as_json)
         for pad in wanted
     ]
     if as_json:
@@ -78,7 +82,7 @@ def fit(
         out.print(f"results in {output}", markup=False)
 
 
-def _fit_one(
+def fit_one(
     pad: Pad,
     study: Study,
     choices: Choices,
@@ -88,6 +92,7 @@ def _fit_one(
     folder: Path,
     quiet: bool,
 ) -> Summary:
+    """Fit one pad, write its results, show its constants."""
     with waiting(f"pad {pad.name}: motion, phases and noise floor"):
         experiment = prepare(pad, all_tests=all_tests)
     choices.build(experiment.scales)  # a setting that cannot be used leaves nothing behind

@@ -9,9 +9,13 @@ import sys
 import typer
 
 from qlvbayes.checks import InputError
+from qlvbayes.cli.benchmark import benchmark
 from qlvbayes.cli.check import check
+from qlvbayes.cli.diagnose import diagnose_command
+from qlvbayes.cli.effects import effects
 from qlvbayes.cli.fit import fit
 from qlvbayes.cli.simulate import simulate
+from qlvbayes.cli.study import study_command
 
 INTERRUPTED = 130
 
@@ -21,9 +25,13 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+app.command("study")(study_command)
 app.command()(fit)
 app.command()(check)
+app.command("diagnose")(diagnose_command)
+app.command()(effects)
 app.command()(simulate)
+app.command()(benchmark)
 
 
 def run() -> None:

@@ -7,8 +7,10 @@ from typing import Annotated
 
 import typer
 
+from qlvbayes.choices import Choices
 from qlvbayes.data import Pad, Study
-from qlvbayes.defaults import LAWS
+from qlvbayes.defaults import LAWS, NOISES
+from qlvbayes.effects.catalogue import find
 
 Out = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")]
 Pads = Annotated[str, typer.Option(help="Only these pads, as 'B,C'.")]
@@ -22,6 +24,50 @@ Bonded = Annotated[
         "displacement and force, bonded for strain and stress.",
     ),
 ]
+
+Add = Annotated[
+    list[str] | None,
+    typer.Option(help="An effect to put into the model, as 'viscous_drag'; repeatable."),
+]
+EffectsFile = Annotated[
+    Path | None, typer.Option(help="A Python file with effects of your own.", show_default=False)
+]
+Noise = Annotated[str, typer.Option(help=f"One of {', '.join(NOISES)}.")]
+Prior = Annotated[
+    list[str] | None, typer.Option(help="A prior, as 'v[1]=lognormal(1.8,0.5)'; repeatable.")
+]
+Fix = Annotated[
+    list[str] | None, typer.Option(help="A fixed constant, as 'v[2]=0.14'; repeatable.")
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+Seed = Annotated[int, typer.Option(min=0, help="Makes a run repeat.")]
+
+
+def model_choices(
+    study: Study,
+    elastic: str,
+    modes: int,
+    noise: str,
+    bonded: bool | None,
+    prior: list[str] | None,
+    fix: list[str] | None,
+    add: list[str] | None,
+    effects_file: Path | None,
+) -> Choices:
+    """The model's description from the options that every command shares."""
+    choices = Choices(
+        law=elastic,
+        modes=modes,
+        noise=noise,
+        priors=tuple(prior or ()),
+        fixed=tuple(fix or ()),
+        bonded=study.units.bonded_default if bonded is None else bonded,
+        effects=tuple(add or ()),
+        effects_file=None if effects_file is None else str(effects_file.resolve()),
+    )
+    for name in choices.effects:
+        find(name, choices.kinds)
+    return choices
 
 
 def split_names(text: str) -> list[str]:

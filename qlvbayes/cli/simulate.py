@@ -7,12 +7,23 @@ import sys
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 
 from qlvbayes.checks import InputError
 from qlvbayes.cli.console import out, waiting
 from qlvbayes.cli.options import split_names
-from qlvbayes.synthetic import NOISES, pads_of_table_1, simulate_file
+from qlvbayes.synthetic import (
+    NOISES,
+    PROTOCOLS,
+    Constants,
+    Effect,
+    pads_of_table_1,
+    parse_effect,
+    simulate_file,
+)
+
+_DRAWN = 1  # tells the stream of the effects from those of the noise
 
 
 def simulate(
@@ -24,26 +35,57 @@ def simulate(
         int | None, typer.Option(help="Rows a test at most, thinned as a logger does.")
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Makes a run repeat.")] = 0,
+    protocol: Annotated[str, typer.Option(help=f"One of {', '.join(PROTOCOLS)}.")] = "paper",
+    hide: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="A physical effect to hide, such as viscous_drag:eta=0.003; a name alone is "
+            "drawn at 6 % of the first pad's peak force. May be given again."
+        ),
+    ] = None,
+    answer: Annotated[
+        Path | None,
+        typer.Option(help="A .json file that gets what is hidden; the data then do not tell."),
+    ] = None,
 ) -> None:
     """Simulate the paper's tests: forward 1.6 mm, hold 30 s, back to 0.8 mm, hold 30 s.
+
+    With --protocol retraction, twice forward 1.6 mm, hold 10 s, back to 0, hold 5 s.
 
     The platen accelerates at most 1000 mm/s2, the encoder steps by 1 um, the load cell's noise is
     correlated, the record is taken at 1 kHz.
     """
     if noise not in NOISES:
         raise InputError(f"no noise {noise!r}", remedy=f"use one of {', '.join(NOISES)}")
+    if protocol not in PROTOCOLS:
+        raise InputError(f"no protocol {protocol!r}", remedy=f"use one of {', '.join(PROTOCOLS)}")
+    constants, speeds = pads_of_table_1(split_names(pads)), _rates(rates)
     command = shlex.join(["qlvbayes", *sys.argv[1:]])
     with waiting("simulating"):
         simulate_file(
             output,
-            pads_of_table_1(split_names(pads)),
-            _rates(rates),
+            constants,
+            speeds,
             NOISES[noise],
             seed,
             max_rows,
             command,
+            _effects(hide or [], constants, protocol, max(speeds), seed),
+            protocol,
+            answer,
         )
     out.print(f"wrote {output}", markup=False)
+
+
+def _effects(
+    words: list[str], pads: dict[str, Constants], protocol: str, top_speed: float, seed: int
+) -> list[Effect]:
+    """Effects as given, or drawn for the first pad."""
+    rng = np.random.default_rng([seed, _DRAWN])
+    first = next(iter(pads.values()), None)
+    if first is None:
+        return []
+    return [parse_effect(word, first, PROTOCOLS[protocol], top_speed, rng) for word in words]
 
 
 def _rates(text: str) -> tuple[float, ...]:

@@ -59,6 +59,24 @@ class Trajectory:
         """Times (k-1,) at which the velocity or the acceleration jumps."""
         return self.knots[1:-1]
 
+    @property
+    def speed_jumps(self) -> Array:
+        """Size (k-1,) of the jump of velocity at each inner knot: changes too quick to resolve."""
+        ends = self.start_velocity + np.diff(self.knots) * self.start_acceleration
+        jumps = np.abs(self.start_velocity[1:] - ends[:-1])
+        return np.where(jumps > 1e-9 * max(self.top_speed, 1e-300), jumps, 0.0)
+
+    @property
+    def top_speed(self) -> float:
+        """Largest speed."""
+        last = self.start_velocity + np.diff(self.knots) * self.start_acceleration
+        return float(max(np.max(np.abs(self.start_velocity)), np.max(np.abs(last))))
+
+    @property
+    def top_acceleration(self) -> float:
+        """Largest magnitude of the acceleration; 0 where only straight lines were resolved."""
+        return float(np.max(np.abs(self.start_acceleration)))
+
     def _locate(self, t: ArrayLike) -> tuple[NDArray[np.intp], Array, NDArray[np.bool_]]:
         asked = np.asarray(t, dtype=np.float64)
         inside = np.asarray((asked >= self.knots[0]) & (asked <= self.knots[-1]))

@@ -29,7 +29,8 @@ def _rounded(size: int, step: int) -> int:
 
 
 def _pad(record: Record, points: int, blocks: int) -> Record:
-    motion = Motion(*(_extend(x, points) for x in jax.tree.leaves(record.motion)))
+    *along, start = jax.tree.leaves(record.motion)
+    motion = Motion(*(_extend(x, points) for x in along), start)
     size = record.blocks.force.shape[0]
     full = Blocks(*(_extend(x, blocks) for x in jax.tree.leaves(record.blocks)))
     real = jnp.asarray(np.arange(blocks) < size)

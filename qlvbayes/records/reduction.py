@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -22,6 +23,8 @@ GROWTH = 0.2  # a block's width over the time since its phase began
 MOVING_BLOCKS = 20  # at least so many in a ramp or unloading,
 RESTING_BLOCKS = 8  # and in a hold
 _MOST_KINKS = 40
+_BESIDE = 1.2  # sampling intervals either side of a kink that are left out,
+_SPARED = 0.03  # if they are at most this share of the phases around it
 _EVEN = 1.5  # a gap this much longer than one beside it ends a block
 _CHORD = 1e-4  # of the stroke: how far the grid's straight lines may be from the motion
 
@@ -63,37 +66,67 @@ def _beginnings(time: np.ndarray, edges: np.ndarray) -> np.ndarray:
     return np.flatnonzero(first)
 
 
+def _clear_of_kinks(
+    time: np.ndarray, begin: np.ndarray, trajectory: Trajectory, phases: Sequence[Phase]
+) -> np.ndarray:
+    """(B,) False for blocks so near a kink that the samples do not tell on which side they lie.
+
+    That is a sample either side, and the time in which the change of speed makes an encoder step.
+    Only densely sampled records can spare them.
+    """
+    last = np.append(begin[1:], time.size) - 1
+    clear = np.ones(begin.size, dtype=bool)
+    if trajectory.kinks.size > _MOST_KINKS:
+        return clear
+    lengths = np.array([phase.stop - phase.start for phase in phases])
+    ends = np.array([phase.stop for phase in phases])
+    for kink, jump in zip(trajectory.kinks, trajectory.speed_jumps, strict=True):
+        place = min(int(np.searchsorted(ends, kink)), lengths.size - 1)
+        around = lengths[max(place - 1, 0) : place + 2].min()
+        at = int(np.clip(np.searchsorted(time, kink), 1, time.size - 1))
+        reach = _BESIDE * float(time[at] - time[at - 1])
+        if reach > _SPARED * around:
+            continue
+        if jump > 0.0:
+            reach += min(trajectory.resolution / jump, _SPARED * around)
+        clear &= (time[last] < kink - reach) | (time[begin] > kink + reach)
+    return clear
+
+
 def reduce_test(
     test: Test,
     trajectory: Trajectory,
     phases: Sequence[Phase],
     *,
     sd_scale: float = 1.0,
+    start: float = 0.0,
     blocks: bool = True,
 ) -> Record:
     """The record of one test: block means, their nodes, and the motion on a grid of times.
 
-    sd_scale: what measured sds are divided by; blocks: False keeps every sample by itself.
+    sd_scale: what measured sds are divided by; start: the pad's clock at time 0 (s); blocks: False
+    keeps every sample by itself.
     """
-    shortest = 2.0 * float(np.median(np.diff(test.time)[:200]))
+    begin = np.arange(test.time.size)
+    kept = np.ones(begin.size, dtype=bool)
     if blocks:
+        shortest = 2.0 * float(np.median(np.diff(test.time)[:200]))
         edges = block_edges(phases, trajectory.kinks, shortest)
         begin = _beginnings(test.time, edges)
-    else:
-        begin = np.arange(test.time.size)
-    averaged = _average(test, begin, sd_scale)
-    centre, half = _nodes(test.time, begin)
+        kept = _clear_of_kinks(test.time, begin, trajectory, phases)
+    averaged = jax.tree.map(lambda x: x[kept], _average(test, begin, sd_scale))
+    centre, half = (x[kept] for x in _nodes(test.time, begin))
     nodes = np.stack([centre - half, centre + half])
     grid = _grid(trajectory, np.unique(nodes), test.time[0])
-    motion = _motion(trajectory, grid, test.time[0])
+    motion = _motion(trajectory, grid, test.time[0], start)
     return Record(motion, jnp.asarray(np.searchsorted(grid, nodes).T), averaged)
 
 
-def _motion(trajectory: Trajectory, grid: np.ndarray, first: float) -> Motion:
+def _motion(trajectory: Trajectory, grid: np.ndarray, first: float, start: float) -> Motion:
     # what lies before the first sample is the approach: it begins at zero displacement
     displacement = np.where(grid < first, 0.0, trajectory.displacement(grid))
     velocity, acceleration = trajectory.velocity(grid), trajectory.acceleration(grid)
-    return Motion(*map(jnp.asarray, (grid, displacement, velocity, acceleration)))
+    return Motion(*map(jnp.asarray, (grid, displacement, velocity, acceleration)), start)
 
 
 def _average(test: Test, begin: np.ndarray, sd_scale: float) -> Blocks:

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import gzip
+import json
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from qlvbayes.checks import InputError
 
 from .constants import Constants
-from .platen import PAPER_ACCELERATION
-from .rig import SAMPLE_RATE, SimulatedTest, simulate_study
+from .hidden import Effect, HiddenPad
+from .material import Material, Pad
+from .platen import PAPER_ACCELERATION, PROTOCOLS
+from .rig import SAMPLE_RATE, SimulatedTest, record_study
 from .sensors import ENCODER_STEP, Noise
 
 _COLUMNS = "pad,test,start_s,time_s,displacement_mm,force_N"
@@ -36,15 +41,7 @@ def write_csv(path: str | Path, tests: Iterable[SimulatedTest], heading: Sequenc
     content = ("\n".join(lines) + "\n").encode()
     if path.suffix == ".gz":
         content = gzip.compress(content, mtime=0)
-    part = path.with_name(path.name + ".part")
-    try:
-        part.write_bytes(content)
-        part.replace(path)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise InputError(
-            f"cannot be written ({error.strerror})", file=path, remedy="choose another place"
-        ) from error
+    _write_whole(path, content)
 
 
 def simulate_file(
@@ -55,10 +52,72 @@ def simulate_file(
     seed: int,
     max_rows: int | None,
     command: str,
+    effects: Sequence[Effect] = (),
+    protocol: str = "paper",
+    answer: str | Path | None = None,
 ) -> None:
-    """Simulate the paper's study and write it; `command` is quoted in the file's heading."""
-    tests = simulate_study(pads, rates, noise, seed, max_rows)
-    write_csv(path, tests, _heading(pads, noise, seed, max_rows, command))
+    """Simulate a study and write it; `command` is quoted in the file's heading.
+
+    Parameters
+    ----------
+    effects : hidden in every pad
+    protocol : one of `PROTOCOLS`
+    answer : JSON file that gets effects, constants, noise and seed; the heading then tells none
+        of them but the noise, nor the command
+
+    Raises
+    ------
+    InputError
+        No such protocol, or a file cannot be written.
+    """
+    if protocol not in PROTOCOLS:
+        raise InputError(f"no protocol '{protocol}'", remedy=f"use one of {', '.join(PROTOCOLS)}")
+    if answer is not None and Path(answer).resolve() == Path(path).resolve():
+        raise InputError("data and answer need two files", file=path)
+    materials: dict[str, Material] = {
+        name: HiddenPad(constants, tuple(effects)) if effects else Pad(constants)
+        for name, constants in pads.items()
+    }
+    programs = {f"{rate:g}": PROTOCOLS[protocol](rate) for rate in rates}
+    tests = record_study(materials, programs, noise, seed, max_rows)
+    rig = _rig_lines(protocol, noise, max_rows)
+    if answer is None:
+        told = [f"command: {command}", f"seed {seed}; {rig[1]}"]
+        told += [_effect_line(effect) for effect in effects]
+        told += [_constants_line(name, constants) for name, constants in pads.items()]
+    else:
+        _write_answer(answer, effects, pads, noise, seed)
+        told = [rig[1], "constants and hidden effects are kept in a file of their own"]
+    write_csv(path, tests, [rig[0], *told])
+
+
+def _write_answer(
+    path: str | Path,
+    effects: Sequence[Effect],
+    pads: Mapping[str, Constants],
+    noise: Noise,
+    seed: int,
+) -> None:
+    content: dict[str, Any] = {
+        "effects": [{"effect": e.name, "parameters": e.parameters} for e in effects],
+        "constants": {name: asdict(constants) for name, constants in pads.items()},
+        "noise": asdict(noise),
+        "seed": seed,
+    }
+    text = json.dumps(content, indent=2, allow_nan=False) + "\n"
+    _write_whole(Path(path), text.encode())
+
+
+def _write_whole(path: Path, content: bytes) -> None:
+    part = path.with_name(path.name + ".part")
+    try:
+        part.write_bytes(content)
+        part.replace(path)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise InputError(
+            f"cannot be written ({error.strerror})", file=path, remedy="choose another place"
+        ) from error
 
 
 def _rows(test: SimulatedTest) -> list[str]:
@@ -74,19 +133,27 @@ def _rows(test: SimulatedTest) -> list[str]:
     return [f"{place},{t:.4f},{d:z.3f},{f:z.5f}" for t, d, f in columns]
 
 
-def _heading(
-    pads: Mapping[str, Constants], noise: Noise, seed: int, max_rows: int | None, command: str
-) -> list[str]:
+_MOTIONS = {
+    "paper": "pressed to 1.6 mm, held 30 s, back to 0.8 mm at 1 mm/s, held 30 s",
+    "retraction": "pressed to 1.6 mm, held 10 s, back to 0 at no more than 20 mm/s, held 5 s, "
+    "again to 1.6 mm, held 10 s, back to 0 at 1 mm/s, held 5 s",
+}
+
+
+def _rig_lines(protocol: str, noise: Noise, max_rows: int | None) -> tuple[str, str]:
     rows = "every sample" if max_rows is None else f"at most {max_rows} rows a test"
-    return [
-        "simulated, not measured: pads pressed to 1.6 mm, held 30 s, back to 0.8 mm at 1 mm/s, "
-        f"held 30 s; acceleration at most {PAPER_ACCELERATION:g} mm/s2",
-        f"command: {command}",
-        f"seed {seed}; encoder step {ENCODER_STEP:g} mm; load-cell noise: white sd "
+    return (
+        f"simulated, not measured: pads {_MOTIONS[protocol]}; "
+        f"acceleration at most {PAPER_ACCELERATION:g} mm/s2",
+        f"encoder step {ENCODER_STEP:g} mm; load-cell noise: white sd "
         f"{noise.white:g} N, correlated sd {noise.correlated:g} N over "
         f"{noise.correlation_time:g} s; sampled at {SAMPLE_RATE:g} Hz, {rows}",
-        *(_constants_line(name, constants) for name, constants in pads.items()),
-    ]
+    )
+
+
+def _effect_line(effect: Effect) -> str:
+    values = ", ".join(f"{key} = {value:g}" for key, value in effect.parameters.items())
+    return f"hidden: {effect.name} ({values})"
 
 
 def _constants_line(name: str, constants: Constants) -> str:

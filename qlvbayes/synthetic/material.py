@@ -48,7 +48,7 @@ class Pad:
         InputError
             The times are not ascending or leave the program.
         """
-        _check_times(platen, times)
+        check_times(platen, times)
         c = np.array(self.constants.c)
         elastic = elastic_force(self.constants, platen.displacement(times))
         force = c[0] * elastic + c[1:] @ _overstress(self.constants, platen, times)
@@ -60,7 +60,8 @@ def elastic_force(constants: Constants, displacement: NDArray[np.float64]) -> ND
     return constants.m / constants.b * np.expm1(constants.b * displacement)
 
 
-def _check_times(platen: Platen, times: NDArray[np.float64]) -> None:
+def check_times(platen: Platen, times: NDArray[np.float64]) -> None:
+    """Refuse times that do not ascend or that leave the program."""
     if np.any(np.diff(times) < 0):
         raise InputError("the times of a simulation must ascend")
     if times.size and not (times[0] >= 0 and times[-1] <= platen.duration * (1 + 1e-12)):

@@ -155,6 +155,19 @@ def paper_protocol(rate: float) -> tuple[Step, ...]:
     return Move(1.6, rate), Hold(30.0), Move(0.8, 1.0), Hold(30.0)
 
 
+def full_retraction_protocol(rate: float, depth: float = 1.6) -> tuple[Step, ...]:
+    """Press twice to `depth` (mm) at `rate` (mm/s), each time held 10 s and taken back to 0.
+
+    The first way back is at `rate`, but at most 20 mm/s, the second at 1 mm/s; 5 s at rest follow.
+    """
+    press = Move(depth, rate), Hold(10.0)
+    return (*press, Move(0.0, min(rate, 20.0)), Hold(5.0), *press, Move(0.0, 1.0), Hold(5.0))
+
+
+PROTOCOLS = {"paper": paper_protocol, "retraction": full_retraction_protocol}
+"""Protocols by name; each gives the program of one test from its rate (mm/s)."""
+
+
 def _stroke(clock: float, place: float, move: Move, limit: float) -> list[Piece]:
     """Speed up, cruise and brake; no piece of zero length."""
     stroke = abs(move.target - place)

@@ -60,8 +60,12 @@ def record_test(
     noise: Noise,
     rng: np.random.Generator,
     sample_rate: float = SAMPLE_RATE,
+    max_rows: int | None = None,
 ) -> Record:
     """Run one test on any material, sampled from the start of the motion.
+
+    With `max_rows`, only the rows that the data logger keeps; the noise is the one of all
+    samples, so that a kept row is what it would be in the full record.
 
     Raises
     ------
@@ -74,9 +78,12 @@ def record_test(
     time = np.arange(int(platen.duration * sample_rate + 1e-6) + 1) / sample_rate
     time[-1] = min(time[-1], platen.duration)
     displacement = platen.displacement(time)
+    read, errors = encode(displacement), noise.draw(time, rng)
+    if max_rows is not None:
+        kept = thin(time, read, max_rows)
+        time, displacement, read, errors = time[kept], displacement[kept], read[kept], errors[kept]
     force = material.force(platen, time)
-    measured = force + noise.draw(time, rng)
-    return Record(time, encode(displacement), measured, displacement, force)
+    return Record(time, read, force + errors, displacement, force)
 
 
 def record_study(
@@ -98,9 +105,8 @@ def record_study(
         for label, program in programs.items():
             name = f"{pad}-{label}"
             platen = Platen(tuple(program), start_s=clock)
-            record = record_test(material, platen, noise, _stream(seed, name))
-            if max_rows is not None:
-                record = record.thinned(max_rows)
+            rng = _stream(seed, name)
+            record = record_test(material, platen, noise, rng, max_rows=max_rows)
             tests.append(SimulatedTest(pad, name, clock, record))
             clock += platen.duration + _PAUSE_S
     return tests

@@ -1,0 +1,79 @@
+"""One study from simulation to verdict, as a plain dict that is kept as a line of JSON."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict
+
+from qlvbayes.benchmark.detect import SEEN, expected_evidence
+from qlvbayes.benchmark.plan import Plan, family
+from qlvbayes.benchmark.rate import Case
+from qlvbayes.benchmark.study import Study, make_study, true_noise, true_values
+from qlvbayes.choices import Choices
+from qlvbayes.diagnosis.diagnose import diagnose
+from qlvbayes.diagnosis.verdict import Diagnosis, Stage
+from qlvbayes.experiment import prepare
+
+FAILED = "failed"  # in place of a verdict, where the program stopped
+
+
+def run_case(plan: Plan, index: int) -> Case:
+    """Simulate, see whether it could be seen, diagnose.
+
+    An error of the program is kept as the verdict ``failed``, with its text, and counts as wrong.
+    """
+    item = plan.item(index)
+    case = {"plan": plan.key, **asdict(item), "names": list(item.names), "seen": False}
+    case |= {"family": sorted(set().union(*map(family, item.names))), "seconds": {}}
+    try:
+        _fill(case, make_study(plan, index))
+    except Exception as error:  # one bad study must not end a run of hundreds
+        text = f"{type(error).__name__}: {error}"
+        case |= {"verdict": FAILED, "error": text, "effects": [], "group": []}
+    return case
+
+
+def _fill(case: Case, study: Study) -> None:
+    """Add the truth, what could be seen, and the verdict, as far as the program gets."""
+    case |= _truth(study)
+    begun = time.perf_counter()
+    experiment = prepare(study.pad)
+    case["evidence"] = expected_evidence(study, experiment)
+    case["seen"] = all(value > SEEN for value in case["evidence"].values())
+    between = time.perf_counter()
+    case |= _verdict(diagnose(experiment, Choices(noise=study.fitted)))
+    case["seconds"] = {"detect": between - begun, "diagnose": time.perf_counter() - between}
+
+
+def _truth(study: Study) -> dict:
+    return {
+        "hidden": [
+            {"name": effect.name, "size": size, "parameters": effect.parameters}
+            for effect, size in zip(study.effects, study.sizes, strict=True)
+        ],
+        "constants": true_values(study.constants),
+        "noise": true_noise(study.noise, study.fitted),
+        "retracted": list(study.tests.retracted),
+    }
+
+
+def _verdict(found: Diagnosis) -> dict:
+    return {
+        "verdict": found.verdict,
+        "effects": list(found.effects),
+        "group": list(found.group),
+        "floor": found.noise,
+        "probabilities": {ranked.effect: ranked.probability for ranked in found.ranking},
+        "refused": [list(pair) for pair in found.refused],
+        "stages": [_stage(stage) for stage in found.stages],
+    }
+
+
+def _stage(stage: Stage) -> dict:
+    return {
+        "effects": list(stage.effects),
+        "rmse": stage.rmse,
+        "heldout_rmse": stage.heldout_rmse,
+        "p_value": stage.p_value,
+        "parameters": {name: [e.mean, e.sd] for name, e in stage.parameters.items()},
+    }

@@ -1,0 +1,134 @@
+r"""Could the tests show what is hidden? From the simulator's forces, without any diagnosis.
+
+The data are the fitted model's own force at the true constants plus the hidden effect's force
+pattern, the difference of two simulations without noise. The model that lacks the effect is fitted
+to them with the noise held at its true sds; its leftover, whitened by that noise, is
+
+.. math:: \chi^2 = \sum_k e_k^2 / S_k,
+
+the part of the pattern that no change of the constants takes, which is the expected gain of
+2 ln(likelihood) if the effect is added. With k constants of the effect, the prior volume over the
+posterior volume is about (1 + chi^2)^{k/2} (an amplitude a of prior sd a is found to within
+a/sqrt(1 + chi^2)), so that
+
+.. math:: E[2 \ln BF] = \chi^2 - k \ln(1 + \chi^2).
+
+For effects that are not of the list in this form k is 1. Of two effects, each is taken as missing
+from a model that has the other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import log1p
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from qlvbayes.benchmark.study import Study, true_noise, true_values
+from qlvbayes.choices import Choices
+from qlvbayes.diagnosis.diagnose import COSTLY
+from qlvbayes.effects.catalogue import EFFECTS
+from qlvbayes.experiment import Experiment
+from qlvbayes.inference.gaussnewton import climb, pad_directions, predict_along
+from qlvbayes.inference.linearised import prior_terms, whitened
+from qlvbayes.inference.subset import Ensemble, Subset, with_every_effect
+from qlvbayes.posterior import Posterior
+from qlvbayes.records.record import Record
+from qlvbayes.synthetic import HIDDEN, Effect
+
+SEEN = 10.0  # expected 2 ln(Bayes factor) from which an effect counts as one that could be seen
+
+
+def expected_evidence(study: Study, experiment: Experiment) -> dict[str, float]:
+    """Expected 2 ln(Bayes factor) of each hidden effect against the model without it."""
+    whole = study.forces(study.effects)
+    found = {}
+    for effect in study.effects:
+        others = tuple(other for other in study.effects if other is not effect)
+        pattern = [a - b for a, b in zip(whole, study.forces(others), strict=True)]
+        chi2 = leftover(study, experiment, others, pattern)
+        constants = len(effect.parameters) if effect.name in HIDDEN else 1
+        found[effect.name] = chi2 - constants * log1p(chi2)
+    return found
+
+
+def leftover(
+    study: Study, experiment: Experiment, others: tuple[Effect, ...], pattern: list[np.ndarray]
+) -> float:
+    """Whitened sum of squares that the model with ``others`` leaves of a pattern (N; tests, n)."""
+    ensemble = _ensemble(study, experiment)
+    truth = _Truth.of(study, ensemble, others)
+    record = ensemble.posterior.record
+    shape = _record(experiment, pattern).blocks.force
+    data = jnp.asarray(_predict(ensemble, truth.constants)) + shape
+    record = eqx.tree_at(lambda r: r.blocks.force, record, data)
+    ensemble = Ensemble(
+        Posterior(ensemble.posterior.model, ensemble.posterior.noise, record), ensemble.costly
+    )
+    point = climb(ensemble, truth.subset, truth.theta)
+    residual = data - jnp.asarray(_predict(ensemble, point.constants))
+    noise = type(ensemble.posterior.noise)(*map(jnp.asarray, truth.noise))
+    return float(jnp.sum(whitened(noise, record, residual[None]) ** 2))
+
+
+@dataclass(frozen=True, eq=False)
+class _Truth:
+    """The true constants (P,), their theta (D,), the noise's, and what is free in the fit."""
+
+    constants: np.ndarray
+    theta: np.ndarray
+    noise: np.ndarray
+    subset: Subset
+
+    @classmethod
+    def of(cls, study: Study, ensemble: Ensemble, others: tuple[Effect, ...]) -> _Truth:
+        values = true_values(study.constants) | true_noise(study.noise, study.fitted)
+        for effect in others:
+            values |= {f"{effect.name}.{key}": x for key, x in effect.parameters.items()}
+        centre = ensemble.centre
+        constants = np.array(prior_terms(ensemble.posterior, jnp.asarray(centre)).constants)
+        for name, value in values.items():
+            constants[ensemble.names.index(name)] = value
+        theta = np.asarray(ensemble.posterior.unconstrain(constants))
+        theta = np.where(np.isfinite(theta), theta, centre)  # outside of a prior's bounds
+        subset = _noise_held(ensemble, ensemble.subset(tuple(e.name for e in others)))
+        count = len(ensemble.posterior.noise.units)
+        return cls(subset.nulled(constants), theta, constants[-count:], subset)
+
+
+def _noise_held(ensemble: Ensemble, subset: Subset) -> Subset:
+    """The subset without the noise's numbers."""
+    held = ensemble.places[-len(ensemble.posterior.noise.units) :]
+    theta = [k for place in held for k in place.theta]
+    constants = [k for place in held for k in place.constants]
+    return replace(
+        subset,
+        theta=np.setdiff1d(subset.theta, theta),
+        constants=np.setdiff1d(subset.constants, constants),
+        priors=np.setdiff1d(subset.priors, [p.prior for p in held if p.prior is not None]),
+    )
+
+
+def _ensemble(study: Study, experiment: Experiment) -> Ensemble:
+    """Every listed effect, as the diagnosis has it, so that both share compiled functions."""
+    scales = experiment.scales
+    model, noise = Choices(noise=study.fitted).build(scales)
+    posterior = Posterior(model, noise, experiment.record(experiment.trials))
+    return with_every_effect(posterior, tuple(kind.default(scales) for kind in EFFECTS), COSTLY)
+
+
+def _record(experiment: Experiment, forces: list[np.ndarray]) -> Record:
+    """Block averages of other forces (tests, n) at the trials' samples."""
+    trials = [
+        replace(trial, test=replace(trial.test, force=force))
+        for trial, force in zip(experiment.trials, forces, strict=True)
+    ]
+    return experiment.record(trials)
+
+
+def _predict(ensemble: Ensemble, constants: np.ndarray) -> np.ndarray:
+    """Block means (T, B) of constants (P,)."""
+    still = pad_directions(np.zeros((1, constants.size)))
+    return predict_along(ensemble, constants, still)[0]

@@ -1,0 +1,146 @@
+"""``qlvbayes benchmark``: how often the diagnosis finds what is hidden in simulated pads."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.table import Table
+
+from qlvbayes.cli.console import err, out
+from qlvbayes.cli.options import split_names
+from qlvbayes.files import results_folder, write_json
+
+if TYPE_CHECKING:
+    from qlvbayes.benchmark.report import Report
+    from qlvbayes.benchmark.run import Tell
+
+
+def benchmark(
+    studies: Annotated[int, typer.Option(min=1, help="How many pads.")] = 40,
+    seed: Annotated[int, typer.Option(min=0, help="Makes a run repeat.")] = 0,
+    effects: Annotated[
+        str, typer.Option(help="Hide only these where one is hidden alone, as 'friction,inertia'.")
+    ] = "",
+    noise: Annotated[str, typer.Option(help="Kind of noise, correlated or white.")] = "correlated",
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")] = Path(
+        "benchmark"
+    ),
+    as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
+) -> None:
+    """Diagnose simulated pads in which something known is hidden, or nothing, and score it.
+
+    Of 20 pads, 8 hide one effect of the list, 3 two, 3 another form of one, 2 something outside the
+    list, and 4 nothing. Finished pads are kept; the same command goes on where it stopped.
+
+    Leaves OUT/benchmark.json and OUT/benchmark.png and .pdf.
+    """
+    # here, so that the other commands do not wait for what only this one needs
+    from qlvbayes.benchmark.keeping import Kept
+    from qlvbayes.benchmark.plan import Plan
+    from qlvbayes.benchmark.report import Report
+    from qlvbayes.benchmark.run import kept_file, run_studies
+
+    names = tuple(split_names(effects))
+    plan = Plan(seed, noise, names) if names else Plan(seed, noise)
+    folder = results_folder(output)
+    kept = Kept(kept_file(folder / "studies", plan), plan.key)
+    with counting("studies") as tell:
+        run_studies(plan, kept, range(studies), tell)
+    report = Report.of(plan, kept.first(studies))
+    write_json(folder / "benchmark.json", report.as_dict())
+    picture = _figure(report, folder)
+    if as_json:
+        print(json.dumps(report.as_dict(), allow_nan=False))
+        return
+    out.print(rates_table(report), constants_table(report))
+    out.print(f"figure: {picture}", markup=False)
+
+
+@contextmanager
+def counting(what: str) -> Iterator[Tell]:
+    """A progress bar; silent where stderr is no terminal."""
+    bar = Progress(
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn(f"{what},"),
+        TimeElapsedColumn(),
+        TextColumn("gone,"),
+        TimeRemainingColumn(),
+        TextColumn("left"),
+        console=err,
+        transient=True,
+        disable=not err.is_terminal,
+    )
+    with bar:
+        task = bar.add_task("", total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+def rates_table(report: Report) -> Table:
+    """Every rate, over all studies and over those that could be seen."""
+    from qlvbayes.benchmark.scores import QUESTIONS
+
+    title = f"{len(report.cases)} blind studies, seed {report.plan.seed}, {report.plan.noise} noise"
+    table = Table(title=title, title_justify="left", title_style="bold")
+    table.add_column("hidden: verdict")
+    for name in ("could be seen", "n", "all", "n"):
+        table.add_column(name, justify="right")
+    for question in QUESTIONS:
+        found = report.rates[question.name]
+        if found["all"].n:
+            seen, every = found["seen"], found["all"]
+            table.add_row(question.words, str(seen), str(seen.n), str(every), str(every.n))
+    _add_medians(table, report)
+    return table
+
+
+def _add_medians(table: Table, report: Report) -> None:
+    table.add_section()
+    for kind, found in report.heldout.items():
+        if found["plain"] is not None:
+            words = f"left-out tests, error/noise, median ({kind}): plain model, then last one"
+            table.add_row(words, f"{found['plain']:.2f}, {found['final']:.2f}", str(found["n"]))
+    every, seen = report.reliability, report.reliability_seen
+    if every.error is not None:
+        table.add_row(
+            "probability of the first-ranked: expected calibration error",
+            "-" if seen.error is None else f"{seen.error:.3f}", str(seen.n),
+            f"{every.error:.3f}", str(every.n),
+        )  # fmt: skip
+    if report.seconds is not None:
+        table.add_row("seconds for a diagnosis, median", "", "", f"{report.seconds:.1f}", "")
+
+
+def constants_table(report: Report) -> Table:
+    """Coverage of the pad's constants without the effect and with it."""
+    title = "one effect that could be seen: pads whose 90 % interval holds the true constant"
+    table = Table(title=title, title_justify="left", title_style="bold")
+    table.add_column("constant")
+    for name in ("plain model", "last model", "n", "|error|/sd, plain", "last"):
+        table.add_column(name, justify="right")
+    for c in report.constants.values():
+        table.add_row(
+            c.name, str(c.before), str(c.after), str(c.after.n),
+            f"{c.off_before:.1f}", f"{c.off_after:.1f}",
+        )  # fmt: skip
+    return table
+
+
+def _figure(report: Report, folder: Path) -> Path:
+    from qlvbayes.plots.benchmark import plot_benchmark
+    from qlvbayes.plots.files import save_figure
+
+    return save_figure(plot_benchmark(report), folder / "benchmark")

@@ -1,0 +1,51 @@
+"""Tables of a diagnosis for people."""
+
+from __future__ import annotations
+
+from rich.table import Table
+
+from qlvbayes.diagnosis.verdict import Diagnosis, Estimate
+
+_MOST = 8  # hypotheses shown
+
+
+def steps_table(found: Diagnosis, unit: str) -> Table:
+    """The error after each step against the noise floor."""
+    title = f"pad {found.pad}: error after each step, noise floor {found.noise:.3g} {unit}"
+    table = Table(title=title, title_justify="left", title_style="bold")
+    table.add_column("model")
+    for name in (f"RMSE {unit}", f"held-out RMSE {unit}", "held-out/noise", "log evidence"):
+        table.add_column(name, justify="right")
+    table.add_column("cells that fail", justify="right")
+    for stage in found.stages:
+        table.add_row(
+            " + ".join(("QLV", *stage.effects)),
+            f"{stage.rmse:.4g}",
+            f"{stage.heldout_rmse:.4g}",
+            f"{stage.heldout_rmse / found.noise:.2f}",
+            f"{stage.log_evidence:.1f}",
+            str(len(stage.failing)),
+        )
+    return table
+
+
+def ranking_table(found: Diagnosis, unit: str) -> Table:
+    """What the plain model may lack, likeliest first."""
+    table = Table(title="what the plain model may lack", title_justify="left", title_style="bold")
+    table.add_column("effect", no_wrap=True)
+    for name in ("probability", "log Bayes factor", f"RMSE {unit}"):
+        table.add_column(name, justify="right")
+    table.add_column("constants")
+    for ranked in found.ranking[:_MOST]:
+        table.add_row(
+            "nothing" if ranked.effect == "none" else ranked.effect,
+            f"{ranked.probability:.3f}",
+            f"{ranked.log_bayes_factor:.1f}",
+            "" if ranked.rmse is None else f"{ranked.rmse:.4g}",
+            ", ".join(_constant(name, e) for name, e in ranked.parameters.items()),
+        )
+    return table
+
+
+def _constant(name: str, e: Estimate) -> str:
+    return f"{name} = {e.mean:.3g} +- {e.sd:.1g}{'' if e.unit == '1' else ' ' + e.unit}"

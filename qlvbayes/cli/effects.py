@@ -1,0 +1,43 @@
+"""``qlvbayes effects``: what can be added to the model."""
+
+from __future__ import annotations
+
+import json
+
+from rich.table import Table
+
+from qlvbayes.choices import Choices
+from qlvbayes.cli.console import out
+from qlvbayes.cli.options import AsJson, EffectsFile
+from qlvbayes.effects.effect import AbstractEffect
+from qlvbayes.units import PAD
+
+
+def effects(effects_file: EffectsFile = None, as_json: AsJson = False) -> None:
+    """List the effects by name, with law, constants and what one would see."""
+    own = None if effects_file is None else str(effects_file.resolve())
+    kinds = Choices(effects_file=own).kinds
+    if as_json:
+        print(json.dumps([_entry(kind) for kind in kinds]))
+        return
+    table = Table(show_lines=True)
+    for name in ("effect", "law", "constants", "what you would see"):
+        table.add_column(name, overflow="fold", no_wrap=name == "effect")
+    for kind in kinds:
+        table.add_row(kind.name, kind.law, ", ".join(_constants(kind)), kind.seen)
+    out.print(table)
+
+
+def _constants(kind: type[AbstractEffect]) -> list[str]:
+    units = {name: PAD.of(word) for name, word in kind.units.items()}
+    return [name if unit == "1" else f"{name} ({unit})" for name, unit in units.items()]
+
+
+def _entry(kind: type[AbstractEffect]) -> dict:
+    return {
+        "effect": kind.name,
+        "law": kind.law,
+        "parameters": {name: PAD.of(word) for name, word in kind.units.items()},
+        "seen": kind.seen,
+        "reference": kind.reference,
+    }

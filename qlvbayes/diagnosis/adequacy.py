@@ -1,0 +1,166 @@
+r"""Is structure left? Cell by cell (test and phase), against the noise measured without the model.
+
+Under a right model the residual is noise of a known floor, less what the fitted constants take. In
+each cell four smooth curves (Legendre polynomials of order 0 to 3 over the cell's blocks) are
+tried, and the generalised least-squares statistic
+
+.. math:: s^T V^{-1} s / q, \quad s = B^T \Sigma^{-1} r, \quad
+          V = B^T \Sigma^{-1} B - B^T \Sigma^{-1} J A^{-1} J^T \Sigma^{-1} B
+
+has an F distribution with q and nu degrees of freedom, nu those of the floor's own estimate. The
+noise is the fit's only as far as the rests alone, without any model, allow it (95 % by their
+restricted likelihood): it cannot swallow structure by swelling.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+import numpy as np
+from numpy.polynomial import legendre
+from scipy.stats import chi2
+from scipy.stats import f as fisher
+
+from qlvbayes.experiment import Experiment, Trial
+from qlvbayes.inference.gaussnewton import Point, pad_directions, predict_along
+from qlvbayes.inference.linearised import whitened
+from qlvbayes.inference.subset import Ensemble
+from qlvbayes.noise import Correlated
+from qlvbayes.noisefloor import NoiseFloor
+
+_ORDERS = 4
+_ALLOWED = 0.5 * float(chi2.ppf(0.95, 3))  # log-likelihood of the rests that noise may lose
+_TRIES = 21
+_LEAST = 1e-12
+_FEWEST = 3  # blocks a curve, at least
+
+
+@dataclass(frozen=True)
+class CellTest:
+    """One cell: its phase's place in the test, how many curves were tried, and the p-value."""
+
+    test: str
+    phase: str
+    start: float
+    curves: int
+    p_value: float
+
+
+@dataclass(frozen=True)
+class Adequacy:
+    """All cells. p_value: of the smallest, corrected for their number (Sidak)."""
+
+    cells: tuple[CellTest, ...]
+    p_value: float
+
+    @property
+    def worst(self) -> CellTest:
+        """The cell of smallest p-value."""
+        return min(self.cells, key=lambda cell: cell.p_value)
+
+
+def adequacy(experiment: Experiment, ensemble: Ensemble, point: Point) -> Adequacy:
+    """Test what a fitted model leaves of every phase."""
+    record = ensemble.posterior.record
+    own = pad_directions(point.slopes.T)
+    predicted, slopes = predict_along(ensemble, point.constants, own)
+    residual = np.asarray(record.blocks.force) - predicted
+    cells, curves = _curves(experiment.trials, record.blocks)
+    noise = allowed_noise(ensemble, point, experiment.floor)
+    r, J, B = (_whitened(noise, record, vectors) for vectors in (residual[None], slopes, curves))
+    left = B - (B @ J.T) @ np.linalg.solve(_information(J, point), J)
+    score, spread = left @ r[0], left @ B.T
+    freedom = floor_freedom(experiment)
+    tests = []
+    for cell, rows in cells:
+        statistic, rank = _quadratic(score[rows], spread[np.ix_(rows, rows)])
+        p = float(fisher.sf(statistic / max(rank, 1), max(rank, 1), freedom)) if rank else 1.0
+        tests.append(CellTest(cell[0], cell[1], cell[2], rank, p))
+    smallest = min(test.p_value for test in tests)
+    return Adequacy(
+        tuple(tests), float(-np.expm1(len(tests) * np.log1p(-smallest))) if smallest < 1.0 else 1.0
+    )
+
+
+def allowed_noise(ensemble: Ensemble, point: Point, floor: NoiseFloor) -> Correlated:
+    """The fitted noise, drawn towards the floor until the rests allow it."""
+    count = len(ensemble.posterior.noise.units)
+    fitted = point.constants[-count:]
+    measured = np.array([floor.white, floor.ou, floor.tau])
+    if count == 1:  # white noise was asked for
+        fitted = np.array([fitted[0], 0.0, floor.tau])
+        measured[:2] = floor.total, 0.0
+    measured, fitted = np.maximum(measured, _LEAST), np.maximum(fitted, _LEAST)
+    for share in np.linspace(0.0, 1.0, _TRIES):
+        tried = fitted ** (1.0 - share) * measured**share
+        if floor.surprise(*tried) <= _ALLOWED:
+            break
+    return Correlated(*(jnp.asarray(x) for x in tried))
+
+
+def floor_freedom(experiment: Experiment) -> float:
+    """Degrees of freedom of the floor: independent stretches of the correlated part at rest."""
+    floor = experiment.floor
+    resting = [
+        phase.stop - phase.start
+        for trial in experiment.trials
+        for phase in trial.phases
+        if phase.kind in ("hold", "recovery")
+    ]
+    if floor.ou > 0.0:
+        return max(0.5 * sum(resting) / floor.tau, 5.0)
+    return float(max(sum(t.test.time.size for t in experiment.trials) / 2, 5))
+
+
+def _whitened(noise: Correlated, record: object, vectors: np.ndarray) -> np.ndarray:
+    """(M, T*B) vectors filtered by the floor, sixteen at a time."""
+    out = []
+    for first in range(0, len(vectors), 16):
+        some = vectors[first : first + 16]
+        full = np.concatenate([some, np.zeros((16 - len(some), *some.shape[1:]))])
+        out.append(np.asarray(whitened(noise, record, jnp.asarray(full)))[: len(some)])
+    found = np.concatenate(out)
+    return found.reshape(len(found), -1)
+
+
+def _information(J: np.ndarray, point: Point) -> np.ndarray:
+    """(K, K): of the sensitivities; padding and what the data leave open kept finite."""
+    matrix = J @ J.T
+    free = point.gradient.size
+    ridge = np.ones(len(J))
+    ridge[:free] = 1e-9 * np.maximum(np.diag(matrix)[:free], 1e-3)
+    return matrix + np.diag(ridge)
+
+
+def _curves(
+    trials: Sequence[Trial], blocks: object
+) -> tuple[list[tuple[tuple[str, str, float], list[int]]], np.ndarray]:
+    """Cells (test, phase, start) with the rows of their curves, and the curves (M, T, B)."""
+    first, last, real = (np.asarray(x) for x in (blocks.first, blocks.last, blocks.real))
+    cells, rows = [], []
+    for k, trial in enumerate(trials):
+        middle = np.where(real[k], 0.5 * (first[k] + last[k]), np.inf)
+        for phase in trial.phases:
+            inside = np.flatnonzero((middle > phase.start) & (middle <= phase.stop))
+            count = min(_ORDERS, inside.size // _FEWEST)
+            if not count:
+                continue
+            place = np.linspace(-1.0, 1.0, inside.size) if inside.size > 1 else np.zeros(1)
+            begin = len(rows)
+            for order in range(count):
+                curve = np.zeros(real.shape)
+                curve[k, inside] = legendre.legval(place, np.eye(_ORDERS)[order])
+                rows.append(curve)
+            cells.append(((trial.name, phase.kind, phase.start), list(range(begin, len(rows)))))
+    return cells, np.array(rows)
+
+
+def _quadratic(score: np.ndarray, spread: np.ndarray) -> tuple[float, int]:
+    """s^T V^-1 s over the directions that the constants leave, and how many those are."""
+    scale = np.sqrt(np.maximum(np.diag(spread), 1e-300))
+    values, vectors = np.linalg.eigh(spread / np.outer(scale, scale))
+    kept = values > 1e-6
+    part = (vectors.T @ (score / scale))[kept]
+    return float(np.sum(part**2 / values[kept])), int(kept.sum())

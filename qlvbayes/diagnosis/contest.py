@@ -1,0 +1,97 @@
+"""One round: every candidate added to the present model, refitted and ranked by its evidence."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from qlvbayes.diagnosis.screen import Score, screen
+from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.inference.gaussnewton import Point, climb
+from qlvbayes.inference.subset import Ensemble
+
+_WORTH = -6.0  # linear log Bayes factor below the best possible at which no refit is worth while
+_STARTS = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Contender:
+    """A candidate beside the present model. point: None where the screen settled it."""
+
+    effect: str
+    log_bayes_factor: float
+    score: Score
+    point: Point | None
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """The present model, and its contenders, best first."""
+
+    base: Point
+    contenders: tuple[Contender, ...]
+
+    @property
+    def best(self) -> Contender | None:
+        """The contender of highest evidence."""
+        return self.contenders[0] if self.contenders else None
+
+    def probabilities(self, settings: Settings) -> dict[str, float]:
+        """Posterior probability of ``none`` and of every contender, one of which is taken as true."""
+        count = max(len(self.contenders), 1)
+        share = math.log((1.0 - settings.prior_none) / count)
+        logs = {"none": math.log(settings.prior_none)}
+        logs |= {c.effect: share + c.log_bayes_factor for c in self.contenders}
+        top = max(logs.values())
+        weights = {name: math.exp(value - top) for name, value in logs.items()}
+        total = sum(weights.values())
+        return {name: weight / total for name, weight in weights.items()}
+
+
+def contest(ensemble: Ensemble, base: Point, effects: list[str]) -> Round:
+    """Rank effects that ``base`` lacks.
+
+    Those whose score promises nothing keep the evidence of the linearised model; the others are
+    refitted from the shapes that score best.
+    """
+    contenders = []
+    for effect, scores in screen(ensemble, base, effects).items():
+        log_bf = _averaged(scores)
+        point = None
+        if scores[0].information == 0.0 or max(abs(s.z) for s in scores) > 1.0:
+            point = refit(ensemble, base, effect, scores)
+            log_bf = point.log_evidence - base.log_evidence
+        contenders.append(Contender(effect, log_bf, scores[0], point))
+    return Round(base, tuple(sorted(contenders, key=lambda c: -c.log_bayes_factor)))
+
+
+def _averaged(scores: list[Score]) -> float:
+    """Linear log Bayes factor, averaged over the shapes."""
+    values = [score.log_bayes_factor for score in scores]
+    return float(np.logaddexp.reduce(values) - math.log(len(values)))
+
+
+def refit(ensemble: Ensemble, base: Point, effect: str, scores: list[Score]) -> Point:
+    """The best optimum from the shapes that score best, the amplitude where its score puts it."""
+    subset = ensemble.subset(base.subset.effects | {effect})
+    points = [climb(ensemble, subset, _start(ensemble, base, score)) for score in scores[:_STARTS]]
+    return max(points, key=lambda point: point.log_evidence)
+
+
+def _start(ensemble: Ensemble, base: Point, score: Score) -> np.ndarray:
+    """Theta with the amplitude of one Newton step, at least a tenth of its prior sd."""
+    effect = ensemble.effect(score.effect)
+    prior, sd = score.prior, float(score.prior.sd)
+    amplitude = score.amplitude if score.information else 0.5 * sd
+    if abs(amplitude) < 0.1 * sd or (score.z < 0.0 and score.prior.word == "halfnormal"):
+        amplitude = 0.1 * sd
+    amplitude = float(np.clip(amplitude, -5.0 * sd, 5.0 * sd))
+    theta = score.theta.copy()
+    first = ensemble.fields(effect.name)[list(effect.null).index(next(iter(effect.null)))]
+    theta[list(first.theta)] = np.asarray(prior.unconstrain(amplitude))
+    own = base.subset.theta
+    shift = amplitude * score.shift
+    theta[own] = base.theta[own] + shift * min(1.0, 1.0 / max(float(np.max(np.abs(shift))), 1e-9))
+    return theta

@@ -1,0 +1,177 @@
+"""The whole diagnosis of one pad: gate, search, adequacy, verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from qlvbayes.checks import InputError
+from qlvbayes.choices import Choices
+from qlvbayes.diagnosis.adequacy import Adequacy, adequacy
+from qlvbayes.diagnosis.contest import Contender
+from qlvbayes.diagnosis.gate import bends, coincident, impossible, invisible
+from qlvbayes.diagnosis.protocol import protocol_of
+from qlvbayes.diagnosis.samples import Samples, cell_errors, rmse
+from qlvbayes.diagnosis.screen import screen
+from qlvbayes.diagnosis.search import Path, Step, Tell, rivals, search
+from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.verdict import Diagnosis, Estimate, Ranked, Stage, Work
+from qlvbayes.effects.catalogue import EFFECTS
+from qlvbayes.effects.effect import AbstractEffect
+from qlvbayes.experiment import Experiment
+from qlvbayes.inference.gaussnewton import Point
+from qlvbayes.inference.subset import Ensemble, with_every_effect
+from qlvbayes.noise import AbstractGaussian
+from qlvbayes.posterior import Posterior
+
+EVIDENCES = ("laplace", "nested")
+COSTLY = ("frame_compliance", "channel_lag")  # they run the law beneath several times
+
+
+def diagnose(
+    experiment: Experiment,
+    choices: Choices | None = None,
+    *,
+    kinds: Sequence[type[AbstractEffect]] = EFFECTS,
+    settings: Settings | None = None,
+    evidence: str = "laplace",
+    seed: int = 0,
+    tell: Tell = lambda text: None,
+) -> Diagnosis:
+    """Say which effect of ``kinds`` the model of ``choices`` lacks, from all tests together.
+
+    ``tell`` hears what is being done. Raises InputError where the noise model is not Gaussian.
+    """
+    settings = settings or Settings()
+    choices = choices or Choices()
+    ensemble = _ensemble(experiment, choices, kinds)
+    samples = Samples.of(experiment, ensemble)
+    unseen = impossible(ensemble, protocol_of(experiment, bonded=choices.bonded))
+    blind = {entry.effect for entry in unseen}
+    candidates = [effect.name for effect in ensemble.effects if effect.name not in blind]
+    path = search(ensemble, samples, candidates, settings, tell)
+    tell("testing what is left")
+    plain = path.steps[0].point
+    scores = screen(ensemble, plain, candidates)
+    adequacies = tuple(adequacy(experiment, ensemble, step.point) for step in path.steps)
+    group = _group(experiment, ensemble, path, settings)
+    verdict = _verdict(path, adequacies[-1], group, settings)
+    named = path.last.effects if verdict in ("missing_effect", "ambiguous") else ()
+    work = Work(experiment, ensemble, samples, path, adequacies)
+    return Diagnosis(
+        pad=experiment.pad,
+        noise=experiment.floor.total,
+        verdict=verdict,
+        effects=named,
+        group=group if named else (),
+        stages=tuple(_stage(work, k, settings) for k in range(len(path.steps))),
+        ranking=_ranking(work, settings),
+        not_identifiable=(*unseen, *invisible(scores, {})),
+        bends=tuple(bends(ensemble, plain, scores)),
+        coincident=tuple(coincident(ensemble, plain, scores)),
+        refused=tuple(path.refused),
+        warnings=(),
+        suggestions=(),
+        work=work,
+    )
+
+
+def _ensemble(
+    experiment: Experiment, choices: Choices, kinds: Sequence[type[AbstractEffect]]
+) -> Ensemble:
+    scales = experiment.scales
+    model, noise = choices.build(scales)
+    if not isinstance(noise, AbstractGaussian):
+        raise InputError(
+            "the diagnosis needs normal noise", remedy="use --noise correlated or --noise white"
+        )
+    posterior = Posterior(model, noise, experiment.record(experiment.trials))
+    own = [effect.name for effect in model.effects]
+    added = tuple(
+        kind.default(scales)
+        for kind in kinds
+        if kind.name not in own and not (choices.bonded and kind.name == "adhesion")
+    )
+    return with_every_effect(posterior, added, COSTLY)
+
+
+def _group(
+    experiment: Experiment, ensemble: Ensemble, path: Path, settings: Settings
+) -> tuple[str, ...]:
+    """Effects that may stand in the last one's place: as likely, and leaving nothing structured."""
+    near = rivals(ensemble, path, settings)
+
+    def sound(contender: Contender) -> bool:
+        point = contender.point
+        return (
+            point is not None
+            and adequacy(experiment, ensemble, point).p_value >= settings.false_alarms
+        )
+
+    return tuple(c.effect for k, c in enumerate(near) if k == 0 or sound(c))
+
+
+def _verdict(path: Path, last: Adequacy, group: tuple[str, ...], settings: Settings) -> str:
+    if last.p_value < settings.false_alarms:
+        return "unexplained"
+    if not path.last.effects:
+        return "adequate"
+    return "ambiguous" if len(group) > 1 else "missing_effect"
+
+
+def _stage(work: Work, k: int, settings: Settings) -> Stage:
+    step, tested = work.path.steps[k], work.adequacies[k]
+    level = settings.false_alarms / len(tested.cells)
+    return Stage(
+        effects=step.effects,
+        rmse=step.rmse,
+        heldout_rmse=step.heldout.rmse,
+        log_evidence=float(step.point.log_evidence),
+        p_value=tested.p_value,
+        cells=tuple(cell_errors(work.samples, work.samples.residuals(step.point.constants))),
+        failing=tuple((c.test, c.phase) for c in tested.cells if c.p_value < level),
+        parameters=_estimates(work, step.point, _is_of_pad),
+    )
+
+
+def _is_of_pad(name: str) -> bool:
+    return not name.startswith("noise.")
+
+
+def _ranking(work: Work, settings: Settings) -> tuple[Ranked, ...]:
+    first = work.path.rounds[0]
+    probabilities = first.probabilities(settings)
+    plain: Step = work.path.steps[0]
+    ranked = [Ranked("none", probabilities["none"], 0.0, plain.rmse, {})]
+    for contender in first.contenders:
+        point, error, found = contender.point, None, {}
+        if point is not None:
+            error = rmse(work.samples.residuals(point.constants))
+            own = f"{contender.effect}."
+            found = _estimates(work, point, lambda name, own=own: name.startswith(own))
+            found = {name.removeprefix(own): value for name, value in found.items()}
+        ranked.append(
+            Ranked(
+                contender.effect,
+                probabilities[contender.effect],
+                float(contender.log_bayes_factor),
+                error,
+                found,
+            )
+        )
+    return tuple(sorted(ranked, key=lambda r: -r.probability))
+
+
+def _estimates(work: Work, point: Point, wanted: Callable[[str], bool]) -> dict[str, Estimate]:
+    """Constants that are on at a point, by Laplace's approximation."""
+    ensemble = work.ensemble
+    kinds = ensemble.unit_kinds
+    sds = np.sqrt(np.maximum(np.diag(point.constants_covariance), 0.0))
+    return {
+        ensemble.names[k]: Estimate(
+            work.experiment.units.of(kinds[k]), float(point.constants[k]), float(sds[k])
+        )
+        for k in point.subset.constants
+        if wanted(ensemble.names[k])
+    }

@@ -1,0 +1,36 @@
+"""What a study's tests do, as far as it decides which effects they can show."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from qlvbayes.effects.effect import Protocol
+from qlvbayes.experiment import Experiment, Trial
+
+_NEARLY = 0.02  # of the depth, or of the peak force: nearer to zero counts as having returned
+
+
+def protocol_of(experiment: Experiment, *, bonded: bool) -> Protocol:
+    """Read off the tests' phases, motion and forces."""
+    return Protocol(
+        unloads=any(p.kind == "unload" for t in experiment.trials for p in t.phases),
+        returns=any(_returns(experiment, trial) for trial in experiment.trials),
+        tests=len(experiment.trials),
+        bonded=bonded,
+        curved=experiment.scales.acceleration > 0.0,
+    )
+
+
+def _returns(experiment: Experiment, trial: Trial) -> bool:
+    """Whether an unloading ends at zero depth, or the force comes to nothing in it or after it."""
+    scales = experiment.scales
+    little = max(_NEARLY * scales.force, 3.0 * experiment.floor.total)
+    for phase in trial.phases:
+        if phase.kind not in ("unload", "recovery"):
+            continue
+        if float(trial.trajectory.displacement(np.array([phase.stop]))[0]) < _NEARLY * scales.depth:
+            return True
+        inside = (trial.test.time >= phase.start) & (trial.test.time <= phase.stop)
+        if np.any(trial.test.force[inside] < little):
+            return True
+    return False

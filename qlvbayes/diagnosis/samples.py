@@ -1,0 +1,88 @@
+"""Tests sample by sample: errors in the units of one reading, by test and phase."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+import numpy as np
+
+from qlvbayes.experiment import Experiment, Trial
+from qlvbayes.inference.linearised import forces
+from qlvbayes.inference.subset import Ensemble
+from qlvbayes.kinematics.phases import KINDS
+from qlvbayes.posterior import Posterior
+from qlvbayes.predict import thinned_record
+from qlvbayes.records.batching import batch
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Samples of every trial, at most 300 a phase, and the posterior that predicts them.
+
+    rows: which samples of each trial; observed (T, B), real (T, B).
+    """
+
+    trials: tuple[Trial, ...]
+    rows: tuple[np.ndarray, ...]
+    posterior: Posterior
+
+    @classmethod
+    def of(cls, experiment: Experiment, ensemble: Ensemble) -> Samples:
+        """The trials of an experiment, for every subset of an ensemble."""
+        rows, records = zip(
+            *(thinned_record(experiment, trial) for trial in experiment.trials), strict=True
+        )
+        whole = ensemble.posterior
+        return cls(experiment.trials, rows, Posterior(whole.model, whole.noise, batch(records)))
+
+    def predict(self, constants: np.ndarray) -> list[list[np.ndarray]]:
+        """Force of constants (W, P) at each trial's samples: [W][T] arrays (n,)."""
+        found = np.asarray(forces(self.posterior, jnp.asarray(constants)))
+        return [[row[k, : r.size] for k, r in enumerate(self.rows)] for row in found]
+
+    def residuals(self, constants: np.ndarray) -> list[np.ndarray]:
+        """Measured minus predicted force of each trial (n,), of constants (P,)."""
+        predicted = self.predict(constants[None])[0]
+        return [
+            trial.test.force[rows] - force
+            for trial, rows, force in zip(self.trials, self.rows, predicted, strict=True)
+        ]
+
+    def phases(self, k: int) -> np.ndarray:
+        """Kind of phase (n,) of the samples of trial k."""
+        return self.trials[k].phase_of(self.trials[k].test.time[self.rows[k]])
+
+
+@dataclass(frozen=True)
+class CellError:
+    """Error in one test's samples of one kind of phase: root mean square and mean (N)."""
+
+    test: str
+    phase: str
+    rate: float
+    n: int
+    rmse: float
+    bias: float
+
+
+def cell_errors(samples: Samples, residuals: list[np.ndarray]) -> list[CellError]:
+    """One entry a test and kind of phase."""
+    cells = []
+    for k, (trial, residual) in enumerate(zip(samples.trials, residuals, strict=True)):
+        phases = samples.phases(k)
+        for kind in KINDS:
+            here = residual[phases == kind]
+            if here.size:
+                rmse = float(np.sqrt(np.mean(here**2)))
+                cells.append(
+                    CellError(
+                        trial.name, kind, float(trial.rate), here.size, rmse, float(here.mean())
+                    )
+                )
+    return cells
+
+
+def rmse(residuals: list[np.ndarray]) -> float:
+    """Root mean square over all samples (N)."""
+    return float(np.sqrt(np.mean(np.concatenate(residuals) ** 2)))

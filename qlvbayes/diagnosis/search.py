@@ -1,0 +1,133 @@
+"""Effects added one by one, each confirmed, useless ones dropped, until none is decisive."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from qlvbayes.diagnosis.contest import Contender, Round, contest
+from qlvbayes.diagnosis.heldout import HeldOut, held_out
+from qlvbayes.diagnosis.samples import Samples, rmse
+from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.inference.gaussnewton import Point, climb
+from qlvbayes.inference.subset import Ensemble
+
+_BASE_STARTS = 5
+_FIRST_STEPS = 10
+
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A model on the way: its effects in the order added, its optimum and its errors."""
+
+    effects: tuple[str, ...]
+    point: Point
+    rmse: float
+    heldout: HeldOut
+
+
+@dataclass(eq=False)
+class Path:
+    """Steps taken and the round held at each; ``refused``: contenders that were not confirmed."""
+
+    steps: list[Step] = field(default_factory=list)
+    rounds: list[Round] = field(default_factory=list)
+    refused: list[tuple[str, str]] = field(default_factory=list)
+
+    @property
+    def last(self) -> Step:
+        """Where it ended."""
+        return self.steps[-1]
+
+
+def plain_fit(ensemble: Ensemble) -> Point:
+    """Highest point of the model without effects, from several draws of its prior."""
+    subset = ensemble.subset()
+    whole = ensemble.draw(_BASE_STARTS)
+    thetas = np.tile(ensemble.centre, (_BASE_STARTS, 1))
+    thetas[1:, subset.theta] = whole[: _BASE_STARTS - 1, subset.theta]
+    noise = [
+        i for place in ensemble.places[-len(ensemble.posterior.noise.units) :] for i in place.theta
+    ]
+    thetas[:, noise] = ensemble.centre[noise]
+    rough = [climb(ensemble, subset, theta, steps=_FIRST_STEPS) for theta in thetas]
+    best = min(rough, key=lambda point: point.loss)
+    return climb(ensemble, subset, best.theta)
+
+
+def search(
+    ensemble: Ensemble,
+    samples: Samples,
+    candidates: list[str],
+    settings: Settings,
+    tell: Tell = lambda text: None,
+) -> Path:
+    """Add the best confirmed effect until none is decisive."""
+    path = Path()
+    tell("fitting the plain model")
+    path.steps.append(_step(ensemble, samples, (), plain_fit(ensemble)))
+    while True:
+        present = path.last
+        tell(f"ranking what {' + '.join(('QLV', *present.effects))} may lack")
+        left = [name for name in candidates if name not in present.effects]
+        path.rounds.append(contest(ensemble, present.point, left))
+        if len(present.effects) >= settings.most:
+            return path
+        confirmed = _confirmed(ensemble, samples, path, settings)
+        if confirmed is None:
+            return path
+        path.steps.append(_without_useless(ensemble, samples, confirmed, settings))
+        if any(set(s.effects) == set(path.last.effects) for s in path.steps[:-1]):
+            path.steps.pop()  # back where it was: the gain was not real
+            return path
+
+
+def _step(ensemble: Ensemble, samples: Samples, effects: tuple[str, ...], point: Point) -> Step:
+    error = rmse(samples.residuals(point.constants))
+    return Step(effects, point, error, held_out(ensemble, samples, point))
+
+
+def _confirmed(ensemble: Ensemble, samples: Samples, path: Path, settings: Settings) -> Step | None:
+    """The best contender that evidence and held-out tests both accept."""
+    present = path.last
+    for contender in path.rounds[-1].contenders[:3]:
+        if contender.log_bayes_factor < settings.decisive or contender.point is None:
+            return None
+        effects = (*present.effects, contender.effect)
+        step = _step(ensemble, samples, effects, contender.point)
+        if step.heldout.score > present.heldout.score:
+            return step
+        path.refused.append((contender.effect, "it predicts left-out tests no better"))
+    return None
+
+
+def _without_useless(ensemble: Ensemble, samples: Samples, step: Step, settings: Settings) -> Step:
+    """Drop earlier effects without which the evidence is no lower."""
+    for name in step.effects[:-1]:
+        less = tuple(effect for effect in step.effects if effect != name)
+        point = climb(ensemble, ensemble.subset(less), step.point.theta)
+        if point.log_evidence > step.point.log_evidence:
+            return _without_useless(
+                ensemble, samples, _step(ensemble, samples, less, point), settings
+            )
+    return step
+
+
+def rivals(ensemble: Ensemble, path: Path, settings: Settings) -> tuple[Contender, ...]:
+    """Contenders of the last effect's round within ``apart`` of the winner, the winner first."""
+    if len(path.steps) < 2:
+        return ()
+    found = path.rounds[len(path.steps) - 2].contenders
+    winner = next(c for c in found if c.effect == path.last.effects[-1])
+    near = [
+        c
+        for c in found
+        if c.effect != winner.effect
+        and c.point is not None
+        and winner.log_bayes_factor - c.log_bayes_factor < settings.apart
+    ]
+    return (winner, *near)

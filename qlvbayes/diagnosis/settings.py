@@ -1,0 +1,22 @@
+"""The thresholds of the diagnosis, in one place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How sure the diagnosis must be.
+
+    decisive: log Bayes factor by which an effect must beat the model without it (3: 20 to 1);
+    apart: by which the best must beat another effect to be told from it; prior_none: prior
+    probability that nothing is missing (the candidates share the rest alike); false_alarms: of the
+    adequacy test over all cells of a pad; most: effects at most.
+    """
+
+    decisive: float = 3.0
+    apart: float = 2.3
+    prior_none: float = 0.5
+    false_alarms: float = 0.01
+    most: int = 4

@@ -1,0 +1,200 @@
+"""One of four verdicts, and all that it rests on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from qlvbayes.diagnosis.adequacy import Adequacy
+from qlvbayes.diagnosis.gate import Bend, Unseen
+from qlvbayes.diagnosis.samples import CellError, Samples
+from qlvbayes.diagnosis.search import Path
+from qlvbayes.experiment import Experiment
+from qlvbayes.inference.subset import Ensemble
+
+VERDICTS = ("adequate", "missing_effect", "ambiguous", "unexplained")
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A constant of an effect: Laplace mean and sd, with its unit."""
+
+    unit: str
+    mean: float
+    sd: float
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """One hypothesis of the first round: ``none`` or an effect.
+
+    probability: that it is what the plain model lacks, if one of the list is; rmse: of all samples
+    (N), None where the screen settled it without a refit.
+    """
+
+    effect: str
+    probability: float
+    log_bayes_factor: float
+    rmse: float | None
+    parameters: dict[str, Estimate]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A model on the way to the verdict and what it leaves.
+
+    rmse, heldout_rmse: over all samples (N), fitted and with each test left out in turn; p_value:
+    of the adequacy test over all cells; cells: errors by test and phase.
+    """
+
+    effects: tuple[str, ...]
+    rmse: float
+    heldout_rmse: float
+    log_evidence: float
+    p_value: float
+    cells: tuple[CellError, ...]
+    failing: tuple[tuple[str, str], ...]
+    parameters: dict[str, Estimate]
+
+
+@dataclass(frozen=True)
+class Suggestion:
+    """A further test and the expected 2 ln(Bayes factor) by which it would tell a group apart."""
+
+    test: str
+    evidence: float
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """What one pad's tests say about the model.
+
+    effects: what the verdict names, in the order added; group: effects that explain the data
+    equally well (``ambiguous``); tried: what was added on the way, also where the verdict is
+    ``unexplained``; noise: the floor's sd (N), measured without the model; seen: every candidate
+    that these tests could have shown.
+    """
+
+    pad: str
+    noise: float
+    verdict: str
+    effects: tuple[str, ...]
+    group: tuple[str, ...]
+    stages: tuple[Stage, ...]
+    ranking: tuple[Ranked, ...]
+    not_identifiable: tuple[Unseen, ...]
+    bends: tuple[Bend, ...]
+    coincident: tuple[tuple[str, ...], ...]
+    refused: tuple[tuple[str, str], ...]
+    warnings: tuple[str, ...]
+    suggestions: tuple[Suggestion, ...]
+    work: Work
+
+    @property
+    def tried(self) -> tuple[str, ...]:
+        """Effects of the last model."""
+        return self.stages[-1].effects
+
+    @property
+    def worst(self) -> CellError:
+        """The cell in which the plain model fails worst."""
+        return max(self.stages[0].cells, key=lambda cell: cell.rmse)
+
+    @property
+    def probability(self) -> float:
+        """Of the first round's best hypothesis."""
+        return max(ranked.probability for ranked in self.ranking)
+
+    def as_dict(self) -> dict:
+        """The content of ``diagnosis.json``."""
+        worst = self.worst
+        return {
+            "schema": 1,
+            "pad": self.pad,
+            "noise_N": self.noise,
+            "verdict": self.verdict,
+            "effects": list(self.effects),
+            "group": list(self.group),
+            "steps": [_stage(stage) for stage in self.stages],
+            "ranking": [_ranked(ranked) for ranked in self.ranking],
+            "not_identifiable": [
+                {"effect": unseen.effect, "reason": unseen.reason}
+                for unseen in self.not_identifiable
+            ],
+            "hidden_in_constants": [
+                {
+                    "effect": bend.effect,
+                    "amplitude": bend.amplitude,
+                    "size": bend.size,
+                    "share_left": bend.left,
+                    "changes": bend.changes,
+                    "visible": bend.visible,
+                }
+                for bend in self.bends
+            ],
+            "coincident": [list(group) for group in self.coincident],
+            "refused": [{"effect": name, "reason": why} for name, why in self.refused],
+            "warnings": list(self.warnings),
+            "suggestions": [
+                {"test": s.test, "expected_2_ln_bayes_factor": s.evidence} for s in self.suggestions
+            ],
+            "worst": {
+                "test": worst.test,
+                "phase": worst.phase,
+                "rmse_N": worst.rmse,
+                "bias_N": worst.bias,
+            },
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Work:
+    """What a diagnosis was computed from, for figures and for what follows."""
+
+    experiment: Experiment
+    ensemble: Ensemble
+    samples: Samples
+    path: Path
+    adequacies: tuple[Adequacy, ...]
+
+
+def _stage(stage: Stage) -> dict:
+    return {
+        "effects": list(stage.effects),
+        "rmse_N": stage.rmse,
+        "heldout_rmse_N": stage.heldout_rmse,
+        "log_evidence": _finite(stage.log_evidence),
+        "adequacy_p_value": stage.p_value,
+        "failing": [{"test": test, "phase": phase} for test, phase in stage.failing],
+        "cells": [
+            {
+                "test": cell.test,
+                "phase": cell.phase,
+                "rate_mm_s": _finite(cell.rate),
+                "n": cell.n,
+                "rmse_N": cell.rmse,
+                "bias_N": cell.bias,
+            }
+            for cell in stage.cells
+        ],
+        "parameters": _parameters(stage.parameters),
+    }
+
+
+def _ranked(ranked: Ranked) -> dict:
+    return {
+        "effect": ranked.effect,
+        "probability": ranked.probability,
+        "log_bayes_factor": _finite(ranked.log_bayes_factor),
+        "rmse_N": ranked.rmse,
+        "parameters": _parameters(ranked.parameters),
+    }
+
+
+def _parameters(found: dict[str, Estimate]) -> dict:
+    return {name: {"unit": e.unit, "mean": e.mean, "sd": e.sd} for name, e in found.items()}
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,190 @@
+"""The verdict in plain language: where, what, how sure, why not another, and what to test next."""
+
+from __future__ import annotations
+
+from qlvbayes.diagnosis.gate import Bend
+from qlvbayes.diagnosis.samples import CellError
+from qlvbayes.diagnosis.verdict import Diagnosis, Ranked, Stage
+from qlvbayes.effects.effect import AbstractEffect
+from qlvbayes.units import UnitSystem
+
+_PHASE = {"ramp": "ramp", "hold": "hold", "unload": "unloading", "recovery": "recovery"}
+_MOST_BENDS = 3
+
+
+def paragraphs(diagnosis: Diagnosis) -> list[str]:
+    """A few short paragraphs, the verdict first."""
+    verdict = {
+        "adequate": _adequate,
+        "missing_effect": _missing,
+        "ambiguous": _ambiguous,
+        "unexplained": _unexplained,
+    }[diagnosis.verdict]
+    text = [verdict(diagnosis)]
+    if diagnosis.verdict != "adequate":
+        text.insert(1, _where(diagnosis))
+        text += _runner_up(diagnosis)
+    text += _next_test(diagnosis)
+    text += _unseen(diagnosis)
+    text += _bent(diagnosis)
+    return text
+
+
+def _units(diagnosis: Diagnosis) -> UnitSystem:
+    return diagnosis.work.experiment.units
+
+
+def _adequate(d: Diagnosis) -> str:
+    unit, stage = _units(d).force, d.stages[0]
+    none = next(r for r in d.ranking if r.effect == "none")
+    best = next((r for r in d.ranking if r.effect != "none"), None)
+    text = (
+        f"Pad {d.pad}: nothing is missing that these tests can show. The model leaves "
+        f"{stage.rmse:.3g} {unit}, the noise floor is {d.noise:.3g} {unit}; no phase of any test "
+        f"shows structure (p = {stage.p_value:.2g})."
+    )
+    if best is not None:
+        text += (
+            f" Probability that nothing of the list is missing: {_percent(none.probability)}; "
+            f"the likeliest effect is {best.effect} with {_percent(best.probability)}."
+        )
+    return text
+
+
+def _missing(d: Diagnosis) -> str:
+    unit, first, last = _units(d).force, d.stages[0], d.stages[-1]
+    named = _joined([_with_value(d, effect, last) for effect in d.effects])
+    seen = " ".join(f"{_effect(d, e).seen[0].upper()}{_effect(d, e).seen[1:]}." for e in d.effects)
+    return (
+        f"Pad {d.pad}: missing {'effect' if len(d.effects) == 1 else 'effects'}: {named}. {seen} "
+        f"{_sureness(d)} With it the error on tests left out falls from {first.heldout_rmse:.3g} "
+        f"to {last.heldout_rmse:.3g} {unit} (noise floor {d.noise:.3g} {unit}), and no phase of "
+        f"any test shows structure any more (p = {last.p_value:.2g})."
+    )
+
+
+def _ambiguous(d: Diagnosis) -> str:
+    unit, first, last = _units(d).force, d.stages[0], d.stages[-1]
+    before = d.effects[:-1]
+    besides = f" besides {_joined(list(before))}" if before else ""
+    return (
+        f"Pad {d.pad}: something is missing{besides}, and these tests cannot tell which of "
+        f"{_joined(list(d.group), 'or')} it is: each explains them about equally well. With the "
+        f"first the error on tests left out falls from {first.heldout_rmse:.3g} to "
+        f"{last.heldout_rmse:.3g} {unit} (noise floor {d.noise:.3g} {unit})."
+    )
+
+
+def _unexplained(d: Diagnosis) -> str:
+    unit, last = _units(d).force, d.stages[-1]
+    tried = f" The best that the list offers, {_joined(list(last.effects))}, is not enough:" * bool(
+        last.effects
+    )
+    worst = max(last.cells, key=lambda cell: cell.rmse)
+    failing = _joined([f"{_PHASE[phase]} of {test}" for test, phase in last.failing[:4]])
+    more = f" and {len(last.failing) - 4} more" if len(last.failing) > 4 else ""
+    return (
+        f"Pad {d.pad}: unexplained.{tried} Structure remains beyond the noise floor of "
+        f"{d.noise:.3g} {unit} (p = {last.p_value:.2g})"
+        + (f", in the {failing}{more}" if last.failing else "")
+        + f". The largest error left is {worst.rmse:.3g} {unit} in the {_PHASE[worst.phase]} of "
+        f"{worst.test}. No effect is named: take the constants as those of a model that is wrong."
+    )
+
+
+def _where(d: Diagnosis) -> str:
+    units, worst = _units(d), d.worst
+    sign = "above" if worst.bias > 0.0 else "below"
+    return (
+        f"Where the plain model fails worst: the {_PHASE[worst.phase]} of {worst.test} "
+        f"({_rate(worst, units)}), by {worst.rmse:.3g} {units.force} root mean square; the "
+        f"measured force lies {abs(worst.bias):.3g} {units.force} {sign} the model on average."
+    )
+
+
+def _rate(cell: CellError, units: UnitSystem) -> str:
+    return f"{cell.rate:.3g} {units.speed}"
+
+
+def _sureness(d: Diagnosis) -> str:
+    """Of the first effect, from the first round."""
+    named = {r.effect: r for r in d.ranking}
+    likely = [named[e].probability for e in d.effects if e in named]
+    if len(d.effects) == 1:
+        return f"Probability {_percent(likely[0])} among nothing and the effects of the list."
+    gains = [b.log_evidence - a.log_evidence for a, b in zip(d.stages, d.stages[1:], strict=False)]
+    said = _joined([f"{gain:.3g}" for gain in gains])
+    return f"Each step raised the log evidence decisively (by {said})."
+
+
+def _runner_up(d: Diagnosis) -> list[str]:
+    """Why the next best single effect lost."""
+    taken = set(d.tried) | set(d.group)
+    best = [r for r in d.ranking if r.effect not in taken | {"none"} and r.rmse is not None]
+    first = next((r for r in d.ranking if r.effect in taken), None)
+    if not best or first is None or not d.tried:
+        return []
+    rival: Ranked = max(best, key=lambda r: r.log_bayes_factor)
+    gap = first.log_bayes_factor - rival.log_bayes_factor
+    unit = _units(d).force
+    return [
+        f"Runner-up: {rival.effect}. It leaves {rival.rmse:.3g} {unit} where {first.effect} leaves "
+        f"{first.rmse:.3g} {unit}, and the evidence is against it by a log Bayes factor of "
+        f"{gap:.3g}."
+    ]
+
+
+def _next_test(d: Diagnosis) -> list[str]:
+    if not d.suggestions:
+        return []
+    best = d.suggestions[0]
+    return [f"To tell them apart: {best.test} (expected 2 ln Bayes factor {best.evidence:.0f})."]
+
+
+def _unseen(d: Diagnosis) -> list[str]:
+    if not d.not_identifiable:
+        return []
+    said = "; ".join(f"{u.effect}: {u.reason}" for u in d.not_identifiable)
+    return [f"These tests cannot show: {said}."]
+
+
+def _bent(d: Diagnosis) -> list[str]:
+    """Effects that would hide in the constants, the invisible ones first."""
+    hidden = [bend for bend in d.bends if not bend.visible and bend.effect not in d.tried]
+    return [_bend(d, bend) for bend in hidden[:_MOST_BENDS]]
+
+
+def _bend(d: Diagnosis, bend: Bend) -> str:
+    top = sorted(bend.changes.items(), key=lambda item: -abs(item[1]))[:2]
+    said = _joined(
+        [f"{name} would be {abs(x):.0%} too {'high' if x > 0 else 'low'}" for name, x in top]
+    )
+    return (
+        f"Were there {bend.effect} ({bend.amplitude} = {bend.size:.2g}), {said}, and these tests "
+        "would not show it."
+    )
+
+
+def _with_value(d: Diagnosis, effect: str, stage: Stage) -> str:
+    own = {n: e for n, e in stage.parameters.items() if n.startswith(f"{effect}.")}
+    values = ", ".join(
+        f"{name.partition('.')[2]} = {e.mean:.3g} +- {e.sd:.1g}{'' if e.unit == '1' else ' ' + e.unit}"
+        for name, e in own.items()
+    )
+    return f"{effect} ({values})"
+
+
+def _effect(d: Diagnosis, name: str) -> AbstractEffect:
+    return d.work.ensemble.effect(name)
+
+
+def _percent(share: float) -> str:
+    if share > 0.999:
+        return "above 99.9 %"
+    return "below 0.1 %" if share < 0.001 else f"{100.0 * share:.3g} %"
+
+
+def _joined(words: list[str], last: str = "and") -> str:
+    if len(words) < 2:
+        return "".join(words)
+    return f"{', '.join(words[:-1])} {last} {words[-1]}"

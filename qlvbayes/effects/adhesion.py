@@ -1,0 +1,52 @@
+"""Tension on retraction, then release."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, ClassVar, Self
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
+from qlvbayes.law import Law, touching
+from qlvbayes.motion import Motion
+from qlvbayes.scales import Scales
+
+
+class Adhesion(AbstractEffect):
+    """F = F_below e^{-(F_below/strength)^2/(2e)} where F_below < 0; else F_below.
+
+    The surface carries tension up to ``strength`` (N, zero or more) and lets go beyond: a cohesive
+    law, the same on release and on renewed contact. At strength 0 the force is never negative,
+    which is the plain contact that this effect replaces.
+    """
+
+    strength: Any
+    name: ClassVar[str] = "adhesion"
+    level: ClassVar[Level] = Level.CONTACT
+    units: ClassVar[dict[str, str]] = {"strength": "force"}
+    null: ClassVar[dict[str, float]] = {"strength": 0.0}
+    law: ClassVar[str] = "tension up to strength on retraction, then release"
+    seen: ClassVar[str] = "negative force when the platen retracts, then none"
+    reference: ClassVar[str] = "Xu & Needleman 1993, doi:10.1088/0965-0393/1/2/003"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """Strength scaled by the peak force."""
+        return cls(scales.positive(1.0))
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        """Let tension through up to the strength."""
+        raw = below.force(touching(motion))
+        safe = jnp.where(self.strength > 0.0, self.strength, 1.0)
+        ratio = jnp.minimum(raw, 0.0) / safe
+        tension = jnp.where(self.strength > 0.0, raw * jnp.exp(-(ratio**2) / (2.0 * math.e)), 0.0)
+        return jnp.where(raw > 0.0, raw, tension)
+
+    @classmethod
+    def blind(cls, protocol: Protocol) -> str | None:
+        """It needs a loose specimen and full retraction."""
+        if protocol.bonded:
+            return "the specimen is fixed to the platen"
+        return None if protocol.returns else "no test retracts to zero depth"

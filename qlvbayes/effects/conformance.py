@@ -1,0 +1,342 @@
+"""The rules that every effect keeps, as one function to be called in a test."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from functools import cache
+from itertools import pairwise
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from qlvbayes.effects.adhesion import Adhesion
+from qlvbayes.effects.catalogue import EFFECTS
+from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
+from qlvbayes.elastic import Exponential
+from qlvbayes.law import Contact, Law, Layer
+from qlvbayes.motion import Motion
+from qlvbayes.priors import HalfNormal, Normal
+from qlvbayes.priors.distributions import AbstractScalarPrior
+from qlvbayes.relaxation import Prony
+from qlvbayes.scales import Scales
+from qlvbayes.units import PAD
+
+_DRAWS = 24
+_EXACT = 1e-12  # of the peak force
+_FAIR = (0.005, 0.25)  # median over the prior of the largest contribution, over the peak force
+
+_RATES = (0.1, 1.0, 10.0, 20.0, 30.0, 100.0)  # mm/s
+_STROKE, _ACCELERATION, _HOLD, _PAUSE = 1.6, 1000.0, 30.0, 120.0  # mm, mm/s2, s, s
+_POINTS = 9  # of a stretch of constant acceleration
+_SHOWING = Protocol(unloads=True, returns=True, tests=7, bonded=False, curved=True)
+
+Values = dict[str, float]
+Forces = Callable[[Array, Motion], tuple[Array, Array]]
+
+
+class EffectError(AssertionError):
+    """An effect breaks a rule; the text says which."""
+
+
+def check_effect(kind: type[AbstractEffect], scales: Scales | None = None) -> None:
+    """Check that an effect keeps the rules on which fits and comparisons of models rely.
+
+    It declares itself; it vanishes exactly at its null; its forces and their slopes are finite
+    under its priors; what comes later changes no earlier force; compiled, batched and plain
+    evaluation agree; no built-in effect nests at the same place, so that the order in which
+    effects are added does not matter; and its prior gives it a fair size. The tests are those of
+    the paper and one that retracts fully; with ``scales`` they are stretched to its depth and
+    force, and the size is not checked.
+
+    Raises
+    ------
+    EffectError
+        A rule is broken; the text says which.
+    """
+    _check_declarations(kind)
+    _check_place(kind)
+    reference = _reference(*((scales.depth, scales.force) if scales else (_STROKE, 0.0)))
+    default = kind.default(scales or reference.scales)
+    _check_amplitude(default)
+    trial = _Trial(default, reference)
+    _check_null(trial)
+    _check_finite(trial)
+    _check_causal(trial)
+    _check_compiled(trial)
+    _check_batched(trial)
+    if scales is None and kind.blind(_SHOWING) is None:
+        _check_size(trial)
+
+
+@dataclass(frozen=True, eq=False)
+class _Reference:
+    """The tests, a plain law, its forces (T, N) in them, and their scales."""
+
+    motions: Motion
+    law: Law
+    plain: np.ndarray
+    scales: Scales
+
+    @property
+    def peak(self) -> float:
+        return self.scales.force
+
+
+class _Trial:
+    """An effect with draws of its free constants (D, P) and the same draws at its null."""
+
+    def __init__(self, default: AbstractEffect, reference: _Reference) -> None:
+        self.kind = type(default)
+        self.default, self.reference = default, reference
+        rng = np.random.default_rng(0)
+        priors = {f.name: getattr(default, f.name) for f in fields(default)}
+        self.free = [n for n, p in priors.items() if isinstance(p, AbstractScalarPrior)]
+        draws = [[float(priors[name].draw(rng)) for name in self.free] for _ in range(_DRAWS)]
+        self.draws = np.array(draws)
+        null = self.kind.null
+        self.nulls = np.where(
+            [name in null for name in self.free], [null.get(n, 0.0) for n in self.free], self.draws
+        )
+        self.run = jax.jit(self._forces_and_slopes)
+        self.found = [self.both(draw) for draw in self.draws]
+        self.at_null = [self.both(null) for null in self.nulls]
+
+    def both(self, constants: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Forces (T, N) and their slopes (P, T, N) in the reference's tests."""
+        force, slopes = self.run(jnp.asarray(constants), self.reference.motions)
+        return np.asarray(force), np.asarray(slopes)
+
+    def values(self, constants: np.ndarray) -> str:
+        """The constants, for people."""
+        return ", ".join(f"{n}={x:.3g}" for n, x in zip(self.free, constants, strict=True))
+
+    def law(self, constants: Array) -> Law:
+        """The plain law with the effect, and the contact where the model puts it."""
+        given = dict(zip(self.free, constants, strict=True))
+        effect = self.kind(
+            **{f.name: getattr(self.default, f.name) for f in fields(self.kind)} | given
+        )
+        layers: tuple[Layer, ...] = (Contact(), effect)
+        if isinstance(effect, Adhesion):
+            layers = (effect,)
+        elif self.kind.level < Level.CONTACT:
+            layers = (effect, Contact())
+        return Law(self.reference.law.elastic, self.reference.law.relaxation, layers)
+
+    def forces(self, constants: Array, motions: Motion) -> Array:
+        """Forces (T, N)."""
+        return jax.vmap(self.law(constants).force)(motions)
+
+    def _forces_and_slopes(self, constants: Array, motions: Motion) -> tuple[Array, Array]:
+        def slope(direction: Array) -> Array:
+            return jax.jvp(lambda x: self.forces(x, motions), (constants,), (direction,))[1]
+
+        return self.forces(constants, motions), jax.vmap(slope)(jnp.eye(constants.shape[0]))
+
+
+def _check_declarations(kind: type[AbstractEffect]) -> None:
+    if inspect.isabstract(kind):
+        lacking = ", ".join(sorted(kind.__abstractmethods__))
+        raise EffectError(f"{kind.__name__} lacks {lacking}")
+    own = {field.name for field in fields(kind)}
+    if not kind.name.isidentifier() or kind.name != kind.name.lower():
+        raise EffectError(f"{kind.__name__}: the name {kind.name!r} is not lower case with _ only")
+    if not own:
+        raise EffectError(f"{kind.name} has no constants: give it one field each")
+    if set(kind.units) != own:
+        raise EffectError(f"{kind.name}: units must name exactly its constants {_list(own)}")
+    for constant, unit in kind.units.items():
+        if not _is_unit(unit):
+            raise EffectError(f"{kind.name}: {unit!r} is no kind of unit (units[{constant!r}])")
+    if not kind.null or not set(kind.null) <= own:
+        raise EffectError(f"{kind.name}: null must name one or more of its constants {_list(own)}")
+    for word in ("law", "seen", "reference"):
+        text = getattr(kind, word)
+        if not text.strip() or "\n" in text:
+            raise EffectError(f"{kind.name}: {word} must be one line of text")
+
+
+def _is_unit(unit: str) -> bool:
+    try:
+        PAD.of(unit)
+    except AttributeError:
+        return False
+    return True
+
+
+def _list(names: set[str]) -> str:
+    return ", ".join(sorted(names))
+
+
+def _check_place(kind: type[AbstractEffect]) -> None:
+    for other in EFFECTS:
+        if other is not kind and (other.level, other.rank) == (kind.level, kind.rank):
+            raise EffectError(
+                f"{kind.name} nests where {other.name} does, so that the order in which they are "
+                "added would matter: give it another rank"
+            )
+
+
+def _check_amplitude(default: AbstractEffect) -> None:
+    amplitude = next(iter(default.null))
+    if not isinstance(getattr(default, amplitude), (HalfNormal, Normal)):
+        raise EffectError(
+            f"{default.name}: the default of its amplitude {amplitude} must come from "
+            "scales.positive or scales.signed"
+        )
+
+
+def _check_null(trial: _Trial) -> None:
+    for constants, (force, _) in zip(trial.nulls, trial.at_null, strict=True):
+        error = np.max(np.abs(force - trial.reference.plain)) / trial.reference.peak
+        if not error <= _EXACT:
+            raise EffectError(
+                f"{trial.kind.name} does not vanish at its null: with {trial.values(constants)} "
+                f"the force is off by {error:.1e} of the peak"
+            )
+
+
+def _check_finite(trial: _Trial) -> None:
+    places = [*trial.draws, *trial.nulls]
+    for constants, (force, slopes) in zip(places, trial.found + trial.at_null, strict=True):
+        if not np.all(np.isfinite(force)):
+            raise EffectError(
+                f"{trial.kind.name}: the force is not finite with {trial.values(constants)}"
+            )
+        for name, slope in zip(trial.free, slopes, strict=True):
+            if not np.all(np.isfinite(slope)):
+                raise EffectError(
+                    f"{trial.kind.name}: the slope along {name} is not finite with "
+                    f"{trial.values(constants)}"
+                )
+
+
+def _check_causal(trial: _Trial) -> None:
+    motions = trial.reference.motions
+    points = motions.time.shape[1]
+    constants, force = jnp.asarray(trial.draws[0]), trial.found[0][0]
+    for last in range(_POINTS // 2, points - 1, points // 8):
+        later = jnp.arange(points) > last
+        changed = Motion(
+            motions.time,
+            jnp.where(later, 0.7 * motions.displacement, motions.displacement),
+            jnp.where(later, -motions.velocity, motions.velocity),
+            jnp.where(later, 2.0 * motions.acceleration, motions.acceleration),
+            motions.start,
+        )
+        other = np.asarray(trial.run(constants, changed)[0])
+        error = np.max(np.abs(other - force)[:, : last + 1]) / trial.reference.peak
+        if not error <= _EXACT:
+            raise EffectError(
+                f"{trial.kind.name} is not causal: later motion changes the force before it by "
+                f"{error:.1e} of the peak"
+            )
+
+
+def _check_compiled(trial: _Trial) -> None:
+    one = jax.tree.map(lambda x: x[-1], trial.reference.motions)
+    plain = np.asarray(trial.law(jnp.asarray(trial.draws[0])).force(one))
+    error = np.max(np.abs(plain - trial.found[0][0][-1])) / trial.reference.peak
+    if not error <= _EXACT:
+        raise EffectError(
+            f"{trial.kind.name}: compiled and plain evaluation differ by {error:.1e} of the peak"
+        )
+
+
+def _check_batched(trial: _Trial) -> None:
+    batched = jax.jit(jax.vmap(trial.forces, in_axes=(0, None)))
+    together = np.asarray(batched(jnp.asarray(trial.draws), trial.reference.motions))
+    alone = np.stack([force for force, _ in trial.found])
+    error = np.max(np.abs(together - alone)) / trial.reference.peak
+    if not error <= _EXACT:
+        raise EffectError(
+            f"{trial.kind.name}: a batch of constants and one at a time differ by {error:.1e} of "
+            "the peak"
+        )
+
+
+def _check_size(trial: _Trial) -> None:
+    low, high = _FAIR
+    size = float(np.median(_sizes(trial)))
+    if not low <= size <= high:
+        raise EffectError(
+            f"{trial.kind.name}: under its prior it changes the force by {size:.2%} of the peak "
+            f"(median), not {low:.1%} to {high:.0%}; give scales.positive or scales.signed what "
+            "one unit of the amplitude adds to the force at most"
+        )
+
+
+def _sizes(trial: _Trial) -> np.ndarray:
+    """Largest contribution (D,) to the force over the peak, one a draw."""
+    plain = trial.reference.plain
+    largest = [np.max(np.abs(force - plain)) for force, _ in trial.found]
+    return np.array(largest) / trial.reference.peak
+
+
+@cache
+def _reference(depth: float, force: float) -> _Reference:
+    """Tests to ``depth`` of a pad like the paper's pad B, with peak ``force`` (its own if 0)."""
+    stretch = depth / _STROKE
+    tests, clock = [], 0.0
+    for rate in _RATES:
+        tests.append((clock, _sampled([(_STROKE, rate), (_STROKE / 2.0, 1.0)])))
+        clock += tests[-1][1][0][-1] + _PAUSE
+    tests.append((clock, _sampled([(_STROKE, 20.0), (0.0, 20.0)])))
+    points = max(test[1][0].size for test in tests)
+    padded = [[np.pad(x, (0, points - x.size), mode="edge") for x in test] for _, test in tests]
+    time, d, v, a = (jnp.asarray(np.stack(x)) for x in zip(*padded, strict=True))
+    starts = jnp.array([start for start, _ in tests])
+    motions = Motion(time, stretch * d, stretch * v, stretch * a, starts)
+    prony = Prony(jnp.array([0.2955, 0.63, 0.0745]), jnp.array([6.2, 0.14]))
+    law = Law(Exponential(0.34 / stretch, 1.165 / stretch), prony, (Contact(),))
+    plain = np.asarray(jax.vmap(law.force)(motions))
+    if force > 0.0:
+        factor = force / float(plain.max())
+        law = Law(Exponential(0.34 / stretch * factor, 1.165 / stretch), prony, (Contact(),))
+        plain = plain * factor
+    scales = Scales(
+        force=float(plain.max()),
+        depth=depth,
+        shortest=1e-3,
+        longest=_HOLD,
+        white=1e-3,
+        ou=1e-3,
+        tau=1.0,
+        speed=float(jnp.max(jnp.abs(motions.velocity))),
+        acceleration=float(jnp.max(jnp.abs(motions.acceleration))),
+        clock=float(starts[-1] + motions.time[-1, -1]),
+    )
+    return _Reference(motions, law, plain, scales)
+
+
+def _sampled(moves: list[tuple[float, float]]) -> list[np.ndarray]:
+    """Time, displacement, velocity and acceleration of moves to a depth at a speed, with holds.
+
+    The platen speeds up and brakes at no more than 1000 mm/s2.
+    """
+    pieces: list[tuple[float, float, float, float]] = []  # duration, displacement, v, a
+    place = 0.0
+    for target, speed in moves:
+        way, sign = abs(target - place), math.copysign(1.0, target - place)
+        top = min(speed, math.sqrt(_ACCELERATION * way))
+        rise = top / _ACCELERATION
+        run_up = 0.5 * top * rise
+        pieces.append((rise, place, 0.0, sign * _ACCELERATION))
+        if way > 2.0 * run_up * (1.0 + 1e-9):
+            pieces.append(((way - 2.0 * run_up) / top, place + sign * run_up, sign * top, 0.0))
+        pieces.append((rise, target - sign * run_up, sign * top, -sign * _ACCELERATION))
+        pieces.append((_HOLD, target, 0.0, 0.0))
+        place = target
+    starts = np.cumsum([0.0, *(piece[0] for piece in pieces)])
+    columns: list[list[np.ndarray]] = []
+    shares = np.arange(_POINTS) / _POINTS
+    for (start, _), (duration, d, v, a) in zip(pairwise(starts), pieces, strict=True):
+        t = duration * (shares if v or a else shares**3)
+        columns.append([start + t, d + v * t + 0.5 * a * t**2, v + a * t, np.full_like(t, a)])
+    columns.append([np.array([x]) for x in (starts[-1], place, 0.0, 0.0)])
+    return [np.concatenate(x) for x in zip(*columns, strict=True)]

@@ -1,0 +1,49 @@
+"""Contact begins before or after the displacement's zero."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Self
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.law import Law, at_depth
+from qlvbayes.motion import Motion
+from qlvbayes.scales import Scales
+
+_REST = 1e5  # s at the first depth before the test, where contact came first
+
+
+class ContactOffset(AbstractEffect):
+    """Depth = max(displacement - gap, 0).
+
+    gap (mm): where contact begins; a pad with a negative one has rested at depth -gap for long
+    when its test begins.
+    """
+
+    gap: Any
+    name: ClassVar[str] = "contact_offset"
+    level: ClassVar[Level] = Level.DEPTH
+    rank: ClassVar[int] = 1
+    units: ClassVar[dict[str, str]] = {"gap": "displacement"}
+    null: ClassVar[dict[str, float]] = {"gap": 0.0}
+    law: ClassVar[str] = "delta -> max(delta - gap, 0)"
+    seen: ClassVar[str] = "the toe of every ramp comes late, or a force stands before it"
+    reference: ClassVar[str] = "Lin, Dimitriadis & Horkay 2007, doi:10.1115/1.2800826"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """Gap scaled by a stiffness of twice the secant's."""
+        return cls(scales.signed(2.0 * scales.force / scales.depth))
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        """Shift the depth; the time before the test is one more grid point."""
+        rested = Motion(
+            jnp.concatenate([motion.time[:1] - _REST, motion.time]),
+            jnp.concatenate([jnp.zeros(1), motion.displacement]),
+            jnp.concatenate([jnp.zeros(1), motion.velocity]),
+            jnp.concatenate([jnp.zeros(1), motion.acceleration]),
+            motion.start,
+        )
+        return below.force(at_depth(rested, rested.displacement - self.gap))[1:]

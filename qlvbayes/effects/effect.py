@@ -1,0 +1,82 @@
+"""What every effect offers. A new effect is one class in one file."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import ClassVar, Self
+
+import equinox as eqx
+from jaxtyping import Array
+
+from qlvbayes.law import Law
+from qlvbayes.motion import Motion
+from qlvbayes.scales import Scales
+
+
+class Level(IntEnum):
+    """What an effect acts on, from the inside out: this settles the order of nesting."""
+
+    MATERIAL = 0
+    SCALING = 1  # of the material's force
+    ADDING = 2  # to the pad's force
+    CONTACT = 3
+    DEPTH = 4  # of the pad, as against the platen's displacement
+    FRAME = 5
+    SENSOR = 6
+    CHANNEL = 7
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """What the tests of a study do, as far as it decides which effects they can show.
+
+    unloads: a test moves back; returns: a test moves back to (nearly) zero depth; tests: how many;
+    bonded: whether the specimen is fixed to the platen; curved: whether accelerations are resolved.
+    """
+
+    unloads: bool
+    returns: bool
+    tests: int
+    bonded: bool
+    curved: bool
+
+
+class AbstractEffect(eqx.Module):
+    """One physical effect that wraps the law beneath it, like middleware.
+
+    A field is a constant: a number, or a prior while it is free. ``name`` as on the command line
+    (constants are called ``name.field``); ``level`` and, within it, ``rank`` say where it nests;
+    ``units`` names the kind of unit of each constant (`units.UnitSystem.of`); ``null`` gives the
+    constants, each with its value, at which the effect vanishes exactly (the first is its
+    amplitude); ``law``, ``seen``, ``reference``: for people, in one line each.
+    """
+
+    name: eqx.AbstractClassVar[str]
+    level: eqx.AbstractClassVar[Level]
+    units: eqx.AbstractClassVar[dict[str, str]]
+    null: eqx.AbstractClassVar[dict[str, float]]
+    law: eqx.AbstractClassVar[str]
+    seen: eqx.AbstractClassVar[str]
+    reference: eqx.AbstractClassVar[str]
+    rank: ClassVar[int] = 0
+
+    @property
+    def prefix(self) -> str:
+        """What stands before the constants' names."""
+        return f"{self.name}."
+
+    @classmethod
+    @abstractmethod
+    def default(cls, scales: Scales) -> Self:
+        """The effect with every constant free, under priors at these scales."""
+
+    @abstractmethod
+    def force(self, below: Law, motion: Motion) -> Array:
+        """Force (N,) in N of the law beneath with this effect, at the motion's grid points."""
+
+    @classmethod
+    def blind(cls, protocol: Protocol) -> str | None:
+        """Why no test of this protocol can show the effect, in a few words; None if one may."""
+        return None

@@ -1,0 +1,46 @@
+"""One more Prony term."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Self
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.effects.spans import resolved_rates
+from qlvbayes.hereditary import hereditary_force
+from qlvbayes.law import Law
+from qlvbayes.motion import Motion
+from qlvbayes.priors import LogUniform
+from qlvbayes.relaxation import Prony
+from qlvbayes.scales import Scales
+
+
+class ExtraRelaxationMode(AbstractEffect):
+    """G -> (1 - c) G + c e^{-v t}, so F = (1 - c) F_below + c F_mode.
+
+    c: the mode's share, zero or more; v: its rate (1/s).
+    """
+
+    c: Any
+    v: Any
+    name: ClassVar[str] = "extra_relaxation_mode"
+    level: ClassVar[Level] = Level.MATERIAL
+    units: ClassVar[dict[str, str]] = {"c": "fraction", "v": "rate"}
+    null: ClassVar[dict[str, float]] = {"c": 0.0}
+    law: ClassVar[str] = "G -> (1 - c) G + c e^(-v t)"
+    seen: ClassVar[str] = "holds decay at one more rate, quicker or slower than the others"
+    reference: ClassVar[str] = "Tschoegl 1989, doi:10.1007/978-3-642-73602-5"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """Share scaled by 0.6 of the peak force; rates that the tests can resolve."""
+        low, high = resolved_rates(scales)
+        return cls(scales.positive(0.6 * scales.force), LogUniform(low, high))
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        """Mix in the mode."""
+        mode = Prony(jnp.array([0.0, 1.0]), jnp.reshape(self.v, (1,)))
+        extra = hereditary_force(below.elastic, mode, motion.time, motion.displacement)
+        return (1.0 - self.c) * below.force(motion) + self.c * extra

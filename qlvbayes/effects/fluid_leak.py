@@ -1,0 +1,40 @@
+"""Fluid lost for good: the pad weakens from test to test."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Self
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.effects.spans import duration
+from qlvbayes.law import Law
+from qlvbayes.motion import Motion
+from qlvbayes.scales import Scales
+
+
+class FluidLeak(AbstractEffect):
+    """F = F_below e^{-rate t}, t the clock since the pad's first test began.
+
+    rate: share of the force lost per second (1/s), zero or more.
+    """
+
+    rate: Any
+    name: ClassVar[str] = "fluid_leak"
+    level: ClassVar[Level] = Level.SCALING
+    rank: ClassVar[int] = 1
+    units: ClassVar[dict[str, str]] = {"rate": "rate"}
+    null: ClassVar[dict[str, float]] = {"rate": 0.0}
+    law: ClassVar[str] = "F -> F e^(-rate t)"
+    seen: ClassVar[str] = "each test weaker than the one before, all along it"
+    reference: ClassVar[str] = "Darcy 1856; Biot 1941, doi:10.1063/1.1712886"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """Rate scaled by the peak force and the whole study's duration."""
+        return cls(scales.positive(scales.force * duration(scales)))
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        """Weaken with the clock."""
+        return below.force(motion) * jnp.exp(-self.rate * motion.clock)

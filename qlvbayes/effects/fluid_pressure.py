@@ -1,0 +1,54 @@
+"""Fluid pressure that builds with compression and drains away."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Self
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.effects.history import material_time
+from qlvbayes.effects.spans import resolved_times
+from qlvbayes.elastic import Linear
+from qlvbayes.hereditary import hereditary_force
+from qlvbayes.law import Law
+from qlvbayes.motion import Motion
+from qlvbayes.priors import HalfNormal, LogUniform
+from qlvbayes.relaxation import Prony
+from qlvbayes.scales import Scales
+
+
+class FluidPressure(AbstractEffect):
+    r"""F = F_below + p, with dp/dt = k v - (p/tau) e^{-a d}, p = 0 at first.
+
+    k: undrained stiffness (N/mm), zero or more; tau: time of drainage at zero depth (s); a: how
+    compression closes the pores (1/mm). In the time xi = int e^{-a d} dt this is one relaxing mode.
+    """
+
+    k: Any
+    tau: Any
+    a: Any
+    name: ClassVar[str] = "fluid_pressure"
+    level: ClassVar[Level] = Level.ADDING
+    rank: ClassVar[int] = 3
+    units: ClassVar[dict[str, str]] = {"k": "stiffness", "tau": "time", "a": "exponent"}
+    null: ClassVar[dict[str, float]] = {"k": 0.0}
+    law: ClassVar[str] = "dp/dt = k v - (p/tau) e^(-a delta), F += p"
+    seen: ClassVar[str] = "a transient after each move, slower to die the deeper it is"
+    reference: ClassVar[str] = "Lai, Mow & Roth 1981, doi:10.1115/1.3138261"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """K scaled by the depth; drainage from a few samples to twice the longest phase."""
+        low, high = resolved_times(scales)
+        return cls(
+            scales.positive(scales.depth), LogUniform(low, high), HalfNormal(1.0 / scales.depth)
+        )
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        """Add the pressure."""
+        xi = material_time(motion.time, motion.displacement, -self.a)
+        mode = Prony(jnp.array([0.0, 1.0]), jnp.reshape(1.0 / self.tau, (1,)))
+        depth = motion.displacement - motion.displacement[0]
+        return below.force(motion) + hereditary_force(Linear(self.k), mode, xi, depth)

@@ -1,0 +1,39 @@
+"""The load cell's zero drifts."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Self
+
+from jaxtyping import Array
+
+from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.effects.spans import duration
+from qlvbayes.law import Law
+from qlvbayes.motion import Motion
+from qlvbayes.scales import Scales
+
+
+class ForceDrift(AbstractEffect):
+    """F = F_below + rate t, t the clock since the pad's first test began.
+
+    rate: drift of the cell's zero (N/s), of either sign.
+    """
+
+    rate: Any
+    name: ClassVar[str] = "force_drift"
+    level: ClassVar[Level] = Level.SENSOR
+    rank: ClassVar[int] = 2
+    units: ClassVar[dict[str, str]] = {"rate": "force_rate"}
+    null: ClassVar[dict[str, float]] = {"rate": 0.0}
+    law: ClassVar[str] = "F += rate t"
+    seen: ClassVar[str] = "a shift of all forces that grows from test to test"
+    reference: ClassVar[str] = "ISO 376:2011, creep and drift of a force transducer"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """Rate scaled by the whole study's duration."""
+        return cls(scales.signed(duration(scales)))
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        """Shift the force with the clock."""
+        return below.force(motion) + self.rate * motion.clock

@@ -1,0 +1,38 @@
+"""The load cell's zero is off."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Self
+
+from jaxtyping import Array
+
+from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.law import Law
+from qlvbayes.motion import Motion
+from qlvbayes.scales import Scales
+
+
+class ForceOffset(AbstractEffect):
+    """F = F_below + offset.
+
+    offset: reading of the unloaded cell (N), of either sign.
+    """
+
+    offset: Any
+    name: ClassVar[str] = "force_offset"
+    level: ClassVar[Level] = Level.SENSOR
+    rank: ClassVar[int] = 1
+    units: ClassVar[dict[str, str]] = {"offset": "force"}
+    null: ClassVar[dict[str, float]] = {"offset": 0.0}
+    law: ClassVar[str] = "F += offset"
+    seen: ClassVar[str] = "all forces shifted alike, those without contact too"
+    reference: ClassVar[str] = "ISO 376:2011, zero of a force transducer"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """Offset scaled by the peak force."""
+        return cls(scales.signed(1.0))
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        """Shift the force."""
+        return below.force(motion) + self.offset

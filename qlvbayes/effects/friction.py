@@ -1,0 +1,48 @@
+"""Dry friction that turns round over a short way."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Self
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.elastic import Linear
+from qlvbayes.hereditary import hereditary_force
+from qlvbayes.law import Law
+from qlvbayes.motion import Motion
+from qlvbayes.relaxation import Prony
+from qlvbayes.scales import Scales, lognormal
+
+
+class Friction(AbstractEffect):
+    """F = F_below + strength z, with dz/dt = (v/reach)(1 - z sgn v), z = 0 at first.
+
+    strength: force of steady sliding (N), zero or more; reach: the way over which it turns round
+    (mm). Along the way travelled this is one relaxing mode.
+    """
+
+    strength: Any
+    reach: Any
+    name: ClassVar[str] = "friction"
+    level: ClassVar[Level] = Level.ADDING
+    rank: ClassVar[int] = 4
+    units: ClassVar[dict[str, str]] = {"strength": "force", "reach": "displacement"}
+    null: ClassVar[dict[str, float]] = {"strength": 0.0}
+    law: ClassVar[str] = "dz/dt = (v/reach)(1 - z sgn v), F += strength z"
+    seen: ClassVar[str] = "a constant force against the motion, at any speed, that stays in holds"
+    reference: ClassVar[str] = "Dahl 1968, A solid friction model, Aerospace Corporation"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """Strength scaled by the peak force; reach of a few per cent of the depth."""
+        return cls(scales.positive(1.0), lognormal(0.03 * scales.depth, 2.0))
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        """Add the friction."""
+        way = jnp.cumsum(jnp.abs(jnp.diff(motion.displacement, prepend=motion.displacement[:1])))
+        mode = Prony(jnp.array([0.0, 1.0]), jnp.reshape(1.0 / self.reach, (1,)))
+        depth = motion.displacement - motion.displacement[0]
+        slide = hereditary_force(Linear(1.0 / self.reach), mode, way, depth)
+        return below.force(motion) + self.strength * slide

@@ -1,0 +1,42 @@
+"""The mass that moves with the load cell."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Self
+
+from jaxtyping import Array
+
+from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
+from qlvbayes.law import Law
+from qlvbayes.motion import Motion
+from qlvbayes.scales import Scales
+
+
+class Inertia(AbstractEffect):
+    """F = F_below + mass a, a the platen's acceleration.
+
+    mass: moved with the load cell (N s2/mm, 1000 kg), zero or more.
+    """
+
+    mass: Any
+    name: ClassVar[str] = "inertia"
+    level: ClassVar[Level] = Level.SENSOR
+    units: ClassVar[dict[str, str]] = {"mass": "mass"}
+    null: ClassVar[dict[str, float]] = {"mass": 0.0}
+    law: ClassVar[str] = "F += mass a"
+    seen: ClassVar[str] = "pulses of the force while the platen speeds up or brakes"
+    reference: ClassVar[str] = "Newton 1687, second law"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """Mass scaled by the largest acceleration."""
+        return cls(scales.positive(scales.acceleration if scales.acceleration > 0.0 else 1.0))
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        """Add mass times acceleration."""
+        return below.force(motion) + self.mass * motion.acceleration
+
+    @classmethod
+    def blind(cls, protocol: Protocol) -> str | None:
+        """It needs accelerations."""
+        return None if protocol.curved else "no acceleration is resolved"

@@ -1,0 +1,46 @@
+"""Drag proportional to a power of the speed."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Self
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.law import Law
+from qlvbayes.motion import Motion
+from qlvbayes.priors import Uniform
+from qlvbayes.scales import Scales
+
+
+class PowerLawDrag(AbstractEffect):
+    """F = F_below + k abs(v)^n sgn v, v in mm/s.
+
+    k: drag at 1 mm/s (N), zero or more; n: exponent, above 0 up to 1, where 1 is viscous drag.
+    """
+
+    k: Any
+    n: Any
+    name: ClassVar[str] = "power_law_drag"
+    level: ClassVar[Level] = Level.ADDING
+    rank: ClassVar[int] = 1
+    units: ClassVar[dict[str, str]] = {"k": "force", "n": "fraction"}
+    null: ClassVar[dict[str, float]] = {"k": 0.0}
+    law: ClassVar[str] = "F += k |v|^n sgn v"
+    seen: ClassVar[str] = "steps of the force at each start and stop that grow slowly with speed"
+    reference: ClassVar[str] = "Herschel & Bulkley 1926, doi:10.1007/BF01432034"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """K scaled by the top speed to the middle exponent."""
+        speed = scales.speed if scales.speed > 0.0 else 1.0
+        return cls(scales.positive(speed**0.55), Uniform(0.1, 0.9))
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        """Add the drag; at rest it is 0 and so are its slopes."""
+        speed = jnp.abs(motion.velocity)
+        moving = speed > 0.0
+        size = jnp.where(moving, speed, 1.0) ** self.n
+        drag = jnp.where(moving, jnp.sign(motion.velocity) * size, 0.0)
+        return below.force(motion) + self.k * drag

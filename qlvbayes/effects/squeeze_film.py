@@ -1,0 +1,46 @@
+"""A liquid film that is squeezed out: drag that grows as it gets thin."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Self
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.law import Law
+from qlvbayes.motion import Motion
+from qlvbayes.priors import LogUniform
+from qlvbayes.scales import Scales
+
+_THINNEST = 0.05  # share of its thickness that the film keeps
+
+
+class SqueezeFilm(AbstractEffect):
+    """F = F_below + eta v / max(1 - d/h, 0.05)^3.
+
+    eta: drag coefficient at zero depth (N s/mm), zero or more; h: the film's thickness (mm).
+    """
+
+    eta: Any
+    h: Any
+    name: ClassVar[str] = "squeeze_film"
+    level: ClassVar[Level] = Level.ADDING
+    rank: ClassVar[int] = 2
+    units: ClassVar[dict[str, str]] = {"eta": "drag", "h": "displacement"}
+    null: ClassVar[dict[str, float]] = {"eta": 0.0}
+    law: ClassVar[str] = "F += eta v / (1 - delta/h)^3"
+    seen: ClassVar[str] = "drag that grows with depth"
+    reference: ClassVar[str] = "Reynolds 1886, doi:10.1098/rstl.1886.0005"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """Eta scaled by twice the top speed, which is right for the middle thickness."""
+        speed = scales.speed if scales.speed > 0.0 else 1.0
+        depth = scales.depth
+        return cls(scales.positive(2.0 * speed), LogUniform(1.05 * depth, 6.0 * depth))
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        """Add the film's force."""
+        left = jnp.maximum(1.0 - motion.displacement / self.h, _THINNEST)
+        return below.force(motion) + self.eta * motion.velocity / left**3

@@ -1,0 +1,41 @@
+"""Relaxation that runs faster or slower with depth."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, ClassVar, Self
+
+from jaxtyping import Array
+
+from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.effects.history import material_time
+from qlvbayes.law import Law
+from qlvbayes.motion import Motion
+from qlvbayes.scales import Scales
+
+
+class StrainDependentRate(AbstractEffect):
+    r"""v_i -> v_i e^{alpha d} for all modes: they relax in the time xi = int e^{alpha d} dt.
+
+    alpha: how depth hastens relaxation (1/mm), of either sign.
+    """
+
+    alpha: Any
+    name: ClassVar[str] = "strain_dependent_rate"
+    level: ClassVar[Level] = Level.MATERIAL
+    rank: ClassVar[int] = 1
+    units: ClassVar[dict[str, str]] = {"alpha": "exponent"}
+    null: ClassVar[dict[str, float]] = {"alpha": 0.0}
+    law: ClassVar[str] = "v_i -> v_i e^(alpha delta)"
+    seen: ClassVar[str] = "holds at different depths decay at different rates"
+    reference: ClassVar[str] = "Schapery 1969, doi:10.1002/pen.760090410"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """Alpha scaled by the depth and a fifth of the peak force."""
+        return cls(scales.signed(0.2 * scales.force * scales.depth))
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        """Force beneath in the material's own time."""
+        xi = material_time(motion.time, motion.displacement, self.alpha)
+        return below.force(replace(motion, time=xi))

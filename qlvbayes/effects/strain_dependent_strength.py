@@ -1,0 +1,41 @@
+"""How much relaxes depends on the depth."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Self
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.law import Law
+from qlvbayes.motion import Motion
+from qlvbayes.scales import Scales
+
+
+class StrainDependentStrength(AbstractEffect):
+    """F = (1 - s) F_below + s F_e(d) with s = 1 - e^{-beta d}, F_e the instantaneous elastic force.
+
+    beta: how depth takes away from the share that relaxes (1/mm), of either sign.
+    """
+
+    beta: Any
+    name: ClassVar[str] = "strain_dependent_strength"
+    level: ClassVar[Level] = Level.MATERIAL
+    rank: ClassVar[int] = 2
+    units: ClassVar[dict[str, str]] = {"beta": "exponent"}
+    null: ClassVar[dict[str, float]] = {"beta": 0.0}
+    law: ClassVar[str] = "F -> e^(-beta delta) F + (1 - e^(-beta delta)) F_e"
+    seen: ClassVar[str] = "holds at different depths lose different shares of their force"
+    reference: ClassVar[str] = "Provenzano et al. 2001, doi:10.1114/1.1408926"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """Beta scaled by the depth and the part of the peak force that relaxes."""
+        return cls(scales.signed(0.7 * scales.force * scales.depth))
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        """Mix in the elastic force."""
+        force = below.force(motion)
+        share = -jnp.expm1(-self.beta * motion.displacement)
+        return force + share * (below.elastic.force(motion.displacement) - force)

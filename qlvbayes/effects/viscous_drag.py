@@ -1,0 +1,37 @@
+"""Drag proportional to speed."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Self
+
+from jaxtyping import Array
+
+from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.law import Law
+from qlvbayes.motion import Motion
+from qlvbayes.scales import Scales
+
+
+class ViscousDrag(AbstractEffect):
+    """F = F_below + eta v.
+
+    eta: drag coefficient (N s/mm), zero or more; v: velocity of the pad's surface.
+    """
+
+    eta: Any
+    name: ClassVar[str] = "viscous_drag"
+    level: ClassVar[Level] = Level.ADDING
+    units: ClassVar[dict[str, str]] = {"eta": "drag"}
+    null: ClassVar[dict[str, float]] = {"eta": 0.0}
+    law: ClassVar[str] = "F += eta v"
+    seen: ClassVar[str] = "steps of the force at each start and stop, proportional to speed"
+    reference: ClassVar[str] = "Kelvin & Voigt; Findley, Lai & Onaran 1976, ch. 5"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """Eta scaled by the top speed."""
+        return cls(scales.positive(scales.speed if scales.speed > 0.0 else 1.0))
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        """Add eta v."""
+        return below.force(motion) + self.eta * motion.velocity

@@ -1,0 +1,175 @@
+"""The highest point of a posterior by damped Gauss-Newton steps, and Laplace's evidence there."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from qlvbayes.inference import linearised
+from qlvbayes.inference.subset import Ensemble, Subset
+from qlvbayes.noise import Correlated, White
+
+_CHUNK = 10  # directions along which the model is run at once
+_ROUND = 16  # directions come in multiples of this, so that few sizes are compiled
+_ENOUGH = 2e-3  # expected rise of the log density below which the climb ends
+_STEPS = 60
+_FARTHEST = 3.0  # longest step in a unit of theta
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """A place in the posterior: theta (D,) of the whole, and what was found there.
+
+    loss: minus log density; losses (T,): minus log likelihood of each test; gradient (F,) and
+    curvature (F, F) of the loss over the free numbers.
+    """
+
+    subset: Subset
+    theta: np.ndarray
+    constants: np.ndarray
+    loss: float
+    losses: np.ndarray
+    gradient: np.ndarray
+    curvature: np.ndarray
+    slopes: np.ndarray
+
+    @property
+    def log_evidence(self) -> float:
+        """Laplace: log density + (F/2) log 2 pi - (1/2) log det curvature."""
+        sign, log_det = np.linalg.slogdet(self.curvature)
+        if sign <= 0:
+            return -math.inf
+        return -self.loss + 0.5 * (self.gradient.size * math.log(2.0 * math.pi) - log_det)
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """(F, F) over the free numbers."""
+        return np.linalg.inv(self.curvature)
+
+    @property
+    def constants_covariance(self) -> np.ndarray:
+        """(P, P) over all constants; 0 where fixed."""
+        return self.slopes @ self.covariance @ self.slopes.T
+
+
+def evaluate(
+    ensemble: Ensemble, subset: Subset, theta: np.ndarray, weight: np.ndarray | None = None
+) -> Point:
+    """Density and its derivatives over the free numbers; tests count by ``weight`` (T,)."""
+    posterior = ensemble.posterior
+    terms = linearised.prior_terms(posterior, jnp.asarray(theta))
+    constants = subset.nulled(np.asarray(terms.constants))
+    slopes = np.asarray(terms.slopes)[:, subset.theta] * np.isnan(subset.null)[:, None]
+    judged = judge(ensemble, constants, slopes.T)
+    weight = np.ones(judged.loss.shape[0]) if weight is None else weight
+    free = subset.theta
+    hessian = np.asarray(terms.hessian)[np.ix_(free, free)]
+    count = free.size
+    losses = np.asarray(judged.loss)
+    return Point(
+        subset=subset,
+        theta=theta,
+        constants=constants,
+        loss=float(weight @ losses - np.asarray(terms.log_prior)[subset.priors].sum()),
+        losses=losses,
+        gradient=weight @ np.asarray(judged.gradient)[:, :count] - np.asarray(terms.gradient)[free],
+        curvature=np.einsum("t,tij->ij", weight, np.asarray(judged.information)[:, :count, :count])
+        + _positive(-hessian),
+        slopes=slopes,
+    )
+
+
+def judge(
+    ensemble: Ensemble, constants: np.ndarray, directions: np.ndarray
+) -> linearised.LikelihoodTerms:
+    """Likelihood of constants (P,) and its derivatives along directions (K, P), padded with 0."""
+    posterior = ensemble.posterior
+    padded = pad_directions(directions)
+    predicted, slopes = predict_along(ensemble, constants, padded)
+    noise, noise_slopes = noise_along(posterior.noise, constants, padded)
+    return linearised.likelihood_terms(noise, noise_slopes, posterior.record, predicted, slopes)
+
+
+def predict_along(
+    ensemble: Ensemble, constants: np.ndarray, directions: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Block means (T, B) and their slopes (K, T, B) along directions (K, P).
+
+    Only directions that move the model are run, ten at a time.
+    """
+    part = ensemble.part(constants, directions)
+    at = jnp.asarray(constants[part.constants])
+    own = directions[:, part.constants]
+    noise = len(ensemble.posterior.noise.units)
+    moving = np.flatnonzero(own[:, :-noise].any(axis=1))
+    slopes = np.zeros((len(directions), *ensemble.posterior.record.blocks.force.shape))
+    for first in range(0, max(moving.size, 1), _CHUNK):
+        rows = moving[first : first + _CHUNK]
+        some = np.zeros((_CHUNK, own.shape[1]))
+        some[: rows.size] = own[rows]
+        predicted, found = linearised.predictions_along(part.posterior, at, jnp.asarray(some))
+        slopes[rows] = np.asarray(found)[: rows.size]
+    return np.asarray(predicted), slopes
+
+
+def pad_directions(directions: np.ndarray) -> np.ndarray:
+    """(K, P) filled up with zero rows to a multiple of 16."""
+    missing = -len(directions) % _ROUND
+    return np.concatenate([directions, np.zeros((missing, directions.shape[1]))])
+
+
+def noise_along(
+    noise: Correlated | White, constants: np.ndarray, directions: np.ndarray
+) -> tuple[Correlated | White, Correlated | White]:
+    """The noise at the last constants, and its constants' slopes along directions (K, P)."""
+    count = len(noise.units)
+    kind = type(noise)
+    return kind(*constants[-count:]), kind(*directions[:, -count:].T)
+
+
+def _positive(matrix: np.ndarray) -> np.ndarray:
+    """Symmetric part with negative eigenvalues taken as 0."""
+    values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
+    return (vectors * np.maximum(values, 0.0)) @ vectors.T
+
+
+def climb(
+    ensemble: Ensemble,
+    subset: Subset,
+    theta: np.ndarray,
+    weight: np.ndarray | None = None,
+    steps: int = _STEPS,
+) -> Point:
+    """Levenberg-Marquardt from theta until a step promises no more than 0.002 in log density."""
+    point = evaluate(ensemble, subset, theta, weight)
+    damping = 1e-3
+    for _ in range(steps):
+        step, promise = _step(point, damping)
+        if promise < _ENOUGH and damping <= 1.0:
+            break
+        moved = point.theta.copy()
+        moved[subset.theta] += step
+        tried = evaluate(ensemble, subset, moved, weight)
+        if np.isfinite(tried.loss) and tried.loss < point.loss:
+            gain = (point.loss - tried.loss) / promise
+            damping = max(damping * (0.1 if gain > 0.5 else 1.0 if gain > 0.1 else 4.0), 1e-9)
+            point = tried
+        else:
+            damping *= 10.0
+            if damping > 1e9:
+                break
+    return point
+
+
+def _step(point: Point, damping: float) -> tuple[np.ndarray, float]:
+    """A damped step (F,) no longer than 3 in any number, and the fall of the loss it promises."""
+    scale = np.diag(point.curvature)
+    matrix = point.curvature + damping * np.diag(np.maximum(scale, 1e-8 * scale.max()))
+    step = -cho_solve(cho_factor(matrix + 1e-14 * scale.max() * np.eye(scale.size)), point.gradient)
+    step *= min(1.0, _FARTHEST / max(float(np.max(np.abs(step))), 1e-300))
+    promise = -(point.gradient @ step + 0.5 * step @ point.curvature @ step)
+    return step, float(promise)

@@ -1,0 +1,203 @@
+"""A posterior of which only some effects are switched on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import jax
+import numpy as np
+
+from qlvbayes.effects.effect import AbstractEffect
+from qlvbayes.parameters import names, unit_kinds
+from qlvbayes.posterior import Posterior, draw_prior, is_prior, value_shape
+
+_DRAWS = 49
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where one field's numbers lie: in theta, in the constants, and which prior (None: fixed)."""
+
+    theta: range
+    constants: range
+    prior: int | None
+
+
+@dataclass(frozen=True, eq=False)
+class Ensemble:
+    """One posterior that holds every candidate effect, each at its null unless switched on.
+
+    All subsets share the functions compiled for the whole, or for a smaller part that holds the
+    effects at work. ``costly`` effects run the law beneath several times; parts without them are
+    kept apart.
+    """
+
+    posterior: Posterior
+    costly: tuple[str, ...] = ()
+    _cache: dict[frozenset[str], Subset] = field(default_factory=dict)
+
+    @cached_property
+    def places(self) -> list[Place]:
+        """One entry a field, in field order."""
+        found, theta, constants, prior = [], 0, 0, 0
+        parts = (self.posterior.model, self.posterior.noise)
+        for leaf in jax.tree.leaves(parts, is_leaf=is_prior):
+            count = int(np.prod(value_shape(leaf), dtype=int))
+            size = leaf.size if is_prior(leaf) else 0
+            found.append(
+                Place(
+                    range(theta, theta + size),
+                    range(constants, constants + count),
+                    prior if is_prior(leaf) else None,
+                )
+            )
+            theta, constants, prior = theta + size, constants + count, prior + bool(size)
+        return found
+
+    @cached_property
+    def names(self) -> list[str]:
+        """Names of all constants."""
+        return names(self.posterior)
+
+    @property
+    def effects(self) -> tuple[AbstractEffect, ...]:
+        """Every candidate."""
+        return self.posterior.model.effects
+
+    def effect(self, name: str) -> AbstractEffect:
+        """The candidate of that name."""
+        return next(effect for effect in self.effects if effect.name == name)
+
+    def owner(self, place: Place) -> str | None:
+        """Name of the effect that a field belongs to; None for the plain model and the noise."""
+        stem = self.names[place.constants.start].partition(".")[0]
+        return stem if stem in {effect.name for effect in self.effects} else None
+
+    def fields(self, effect: str) -> list[Place]:
+        """The fields of one effect."""
+        return [place for place in self.places if self.owner(place) == effect]
+
+    def amplitude(self, effect: str) -> int:
+        """Place among the constants of an effect's amplitude."""
+        first = next(iter(self.effect(effect).null))
+        return self.names.index(f"{effect}.{first}")
+
+    @cached_property
+    def unit_kinds(self) -> list[str]:
+        """Kind of unit of each constant."""
+        return unit_kinds(self.posterior)
+
+    @cached_property
+    def _draws(self) -> np.ndarray:
+        """(N, D) draws of the priors."""
+        rng = np.random.default_rng(0)
+        return np.stack([draw_prior(self.posterior, rng) for _ in range(_DRAWS)])
+
+    @property
+    def centre(self) -> np.ndarray:
+        """(D,) medians of the priors."""
+        return np.median(self._draws, axis=0)
+
+    def quantile(self, place: Place, share: float) -> np.ndarray:
+        """That quantile of a field's prior, in its part of theta."""
+        return np.quantile(self._draws[:, list(place.theta)], share, axis=0)
+
+    def draw(self, count: int) -> np.ndarray:
+        """(count, D) draws of the priors, the same at every call."""
+        return self._draws[:count]
+
+    @cached_property
+    def parts(self) -> list[Part]:
+        """Models of some of the effects, the cheapest first."""
+        every = [effect.name for effect in self.effects]
+        light = [name for name in every if name not in self.costly]
+        sets = [[], *([name] for name in every if name in self.costly), light, every]
+        return [Part.of(self, frozenset(names)) for names in sets]
+
+    def part(self, constants: np.ndarray, directions: np.ndarray) -> Part:
+        """The cheapest part that holds every effect at work in constants (P,) or directions."""
+        moving = directions.any(axis=0)
+        working = set()
+        for effect in self.effects:
+            for name, value in effect.null.items():
+                place = self.names.index(f"{effect.name}.{name}")
+                if moving[place] or constants[place] != value:
+                    working.add(effect.name)
+        return next(part for part in self.parts if working <= part.effects)
+
+    def subset(self, effects: frozenset[str] | tuple[str, ...] = ()) -> Subset:
+        """The posterior with these effects on."""
+        key = frozenset(effects)
+        if key not in self._cache:
+            self._cache[key] = Subset.of(self, key)
+        return self._cache[key]
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A posterior with some of the effects: places of its constants among those of the whole."""
+
+    effects: frozenset[str]
+    posterior: Posterior
+    constants: np.ndarray
+
+    @classmethod
+    def of(cls, ensemble: Ensemble, effects: frozenset[str]) -> Part:
+        """Leave out the other effects."""
+        whole = ensemble.posterior
+        model = whole.model
+        for effect in ensemble.effects:
+            if effect.name not in effects:
+                model = model.without(effect.name)
+        posterior = Posterior(model, whole.noise, whole.record)
+        places = [ensemble.names.index(name) for name in names(posterior)]
+        return cls(effects, posterior, np.array(places))
+
+
+@dataclass(frozen=True, eq=False)
+class Subset:
+    """Which numbers are free with some effects on.
+
+    theta, constants, priors: places of the free ones; null: (P,) constants of what is off (nan
+    where on); noise: places of the noise's constants.
+    """
+
+    effects: frozenset[str]
+    theta: np.ndarray
+    constants: np.ndarray
+    priors: np.ndarray
+    null: np.ndarray
+
+    @classmethod
+    def of(cls, ensemble: Ensemble, effects: frozenset[str]) -> Subset:
+        """Find the places."""
+        theta: list[int] = []
+        constants: list[int] = []
+        priors: list[int] = []
+        for place in ensemble.places:
+            owner = ensemble.owner(place)
+            if owner is None or owner in effects:
+                theta += place.theta
+                constants += place.constants
+                priors += [] if place.prior is None else [place.prior]
+        null = np.full(len(ensemble.names), np.nan)
+        for effect in ensemble.effects:
+            if effect.name not in effects:
+                for name, value in effect.null.items():
+                    null[ensemble.names.index(f"{effect.name}.{name}")] = value
+        return cls(effects, np.array(theta), np.array(constants), np.array(priors), null)
+
+    def nulled(self, constants: np.ndarray) -> np.ndarray:
+        """Constants (P,) with what is off at its null."""
+        return np.where(np.isnan(self.null), constants, self.null)
+
+
+def with_every_effect(
+    posterior: Posterior, effects: tuple[AbstractEffect, ...], costly: tuple[str, ...] = ()
+) -> Ensemble:
+    """The posterior's model plus every candidate that it lacks."""
+    model = posterior.model
+    for effect in effects:
+        model = model + effect
+    return Ensemble(Posterior(model, posterior.noise, posterior.record), costly)

@@ -1,0 +1,145 @@
+"""A benchmark at a glance: confusion matrix, reliability, errors on left-out tests."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+from matplotlib.ticker import NullFormatter, StrMethodFormatter
+
+from qlvbayes.benchmark.confusion import Confusion
+from qlvbayes.benchmark.reliability import Reliability
+from qlvbayes.benchmark.report import Report
+from qlvbayes.benchmark.scores import could_be_seen, heldout_ratios
+from qlvbayes.plots.style import BLACK, COLOURS, DOUBLE, MM, style
+from qlvbayes.synthetic import FORMS, OUTSIDE
+
+_ROW = 4.2  # mm
+_TITLES, _LOWER = 34.0, 62.0  # mm, of the columns' labels and of the lower panels
+_DARK = 0.55  # of the colour scale: from there on white type
+_LEGEND = {"none": "nothing", "single": "one effect", "double": "two effects"}
+_LEGEND |= {"form": "other form", "outside": "outside the list"}
+_MARKS = dict(zip(_LEGEND, "os^Dv", strict=True))
+
+
+def plot_benchmark(report: Report) -> Figure:
+    """Draw how often each hidden effect was named, and how far probabilities can be trusted.
+
+    Above: one row a hidden effect, one column a verdict; numbers are studies, the shade is their
+    share of the row; the framed cell is the right verdict. Lower left: how often the first-ranked
+    hypothesis is true against its probability, with standard errors; on the line, probabilities
+    keep their promise. Lower right: error on left-out tests over the noise floor, before and
+    after; 1 is as good as noise allows.
+    """
+    with style():
+        upper = _TITLES + _ROW * len(report.confusion.rows)
+        figure = Figure((DOUBLE * MM, (upper + _LOWER) * MM), layout="constrained")
+        grid = figure.add_gridspec(2, 2, height_ratios=(upper, _LOWER))
+        _draw_confusion(figure.add_subplot(grid[0, :]), report.confusion)
+        _draw_reliability(figure.add_subplot(grid[1, 0]), report.reliability)
+        _draw_heldout(figure.add_subplot(grid[1, 1]), report)
+    return figure
+
+
+def _draw_confusion(axis: Axes, confusion: Confusion) -> None:
+    for row, counts in enumerate(confusion.counts):
+        for column, count in enumerate(counts):
+            if count:
+                _draw_cell(axis, row, column, count, sum(counts))
+        right = _right_column(confusion.rows[row])
+        if right in confusion.columns:
+            frame = _square(row, confusion.columns.index(right), fill=False, edgecolor=BLACK)
+            axis.add_patch(frame)
+    axis.set(xlim=(0, len(confusion.columns)), ylim=(len(confusion.rows), 0))
+    places = np.arange(len(confusion.columns)) + 0.5
+    axis.set_xticks(places, [_plain(name) for name in confusion.columns], rotation=90)
+    labels = [_row_label(name) for name in confusion.rows]
+    axis.set_yticks(np.arange(len(labels)) + 0.5, labels)
+    axis.tick_params(length=0, labeltop=True, labelbottom=False)
+    axis.set_ylabel("hidden")
+    axis.set_xlabel("verdict (number of studies; shade: share of the row; frame: right)")
+    axis.spines[:].set_visible(False)
+    _rule(axis, confusion)
+
+
+def _draw_cell(axis: Axes, row: int, column: int, count: int, total: int) -> None:
+    shade = count / total
+    axis.add_patch(_square(row, column, facecolor=colormaps["Blues"](shade), linewidth=0.0))
+    ink = "white" if shade > _DARK else BLACK
+    axis.text(
+        column + 0.5, row + 0.54, str(count), color=ink, ha="center", va="center", fontsize=6.0
+    )
+
+
+def _square(row: int, column: int, **look: Any) -> Rectangle:
+    return Rectangle((column + 0.02, row + 0.04), 0.96, 0.92, **look)
+
+
+def _rule(axis: Axes, confusion: Confusion) -> None:
+    """Thin lines, by which a cell is followed to its labels."""
+    axis.hlines(range(len(confusion.rows) + 1), 0, len(confusion.columns), color="0.9", zorder=0)
+    axis.vlines(range(len(confusion.columns) + 1), 0, len(confusion.rows), color="0.9", zorder=0)
+
+
+def _right_column(row: str) -> str:
+    """The right verdict; '' where several are right."""
+    if row in OUTSIDE:
+        return "unexplained"
+    if row in FORMS:
+        members = FORMS[row].family.split("/")
+        return members[0] if len(members) == 1 else ""
+    return "several" if row == "two effects" else row
+
+
+def _row_label(row: str) -> str:
+    if row in FORMS:
+        return f"{_plain(row)} (form of {_plain(FORMS[row].family.split('/')[0])})"
+    return f"{_plain(row)} (outside)" if row in OUTSIDE else _plain(row)
+
+
+def _plain(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _draw_reliability(axis: Axes, reliability: Reliability) -> None:
+    axis.plot([0, 1], [0, 1], color="0.7", linestyle="--")
+    if reliability.bins:
+        axis.errorbar(
+            [b.probability for b in reliability.bins],
+            [b.right.hits / b.right.n for b in reliability.bins],
+            [b.right.error or 0.0 for b in reliability.bins],
+            fmt="o", color=COLOURS[0], markersize=4, capsize=2, clip_on=False,
+        )  # fmt: skip
+        for b in reliability.bins:
+            place = (b.probability, b.right.hits / b.right.n)
+            axis.annotate(str(b.right.n), place, (5, -9), textcoords="offset points", fontsize=6.0)
+    axis.set(xlim=(0, 1), ylim=(0, 1.05), aspect="equal")
+    axis.set_xlabel("probability of the first-ranked hypothesis")
+    axis.set_ylabel("share in which it is true")
+    error = "" if reliability.error is None else f", calibration error {reliability.error:.3f}"
+    axis.set_title(f"nothing or one effect hidden{error}", loc="left")
+
+
+def _draw_heldout(axis: Axes, report: Report) -> None:
+    cases = [case for case in could_be_seen(report.cases) if "stages" in case]
+    for (kind, label), colour in zip(_LEGEND.items(), COLOURS, strict=False):
+        pairs = [heldout_ratios(case) for case in cases if case["kind"] == kind]
+        if pairs:
+            axis.plot(
+                *zip(*pairs, strict=True), _MARKS[kind], color=colour, markersize=3, alpha=0.7,
+                markeredgewidth=0.0, label=label,
+            )  # fmt: skip
+    axis.axhline(1.0, color="0.7", linestyle="--", zorder=0)
+    axis.set(xscale="log", yscale="log")
+    for side in (axis.xaxis, axis.yaxis):
+        side.set_major_formatter(StrMethodFormatter("{x:g}"))
+        side.set_minor_formatter(NullFormatter())
+    axis.set_xlabel("plain model: error on left-out tests / noise floor")
+    axis.set_ylabel("last model: the same")
+    axis.set_title("errors on left-out tests", loc="left")
+    if cases:
+        axis.legend(loc="upper left", handletextpad=0.2)

@@ -1,0 +1,110 @@
+"""Squares of a map of tests against phases, darker where a model is further off."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from math import inf, isfinite, log, log10
+from typing import Any
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+from matplotlib.ticker import NullFormatter, StrMethodFormatter
+
+from qlvbayes.plots.style import BLACK
+from qlvbayes.units import UnitSystem
+
+_WIDE = 50.0  # a worst ratio: from there on the colour bar shows powers of ten only
+_COLOURS = "Blues"  # darker is worse, in grey too
+_DARK = 0.55  # of the colour scale: from there on white type
+
+
+def over_floor(rmse: float, noise: float) -> float:
+    """An error over the noise floor; infinite where there is no noise."""
+    return rmse / noise if noise > 0.0 else inf
+
+
+def worst_of(ratios: Iterable[float]) -> float:
+    """Upper end of the colour scale, 10 at least."""
+    return max([10.0, *(ratio for ratio in ratios if isfinite(ratio))])
+
+
+def short(ratio: float) -> str:
+    """Three digits, and those before the point."""
+    digits = 2 if ratio < 9.995 else 1 if ratio < 99.95 else 0
+    return f"{ratio:.{digits}f}"
+
+
+def draw_square(
+    axis: Axes, place: tuple[int, int], ratio: float, worst: float, text: str, *, fails: bool
+) -> None:
+    """One cell at (row, column); those that fail have a thick frame and a cross."""
+    row, column = place
+    shade = _shade(ratio, worst)
+    colour, ink = colormaps[_COLOURS](shade), "white" if shade > _DARK else BLACK
+    axis.add_patch(
+        _square(
+            row,
+            column,
+            facecolor=colour,
+            edgecolor=BLACK,
+            linewidth=1.6 if fails else 0.0,
+            gid="fails" if fails else None,
+        )
+    )
+    axis.text(column + 0.5, row + 0.5, text, color=ink, ha="center", va="center", linespacing=1.15)
+    if fails:
+        _cross(axis, (column + 0.98, row + 0.04), ink)
+
+
+def draw_empty(axis: Axes, place: tuple[int, int]) -> None:
+    """A cell without samples, hatched."""
+    axis.add_patch(_square(*place, facecolor="white", edgecolor="0.8", hatch="////"))
+
+
+def label_squares(axis: Axes, rows: list[str], kinds: list[str]) -> None:
+    """Name rows and columns, and draw no frame."""
+    axis.set(xlim=(0, len(kinds)), ylim=(len(rows), 0))
+    axis.set_xticks(np.arange(len(kinds)) + 0.5, kinds)
+    axis.set_yticks(np.arange(len(rows)) + 0.5, rows)
+    axis.tick_params(length=0, labeltop=True, labelbottom=False)
+    axis.spines[:].set_visible(False)
+
+
+def draw_colours(figure: Figure, axes: Any, worst: float, noise: float, units: UnitSystem) -> None:
+    """Colour bar beside the axes."""
+    colours = ScalarMappable(LogNorm(1.0, worst), colormaps[_COLOURS])
+    bar = figure.colorbar(colours, ax=axes, fraction=0.05, pad=0.03)
+    steps = (1, 2, 5) if worst < _WIDE else (1,)
+    ticks = [step * 10**k for k in range(int(log10(worst)) + 1) for step in steps]
+    bar.set_ticks([tick for tick in ticks if tick <= worst])
+    bar.ax.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    bar.ax.yaxis.set_minor_formatter(NullFormatter())
+    bar.outline.set_visible(False)
+    bar.set_label(f"RMSE / noise floor\n(1 = {noise:.3g} {units.force})")
+
+
+def _shade(ratio: float, worst: float) -> float:
+    """Place on the colour scale, 0 to 1, even in the logarithm."""
+    return min(log(max(ratio, 1.0)) / log(worst), 1.0)
+
+
+def _square(row: int, column: int, **look: Any) -> Rectangle:
+    return Rectangle((column + 0.02, row + 0.04), 0.96, 0.92, **look)
+
+
+def _cross(axis: Axes, corner: tuple[float, float], ink: str) -> None:
+    axis.annotate(
+        "×",
+        corner,
+        xytext=(-6, -6),
+        textcoords="offset points",
+        color=ink,
+        ha="center",
+        va="center",
+        fontsize=10,
+    )

@@ -1,0 +1,28 @@
+"""The four figures of a diagnosis, on disk."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from qlvbayes.diagnosis.verdict import Diagnosis
+from qlvbayes.plots.error_staircase import plot_error_staircase
+from qlvbayes.plots.evidence import plot_evidence
+from qlvbayes.plots.files import save_figure
+from qlvbayes.plots.forces_before_after import plot_forces_before_after
+from qlvbayes.plots.residuals_before_after import plot_residuals_before_after
+
+FIGURES = {
+    "residuals_before_after": plot_residuals_before_after,
+    "forces_before_after": plot_forces_before_after,
+    "evidence": plot_evidence,
+    "error_staircase": plot_error_staircase,
+}
+
+
+def save_diagnosis_figures(diagnosis: Diagnosis, folder: Path) -> list[Path]:
+    """Write every figure into a folder, as PDF and PNG; return the images.
+
+    Raises OSError where nothing can be written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    return [save_figure(plot(diagnosis), folder / name) for name, plot in FIGURES.items()]

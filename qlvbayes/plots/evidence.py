@@ -1,0 +1,159 @@
+"""What the evidence says of every hypothesis of the first round."""
+
+from __future__ import annotations
+
+from math import isfinite
+from textwrap import fill
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
+
+from qlvbayes.diagnosis.verdict import Diagnosis, Ranked
+from qlvbayes.plots.naming import heading
+from qlvbayes.plots.style import BLACK, COLOURS, DOUBLE, MM, shortened, style
+
+_ROW, _FRAME = 4.8, 40.0  # mm, a bar and what is around them
+_LINEAR = 10.0  # the axis is linear up to here and logarithmic beyond
+_MUCH = 30.0  # largest value that is drawn on a linear axis
+_ODDS = 3.0  # log of 20 to 1
+_LOOKS: dict[str, dict[str, Any]] = {
+    "named in the verdict": {"facecolor": COLOURS[0], "edgecolor": COLOURS[0]},
+    "explains these tests as well": {
+        "facecolor": COLOURS[5],
+        "edgecolor": BLACK,
+        "linewidth": 1.2,
+    },
+    "refitted": {"facecolor": "0.72", "edgecolor": "0.72"},
+    "settled by the screen, not refitted": {
+        "facecolor": "white",
+        "edgecolor": "0.5",
+        "hatch": "/////",
+    },
+}
+_NAMED, _GROUP, _REFITTED, _SCREENED = _LOOKS
+
+
+def plot_evidence(diagnosis: Diagnosis) -> Figure:
+    """Draw each hypothesis' log Bayes factor over the plain model, the likeliest on top.
+
+    The number and the posterior probability stand beside the bar; ``none`` is the plain model
+    itself. Effects named in the verdict are dark blue, others that explain the tests as well are
+    light blue with a frame, and hatched ones were settled without a refit. A cross marks an effect
+    that was refused because it predicts left-out tests no better.
+    """
+    with style():
+        ranking = diagnosis.ranking
+        figure = Figure((DOUBLE * MM, (_FRAME + _ROW * len(ranking)) * MM), layout="constrained")
+        axis = figure.subplots()
+        for row, ranked in enumerate(ranking):
+            _bar(axis, row, ranked, _look(diagnosis, ranked))
+        _scale(axis, [r.log_bayes_factor for r in ranking if isfinite(r.log_bayes_factor)])
+        _label(axis, diagnosis)
+        axis.set_title(heading(diagnosis), loc="left", weight="bold", fontsize=8.5, pad=16)
+        _legend(figure, diagnosis)
+        _notes(figure, diagnosis)
+    return figure
+
+
+def _look(diagnosis: Diagnosis, ranked: Ranked) -> str:
+    if ranked.effect in diagnosis.effects:
+        return _NAMED
+    if ranked.effect in diagnosis.group:
+        return _GROUP
+    return _SCREENED if ranked.rmse is None else _REFITTED
+
+
+def _bar(axis: Axes, row: int, ranked: Ranked, look: str) -> None:
+    value = ranked.log_bayes_factor
+    axis.barh(row, value if isfinite(value) else 0.0, height=0.7, gid=look, **_LOOKS[look])
+    beside: dict[str, Any] = {
+        "va": "center",
+        "ha": "right",
+        "transform": axis.get_yaxis_transform(),
+    }
+    number = f"{value:.1f}".replace("-", "−") if isfinite(value) else "none"
+    axis.text(1.08, row, number, **beside)
+    axis.text(1.19, row, _share(ranked.probability), **beside)
+
+
+def _share(probability: float) -> str:
+    percent = 100.0 * probability
+    if percent < 0.1:
+        return "< 0.1 %"
+    return "> 99.9 %" if percent > 99.9 else f"{percent:.1f} %"
+
+
+def _scale(axis: Axes, values: list[float]) -> None:
+    """Linear; beyond 10 logarithmic, where values are so large that small ones would vanish."""
+    low, high = min(values), max(values)
+    name = "log Bayes factor over the plain model (natural logarithm, no unit)"
+    if max(high, -low) > _MUCH:
+        axis.set_xscale("symlog", linthresh=_LINEAR, linscale=1.0)
+        axis.xaxis.set_major_locator(FixedLocator(_ticks(low, high)))
+        axis.xaxis.set_minor_locator(NullLocator())
+        axis.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axis.set_xlim(1.3 * low if low < -_LINEAR else low - 1.0, 1.3 * high)
+        name += "; linear to ±10, logarithmic beyond"
+    axis.set_xlabel(name)
+
+
+def _ticks(low: float, high: float) -> list[float]:
+    beyond = [step * 10.0**k for k in range(1, 9) for step in (1, 2, 5)]
+    ticks = [-x for x in beyond if x <= -low] + [-5.0, 0.0, 5.0] + [x for x in beyond if x <= high]
+    return [x for x in ticks if x >= 1.3 * low]
+
+
+def _label(axis: Axes, diagnosis: Diagnosis) -> None:
+    ranking, refused = diagnosis.ranking, _refused(diagnosis)
+    names = [shortened(r.effect) + (" ×" if r.effect in refused else "") for r in ranking]
+    axis.set_yticks(range(len(ranking)), names)
+    for tick, ranked in zip(axis.get_yticklabels(), ranking, strict=True):
+        marked = ranked.effect in (*diagnosis.effects, *diagnosis.group)
+        tick.set_fontweight("bold" if marked else "normal")
+    axis.set_ylim(len(ranking) - 0.4, -0.6)
+    axis.tick_params(axis="y", length=0)
+    axis.spines["left"].set_visible(False)
+    axis.axvline(0.0, color=BLACK, linewidth=0.6)
+    axis.axvline(_ODDS, color="0.4", linewidth=0.6, linestyle=":")
+    above: dict[str, Any] = {"va": "bottom", "transform": axis.transAxes}
+    axis.text(1.08, 1.0, "log BF", ha="right", **above)
+    axis.text(1.19, 1.0, "probability", ha="right", **above)
+    axis.annotate(
+        "20 : 1",
+        (_ODDS, 1.0),
+        xycoords=axis.get_xaxis_transform(),
+        ha="center",
+        va="bottom",
+        color="0.3",
+    )
+
+
+def _refused(diagnosis: Diagnosis) -> set[str]:
+    """Effects of the first round that ranked above the first one added, and were refused."""
+    refused = {name for name, _ in diagnosis.refused}
+    effects = [r.effect for r in diagnosis.ranking if r.effect != "none"]
+    if len(diagnosis.stages) > 1:
+        first = diagnosis.stages[1].effects[-1]
+        effects = effects[: effects.index(first)] if first in effects else effects
+    return refused & set(effects)
+
+
+def _legend(figure: Figure, diagnosis: Diagnosis) -> None:
+    used = {_look(diagnosis, ranked) for ranked in diagnosis.ranking}
+    handles = [Patch(**look, label=name) for name, look in _LOOKS.items() if name in used]
+    figure.legend(handles=handles, loc="outside lower left", ncols=len(handles))
+
+
+def _notes(figure: Figure, diagnosis: Diagnosis) -> None:
+    ranked = {entry.effect for entry in diagnosis.ranking}
+    unseen = [u.effect for u in diagnosis.not_identifiable if u.effect not in ranked]
+    lines = ["none: the plain model lacks nothing; a priori likelier than any single effect."]
+    if _refused(diagnosis):
+        lines += ["×: refused, predicts left-out tests no better."]
+    if unseen:
+        lines += [f"Not ranked, as these tests cannot show them: {', '.join(unseen)}."]
+    text = "\n".join(fill(line, 125) for line in lines)
+    figure.supxlabel(text, x=0.01, ha="left", fontsize=7.0)

@@ -1,0 +1,99 @@
+"""Where the plain model fails, and what is left once the effects found are added."""
+
+from __future__ import annotations
+
+from textwrap import fill
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from qlvbayes.diagnosis.samples import CellError
+from qlvbayes.diagnosis.verdict import Diagnosis, Stage
+from qlvbayes.kinematics.phases import KINDS
+from qlvbayes.plots.cellmap import (
+    draw_colours,
+    draw_empty,
+    draw_square,
+    label_squares,
+    over_floor,
+    short,
+    worst_of,
+)
+from qlvbayes.plots.naming import heading, model_name
+from qlvbayes.plots.stretches import by_rate
+from qlvbayes.plots.style import DOUBLE, MM, rated, shortened, style
+from qlvbayes.units import UnitSystem
+
+_ROW, _FRAME = 8.0, 34.0  # mm, a row of cells and what is around them
+_LEAST_ROWS = 3  # that the colour bar's label fits
+_TITLE = 48  # characters a line, of a panel's title
+
+
+def plot_residuals_before_after(diagnosis: Diagnosis) -> Figure:
+    """Draw how far each test is missed in each phase, by the plain and by the last model.
+
+    One row a test, slowest first; one column a kind of phase. Colour and number give the root mean
+    square of measured minus predicted over the noise floor, on one scale for both models: 1 is as
+    good as noise allows. Cells with structure beyond noise have a thick black frame and a cross;
+    under each title stands the p-value of the test of all cells. Hatched cells have no samples.
+    Where no effect was added there is one panel.
+    """
+    stages = diagnosis.stages[:: max(len(diagnosis.stages) - 1, 1)]
+    units = diagnosis.work.experiment.units
+    with style():
+        tests = _tests(stages[0])
+        kinds: list[str] = [kind for kind in KINDS if any(c.phase == kind for c in stages[0].cells)]
+        height = _FRAME + _ROW * max(len(tests), _LEAST_ROWS)
+        figure = Figure((DOUBLE * MM, height * MM), layout="constrained")
+        axes = figure.subplots(1, len(stages), sharey=True, squeeze=False)[0]
+        worst = worst_of(over_floor(c.rmse, diagnosis.noise) for s in stages for c in s.cells)
+        rows = [_row_label(test, units) for test in tests.values()]
+        for axis, stage in zip(axes, stages, strict=True):
+            label_squares(axis, rows, kinds)
+            _draw(axis, stage, diagnosis.noise, worst, list(tests), kinds)
+        draw_colours(figure, list(axes), worst, diagnosis.noise, units)
+        figure.suptitle(heading(diagnosis), x=0.01, ha="left", weight="bold", fontsize=8.5)
+        _key(figure, empty=len(tests) * len(kinds) > len(stages[0].cells))
+    return figure
+
+
+def _tests(stage: Stage) -> dict[str, CellError]:
+    """One cell of each test, by the test's rate."""
+    return {cell.test: cell for cell in sorted(stage.cells, key=lambda cell: by_rate(cell.rate))}
+
+
+def _row_label(cell: CellError, units: UnitSystem) -> str:
+    name, rate = shortened(cell.test, 24), rated(cell.rate, units.speed)
+    return name if rate.startswith("nan") else f"{name}\n{rate}"
+
+
+def _draw(
+    axis: Axes, stage: Stage, noise: float, worst: float, tests: list[str], kinds: list[str]
+) -> None:
+    places = {(cell.test, cell.phase): cell for cell in stage.cells}
+    for row, test in enumerate(tests):
+        for column, kind in enumerate(kinds):
+            cell = places.get((test, kind))
+            if cell is None:
+                draw_empty(axis, (row, column))
+                continue
+            ratio = over_floor(cell.rmse, noise)
+            fails = (test, kind) in stage.failing
+            draw_square(axis, (row, column), ratio, worst, short(ratio), fails=fails)
+    title = fill(model_name(stage.effects), _TITLE)
+    axis.set_title(f"{title}\n{_p_value(stage.p_value)}", loc="left")
+
+
+def _p_value(p: float) -> str:
+    if p < 1e-4:
+        return "adequacy p < 0.0001"
+    return f"adequacy p = {p:.2f}" if p >= 0.1 else f"adequacy p = {p:.1g}"
+
+
+def _key(figure: Figure, *, empty: bool) -> None:
+    parts = ["number: RMSE of measured − predicted / noise floor"]
+    parts += [
+        "frame and cross: structure beyond noise",
+        *(["hatched: no samples"] if empty else []),
+    ]
+    figure.supxlabel("; ".join(parts), x=0.01, ha="left", fontsize=7.0)

@@ -1,0 +1,151 @@
+"""A test's samples phase by phase, and the columns of panels that show them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+
+from qlvbayes.kinematics.phases import KINDS, Phase
+
+WHOLE = "whole test"
+RESTS = ("hold", "recovery")
+_EARLY = 0.1  # of a ramp: so much of the rest before it is shown with it
+_FEW_DECADES = 50.0  # of a time axis, as a ratio: below, 2 and 5 have ticks too
+_FIRST_FEW = 10  # samples, whose interval is taken
+_AT_ONCE = 0.1  # of a sampling interval: a sample so early in a rest ends the movement
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """Samples of a phase, the ``number``-th of its kind; ``elapsed`` (s) since it began."""
+
+    kind: str
+    number: int
+    rows: np.ndarray
+    elapsed: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """Samples in a panel: their stretch, their rows in the test and their place in time."""
+
+    stretch: Stretch
+    rows: np.ndarray
+    time: np.ndarray
+
+
+def divide(time: np.ndarray, phases: Sequence[Phase]) -> list[Stretch]:
+    """Divide the samples among the phases; a rest before any movement goes with the first ramp."""
+    seen = Counter[str]()
+    phases = _joined(phases)
+    starts = [0, *(_first_row(time, phase) for phase in phases[1:]), time.size]
+    stretches = []
+    for phase, (first, stop) in zip(phases, pairwise(starts), strict=True):
+        if stop > first:
+            elapsed = time[first:stop] - phase.start
+            rows = np.arange(first, stop)
+            stretches.append(Stretch(phase.kind, seen[phase.kind], rows, elapsed))
+            seen[phase.kind] += 1
+    return stretches
+
+
+def _joined(phases: Sequence[Phase]) -> Sequence[Phase]:
+    waits = len(phases) > 1 and phases[0].kind in RESTS
+    return phases[1:] if waits else phases
+
+
+def _first_row(time: np.ndarray, phase: Phase) -> int:
+    """Index of a phase's first sample: in a rest not one taken as the motion stopped."""
+    first = int(np.searchsorted(time, phase.start))
+    if phase.kind not in RESTS:
+        return first
+    elapsed = time[first : int(np.searchsorted(time, phase.stop))][:_FIRST_FEW] - phase.start
+    interval = float(np.median(np.diff(elapsed))) if elapsed.size > 1 else 0.0
+    return first + int(np.sum(elapsed <= _AT_ONCE * interval))
+
+
+def columns(parts: Sequence[Sequence[Stretch]]) -> list[str]:
+    """Kinds of phase that occur in tests, after the whole test where a kind repeats in one."""
+    counts = [Counter(stretch.kind for stretch in stretches) for stretches in parts]
+    kinds = [kind for kind in KINDS if any(kind in count for count in counts)]
+    repeats = any(max(count.values()) > 1 for count in counts)
+    return [WHOLE, *kinds] if repeats else list(kinds)
+
+
+def widths(names: Sequence[str]) -> list[float]:
+    """Relative widths of columns."""
+    return [1.8 if name == WHOLE else 1.0 for name in names]
+
+
+def place(column: str, time: np.ndarray, stretches: Sequence[Stretch]) -> list[Placed]:
+    """What a column shows of a test: all of it in time (s), or a kind of phase since it began."""
+    if column == WHOLE:
+        return [_continued(time, stretch) for stretch in stretches]
+    same = [stretch for stretch in stretches if stretch.kind == column]
+    scale, _ = _scale(column, same)
+    return [Placed(stretch, stretch.rows, scale * stretch.elapsed) for stretch in same]
+
+
+def _continued(time: np.ndarray, stretch: Stretch) -> Placed:
+    """With the sample before it, so that no gap is seen."""
+    first = stretch.rows[0]
+    rows = np.concatenate([np.arange(max(first - 1, 0), first), stretch.rows])
+    return Placed(stretch, rows, time[rows])
+
+
+def _scale(column: str, same: Sequence[Stretch]) -> tuple[float, str]:
+    """Milliseconds for a movement of less than a second."""
+    quick = column not in RESTS and bool(same) and _length(same) < 1.0
+    return (1e3, "ms") if quick else (1.0, "s")
+
+
+def _length(same: Sequence[Stretch]) -> float:
+    return float(max(stretch.elapsed[-1] for stretch in same))
+
+
+def finish_time(axis: Axes, column: str, stretches: Sequence[Stretch]) -> None:
+    """Scale and label the time axis of a panel that has been drawn; blank it if nothing was."""
+    if column == WHOLE:
+        axis.set_xlabel("time (s)")
+        return
+    same = [stretch for stretch in stretches if stretch.kind == column]
+    if not same:
+        _blank(axis)
+        return
+    scale, unit = _scale(column, same)
+    if column in RESTS:
+        axis.set_xscale("log")
+    else:
+        first, length = min(stretch.elapsed[0] for stretch in same), _length(same)
+        axis.set_xlim(left=scale * (max(first, -_EARLY * length) - 0.04 * length))
+    axis.set_xlabel(f"time in {column} ({unit})")
+
+
+def _blank(axis: Axes) -> None:
+    axis.set_xticks([])
+    axis.tick_params(left=False)
+    axis.spines[:].set_visible(False)
+
+
+def same_times(axes: np.ndarray) -> None:
+    """Give all tests' rests one time axis, to be compared down the column."""
+    used = [axis for axis in axes if axis.lines]
+    limits = np.array([axis.get_xlim() for axis in used])
+    first, last = limits[:, 0].min(), limits[:, 1].max()
+    for axis in used:
+        axis.set_xlim(first, last)
+        if last < _FEW_DECADES * first:
+            axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            axis.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axis.xaxis.set_minor_formatter(NullFormatter())
+
+
+def by_rate(rate: float) -> float:
+    """Key that sorts tests by loading rate, those without one last."""
+    return rate if np.isfinite(rate) else np.inf

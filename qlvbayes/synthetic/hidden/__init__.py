@@ -1,0 +1,96 @@
+"""Pads with physical effects that no parameter of the quasi-linear law describes.
+
+The effects change the depth on its way in and the force on its way out, from the material through
+pad, contact and frame to the sensor; see `HiddenPad`.
+"""
+
+from .catalogue import FORMS, HIDDEN, OUTSIDE, effect_class
+from .contact_effects import Adhesion, ContactOffset, FrameCompliance, PermanentSet
+from .draw import draw_effect
+from .effect import Effect
+from .forms import (
+    BendingFrame,
+    ChannelLowPass,
+    CoulombFriction,
+    ExponentialSoftening,
+    GrowingDrag,
+    LinearRate,
+    QuadraticPressure,
+    SaturatingDrift,
+    SaturatingLeak,
+    SteepSqueezeFilm,
+    StretchedRelaxation,
+    Toe,
+)
+from .material_effects import ExtraRelaxationMode, StrainDependentRate, StrainDependentStrength
+from .outside import (
+    AmplifierClipping,
+    Rezeroed,
+    Ringing,
+    SecondContact,
+    SensorNonlinearity,
+    Slip,
+    SlowCreepJump,
+    TemperatureSwing,
+)
+from .pad import HiddenPad
+from .pad_effects import (
+    FluidLeak,
+    FluidPressure,
+    Friction,
+    PowerLawDrag,
+    SqueezeFilm,
+    StressSoftening,
+    ViscousDrag,
+)
+from .parse import parse_effect
+from .sensor_effects import ChannelLag, ForceDrift, ForceOffset, Inertia
+
+__all__ = [
+    "FORMS",
+    "HIDDEN",
+    "OUTSIDE",
+    "Adhesion",
+    "AmplifierClipping",
+    "BendingFrame",
+    "ChannelLag",
+    "ChannelLowPass",
+    "ContactOffset",
+    "CoulombFriction",
+    "Effect",
+    "ExponentialSoftening",
+    "ExtraRelaxationMode",
+    "FluidLeak",
+    "FluidPressure",
+    "ForceDrift",
+    "ForceOffset",
+    "FrameCompliance",
+    "Friction",
+    "GrowingDrag",
+    "HiddenPad",
+    "Inertia",
+    "LinearRate",
+    "PermanentSet",
+    "PowerLawDrag",
+    "QuadraticPressure",
+    "Rezeroed",
+    "Ringing",
+    "SaturatingDrift",
+    "SaturatingLeak",
+    "SecondContact",
+    "SensorNonlinearity",
+    "Slip",
+    "SlowCreepJump",
+    "SqueezeFilm",
+    "SteepSqueezeFilm",
+    "StrainDependentRate",
+    "StrainDependentStrength",
+    "StressSoftening",
+    "StretchedRelaxation",
+    "TemperatureSwing",
+    "Toe",
+    "ViscousDrag",
+    "draw_effect",
+    "effect_class",
+    "parse_effect",
+]

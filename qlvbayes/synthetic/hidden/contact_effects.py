@@ -1,0 +1,103 @@
+"""Effects where the platen meets the pad, and in the frame that carries both."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import e
+from typing import ClassVar
+
+import numpy as np
+
+from .effect import CONTACT, FRAME, Effect
+from .mesh import Array
+from .path import Path, running_max
+
+
+@dataclass(frozen=True)
+class PermanentSet(Effect):
+    """d -> max(d - share dmax, 0), dmax the largest arriving depth so far, also while loading."""
+
+    name: ClassVar[str] = "permanent_set"
+    order: ClassVar[int] = 40
+    shares: ClassVar[tuple[str, ...]] = ("share",)
+
+    share: float
+
+    def on_depth(self, depth: Array, velocity: Array) -> tuple[Array, Array]:
+        """Lower the depth; while it is the largest so far, the set grows with it."""
+        deepest = np.maximum(running_max(depth), 0.0)
+        remains = np.maximum(depth - self.share * deepest, 0.0)
+        growing = (depth >= deepest) & (velocity > 0)
+        slowed = velocity * np.where(growing, 1.0 - self.share, 1.0)
+        return remains, np.where(remains > 0, slowed, 0.0)
+
+    def kinks(self, largest: Array) -> Array:
+        """Where the pad loses the platen, and where the depth becomes the largest so far."""
+        return np.concatenate([self.share * largest, largest])
+
+
+@dataclass(frozen=True)
+class ContactOffset(Effect):
+    """d -> max(d - gap, 0), gap of either sign, mm.
+
+    With gap < 0 the pad has rested at depth -gap for a long time when the test begins.
+    """
+
+    name: ClassVar[str] = "contact_offset"
+    order: ClassVar[int] = 41
+    signed: ClassVar[tuple[str, ...]] = ("gap",)
+
+    gap: float
+
+    def lost(self) -> float:
+        """Depth that the contact takes away, mm."""
+        return self.gap
+
+    def on_depth(self, depth: Array, velocity: Array) -> tuple[Array, Array]:
+        """Shift the depth; before contact the pad rests."""
+        remains = np.maximum(depth - self.gap, 0.0)
+        return remains, np.where(remains > 0, velocity, 0.0)
+
+    def kinks(self, largest: Array) -> Array:
+        """Where contact begins."""
+        return np.array([self.gap])
+
+
+@dataclass(frozen=True)
+class Adhesion(Effect):
+    """Where F < 0: F -> F exp(-(F / strength)^2 / (2 e)); strength in N.
+
+    The greatest tension is the strength, at F = -strength sqrt(e); beyond, the pad lets go.
+    """
+
+    name: ClassVar[str] = "adhesion"
+    order: ClassVar[int] = CONTACT
+
+    strength: float
+
+    def on_force(self, force: Array, path: Path) -> Array:
+        """Limit the tension."""
+        if self.strength == 0.0:
+            return np.maximum(force, 0.0)
+        pull = np.minimum(force, 0.0) / self.strength
+        return force * np.exp(-np.minimum(pull * pull / (2.0 * e), 700.0))
+
+
+@dataclass(frozen=True)
+class FrameCompliance(Effect):
+    """d -> d - compliance F, F the contact force itself; compliance in mm/N.
+
+    The depth and all that depends on it (relaxation, pressure, friction, largest depth) follow
+    exactly. Drags that go with the velocity take the one that a stiff frame would give: the
+    pad's is smaller by compliance dF/dt, which is neglected.
+    """
+
+    name: ClassVar[str] = "frame_compliance"
+    remembers: ClassVar[bool] = True
+    order: ClassVar[int] = FRAME
+
+    compliance: float
+
+    def deflection(self, force: Array) -> Array:
+        """How far the frame yields, mm."""
+        return self.compliance * force

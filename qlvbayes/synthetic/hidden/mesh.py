@@ -1,0 +1,84 @@
+"""Time cut into cells, and linear differential equations solved on them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_ROOT6 = np.sqrt(6.0)
+_NODES = np.array([0.0, (4 - _ROOT6) / 10, (4 + _ROOT6) / 10, 1.0])
+_RADAU = np.array(
+    [
+        [(88 - 7 * _ROOT6) / 360, (296 - 169 * _ROOT6) / 1800, (-2 + 3 * _ROOT6) / 225],
+        [(296 + 169 * _ROOT6) / 1800, (88 + 7 * _ROOT6) / 360, (-2 - 3 * _ROOT6) / 225],
+        [(16 - _ROOT6) / 36, (16 + _ROOT6) / 36, 1 / 9],
+    ]
+)
+_FIRST_CELL = 1e-6  # share of a stretch
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Cells between ascending `edges` (s), each with its start and the three nodes of Radau IIA.
+
+    Values at the nodes have shape (cells, 4). The start of a cell and the end of the one before
+    are the same moment seen from the right and from the left.
+    """
+
+    edges: Array
+
+    @cached_property
+    def steps(self) -> Array:
+        """Length of each cell, s."""
+        return np.diff(self.edges)
+
+    @cached_property
+    def time(self) -> Array:
+        """Times of the nodes, s, shape (cells, 4)."""
+        time = self.edges[:-1, None] + self.steps[:, None] * _NODES
+        time[:, -1] = self.edges[1:]
+        return time
+
+    def at(self, values: Array, times: Array) -> Array:
+        """Pick the values at `times`, which must be edges; right limits, left at the last edge."""
+        cell = np.searchsorted(self.edges, times)
+        return np.append(values[:, 0], values[-1, -1])[cell]
+
+    def follow(self, rate: Array, target: Array, start: float) -> Array:
+        """Solve y' = rate (target - y), y(0) = start, by collocation of order 5 in every cell.
+
+        The equation is linear, so every cell maps its start to its nodes by y = p + g y_start:
+        all p and g at once, and then one pass over the cells.
+        """
+        z = self.steps[:, None] * rate[:, 1:]
+        matrix = np.eye(3) + _RADAU * z[:, None, :]
+        right = np.ones((z.shape[0], 3, 2))
+        right[..., 1] = (z * target[:, 1:]) @ _RADAU.T
+        solved: Array = np.linalg.solve(matrix, right).astype(np.float64, copy=False)
+        gain, part = solved[..., 0], solved[..., 1]
+        starts = recur(gain[:, -1], part[:, -1], start)[:-1]
+        return np.column_stack([starts, part + gain * starts[:, None]])
+
+
+def recur(gain: Array, part: Array, start: float) -> Array:
+    """Values of y_(k+1) = gain_k y_k + part_k from y_0 = start; one more than gains."""
+    y = start
+    values = [y]
+    for g, p in zip(gain.tolist(), part.tolist(), strict=True):
+        y = g * y + p
+        values.append(y)
+    return np.array(values)
+
+
+def graded(breaks: Array, cells: int) -> Array:
+    """Edges of about `cells` cells in each stretch between breaks, fine towards both its ends."""
+    half = np.geomspace(_FIRST_CELL, 0.5, max(cells // 3, 4))
+    even = np.linspace(0.0, 1.0, max(cells // 3, 4))
+    shape = np.unique(np.concatenate([half, 1.0 - half, even]))[:-1]
+    inner = breaks[:-1, None] + np.diff(breaks)[:, None] * shape
+    return np.append(inner.ravel(), breaks[-1])

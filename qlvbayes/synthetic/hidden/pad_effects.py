@@ -1,0 +1,139 @@
+"""Effects in the pad: softening, leaks, drags, pressure, friction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from .effect import Effect
+from .mesh import Array
+from .path import Path
+
+_THINNEST = 0.05  # a squeezed film keeps this share of its thickness
+
+
+@dataclass(frozen=True)
+class StressSoftening(Effect):
+    """F -> F (1 - s (1 - d/dmax)), dmax the largest depth so far in the test."""
+
+    name: ClassVar[str] = "stress_softening"
+    order: ClassVar[int] = 20
+    shares: ClassVar[tuple[str, ...]] = ("s",)
+
+    s: float
+
+    def on_force(self, force: Array, path: Path) -> Array:
+        """Soften below the largest depth."""
+        return force * (1.0 - self.s * slack(path))
+
+
+@dataclass(frozen=True)
+class FluidLeak(Effect):
+    """F -> F e^{-rate t}, t the clock since the pad's first test began; rate in 1/s."""
+
+    name: ClassVar[str] = "fluid_leak"
+    order: ClassVar[int] = 21
+
+    rate: float
+
+    def on_force(self, force: Array, path: Path) -> Array:
+        """Weaken with the clock."""
+        return force * np.exp(-self.rate * path.clock)
+
+
+@dataclass(frozen=True)
+class ViscousDrag(Effect):
+    """F -> F + eta v; eta in N s/mm."""
+
+    name: ClassVar[str] = "viscous_drag"
+    order: ClassVar[int] = 30
+
+    eta: float
+
+    def on_force(self, force: Array, path: Path) -> Array:
+        """Add the drag."""
+        return force + self.eta * path.velocity
+
+
+@dataclass(frozen=True)
+class PowerLawDrag(Effect):
+    """F -> F + k |v / (1 mm/s)|^n sgn v; k in N, 0 < n <= 1."""
+
+    name: ClassVar[str] = "power_law_drag"
+    order: ClassVar[int] = 31
+    shares: ClassVar[tuple[str, ...]] = ("n",)
+    positive: ClassVar[tuple[str, ...]] = ("n",)
+
+    k: float
+    n: float
+
+    def on_force(self, force: Array, path: Path) -> Array:
+        """Add the drag."""
+        return force + self.k * np.sign(path.velocity) * np.abs(path.velocity) ** self.n
+
+
+@dataclass(frozen=True)
+class SqueezeFilm(Effect):
+    """F -> F + eta v / max(1 - d/h, 0.05)^3; eta in N s/mm, h in mm."""
+
+    name: ClassVar[str] = "squeeze_film"
+    order: ClassVar[int] = 32
+    positive: ClassVar[tuple[str, ...]] = ("h",)
+
+    eta: float
+    h: float
+
+    def on_force(self, force: Array, path: Path) -> Array:
+        """Add the film's force."""
+        return force + self.eta * path.velocity / film(path.depth, self.h) ** 3
+
+
+@dataclass(frozen=True)
+class FluidPressure(Effect):
+    """F -> F + p, dp/dt = k v - (p / tau) e^{-a d}, p = 0 at first; k in N/mm, tau s, a 1/mm.
+
+    Solved for what has drained, u = k d - p, as u' = e^{-a d} / tau (k d - u).
+    """
+
+    name: ClassVar[str] = "fluid_pressure"
+    order: ClassVar[int] = 33
+    positive: ClassVar[tuple[str, ...]] = ("tau",)
+    signed: ClassVar[tuple[str, ...]] = ("a",)
+
+    k: float
+    tau: float
+    a: float
+
+    def on_force(self, force: Array, path: Path) -> Array:
+        """Add the pressure."""
+        undrained = self.k * path.depth
+        return force + undrained - path.follow(np.exp(-self.a * path.depth) / self.tau, undrained)
+
+
+@dataclass(frozen=True)
+class Friction(Effect):
+    """F -> F + strength z, dz/dt = (v / reach)(1 - z sgn v), z = 0 at first (Dahl); N, mm."""
+
+    name: ClassVar[str] = "friction"
+    order: ClassVar[int] = 34
+    positive: ClassVar[tuple[str, ...]] = ("reach",)
+
+    strength: float
+    reach: float
+
+    def on_force(self, force: Array, path: Path) -> Array:
+        """Add the friction."""
+        return force + self.strength * path.slide(self.reach)
+
+
+def film(depth: Array, thickness: float) -> Array:
+    """Share of its thickness that a film still has, at least 0.05."""
+    return np.maximum(1.0 - depth / thickness, _THINNEST)
+
+
+def slack(path: Path) -> Array:
+    """1 - d/dmax, and 0 as long as dmax is 0."""
+    pressed = path.deepest > 0.0
+    return np.where(pressed, 1.0 - path.depth / np.where(pressed, path.deepest, 1.0), 0.0)

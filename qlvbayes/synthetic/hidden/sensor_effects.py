@@ -1,0 +1,68 @@
+"""Effects in the load cell and its channel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from .effect import Effect
+from .mesh import Array
+from .path import Path
+
+
+@dataclass(frozen=True)
+class Inertia(Effect):
+    """F -> F + mass a, a the platen's acceleration; mass in N s2/mm."""
+
+    name: ClassVar[str] = "inertia"
+    order: ClassVar[int] = 60
+
+    mass: float
+
+    def on_force(self, force: Array, path: Path) -> Array:
+        """Add the force on the moved mass."""
+        return force + self.mass * path.acceleration
+
+
+@dataclass(frozen=True)
+class ForceOffset(Effect):
+    """F -> F + offset; N, either sign."""
+
+    name: ClassVar[str] = "force_offset"
+    order: ClassVar[int] = 61
+    signed: ClassVar[tuple[str, ...]] = ("offset",)
+
+    offset: float
+
+    def on_force(self, force: Array, path: Path) -> Array:
+        """Shift the force."""
+        return force + self.offset
+
+
+@dataclass(frozen=True)
+class ForceDrift(Effect):
+    """F -> F + rate t, t the clock since the pad's first test began; N/s, either sign."""
+
+    name: ClassVar[str] = "force_drift"
+    order: ClassVar[int] = 62
+    signed: ClassVar[tuple[str, ...]] = ("rate",)
+
+    rate: float
+
+    def on_force(self, force: Array, path: Path) -> Array:
+        """Shift the force with the clock."""
+        return force + self.rate * path.clock
+
+
+@dataclass(frozen=True)
+class ChannelLag(Effect):
+    """F(t) -> F(t - delay); before the start the force of the start; delay in s."""
+
+    name: ClassVar[str] = "channel_lag"
+    order: ClassVar[int] = 69
+
+    delay: float
+
+    def late(self) -> float:
+        """Seconds by which the force comes late."""
+        return self.delay

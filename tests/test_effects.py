@@ -1,0 +1,558 @@
+"""Every effect keeps the rules; what breaks one is refused; and the physics they stand for."""
+
+from dataclasses import replace
+from typing import Any, ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from qlvbayes.checks import InputError
+from qlvbayes.effects import conformance
+from qlvbayes.effects.adhesion import Adhesion
+from qlvbayes.effects.catalogue import EFFECTS, find, names
+from qlvbayes.effects.channel_lag import ChannelLag
+from qlvbayes.effects.conformance import EffectError, check_effect
+from qlvbayes.effects.contact_offset import ContactOffset
+from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
+from qlvbayes.effects.extra_relaxation_mode import ExtraRelaxationMode
+from qlvbayes.effects.fluid_leak import FluidLeak
+from qlvbayes.effects.fluid_pressure import FluidPressure
+from qlvbayes.effects.force_drift import ForceDrift
+from qlvbayes.effects.frame_compliance import FrameCompliance
+from qlvbayes.effects.friction import Friction
+from qlvbayes.effects.history import largest, material_time
+from qlvbayes.effects.inertia import Inertia
+from qlvbayes.effects.permanent_set import PermanentSet
+from qlvbayes.effects.power_law_drag import PowerLawDrag
+from qlvbayes.effects.squeeze_film import SqueezeFilm
+from qlvbayes.effects.strain_dependent_rate import StrainDependentRate
+from qlvbayes.effects.strain_dependent_strength import StrainDependentStrength
+from qlvbayes.effects.stress_softening import StressSoftening
+from qlvbayes.effects.userfile import load
+from qlvbayes.effects.viscous_drag import ViscousDrag
+from qlvbayes.elastic import Exponential
+from qlvbayes.model import Model
+from qlvbayes.motion import Motion
+from qlvbayes.priors import HalfNormal, Uniform
+from qlvbayes.relaxation import Prony
+from qlvbayes.scales import Scales
+from qlvbayes.units import PAD, STRAIN
+
+EVERY = pytest.mark.parametrize("kind", EFFECTS, ids=names())
+STRAINED = Scales(250.0, 0.3, 1e-3, 60.0, 0.1, 0.1, 1.0, speed=7.0, acceleration=180.0, clock=900.0)
+
+
+def motion(time, displacement, velocity=0.0, acceleration=0.0, start=0.0):
+    time, displacement = jnp.asarray(time, dtype=float), jnp.asarray(displacement, dtype=float)
+    full = (
+        jnp.broadcast_to(jnp.asarray(x, dtype=float), time.shape) for x in (velocity, acceleration)
+    )
+    return Motion(time, displacement, *full, start=start)
+
+
+def press_and_return(speed=20.0, points=200):
+    """To 1.6 mm at a constant speed, 30 s, back to 0 at the same speed, 5 s."""
+    way = np.linspace(0.0, 1.6, points)
+    ramp, hold = 1.6 / speed, 30.0 * np.linspace(0.0, 1.0, points + 1)[1:] ** 3
+    back = ramp + 30.0 + way[1:] / speed
+    time = np.concatenate([way / speed, ramp + hold, back, [back[-1] + 5.0]])
+    depth = np.concatenate([way, np.full(points, 1.6), 1.6 - way[1:], [0.0]])
+    moving = np.concatenate(
+        [np.full(points, speed), np.zeros(points), np.full(points - 1, -speed), [0.0]]
+    )
+    return motion(time, depth, moving)
+
+
+PRESS = press_and_return()
+LOADING = np.arange(PRESS.time.size) < 200
+HELD = 399  # the last point of the hold
+
+
+def bonded(*effects):
+    model = Model(
+        Exponential(0.34, 1.165), Prony(jnp.array([0.3, 0.63, 0.07]), jnp.array([6.2, 0.14])), True
+    )
+    for effect in effects:
+        model = model + effect
+    return model
+
+
+def loose(*effects):
+    model = replace(bonded(), bonded=False)
+    for effect in effects:
+        model = model + effect
+    return model
+
+
+def force(model, path=PRESS):
+    return np.asarray(model.force(path))
+
+
+# the rules
+
+
+@EVERY
+def test_every_effect_keeps_the_rules(kind):
+    check_effect(kind)
+
+
+@pytest.mark.parametrize("kind", [FluidPressure, SqueezeFilm, Friction, ContactOffset])
+def test_the_rules_hold_in_other_units_too(kind):
+    check_effect(kind, STRAINED)
+
+
+@EVERY
+def test_priors_are_proper_where_a_scale_is_unknown(kind):
+    bare = Scales(1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, speed=0.0, acceleration=0.0, clock=0.0)
+    for prior in vars(kind.default(bare)).values():
+        assert np.isfinite(prior.draw(np.random.default_rng(1)))
+
+
+@EVERY
+def test_units_have_names_in_both_systems(kind):
+    assert all(system.of(unit) for unit in kind.units.values() for system in (PAD, STRAIN))
+
+
+def test_names_are_told_apart():
+    assert len(set(names())) == len(EFFECTS) == 18
+    assert find("friction") is Friction
+    with pytest.raises(
+        InputError, match=r"no effect 'rust'; use one of viscous_drag, .*channel_lag"
+    ):
+        find("rust")
+
+
+def test_the_order_of_adding_does_not_matter():
+    scales = conformance._reference(1.6, 0.0).scales
+    defaults = [kind.default(scales) for kind in EFFECTS]
+    model = loose()
+    for effect in defaults:
+        model = model + effect
+    other = loose()
+    for effect in reversed(defaults):
+        other = other + effect
+    nested = [effect.name for effect in model.effects]
+    assert nested == [effect.name for effect in other.effects]
+    assert nested[:4] == [
+        "extra_relaxation_mode",
+        "strain_dependent_rate",
+        "strain_dependent_strength",
+        "stress_softening",
+    ]
+    assert nested[-1] == "channel_lag"
+
+
+# user-made effects that break a rule
+
+
+class Good(AbstractEffect):
+    """F = F_below + amount d."""
+
+    amount: Any
+    name: ClassVar[str] = "good"
+    level: ClassVar[Level] = Level.ADDING
+    rank: ClassVar[int] = 50
+    units: ClassVar[dict[str, str]] = {"amount": "stiffness"}
+    null: ClassVar[dict[str, float]] = {"amount": 0.0}
+    law: ClassVar[str] = "F += amount delta"
+    seen: ClassVar[str] = "a stiffness that never relaxes"
+    reference: ClassVar[str] = "Hooke 1678"
+
+    @classmethod
+    def default(cls, scales):
+        return cls(scales.positive(scales.depth))
+
+    def force(self, below, motion):
+        return below.force(motion) + self.amount * motion.displacement
+
+
+class Acausal(Good):
+    """Knows the last depth from the start."""
+
+    def force(self, below, motion):
+        return below.force(motion) + self.amount * motion.displacement[-2]
+
+
+class Remaining(Good):
+    """Does not vanish."""
+
+    def force(self, below, motion):
+        return below.force(motion) + (self.amount + 1e-6) * motion.displacement
+
+
+class Endless(Good):
+    """Infinite slope at rest."""
+
+    def force(self, below, motion):
+        drag = jnp.sign(motion.velocity) * jnp.sqrt(jnp.abs(motion.velocity) * self.amount)
+        return below.force(motion) + drag
+
+
+class Undefined(Good):
+    """0/0 at zero depth, away from the null."""
+
+    def force(self, below, motion):
+        extra = self.amount / jnp.maximum(motion.displacement, 0.0)
+        return below.force(motion) + jnp.where(self.amount > 0.0, extra, 0.0)
+
+
+class Huge(Good):
+    """A prior a hundred times too wide."""
+
+    @classmethod
+    def default(cls, scales):
+        return cls(scales.positive(0.01 * scales.depth))
+
+
+class Flat(Good):
+    """A prior that is not scaled."""
+
+    @classmethod
+    def default(cls, scales):
+        return cls(Uniform(0.0, 1.0))
+
+
+class Crowding(Good):
+    """Nests where friction does."""
+
+    rank: ClassVar[int] = Friction.rank
+
+
+class Unitless(Good):
+    """A unit that does not exist."""
+
+    units: ClassVar[dict[str, str]] = {"amount": "furlong"}
+
+
+class Unnamed(Good):
+    """A constant without a unit."""
+
+    units: ClassVar[dict[str, str]] = {}
+
+
+class Silent(Good):
+    """Says nothing for people."""
+
+    seen: ClassVar[str] = ""
+
+
+class Nowhere(Good):
+    """A null that is no constant."""
+
+    null: ClassVar[dict[str, float]] = {"size": 0.0}
+
+
+class Shouting(Good):
+    """A name that is none."""
+
+    name: ClassVar[str] = "My effect"
+
+
+class Counting(Good):
+    """Another force when it is compiled."""
+
+    def force(self, below, motion):
+        compiled = isinstance(motion.time, jax.core.Tracer)
+        return below.force(motion) + (1.0 + compiled) * self.amount * motion.displacement
+
+
+def test_a_user_made_effect_may_keep_the_rules():
+    check_effect(Good)
+    check_effect(Good, STRAINED)
+
+
+@pytest.mark.parametrize(
+    ("kind", "rule"),
+    [
+        (Acausal, "not causal"),
+        (Remaining, "does not vanish at its null"),
+        (Endless, "slope along amount is not finite"),
+        (Undefined, "force is not finite"),
+        (Huge, "median"),
+        (Flat, r"scales\.positive or scales\.signed"),
+        (Crowding, "nests where friction does"),
+        (Unitless, "'furlong' is no kind of unit"),
+        (Unnamed, "units must name exactly its constants amount"),
+        (Silent, "seen must be one line"),
+        (Nowhere, "null must name"),
+        (Shouting, "'My effect' is not lower case"),
+        (Counting, "compiled and plain"),
+    ],
+)
+def test_a_broken_rule_is_named(kind, rule):
+    with pytest.raises(EffectError, match=rule):
+        check_effect(kind)
+
+
+# helpers
+
+
+def test_the_largest_depth_so_far_has_the_slope_of_its_point():
+    depth = jnp.array([0.0, 0.3, 0.2, 0.3, 0.5, 0.1])
+    assert np.array_equal(largest(depth), [0.0, 0.3, 0.3, 0.3, 0.5, 0.5])
+    slopes = jax.jacobian(largest)(depth)
+    assert np.array_equal(np.argmax(slopes, axis=1), [0, 1, 1, 3, 4, 4])
+
+
+def test_material_time_is_the_integral_along_straight_lines():
+    time, depth = jnp.array([0.0, 1.0, 1.5]), jnp.array([0.0, 0.8, 0.8])
+    expected = [0.0, np.expm1(0.8 * 2.0) / 1.6, np.expm1(1.6) / 1.6 + 0.5 * np.exp(1.6)]
+    assert np.allclose(material_time(time, depth, 2.0), expected, rtol=1e-14)
+
+
+# physics
+
+
+def test_power_law_drag_of_exponent_one_is_viscous():
+    assert np.allclose(
+        force(bonded(PowerLawDrag(0.01, 1.0))), force(bonded(ViscousDrag(0.01))), atol=1e-14
+    )
+
+
+def test_power_law_drag_grows_with_the_power_of_the_speed():
+    drag = [
+        force(bonded(PowerLawDrag(0.01, 0.3)), p) - force(bonded(), p)
+        for p in map(press_and_return, (1.0, 100.0))
+    ]
+    assert np.isclose(drag[1][0] / drag[0][0], 100.0**0.3)
+    assert drag[0][HELD] == 0.0
+
+
+def test_a_thick_film_is_a_viscous_drag_and_a_thin_one_stiffens():
+    assert np.allclose(
+        force(bonded(SqueezeFilm(0.01, 1e9))), force(bonded(ViscousDrag(0.01))), rtol=1e-8
+    )
+    extra = force(bonded(SqueezeFilm(0.01, 3.2))) - force(bonded())
+    assert np.isclose(extra[199], 8.0 * extra[0])
+
+
+def test_fluid_pressure_drains_in_a_hold_at_its_own_rate():
+    depth = PRESS.displacement
+    extra = force(bonded(FluidPressure(0.2, 2.0, 0.7))) - force(bonded())
+    held = LOADING.nonzero()[0][-1]
+    after = float(PRESS.time[300] - PRESS.time[held])
+    assert np.isclose(extra[300], extra[held] * np.exp(-after * np.exp(-0.7 * 1.6) / 2.0))
+    undrained = force(bonded(FluidPressure(0.2, 1e9, 0.0))) - force(bonded())
+    assert np.allclose(undrained, 0.2 * depth, atol=1e-8)
+
+
+def test_leak_and_drift_go_by_the_clock_of_the_pad():
+    later = replace(PRESS, start=jnp.asarray(600.0))
+    plain = force(bonded())
+    leak = np.exp(-1e-3 * (600.0 + np.asarray(PRESS.time)))
+    assert np.allclose(force(bonded(FluidLeak(1e-3)), later), plain * leak)
+    drift = force(bonded(ForceDrift(1e-3)), later) - plain
+    assert np.allclose(drift, 1e-3 * later.clock)
+
+
+def test_an_extra_mode_is_one_more_prony_term():
+    mixed = bonded()
+    shares = jnp.concatenate([0.9 * mixed.relaxation.c, jnp.array([0.1])])
+    prony = Prony(shares, jnp.array([6.2, 0.14, 40.0]))
+    assert np.allclose(
+        force(bonded(ExtraRelaxationMode(0.1, 40.0))), force(replace(mixed, relaxation=prony))
+    )
+
+
+def test_an_extra_mode_is_hastened_by_depth_too():
+    """In a hold at one depth its rate is v e^{alpha d}."""
+    step = motion([0.0, 0.1, 0.5], [1.0, 1.0, 1.0])
+    mode, haste = ExtraRelaxationMode(1.0, 3.0), StrainDependentRate(0.8)
+    found = force(bonded(haste, mode), step)
+    assert np.allclose(found / found[0], np.exp(-3.0 * np.exp(0.8) * np.array([0.0, 0.1, 0.5])))
+
+
+def test_strain_dependent_strength_leaves_the_elastic_force_at_depth():
+    found = force(bonded(StrainDependentStrength(50.0)))
+    elastic = np.asarray(bonded().elastic.force(PRESS.displacement))
+    deep = np.asarray(PRESS.displacement) > 1.0
+    assert np.allclose(found[deep], elastic[deep])
+
+
+def test_softening_and_set_act_below_the_largest_depth():
+    plain, softened = force(bonded()), force(bonded(StressSoftening(0.4)))
+    assert np.array_equal(softened[: HELD + 1], plain[: HELD + 1])
+    half = HELD + 100
+    expected = 1.0 - 0.4 * (1.0 - PRESS.displacement[half] / 1.6)
+    assert np.isclose(softened[half] / plain[half], expected)
+
+
+def test_a_set_pad_is_left_before_zero_depth_and_moves_slower_while_it_sets():
+    share = 0.1
+    extra = force(bonded(PermanentSet(share), ViscousDrag(0.01))) - force(
+        bonded(PermanentSet(share))
+    )
+    assert np.allclose(extra[1:200], 0.01 * 20.0 * (1.0 - share))
+    back = slice(HELD + 1, None)
+    depth = np.asarray(PRESS.displacement[back])
+    assert np.allclose(extra[back][depth > 0.1601], -0.2)
+    assert np.allclose(extra[back][depth < 0.1599], 0.0)
+
+
+def test_friction_holds_and_turns_round_on_the_way_back():
+    extra = force(bonded(Friction(0.1, 0.05))) - force(bonded())
+    assert np.isclose(extra[199], 0.1 * -np.expm1(-1.6 / 0.05))
+    assert np.isclose(extra[HELD], extra[199])
+    way = 1.6 - float(PRESS.displacement[HELD + 20])
+    expected = -0.1 + (extra[HELD] + 0.1) * np.exp(-way / 0.05)
+    assert np.isclose(extra[HELD + 20], expected)
+
+
+def test_friction_does_not_depend_on_speed():
+    slow, fast = (
+        force(bonded(Friction(0.1, 0.05)), p) - force(bonded(), p)
+        for p in (press_and_return(1.0), press_and_return(100.0))
+    )
+    assert np.allclose(slow, fast, atol=1e-12)
+
+
+def test_a_lag_takes_the_force_of_an_earlier_time():
+    dense = press_and_return(points=400)
+    lagged = force(bonded(ChannelLag(0.01)), dense)
+    plain = force(bonded(), dense)
+    earlier = np.interp(np.asarray(dense.time) - 0.01, dense.time, plain, left=plain[0])
+    assert np.max(np.abs(lagged - earlier)[:-1]) < 1e-4 * plain.max()
+    # a whole number of grid steps: exactly
+    step = float(dense.time[10])
+    assert np.allclose(force(bonded(ChannelLag(step)), dense)[10:400], plain[:390], atol=1e-12)
+
+
+def test_a_lag_shifts_everything_below_it():
+    extras = Inertia(1e-3), ViscousDrag(0.01), PermanentSet(0.05), Friction(0.1, 0.05)
+    step = float(PRESS.time[10])
+    plain, lagged = force(bonded(*extras)), force(bonded(*extras, ChannelLag(step)))
+    assert np.allclose(lagged[10:200], plain[:190], atol=1e-12)
+
+
+def test_the_lags_slope_at_zero_is_minus_the_forces_rate():
+    def delayed(delay):
+        return bonded(ChannelLag(delay)).force(PRESS)
+
+    small = 1e-7
+    difference = (delayed(small) - delayed(0.0)) / small
+    slope = jax.jvp(delayed, (0.0,), (1.0,))[1]
+    scale = float(jnp.max(jnp.abs(difference)))
+    assert np.max(np.abs(slope - difference)[1:]) < 1e-4 * scale
+
+
+def test_inertia_shows_only_where_the_platen_speeds_up():
+    path = motion([0.0, 0.1, 0.2], [0.0, 0.1, 0.2], 1.0, [1000.0, 0.0, 0.0])
+    assert np.allclose(force(bonded(Inertia(1e-4)), path) - force(bonded(), path), [0.1, 0.0, 0.0])
+
+
+def test_a_soft_frame_gives_way_by_its_share():
+    compliance = 0.05
+    found = force(loose(FrameCompliance(compliance)))
+    shortened = replace(PRESS, displacement=PRESS.displacement - compliance * found)
+    assert np.max(np.abs(force(loose(), shortened) - found)) < 1e-5 * found.max()
+
+
+def test_adhesion_pulls_no_harder_than_its_strength():
+    found = force(loose(Adhesion(0.05)))
+    assert np.isclose(found.min(), -0.05, rtol=0.01)
+    assert np.array_equal(np.maximum(found, 0.0), force(loose()))
+
+
+@EVERY
+def test_slopes_are_those_of_differences(kind):
+    """Along every constant, in all tests, at a draw of the prior."""
+    reference = conformance._reference(1.6, 0.0)
+    trial = conformance._Trial(kind.default(reference.scales), reference)
+    at, slopes = trial.draws[1], trial.found[1][1]
+    for k, slope in enumerate(slopes):
+        step = 1e-6 * abs(at[k]) * np.eye(at.size)[k]
+        difference = (trial.both(at + step)[0] - trial.both(at - step)[0]) / (2.0 * step[k])
+        wrong = np.abs(difference - slope) > 1e-4 * np.max(np.abs(slope))
+        assert np.mean(wrong) < 0.02  # a kink, as where contact is lost, may lie between
+
+
+# which protocols show them
+
+
+def test_what_a_protocol_cannot_show():
+    full = Protocol(unloads=True, returns=True, tests=6, bonded=False, curved=True)
+    assert [kind.name for kind in EFFECTS if kind.blind(full)] == []
+    poor = Protocol(unloads=False, returns=False, tests=1, bonded=True, curved=False)
+    blind = {kind.name for kind in EFFECTS if kind.blind(poor)}
+    assert blind == {"stress_softening", "permanent_set", "adhesion", "inertia"}
+    assert Inertia.blind(poor) == "no acceleration is resolved"
+    assert StressSoftening.blind(poor) == "no test unloads"
+
+
+# files of users
+
+SOURCE = '''
+from typing import Any, ClassVar
+from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.effects.friction import Friction
+
+class Spring(AbstractEffect):
+    """F = F_below + k d."""
+
+    k: Any
+    name: ClassVar[str] = "spring"
+    level: ClassVar[Level] = Level.ADDING
+    rank: ClassVar[int] = 50
+    units: ClassVar[dict[str, str]] = {"k": "stiffness"}
+    null: ClassVar[dict[str, float]] = {"k": 0.0}
+    law: ClassVar[str] = "F += k delta"
+    seen: ClassVar[str] = "a stiffness that never relaxes"
+    reference: ClassVar[str] = "Hooke 1678"
+
+    @classmethod
+    def default(cls, scales):
+        return cls(scales.positive(scales.depth))
+
+    def force(self, below, motion):
+        return below.force(motion) + self.k * motion.displacement
+'''
+
+
+def written(folder, text, name="mine.py"):
+    path = folder / name
+    path.write_text(text)
+    return path
+
+
+def test_a_file_gives_the_effects_that_it_defines(tmp_path):
+    (spring,) = load(written(tmp_path, SOURCE))
+    assert spring.name == "spring"
+    check_effect(spring)
+    assert find("spring", (*EFFECTS, spring)) is spring
+    assert names() == tuple(kind.name for kind in EFFECTS)
+    extra = force(bonded(spring(0.1))) - force(bonded())
+    assert np.allclose(extra, 0.1 * PRESS.displacement)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("import qlvbayes\n", r"mine\.py: defines no effect; write a class"),
+        ("x = 1\n\ny = x / 0\n", r"mine\.py, line 3: ZeroDivisionError: division by zero; run"),
+        ("x = 1\ndef (:\n", r"mine\.py, line 2: SyntaxError"),
+        ("import json\njson.loads('{')\n", r"mine\.py, line 2: JSONDecodeError"),
+        (SOURCE.replace('"spring"', '"friction"'), r"line 6: an effect called friction comes with"),
+        (SOURCE + SOURCE.replace("Spring", "Coil"), r"line 30: an effect called spring stands in"),
+        (SOURCE.replace("def force", "def strength"), r"line 6: the effect Spring lacks force;"),
+        (SOURCE.replace("units:", "unit:"), r"line 6: the effect Spring lacks units;"),
+    ],
+)
+def test_a_file_that_cannot_be_used_says_where(tmp_path, text, message):
+    with pytest.raises(InputError, match=message):
+        load(written(tmp_path, text))
+
+
+def test_a_file_that_is_not_there(tmp_path):
+    with pytest.raises(InputError, match=r"absent\.py: no such Python file"):
+        load(tmp_path / "absent.py")
+    with pytest.raises(InputError, match="no such Python file"):
+        load(written(tmp_path, SOURCE, "mine.txt"))
+
+
+def test_amplitudes_are_scaled_alike():
+    scales = conformance._reference(1.6, 0.0).scales
+    assert isinstance(ViscousDrag.default(scales).eta, HalfNormal)
+    sd = float(ViscousDrag.default(scales).eta.sd)
+    assert np.isclose(sd * scales.speed, 0.05 * scales.force)

@@ -1,0 +1,117 @@
+"""Each effect's force against a simulator that solves its differential equations."""
+
+from dataclasses import fields, replace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from qlvbayes.effects.catalogue import EFFECTS, find, names
+from qlvbayes.motion import Motion
+from qlvbayes.synthetic import (
+    HIDDEN,
+    TABLE_1,
+    HiddenPad,
+    Platen,
+    draw_effect,
+    full_retraction_protocol,
+    paper_protocol,
+)
+
+CLOSE = 1e-4  # of the peak force
+SIZE = 0.06  # of the peak force, the effect's largest contribution
+START = 500.0  # s, the clock as the test begins
+PROTOCOLS = {"paper": paper_protocol, "retraction": full_retraction_protocol}
+SIMULATED = [name for name in names() if name in HIDDEN]
+POINTS = 2560  # one size of grid, one compilation of each part
+SETS = [
+    ("viscous_drag", "friction", "force_offset"),
+    ("extra_relaxation_mode", "strain_dependent_rate", "strain_dependent_strength"),
+    ("stress_softening", "fluid_leak", "contact_offset", "force_drift"),
+    ("permanent_set", "contact_offset", "squeeze_film", "channel_lag"),
+    ("fluid_pressure", "power_law_drag", "inertia", "channel_lag"),
+    ("adhesion", "friction", "fluid_pressure", "stress_softening"),
+    ("extra_relaxation_mode", "fluid_pressure", "friction", "inertia", "channel_lag"),
+    ("frame_compliance", "strain_dependent_rate", "contact_offset", "stress_softening"),
+    # drags through a frame that gives way differ where contact begins: its speed is neglected
+    tuple(name for name in SIMULATED if name != "frame_compliance"),
+]
+
+
+def grid_of(platen):
+    """Times dense where the platen speeds up and after each of its kinks."""
+    even, early = np.linspace(0.0, 1.0, 151), np.linspace(0.0, 1.0, 161) ** 4
+    parts = [
+        p.start + p.duration * (even if p.acceleration or p.velocity else early)
+        for p in platen.pieces
+    ]
+    time = np.unique(np.concatenate([*parts, platen.kinks]))
+    assert time.size <= POINTS
+    time = np.clip(time, 0.0, platen.duration)
+    return time[np.append(True, np.diff(time) > 1e-9)]
+
+
+def motion_of(platen, time):
+    full = np.pad(time, (0, POINTS - time.size), mode="edge")
+    along = (platen.displacement(full), platen.velocity(full), platen.acceleration(full))
+    return Motion(*map(jnp.asarray, (full, *along)), start=platen.start_s)
+
+
+def drawn(name, seed, protocol=None):
+    rng = np.random.default_rng([seed, list(HIDDEN).index(name)])
+    return draw_effect(name, rng, 1.4, 1.6, 20.0, SIZE, TABLE_1["B"], protocol)
+
+
+def as_model(effect):
+    kind = find(effect.name)
+    return kind(**{field.name: getattr(effect, field.name) for field in fields(kind)})
+
+
+def disagreement(model, effects, platen):
+    """Largest difference of the forces over the peak, kinks apart where the force jumps."""
+    time = grid_of(platen)
+    for effect in effects:
+        model = model + as_model(effect)
+    found = np.asarray(model.force(motion_of(platen, time)))[: time.size]
+    true = HiddenPad(TABLE_1["B"], tuple(effects)).force(platen, time)
+    return np.abs(found - true) / np.max(np.abs(true)), time
+
+
+def test_every_effect_has_its_counterpart():
+    assert set(names()) == set(HIDDEN)
+    for kind in EFFECTS:
+        parameters = {field.name for field in fields(HIDDEN[kind.name])}
+        assert parameters == {field.name for field in fields(kind)}
+
+
+@pytest.mark.parametrize("speed", [1.0, 20.0])
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+@pytest.mark.parametrize("name", SIMULATED)
+def test_the_force_is_the_simulators(paper_model, name, protocol, speed):
+    effect = drawn(name, int(speed))
+    platen = Platen(PROTOCOLS[protocol](speed), start_s=START)
+    error, _ = disagreement(paper_model("B"), [effect], platen)
+    assert error.max() < CLOSE
+
+
+@pytest.mark.parametrize(
+    "together", SETS, ids=lambda names: "+".join(names) if len(names) < 9 else "all"
+)
+def test_effects_nest_as_in_the_simulator(paper_model, together):
+    effects = [drawn(name, 7) for name in together]
+    platen = Platen(full_retraction_protocol(20.0), start_s=START)
+    error, _ = disagreement(paper_model("B"), effects, platen)
+    assert error.max() < CLOSE
+
+
+def test_the_order_of_nesting_matters_and_is_the_models(paper_model):
+    """An offset seen through a lag is not changed; a drag seen through a set pad is."""
+    effects = [drawn(name, 3) for name in ("permanent_set", "viscous_drag", "channel_lag")]
+    platen = Platen(paper_protocol(20.0))
+    error, _ = disagreement(paper_model("B"), effects, platen)
+    assert error.max() < CLOSE
+    swapped = replace(paper_model("B"), effects=tuple(map(as_model, reversed(effects))))
+    time = grid_of(platen)
+    wrong = np.asarray(swapped.force(motion_of(platen, time)))[: time.size]
+    true = HiddenPad(TABLE_1["B"], tuple(effects)).force(platen, time)
+    assert np.max(np.abs(wrong - true)) > CLOSE * np.max(np.abs(true))

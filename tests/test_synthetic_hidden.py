@@ -1,0 +1,440 @@
+"""Hidden effects: limits, refinement, physics, sizes, and the command that hides them."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+from typer.testing import CliRunner
+
+from qlvbayes.checks import InputError
+from qlvbayes.cli.main import app
+from qlvbayes.synthetic import (
+    FORMS,
+    HIDDEN,
+    NOISES,
+    OUTSIDE,
+    PAPER_RATES,
+    TABLE_1,
+    Constants,
+    HiddenPad,
+    Hold,
+    Move,
+    Pad,
+    Platen,
+    draw_constants,
+    draw_effect,
+    full_retraction_protocol,
+    paper_protocol,
+    record_study,
+)
+
+EVERY = {**HIDDEN, **FORMS, **OUTSIDE}
+B = TABLE_1["B"]
+PARAMETERS = {
+    "extra_relaxation_mode": {"c": 0.1, "v": 50.0},
+    "strain_dependent_rate": {"alpha": 0.5},
+    "strain_dependent_strength": {"beta": 0.1},
+    "stress_softening": {"s": 0.3},
+    "fluid_leak": {"rate": 1e-3},
+    "viscous_drag": {"eta": 0.003},
+    "power_law_drag": {"k": 0.02, "n": 0.5},
+    "squeeze_film": {"eta": 0.001, "h": 2.5},
+    "fluid_pressure": {"k": 0.1, "tau": 0.5, "a": 0.5},
+    "friction": {"strength": 0.08, "reach": 0.05},
+    "permanent_set": {"share": 0.05},
+    "contact_offset": {"gap": 0.05},
+    "adhesion": {"strength": 0.08},
+    "frame_compliance": {"compliance": 0.05},
+    "inertia": {"mass": 8e-5},
+    "force_offset": {"offset": -0.05},
+    "force_drift": {"rate": 1e-4},
+    "channel_lag": {"delay": 0.002},
+    "stretched_relaxation": {"c": 0.1, "time": 0.5, "exponent": 0.5},
+    "linear_rate": {"alpha": 0.5},
+    "exponential_softening": {"s": 0.3, "k": 3.0},
+    "saturating_leak": {"share": 0.1, "time": 100.0},
+    "growing_drag": {"eta": 0.002, "depth": 0.8},
+    "steep_squeeze_film": {"eta": 0.002, "h": 2.5},
+    "quadratic_pressure": {"k": 0.1, "drain": 20.0},
+    "coulomb_friction": {"mu": 0.1, "reach": 0.05},
+    "toe": {"depth": 0.05},
+    "bending_frame": {"compliance": 0.05, "force": 1.0},
+    "saturating_drift": {"offset": 0.1, "time": 100.0},
+    "channel_low_pass": {"time": 0.003},
+    "second_contact": {"stiffness": 0.3, "depth": 1.2},
+    "slip": {"share": 0.1, "seed": 3},
+    "temperature_swing": {"share": 0.05, "period": 100.0, "phase": 1.0},
+    "ringing": {"amplitude": 0.05, "frequency": 10.0, "decay": 0.3},
+    "rezeroed": {"sd": 0.05, "seed": 2},
+    "slow_creep_jump": {"offset": 0.1, "begin": 100.0, "time": 30.0},
+    "sensor_nonlinearity": {"amplitude": 0.05, "period": 1.0},
+    "amplifier_clipping": {"level": 0.9},
+}
+# The parameter whose null leaves nothing of the effect, where that is not its first.
+NULL_AT = {"amplifier_clipping": 1e9}
+
+
+def effect(name, **changes):
+    return EVERY[name](**{**PARAMETERS[name], **changes})
+
+
+def paired(protocol, rate=20.0, start_s=300.0):
+    platen = Platen(protocol(rate), start_s=start_s)
+    around = platen.kinks[:, None] + [0.0, 1e-3, 1e-2, 0.1]
+    times = np.append(around.ravel(), np.linspace(0.0, platen.duration, 200))
+    return platen, np.unique(times[times <= platen.duration])
+
+
+def force_of(*effects, platen, times, constants=B, **options):
+    return HiddenPad(constants, effects, **options).force(platen, times)
+
+
+@pytest.mark.parametrize("bonded", [False, True])
+@pytest.mark.parametrize("protocol", [paper_protocol, full_retraction_protocol])
+def test_without_effects_it_is_the_pad(protocol, bonded):
+    rng = np.random.default_rng(3)
+    for constants in (B, draw_constants(rng), Constants(0.5, 0.6, (1.0,))):
+        for rate in (0.1, 20.0, 100.0):
+            platen, times = paired(protocol, rate)
+            expected = Pad(constants, bonded).force(platen, times)
+            force = force_of(platen=platen, times=times, constants=constants, bonded=bonded)
+            assert np.abs(force - expected).max() < 1e-8 * expected.max()
+
+
+def test_without_effects_it_is_the_pad_also_on_the_far_side_of_zero():
+    platen, times = paired(lambda rate: (Move(1.0, rate), Move(-0.5, rate), Hold(2.0)))
+    force = force_of(platen=platen, times=times, bonded=True)
+    assert np.abs(force - Pad(B, bonded=True).force(platen, times)).max() < 1e-8
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_each_effect_vanishes_at_its_null(name):
+    null = effect(name, **{next(iter(PARAMETERS[name])): NULL_AT.get(name, 0.0)})
+    platen, times = paired(full_retraction_protocol)
+    expected = force_of(platen=platen, times=times)
+    assert np.abs(force_of(null, platen=platen, times=times) - expected).max() < 1e-8
+    assert np.abs(force_of(effect(name), platen=platen, times=times) - expected).max() > 5e-3
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_finer_cells_change_nothing(name):
+    for protocol, rate in ((paper_protocol, 0.1), (full_retraction_protocol, 30.0)):
+        platen, times = paired(protocol, rate)
+        force = force_of(effect(name), platen=platen, times=times)
+        finer = force_of(effect(name), platen=platen, times=times, cells=1800)
+        assert np.abs(force - finer).max() < 1e-7 * finer.max()
+
+
+PAIRS = [
+    ("frame_compliance", "fluid_pressure", "stress_softening"),
+    ("frame_compliance", "squeeze_film", "contact_offset"),
+    ("frame_compliance", "friction", "permanent_set"),
+    ("strain_dependent_rate", "extra_relaxation_mode", "strain_dependent_strength"),
+    ("permanent_set", "contact_offset", "viscous_drag"),
+    ("adhesion", "friction", "channel_lag"),
+]
+
+
+@pytest.mark.parametrize("names", PAIRS)
+def test_finer_cells_change_nothing_of_several_effects(names):
+    platen, times = paired(full_retraction_protocol)
+    effects = [effect(name) for name in names]
+    force = force_of(*effects, platen=platen, times=times)
+    finer = force_of(*effects, platen=platen, times=times, cells=1800)
+    assert np.abs(force - finer).max() < 1e-6 * finer.max()
+    back = force_of(*effects[::-1], platen=platen, times=times)
+    assert np.array_equal(force, back)
+
+
+def integrated(platen, times, slope, states):
+    """Solve y' = slope(d, velocity, y) from 0 with the platen's d, piece by piece."""
+    values, state = np.zeros((states, times.size)), np.zeros(states)
+    for piece in platen.pieces:
+        end = piece.start + piece.duration
+        inside = (times >= piece.start) & (times < end)
+
+        def local(t, y, p=piece):
+            tau = t - p.start
+            speed = p.velocity + p.acceleration * tau
+            return slope(p.displacement + tau * 0.5 * (p.velocity + speed), speed, y)
+
+        solution = solve_ivp(
+            local, (piece.start, end), state, "LSODA", np.append(times[inside], end),
+            rtol=1e-10, atol=1e-12,
+        )  # fmt: skip
+        values[:, inside], state = solution.y[:, :-1], solution.y[:, -1]
+        values[:, times >= end] = state[:, None]
+    return values
+
+
+def stiffness(d):
+    return B.m * np.exp(B.b * d)
+
+
+def elastic(d):
+    return B.m / B.b * np.expm1(B.b * d)
+
+
+REFERENCES = {
+    "strain_dependent_rate": (
+        lambda d, v, y: stiffness(d) * v - np.array(B.v) * np.exp(0.5 * d) * y,
+        lambda q: 0.0,
+    ),
+    "linear_rate": (
+        lambda d, v, y: stiffness(d) * v - np.array(B.v) * (1 + 0.5 * d) * y,
+        lambda q: 0.0,
+    ),
+    "fluid_pressure": (lambda d, v, y: 0.1 * v - y / 0.5 * np.exp(-0.5 * d), lambda p: p[2]),
+    "quadratic_pressure": (lambda d, v, y: 0.1 * v - 20 * y * np.abs(y), lambda p: p[2]),
+    "friction": (lambda d, v, y: v / 0.05 * (1 - y * np.sign(v)), lambda z: 0.08 * z[2]),
+}
+
+
+@pytest.mark.parametrize("name", REFERENCES)
+def test_states_agree_with_a_general_solver(name):
+    law, added = REFERENCES[name]
+    changes_modes = name.endswith("rate")
+
+    def slope(d, v, y):
+        plain = stiffness(d) * v - np.array(B.v) * y[:2]
+        return law(d, v, y) if changes_modes else np.append(plain, law(d, v, y[2]))
+
+    for protocol in (paper_protocol, full_retraction_protocol):
+        platen, times = paired(protocol, 30.0)
+        y = integrated(platen, times, slope, 2 if changes_modes else 3)
+        expected = B.c[0] * elastic(platen.displacement(times)) + B.c[1:] @ y[:2] + added(y)
+        force = force_of(effect(name), platen=platen, times=times, bonded=True)
+        assert np.abs(force - expected).max() < 1e-7 * expected.max()
+
+
+def test_a_compliant_frame_agrees_with_a_general_solver():
+    """w' = v (F_e - w), with the depth found by root search at every step."""
+    c, v = np.array(B.c), np.array(B.v)
+
+    def depth(displacement, w):
+        def surplus(d):
+            return d - displacement + 0.05 * max(elastic(d) - c[1:] @ w, 0.0)
+
+        return brentq(surplus, displacement - 0.5, displacement + 1e-9, xtol=1e-14)
+
+    platen, times = paired(paper_protocol, 30.0)
+    w = integrated(platen, times, lambda d, _, w: v * (elastic(depth(d, w)) - w), 2)
+    pressed = [depth(d, x) for d, x in zip(platen.displacement(times), w.T, strict=True)]
+    expected = np.maximum(elastic(np.array(pressed)) - c[1:] @ w, 0.0)
+    force = force_of(effect("frame_compliance"), platen=platen, times=times)
+    assert np.abs(force - expected).max() < 1e-6 * expected.max()
+
+
+def added(name, platen, times, **options):
+    with_it = force_of(effect(name), platen=platen, times=times, **options)
+    return with_it - force_of(platen=platen, times=times, **options)
+
+
+def test_drags_follow_the_speed():
+    for rate in (1.0, 10.0):
+        platen = Platen((Move(1.6, rate), Hold(1.0)))
+        middle = np.array([platen.kinks[1:3].mean(), platen.duration])
+        assert added("viscous_drag", platen, middle) == pytest.approx([0.003 * rate, 0.0])
+        assert added("power_law_drag", platen, middle) == pytest.approx([0.02 * rate**0.5, 0.0])
+        film = 0.001 * rate / (1 - 0.8 / 2.5) ** 3
+        assert added("squeeze_film", platen, middle) == pytest.approx([film, 0.0])
+        assert added("growing_drag", platen, middle) == pytest.approx([0.004 * rate, 0.0])
+
+
+def test_friction_does_not_depend_on_the_rate_and_stays_in_the_hold():
+    platens = [Platen((Move(1.6, rate), Hold(5.0), Move(1.2, rate))) for rate in (0.1, 30.0)]
+    ends = [np.array([p.pieces[2].start, p.pieces[3].start, p.duration]) for p in platens]
+    slow, fast = (added("friction", p, t, bonded=True) for p, t in zip(platens, ends, strict=True))
+    assert slow == pytest.approx(fast, abs=1e-6)
+    assert fast == pytest.approx([0.08, 0.08, -0.08], rel=2e-3)
+
+
+def test_softening_spares_the_first_loading():
+    for name in ("stress_softening", "exponential_softening"):
+        platen = Platen((Move(0.8, 10.0), Move(0.4, 10.0), Move(1.6, 10.0)))
+        times = np.linspace(0.0, platen.duration, 400)
+        depth = platen.displacement(times)
+        below = depth < np.maximum.accumulate(depth) - 1e-9
+        change = added(name, platen, times, bonded=True)
+        assert np.abs(change[~below]).max() < 1e-9
+        assert np.abs(change[below]).max() > 5e-3
+
+
+def test_a_leak_and_a_drift_go_by_the_clock_of_the_study():
+    for name, later in (("fluid_leak", np.exp(-0.5)), ("saturating_leak", None)):
+        forces = []
+        for start in (0.0, 500.0):
+            platen, times = paired(paper_protocol, start_s=start)
+            forces.append(force_of(effect(name), platen=platen, times=times))
+        assert np.all(forces[1] <= forces[0])
+        if later is not None:
+            assert forces[1] == pytest.approx(later * forces[0])
+    platen, times = paired(paper_protocol, start_s=500.0)
+    assert added("force_drift", platen, times) == pytest.approx(1e-4 * (500.0 + times))
+
+
+def test_a_gap_delays_contact_and_a_preload_is_there_at_the_start():
+    platen, times = paired(paper_protocol)
+    free = force_of(effect("contact_offset"), platen=platen, times=times)
+    assert np.all(free[platen.displacement(times) <= 0.05] == 0.0)
+    pressed = force_of(effect("contact_offset", gap=-0.05), platen=platen, times=np.zeros(1))
+    assert pressed == pytest.approx(B.c[0] * elastic(0.05))
+
+
+def test_a_set_pad_is_left_early():
+    platen = Platen(full_retraction_protocol(20.0))
+    times = np.linspace(platen.pieces[4].start, platen.pieces[7].start, 400)
+    force = force_of(effect("permanent_set", share=0.2), platen=platen, times=times, bonded=True)
+    plain = force_of(platen=platen, times=times, bonded=True)
+    assert force[0] < plain[0]
+    drag = effect("viscous_drag"), effect("permanent_set", share=0.2)
+    change = force_of(*drag, platen=platen, times=times, bonded=True) - force
+    lost = platen.displacement(times) < 0.32 - 1e-9
+    assert np.all(change[lost] == 0.0)
+    loading = np.array([platen.kinks[1:3].mean()])
+    moving = force_of(*drag, platen=platen, times=loading)
+    assert moving - force_of(drag[1], platen=platen, times=loading) == pytest.approx(
+        0.8 * 0.003 * 20.0
+    )
+
+
+def test_adhesion_pulls_with_its_strength_at_most():
+    platen = Platen((Move(1.6, 20.0), Hold(10.0), Move(0.0, 20.0)))
+    times = np.linspace(platen.pieces[4].start, platen.duration, 5000)
+    for strength in (0.02, 0.1):
+        force = force_of(effect("adhesion", strength=strength), platen=platen, times=times)
+        assert force.min() == pytest.approx(-strength, rel=1e-3)
+
+
+def test_a_yielding_frame_satisfies_its_equation():
+    """Without relaxation the law is algebraic."""
+    constants = Constants(0.5, 0.6, (1.0,))
+    platen, times = paired(full_retraction_protocol)
+    force = force_of(effect("frame_compliance"), platen=platen, times=times, constants=constants)
+    depth = platen.displacement(times) - 0.05 * force
+    assert force == pytest.approx(0.5 / 0.6 * np.expm1(0.6 * depth), abs=1e-9)
+
+
+def test_inertia_and_lag():
+    platen, times = paired(paper_protocol)
+    expected = 8e-5 * platen.acceleration(times)
+    assert added("inertia", platen, times) == pytest.approx(expected, abs=1e-12)
+    late = force_of(effect("channel_lag"), platen=platen, times=times)
+    before = force_of(platen=platen, times=np.maximum(times - 0.002, 0.0))
+    assert late == pytest.approx(before, abs=1e-9)
+
+
+def test_a_stretched_exponential_is_one():
+    shares, rates = effect("stretched_relaxation", c=1.0).modes(np.ones(1), np.zeros(0))
+    t = np.geomspace(0.003, 30.0, 50)
+    sum_of_modes = np.exp(-np.outer(t, rates)) @ shares[1:]
+    assert sum_of_modes == pytest.approx(np.exp(-np.sqrt(t / 0.5)), abs=0.01)
+
+
+def test_slips_and_zeros_differ_from_test_to_test_but_repeat():
+    for name in ("slip", "rezeroed"):
+        changes = []
+        for start in (0.0, 180.0, 180.0):
+            platen, times = paired(paper_protocol, start_s=start)
+            changes.append(added(name, platen, times))
+        assert np.array_equal(changes[1], changes[2])
+        assert not np.array_equal(changes[0], changes[1])
+
+
+def study(protocol, pad):
+    programs = {f"{rate:g}": protocol(rate) for rate in PAPER_RATES}
+    return record_study({"P": pad}, programs, NOISES["none"], 0, 500)
+
+
+@pytest.fixture(scope="module")
+def bare():
+    """Forces of the bare pad in both protocols."""
+    protocols = paper_protocol, full_retraction_protocol
+    return {p: [test.record.true_force for test in study(p, HiddenPad(B))] for p in protocols}
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_drawn_effects_have_the_size_asked_for(name, bare):
+    on_return = name in ("stress_softening", "exponential_softening", "adhesion")
+    protocol = full_retraction_protocol if on_return else paper_protocol
+    peak = max(force.max() for force in bare[protocol])
+    size = 0.05
+    hidden = draw_effect(name, np.random.default_rng(7), peak, 1.6, 100.0, size, B)
+    tests = study(protocol, HiddenPad(B, (hidden,)))
+    found = [
+        np.abs(test.record.true_force - force).max()
+        for test, force in zip(tests, bare[protocol], strict=True)
+    ]
+    assert 0.5 * size < max(found) / peak < 2.0 * size
+
+
+def test_a_drawn_mode_keeps_away_from_the_pads_own():
+    rng = np.random.default_rng(5)
+    for _ in range(5):
+        v = draw_effect("extra_relaxation_mode", rng, 1.5, 1.6, 100.0, 0.05, B).v
+        assert all(max(v / own, own / v) >= 3.0 for own in B.v)
+
+
+def test_parameters_out_of_range_are_refused():
+    for name, changes in (
+        ("viscous_drag", {"eta": -1.0}),
+        ("power_law_drag", {"n": 0.0}),
+        ("power_law_drag", {"n": 1.5}),
+        ("friction", {"reach": 0.0}),
+        ("force_offset", {"offset": np.inf}),
+        ("fluid_pressure", {"tau": np.nan}),
+    ):
+        with pytest.raises(InputError, match=name):
+            effect(name, **changes)
+    with pytest.raises(InputError, match="viscous_drag"):
+        draw_effect("drag", np.random.default_rng(0), 1.0, 1.6, 100.0, 0.05)
+
+
+def simulate(*words):
+    result = CliRunner().invoke(app, ["simulate", "--pads", "B", "--rates", "20", *map(str, words)])
+    return result
+
+
+WORDS = ("--max-rows", "200", "--hide", "viscous_drag:eta=0.003", "--hide", "friction")
+
+
+def test_the_command_tells_what_it_hides_unless_there_is_an_answer(tmp_path):
+    data, secret, answer = tmp_path / "a.csv", tmp_path / "b.csv", tmp_path / "b.json"
+    assert simulate("-o", data, *WORDS).exit_code == 0
+    assert simulate("-o", secret, *WORDS, "--answer", answer).exit_code == 0
+    open_lines, secret_lines = data.read_text().splitlines(), secret.read_text().splitlines()
+    heading = [line for line in secret_lines if line.startswith("#")]
+    assert "# hidden: viscous_drag (eta = 0.003)" in open_lines
+    assert not any(word in " ".join(heading) for word in ("drag", "friction", "--hide", "m ="))
+    assert [x for x in open_lines if x[0] != "#"] == [x for x in secret_lines if x[0] != "#"]
+    told = json.loads(answer.read_text())
+    assert told["effects"][0] == {"effect": "viscous_drag", "parameters": {"eta": 0.003}}
+    assert told["effects"][1]["effect"] == "friction"
+    assert told["constants"]["B"]["m"] == B.m
+    assert told["seed"] == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--hide", "drag"], "viscous_drag"),
+        (["--hide", "viscous_drag:k=1"], "no parameter"),
+        (["--hide", "viscous_drag:eta=x"], "not a number"),
+        (["--hide", "friction:reach=1"], "lacks strength"),
+        (["--protocol", "creep"], "retraction"),
+    ],
+)
+def test_the_command_refuses(tmp_path, words, says):
+    result = simulate("-o", tmp_path / "x.csv", *words)
+    assert isinstance(result.exception, InputError)
+    assert says in str(result.exception)
+    assert not list(tmp_path.iterdir())
+
+
+def test_data_and_answer_need_two_files(tmp_path):
+    both = tmp_path / "x.csv"
+    result = simulate("-o", both, "--answer", both)
+    assert isinstance(result.exception, InputError)
+    assert not both.exists()
