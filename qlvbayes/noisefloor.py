@@ -22,6 +22,8 @@ _FEWEST_SAMPLES = 24
 _TREND_RATIOS = (2.0, 1.4)  # between neighbouring relaxation times of the trend
 _QUIET = 1e-3  # of the force range: below, the coarser trend would leave more than the noise
 _TAUS = 9
+_USUAL_TAU = 0.03  # of a rest: a longer memory looks like the trend, so that short rests
+_TAU_SD = 1.0  # need a weak prior, log-normal with this sd
 _DECISIVE = 6.0  # log-likelihood by which the second process must win
 _FLOOR = 1e-9  # of the force range, for data without noise
 
@@ -264,12 +266,13 @@ def _pooled(rests: list[_Rest], neutral: float) -> tuple[float, float, float, Re
     longest = 0.3 * float(np.median([np.ptp(r.time) for r in rests]))
     log_taus = np.log(np.geomspace(shortest, max(longest, 2.0 * shortest), _TAUS))
     log_ratios = np.arange(-4.0, 9.0, 2.0)
-    start = max(
-        ((r, t) for t in log_taus for r in log_ratios), key=lambda at: pool.likelihood(*at)[0]
-    )
+    usual = float(np.log(_USUAL_TAU * np.median([np.ptp(r.time) for r in rests])))
 
-    def loss(at: Array) -> float:
-        return -pool.likelihood(float(at[0]), float(at[1]))[0]
+    def loss(at: Sequence[float]) -> float:
+        found = pool.likelihood(float(at[0]), float(at[1]))[0]
+        return -found + 0.5 * ((float(at[1]) - usual) / _TAU_SD) ** 2
+
+    start = min(((r, t) for t in log_taus for r in log_ratios), key=loss)
 
     limits = Bounds(np.array([-8.0, log_taus[0]]), np.array([12.0, log_taus[-1]]))
     best = minimize(loss, np.array(start), method="L-BFGS-B", bounds=limits)

@@ -16,7 +16,7 @@ from qlvbayes.parameters import names
 from qlvbayes.posterior import Posterior
 from qlvbayes.records.batching import batch
 from qlvbayes.records.record import Record
-from qlvbayes.records.reduction import reduce_test
+from qlvbayes.records.reduction import clear_of_kinks, reduce_test
 
 DRAWS = 400
 _ROWS = 300  # samples looked at in a phase, at most; spread evenly in the logarithm of time
@@ -100,8 +100,12 @@ def _sample_by_sample(
 
 
 def thinned_record(experiment: Experiment, trial: Trial) -> tuple[np.ndarray, Record]:
-    """Which samples of a trial are looked at, and their record, each sample its own block."""
+    """Which samples of a trial are looked at, and their record, each sample its own block.
+
+    Samples too near a kink to tell on which side they lie are left out, as in the likelihood.
+    """
     rows = _rows(trial)
+    rows = rows[clear_of_kinks(trial.test.time, trial.trajectory, trial.phases)[rows]]
     return rows, _single_samples(experiment, trial, rows)
 
 

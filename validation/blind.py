@@ -16,7 +16,7 @@ from pathlib import Path
 from blind_page import blind_page
 from page import Origin
 
-from qlvbayes.benchmark.keeping import Kept, code_digest
+from qlvbayes.benchmark.keeping import Kept
 from qlvbayes.benchmark.plan import NOISES, Plan
 from qlvbayes.benchmark.report import Report
 from qlvbayes.benchmark.run import kept_file, run_studies
@@ -24,7 +24,6 @@ from qlvbayes.cli.benchmark import counting
 from qlvbayes.files import write_json, write_whole
 from qlvbayes.plots.benchmark import plot_benchmark
 from qlvbayes.plots.files import save_figure
-from qlvbayes.runtime import configure
 
 ROOT = Path(__file__).resolve().parents[1]
 MOST_WORKERS = 2
@@ -32,7 +31,6 @@ _LOOK_S = 5.0
 
 
 def main() -> None:
-    configure()
     options = _options()
     plan = Plan(options.seed, options.noise)
     file = options.kept or kept_file(ROOT / "build" / "validation", plan)
@@ -41,10 +39,9 @@ def main() -> None:
         run_studies(plan, Kept(file, plan.key, options.part), places)
         return
     origin = Origin.now(f".venv/bin/python {shlex.join([_name(), *sys.argv[1:]])}", ROOT)
-    digest = code_digest()
     if Kept(file, plan.key).missing(options.studies):
         _work(options, file, plan)
-    _write(Report.of(plan, Kept(file, plan.key).first(options.studies)), origin, digest, options)
+    _write(Report.of(plan, Kept(file, plan.key).first(options.studies)), origin, options)
 
 
 def _options() -> argparse.Namespace:
@@ -85,11 +82,11 @@ def _work(options: argparse.Namespace, file: Path, plan: Plan) -> None:
         sys.exit("a worker stopped; the same command goes on where it was")
 
 
-def _write(report: Report, origin: Origin, digest: str, options: argparse.Namespace) -> None:
+def _write(report: Report, origin: Origin, options: argparse.Namespace) -> None:
     pictures = options.output.parent / "pictures"
     pictures.mkdir(parents=True, exist_ok=True)
     picture = save_figure(plot_benchmark(report), pictures / options.output.stem)
-    text = blind_page(report, origin, digest, f"pictures/{picture.name}")
+    text = blind_page(report, origin, f"pictures/{picture.name}")
     write_whole(options.output, text.encode())
     write_json(options.output.with_suffix(".json"), report.as_dict())
     print(options.output)

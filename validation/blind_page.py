@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from textwrap import fill
 
 from levels import Level, levels
 from page import Origin
@@ -36,7 +37,7 @@ take, promise 2 ln(Bayes factor) > {seen:g}; the diagnosis plays no part in that
 | command | `{command}` |
 | date | {date} |
 | commit | {commit} |
-| code | {digest} |
+| digest of the code that ran the studies | {digest} |
 | machine | {machine} |
 | studies | {studies}, of which {visible} could be seen (nothing hidden: all count) |
 | time | {seconds} s for a diagnosis (median) |
@@ -55,11 +56,11 @@ _NOTES = """## How to read it
 """
 
 
-def blind_page(report: Report, origin: Origin, digest: str, picture: str) -> str:
+def blind_page(report: Report, origin: Origin, picture: str) -> str:
     """Markdown."""
     rows = levels(report)
     parts = [
-        _head(report, rows, origin, digest),
+        _wrapped(_head(report, rows, origin)),
         _levels_table(rows),
         f"![confusion matrix, reliability, errors on left-out tests]({picture})\n",
         _rates_table(report),
@@ -70,7 +71,7 @@ def blind_page(report: Report, origin: Origin, digest: str, picture: str) -> str
     return "\n".join(parts)
 
 
-def _head(report: Report, rows: Sequence[Level], origin: Origin, digest: str) -> str:
+def _head(report: Report, rows: Sequence[Level], origin: Origin) -> str:
     words = {"none": "nothing", "single": "one effect of the list", "double": "two of the list"}
     words |= {"form": "another form of one", "outside": "something outside the list"}
     return _HEAD.format(
@@ -79,10 +80,20 @@ def _head(report: Report, rows: Sequence[Level], origin: Origin, digest: str) ->
         f"list {_range(SIZES['outside'])})",
         retractions=RETRACTIONS, rows=ROWS, noise=report.plan.noise, factor=NOISE_FACTOR,
         time=NOISE_TIME, seen=SEEN, verdict=_verdict(rows), command=origin.command,
-        date=origin.date, commit=origin.commit, digest=digest, machine=origin.machine,
+        date=origin.date, commit=origin.commit, digest=_codes(report), machine=origin.machine,
         studies=len(report.cases), visible=sum(case["seen"] for case in report.cases),
         seconds="-" if report.seconds is None else f"{report.seconds:.1f}",
     )  # fmt: skip
+
+
+def _codes(report: Report) -> str:
+    return ", ".join(sorted({case["code"] for case in report.cases}))
+
+
+def _wrapped(text: str) -> str:
+    """Paragraphs in lines of at most 100; tables and headings as they are."""
+    blocks = text.split("\n\n")
+    return "\n\n".join(b if b.startswith(("#", "|")) else fill(b, 100) for b in blocks)
 
 
 def _range(bounds: tuple[float, float]) -> str:

@@ -30,7 +30,7 @@ class Rate:
 
     @property
     def error(self) -> float | None:
-        """Binomial standard error sqrt(p (1 - p)/n), p = (hits + 1)/(n + 2): 0 hits are not sure."""
+        """Binomial standard error sqrt(p (1 - p)/n), p = (hits + 1)/(n + 2), never 0."""
         share = (self.hits + 1.0) / (self.n + 2.0)
         return sqrt(share * (1.0 - share) / self.n) if self.n else None
 

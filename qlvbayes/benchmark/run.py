@@ -20,9 +20,13 @@ def kept_file(folder: Path, plan: Plan) -> Path:
 def run_studies(
     plan: Plan, kept: Kept, indices: Iterable[int], tell: Tell = lambda done, total: None
 ) -> None:
-    """Run the studies at some places, one after the other; ``tell`` hears how many are done."""
+    """Run the studies at some places, one after the other; ``tell`` hears how many are done.
+
+    Each keeps the digest of the code that it was run by.
+    """
+    digest = code_digest()
     missing = [index for index in indices if index not in kept.cases]
     tell(0, len(missing))
     for done, index in enumerate(missing, start=1):
-        kept.add(run_case(plan, index))
+        kept.add(run_case(plan, index) | {"code": digest})
         tell(done, len(missing))

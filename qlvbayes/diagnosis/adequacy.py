@@ -8,8 +8,9 @@ tried, and the generalised least-squares statistic
           V = B^T \Sigma^{-1} B - B^T \Sigma^{-1} J A^{-1} J^T \Sigma^{-1} B
 
 has an F distribution with q and nu degrees of freedom, nu those of the floor's own estimate. The
-noise is the fit's only as far as the rests alone, without any model, allow it (95 % by their
-restricted likelihood): it cannot swallow structure by swelling.
+noise is the fit's only as far as the rests alone, without any model, allow it (99.9 % by their
+restricted likelihood) and with no memory longer than a twentieth of a rest, which they could not
+tell from a trend: it cannot swallow structure by swelling.
 """
 
 from __future__ import annotations
@@ -31,8 +32,9 @@ from qlvbayes.noise import Correlated
 from qlvbayes.noisefloor import NoiseFloor
 
 _ORDERS = 4
-_ALLOWED = 0.5 * float(chi2.ppf(0.95, 3))  # log-likelihood of the rests that noise may lose
+_ALLOWED = 0.5 * float(chi2.ppf(0.999, 3))  # log-likelihood of the rests that noise may lose
 _TRIES = 21
+_MEMORY = 0.05  # longest correlation time over a rest
 _LEAST = 1e-12
 _FEWEST = 3  # blocks a curve, at least
 
@@ -68,7 +70,7 @@ def adequacy(experiment: Experiment, ensemble: Ensemble, point: Point) -> Adequa
     predicted, slopes = predict_along(ensemble, point.constants, own)
     residual = np.asarray(record.blocks.force) - predicted
     cells, curves = _curves(experiment.trials, record.blocks)
-    noise = allowed_noise(ensemble, point, experiment.floor)
+    noise = allowed_noise(ensemble, point, experiment)
     r, J, B = (_whitened(noise, record, vectors) for vectors in (residual[None], slopes, curves))
     left = B - (B @ J.T) @ np.linalg.solve(_information(J, point), J)
     score, spread = left @ r[0], left @ B.T
@@ -84,14 +86,16 @@ def adequacy(experiment: Experiment, ensemble: Ensemble, point: Point) -> Adequa
     )
 
 
-def allowed_noise(ensemble: Ensemble, point: Point, floor: NoiseFloor) -> Correlated:
+def allowed_noise(ensemble: Ensemble, point: Point, experiment: Experiment) -> Correlated:
     """The fitted noise, drawn towards the floor until the rests allow it."""
+    floor = experiment.floor
     count = len(ensemble.posterior.noise.units)
     fitted = point.constants[-count:]
     measured = np.array([floor.white, floor.ou, floor.tau])
     if count == 1:  # white noise was asked for
         fitted = np.array([fitted[0], 0.0, floor.tau])
         measured[:2] = floor.total, 0.0
+    fitted[2] = min(fitted[2], max(floor.tau, _MEMORY * float(np.median(resting(experiment)))))
     measured, fitted = np.maximum(measured, _LEAST), np.maximum(fitted, _LEAST)
     for share in np.linspace(0.0, 1.0, _TRIES):
         tried = fitted ** (1.0 - share) * measured**share
@@ -100,17 +104,22 @@ def allowed_noise(ensemble: Ensemble, point: Point, floor: NoiseFloor) -> Correl
     return Correlated(*(jnp.asarray(x) for x in tried))
 
 
-def floor_freedom(experiment: Experiment) -> float:
-    """Degrees of freedom of the floor: independent stretches of the correlated part at rest."""
-    floor = experiment.floor
-    resting = [
+def resting(experiment: Experiment) -> list[float]:
+    """Lengths (s) of all holds and recoveries; 0 alone where there is none."""
+    found = [
         phase.stop - phase.start
         for trial in experiment.trials
         for phase in trial.phases
         if phase.kind in ("hold", "recovery")
     ]
+    return found or [0.0]
+
+
+def floor_freedom(experiment: Experiment) -> float:
+    """Degrees of freedom of the floor: independent stretches of the correlated part at rest."""
+    floor = experiment.floor
     if floor.ou > 0.0:
-        return max(0.5 * sum(resting) / floor.tau, 5.0)
+        return max(0.5 * sum(resting(experiment)) / floor.tau, 5.0)
     return float(max(sum(t.test.time.size for t in experiment.trials) / 2, 5))
 
 

@@ -56,7 +56,9 @@ def laplace_check(
     logs = log_densities(ensemble, point, thetas) - around.logpdf(places)
     total = float(logsumexp(logs))
     effective = float(np.exp(2.0 * total - logsumexp(2.0 * logs)))
-    return LaplaceCheck(total - math.log(draws), math.sqrt(1/effective-1/draws), effective, ())
+    return LaplaceCheck(
+        total - math.log(draws), math.sqrt(1 / effective - 1 / draws), effective, ()
+    )
 
 
 def log_densities(ensemble: Ensemble, point: Point, thetas: np.ndarray) -> np.ndarray:

@@ -16,6 +16,7 @@ from qlvbayes.inference.subset import Ensemble
 
 _BASE_STARTS = 5
 _FIRST_STEPS = 10
+_NO_WORSE = 1.02  # held-out errors may rise by chance, not by a swelling noise model
 
 Tell = Callable[[str], None]
 
@@ -99,7 +100,8 @@ def _confirmed(ensemble: Ensemble, samples: Samples, path: Path, settings: Setti
             return None
         effects = (*present.effects, contender.effect)
         step = _step(ensemble, samples, effects, contender.point)
-        if step.heldout.score > present.heldout.score:
+        better = step.heldout.score > present.heldout.score
+        if better and step.heldout.rmse < _NO_WORSE * present.heldout.rmse:
             return step
         path.refused.append((contender.effect, "it predicts left-out tests no better"))
     return None

@@ -16,7 +16,7 @@ from qlvbayes.noise import Correlated, White
 _CHUNK = 10  # directions along which the model is run at once
 _ROUND = 16  # directions come in multiples of this, so that few sizes are compiled
 _ENOUGH = 2e-3  # expected rise of the log density below which the climb ends
-_STEPS = 60
+_STEPS = 40
 _FARTHEST = 3.0  # longest step in a unit of theta
 
 

@@ -9,9 +9,10 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from matplotlib.ticker import NullFormatter, StrMethodFormatter
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from qlvbayes.benchmark.confusion import Confusion
+from qlvbayes.benchmark.rate import Rate
 from qlvbayes.benchmark.reliability import Reliability
 from qlvbayes.benchmark.report import Report
 from qlvbayes.benchmark.scores import could_be_seen, heldout_ratios
@@ -19,6 +20,7 @@ from qlvbayes.plots.style import BLACK, COLOURS, DOUBLE, MM, style
 from qlvbayes.synthetic import FORMS, OUTSIDE
 
 _ROW = 4.2  # mm
+_LEAST_ROWS = 6  # that the columns' labels fit
 _TITLES, _LOWER = 34.0, 62.0  # mm, of the columns' labels and of the lower panels
 _DARK = 0.55  # of the colour scale: from there on white type
 _LEGEND = {"none": "nothing", "single": "one effect", "double": "two effects"}
@@ -36,12 +38,14 @@ def plot_benchmark(report: Report) -> Figure:
     after; 1 is as good as noise allows.
     """
     with style():
-        upper = _TITLES + _ROW * len(report.confusion.rows)
+        upper = _TITLES + _ROW * max(len(report.confusion.rows), _LEAST_ROWS)
         figure = Figure((DOUBLE * MM, (upper + _LOWER) * MM), layout="constrained")
-        grid = figure.add_gridspec(2, 2, height_ratios=(upper, _LOWER))
-        _draw_confusion(figure.add_subplot(grid[0, :]), report.confusion)
-        _draw_reliability(figure.add_subplot(grid[1, 0]), report.reliability)
-        _draw_heldout(figure.add_subplot(grid[1, 1]), report)
+        grid = figure.add_gridspec(2, 1, height_ratios=(upper, _LOWER))
+        above, below = (figure.add_subfigure(grid[k, 0]) for k in range(2))
+        _draw_confusion(above.subplots(), report.confusion)
+        left, right = below.subplots(1, 2)
+        _draw_reliability(left, report.reliability)
+        _draw_heldout(right, report)
     return figure
 
 
@@ -54,7 +58,7 @@ def _draw_confusion(axis: Axes, confusion: Confusion) -> None:
         if right in confusion.columns:
             frame = _square(row, confusion.columns.index(right), fill=False, edgecolor=BLACK)
             axis.add_patch(frame)
-    axis.set(xlim=(0, len(confusion.columns)), ylim=(len(confusion.rows), 0))
+    axis.set(xlim=(0, len(confusion.columns)), ylim=(max(len(confusion.rows), 1), 0))
     places = np.arange(len(confusion.columns)) + 0.5
     axis.set_xticks(places, [_plain(name) for name in confusion.columns], rotation=90)
     labels = [_row_label(name) for name in confusion.rows]
@@ -111,7 +115,7 @@ def _draw_reliability(axis: Axes, reliability: Reliability) -> None:
         axis.errorbar(
             [b.probability for b in reliability.bins],
             [b.right.hits / b.right.n for b in reliability.bins],
-            [b.right.error or 0.0 for b in reliability.bins],
+            np.transpose([_bar(b.right) for b in reliability.bins]),
             fmt="o", color=COLOURS[0], markersize=4, capsize=2, clip_on=False,
         )  # fmt: skip
         for b in reliability.bins:
@@ -120,8 +124,15 @@ def _draw_reliability(axis: Axes, reliability: Reliability) -> None:
     axis.set(xlim=(0, 1), ylim=(0, 1.05), aspect="equal")
     axis.set_xlabel("probability of the first-ranked hypothesis")
     axis.set_ylabel("share in which it is true")
-    error = "" if reliability.error is None else f", calibration error {reliability.error:.3f}"
-    axis.set_title(f"nothing or one effect hidden{error}", loc="left")
+    axis.set_title("nothing or one effect hidden", loc="left")
+    if reliability.error is not None:
+        axis.text(0.97, 0.04, f"calibration error {reliability.error:.3f}", ha="right")
+
+
+def _bar(rate: Rate) -> tuple[float, float]:
+    """One standard error down and up, within 0 and 1."""
+    error = rate.error or 0.0
+    return min(error, rate.hits / rate.n), min(error, 1.0 - rate.hits / rate.n)
 
 
 def _draw_heldout(axis: Axes, report: Report) -> None:
@@ -136,10 +147,11 @@ def _draw_heldout(axis: Axes, report: Report) -> None:
     axis.axhline(1.0, color="0.7", linestyle="--", zorder=0)
     axis.set(xscale="log", yscale="log")
     for side in (axis.xaxis, axis.yaxis):
+        side.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         side.set_major_formatter(StrMethodFormatter("{x:g}"))
         side.set_minor_formatter(NullFormatter())
-    axis.set_xlabel("plain model: error on left-out tests / noise floor")
-    axis.set_ylabel("last model: the same")
-    axis.set_title("errors on left-out tests", loc="left")
+    axis.set_xlabel("plain model")
+    axis.set_ylabel("last model")
+    axis.set_title("error on left-out tests / noise floor", loc="left")
     if cases:
-        axis.legend(loc="upper left", handletextpad=0.2)
+        axis.legend(loc="best", handletextpad=0.2)

@@ -7,15 +7,20 @@ from itertools import pairwise
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from qlvbayes.diagnosis.verdict import Diagnosis, Stage
-from qlvbayes.plots.naming import broken, heading
+from qlvbayes.plots.naming import broken, heading, three
 from qlvbayes.plots.style import BLACK, COLOURS, DOUBLE, MM, quantity, style
 from qlvbayes.units import UnitSystem
 
-_HEIGHT = 72.0  # mm
+_HEIGHT = 76.0  # mm
 _FAR = 6.0  # highest over lowest, from where on the axis is logarithmic
-_HALF = 0.32  # of a step: half of its tread
+_DECADES = 50.0  # highest over lowest, below which 2 and 5 have ticks too
+_RISE = (
+    "An effect is added where evidence and the likelihood of left-out tests rise; "
+    "these weigh readings by their noise, RMSE does not."
+)
 
 
 def plot_error_staircase(diagnosis: Diagnosis) -> Figure:
@@ -32,12 +37,14 @@ def plot_error_staircase(diagnosis: Diagnosis) -> Figure:
         fitted = np.array([stage.rmse for stage in diagnosis.stages])
         heldout = np.array([stage.heldout_rmse for stage in diagnosis.stages])
         _limits(axis, np.concatenate([fitted, heldout, [diagnosis.noise]]))
-        _stairs(axis, heldout, COLOURS[1], "--", "s", "each test predicted from the others")
         _stairs(axis, fitted, COLOURS[0], "-", "o", "all tests fitted")
+        _stairs(axis, heldout, COLOURS[1], "--", "s", "each test predicted from the others")
         _numbers(axis, fitted, heldout)
         _floor(axis, diagnosis.noise, units)
         _label(axis, diagnosis, units)
-        figure.legend(loc="outside upper right", ncols=2)
+        _legend(figure, axis, diagnosis)
+        if np.any(np.diff(fitted) > 0.0) or np.any(np.diff(heldout) > 0.0):
+            figure.supxlabel(_RISE, x=0.01, ha="left", fontsize=7.0)
     return figure
 
 
@@ -46,6 +53,10 @@ def _limits(axis: Axes, values: np.ndarray) -> None:
     if low > 0.0 and high > _FAR * low:
         axis.set_yscale("log")
         axis.set_ylim(0.6 * low, 1.7 * high)
+        steps = (1.0, 2.0, 5.0) if high < _DECADES * low else (1.0,)
+        axis.yaxis.set_major_locator(LogLocator(subs=steps))
+        axis.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axis.yaxis.set_minor_formatter(NullFormatter())
     else:
         axis.set_ylim(0.0, 1.25 * high)
 
@@ -53,18 +64,17 @@ def _limits(axis: Axes, values: np.ndarray) -> None:
 def _stairs(
     axis: Axes, values: np.ndarray, colour: str, line: str, marker: str, label: str
 ) -> None:
-    """Treads with a marker each, joined by thin lines."""
-    x = np.concatenate([[k - _HALF, k + _HALF] for k in range(values.size)])
-    axis.plot(x, np.repeat(values, 2), line, color=colour, linewidth=0.8)
+    """Treads with a marker each, joined by risers."""
+    edges = np.arange(values.size + 1) - 0.5
+    axis.stairs(values, edges, baseline=None, color=colour, linestyle=line, linewidth=0.9)
     axis.plot(
         range(values.size),
         values,
-        linestyle=line,
-        linewidth=0.0,
+        linestyle="None",
         marker=marker,
         color=colour,
-        markerfacecolor=colour if marker == "o" else "white",
-        markersize=4.5,
+        markerfacecolor=colour if marker == "o" else "none",
+        markersize=4.0 if marker == "o" else 7.0,
         label=label,
     )
 
@@ -77,20 +87,21 @@ def _numbers(axis: Axes, fitted: np.ndarray, heldout: np.ndarray) -> None:
             (other, COLOURS[1], own <= other),
         ):
             axis.annotate(
-                f"{value:.3g}",
+                three(value),
                 (k, value),
-                xytext=(0, 5 if up else -5),
+                xytext=(0, 6 if up else -6),
                 textcoords="offset points",
                 ha="center",
                 va="bottom" if up else "top",
                 color=colour,
+                bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8},
             )
 
 
 def _floor(axis: Axes, noise: float, units: UnitSystem) -> None:
     axis.axhline(noise, color=BLACK, linewidth=0.8, linestyle=":", zorder=1)
     axis.annotate(
-        f"noise floor\n{noise:.3g} {units.force}",
+        f"noise floor\n{three(noise)} {units.force}",
         (1.0, noise),
         xycoords=axis.get_yaxis_transform(),
         xytext=(3, 0),
@@ -106,7 +117,19 @@ def _label(axis: Axes, diagnosis: Diagnosis, units: UnitSystem) -> None:
     axis.set_xlim(-0.6, len(stages) - 0.4)
     axis.tick_params(axis="x", length=0)
     axis.set_ylabel(quantity("RMSE, measured − predicted", units.force))
-    axis.figure.suptitle(heading(diagnosis), x=0.01, ha="left", weight="bold", fontsize=8.5)
+
+
+def _legend(figure: Figure, axis: Axes, diagnosis: Diagnosis) -> None:
+    handles, labels = axis.get_legend_handles_labels()
+    figure.legend(
+        handles,
+        labels,
+        loc="outside upper left",
+        ncols=2,
+        alignment="left",
+        title=heading(diagnosis),
+        title_fontproperties={"weight": "bold", "size": 8.5},
+    )
 
 
 def _change(before: Stage, after: Stage) -> str:

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
+from matplotlib.transforms import Transform
 
 from qlvbayes.diagnosis.verdict import Diagnosis, Ranked
 from qlvbayes.plots.naming import heading
@@ -19,6 +20,7 @@ _ROW, _FRAME = 4.8, 40.0  # mm, a bar and what is around them
 _LINEAR = 10.0  # the axis is linear up to here and logarithmic beyond
 _MUCH = 30.0  # largest value that is drawn on a linear axis
 _ODDS = 3.0  # log of 20 to 1
+_BESIDE = (36.0, 82.0)  # points right of the axes where the two columns of text end
 _LOOKS: dict[str, dict[str, Any]] = {
     "named in the verdict": {"facecolor": COLOURS[0], "edgecolor": COLOURS[0]},
     "explains these tests as well": {
@@ -26,6 +28,7 @@ _LOOKS: dict[str, dict[str, Any]] = {
         "edgecolor": BLACK,
         "linewidth": 1.2,
     },
+    "added, but structure is left": {"facecolor": "0.35", "edgecolor": "0.35"},
     "refitted": {"facecolor": "0.72", "edgecolor": "0.72"},
     "settled by the screen, not refitted": {
         "facecolor": "white",
@@ -33,7 +36,8 @@ _LOOKS: dict[str, dict[str, Any]] = {
         "hatch": "/////",
     },
 }
-_NAMED, _GROUP, _REFITTED, _SCREENED = _LOOKS
+_NONE = "none (plain model)"
+_NAMED, _GROUP, _TRIED, _REFITTED, _SCREENED = _LOOKS
 
 
 def plot_evidence(diagnosis: Diagnosis) -> Figure:
@@ -52,7 +56,6 @@ def plot_evidence(diagnosis: Diagnosis) -> Figure:
             _bar(axis, row, ranked, _look(diagnosis, ranked))
         _scale(axis, [r.log_bayes_factor for r in ranking if isfinite(r.log_bayes_factor)])
         _label(axis, diagnosis)
-        axis.set_title(heading(diagnosis), loc="left", weight="bold", fontsize=8.5, pad=16)
         _legend(figure, diagnosis)
         _notes(figure, diagnosis)
     return figure
@@ -63,20 +66,33 @@ def _look(diagnosis: Diagnosis, ranked: Ranked) -> str:
         return _NAMED
     if ranked.effect in diagnosis.group:
         return _GROUP
+    if ranked.effect in diagnosis.tried:
+        return _TRIED
     return _SCREENED if ranked.rmse is None else _REFITTED
 
 
 def _bar(axis: Axes, row: int, ranked: Ranked, look: str) -> None:
     value = ranked.log_bayes_factor
     axis.barh(row, value if isfinite(value) else 0.0, height=0.7, gid=look, **_LOOKS[look])
-    beside: dict[str, Any] = {
-        "va": "center",
-        "ha": "right",
-        "transform": axis.get_yaxis_transform(),
-    }
-    number = f"{value:.1f}".replace("-", "−") if isfinite(value) else "none"
-    axis.text(1.08, row, number, **beside)
-    axis.text(1.19, row, _share(ranked.probability), **beside)
+    number = f"{value:.1f}".replace("-0.0", "0.0").replace("-", "−") if isfinite(value) else "n/a"
+    for text, points in zip((number, _share(ranked.probability)), _BESIDE, strict=True):
+        _beside(axis, text, row, points, axis.get_yaxis_transform(), va="center")
+
+
+def _beside(
+    axis: Axes, text: str, row: float, points: float, place: Transform, **look: Any
+) -> None:
+    """Text that ends so many points right of the axes."""
+    axis.annotate(
+        text,
+        (1.0, row),
+        xycoords=place,
+        xytext=(points, 0.0),
+        textcoords="offset points",
+        ha="right",
+        annotation_clip=False,
+        **look,
+    )
 
 
 def _share(probability: float) -> str:
@@ -108,7 +124,10 @@ def _ticks(low: float, high: float) -> list[float]:
 
 def _label(axis: Axes, diagnosis: Diagnosis) -> None:
     ranking, refused = diagnosis.ranking, _refused(diagnosis)
-    names = [shortened(r.effect) + (" ×" if r.effect in refused else "") for r in ranking]
+    names = [_NONE if r.effect == "none" else shortened(r.effect) for r in ranking]
+    names = [
+        f"{name} ×" if r.effect in refused else name for name, r in zip(names, ranking, strict=True)
+    ]
     axis.set_yticks(range(len(ranking)), names)
     for tick, ranked in zip(axis.get_yticklabels(), ranking, strict=True):
         marked = ranked.effect in (*diagnosis.effects, *diagnosis.group)
@@ -118,11 +137,10 @@ def _label(axis: Axes, diagnosis: Diagnosis) -> None:
     axis.spines["left"].set_visible(False)
     axis.axvline(0.0, color=BLACK, linewidth=0.6)
     axis.axvline(_ODDS, color="0.4", linewidth=0.6, linestyle=":")
-    above: dict[str, Any] = {"va": "bottom", "transform": axis.transAxes}
-    axis.text(1.08, 1.0, "log BF", ha="right", **above)
-    axis.text(1.19, 1.0, "probability", ha="right", **above)
+    for text, points in zip(("log BF", "probability"), _BESIDE, strict=True):
+        _beside(axis, text, 1.0, points, axis.transAxes, va="bottom")
     axis.annotate(
-        "20 : 1",
+        "20 to 1",
         (_ODDS, 1.0),
         xycoords=axis.get_xaxis_transform(),
         ha="center",
@@ -144,13 +162,23 @@ def _refused(diagnosis: Diagnosis) -> set[str]:
 def _legend(figure: Figure, diagnosis: Diagnosis) -> None:
     used = {_look(diagnosis, ranked) for ranked in diagnosis.ranking}
     handles = [Patch(**look, label=name) for name, look in _LOOKS.items() if name in used]
-    figure.legend(handles=handles, loc="outside lower left", ncols=len(handles))
+    figure.legend(
+        handles=handles,
+        loc="outside upper left",
+        ncols=len(handles),
+        alignment="left",
+        title=heading(diagnosis),
+        title_fontproperties={"weight": "bold", "size": 8.5},
+    )
 
 
 def _notes(figure: Figure, diagnosis: Diagnosis) -> None:
     ranked = {entry.effect for entry in diagnosis.ranking}
     unseen = [u.effect for u in diagnosis.not_identifiable if u.effect not in ranked]
-    lines = ["none: the plain model lacks nothing; a priori likelier than any single effect."]
+    lines = [
+        "Sorted by probability; a priori, none is likelier than any one effect. "
+        "Dotted: 20 to 1 in favour of the effect."
+    ]
     if _refused(diagnosis):
         lines += ["×: refused, predicts left-out tests no better."]
     if unseen:

@@ -7,7 +7,9 @@ from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import MaxNLocator
 from scipy.special import ndtri
 
@@ -30,9 +32,11 @@ from qlvbayes.plots.stretches import (
 from qlvbayes.plots.style import BLACK, COLOURS, DOUBLE, MM, quantity, rated, shortened, style
 from qlvbayes.units import UnitSystem
 
-_FRAME = 22.0  # mm, title and legend
-_ROW, _LOW_ROW, _MANY = 41.0, 33.0, 6  # mm, a test, and one of more than so many
+_FRAME = 26.0  # mm, title, legend and key
+_ROW = 40.0  # mm, a test
 _PLAIN, _FINAL = COLOURS[4], COLOURS[0]  # light and dark, for readers of a grey copy
+_GAP = 0.6  # mm, around every panel
+_LABEL = 50  # characters a line, of a model in the legend
 _90 = float(ndtri(0.95))  # sds, half of the width that holds 90 %
 
 
@@ -62,15 +66,15 @@ def plot_forces_before_after(diagnosis: Diagnosis, shown: Sequence[Curve] | None
 
 def _panels(count: int, names: Sequence[str]) -> tuple[Figure, np.ndarray]:
     """Axes (test, force or strip, column), strips under their forces."""
-    row = _ROW if count <= _MANY else _LOW_ROW
-    figure = Figure((DOUBLE * MM, (_FRAME + row * count) * MM), layout="constrained")
+    layout = ConstrainedLayoutEngine(h_pad=_GAP * MM, hspace=0.0)
+    figure = Figure((DOUBLE * MM, (_FRAME + _ROW * count) * MM), layout=layout)
     axes = figure.subplots(
         2 * count,
         len(names),
         sharey="row",
         squeeze=False,
         width_ratios=widths(names),
-        height_ratios=[2.0, 1.0] * count,
+        height_ratios=[1.5, 1.0] * count,
     )
     for upper, lower in zip(axes[::2].flat, axes[1::2].flat, strict=True):
         lower.sharex(upper)
@@ -102,9 +106,9 @@ def _force(axis: Axes, placed: Placed, curve: Curve) -> None:
         axis.fill_between(
             time, band.low[rows], band.high[rows], color=colour, alpha=0.3, linewidth=0
         )
-    axis.plot(time, curve.observed[rows], ".", color=BLACK, markersize=2.4, markeredgewidth=0)
-    for band, colour, line in _models(curve):
-        axis.plot(time, band.mean[rows], line, color=colour, linewidth=1.0)
+    axis.plot(time, curve.observed[rows], ".", color=BLACK, markersize=3.0, markeredgewidth=0)
+    for band, colour, line in reversed(_models(curve)):  # dashes over the full line
+        axis.plot(time, band.mean[rows], line, color=colour, linewidth=0.9)
 
 
 def _strip(axis: Axes, placed: Placed, curve: Curve) -> None:
@@ -151,18 +155,23 @@ def _finish(figure: Figure, axes: np.ndarray, names: Sequence[str]) -> None:
 
 def _legend(figure: Figure, axes: np.ndarray, diagnosis: Diagnosis) -> None:
     upper, lower = next(pair for pair in axes[0].T if pair[0].lines)
-    added = len(upper.collections) > 1
-    names = [model_name(()), fill(model_name(diagnosis.tried), 60)] if added else [model_name(())]
-    lines = [line for line in upper.lines if line.get_linestyle() != "None"]
-    handles = [upper.lines[0], *lines[: len(names)], *upper.collections[: len(names)]]
-    labels = ["measured", *names, *(["90 % of readings, plain"] if added else [])]
-    labels += ["90 % of readings", "90 % of the noise floor"]
+    bands = {to_hex(area.get_facecolor()[0]): area for area in upper.collections}
+    lines = {line.get_color(): line for line in upper.lines if line.get_linestyle() != "None"}
+    handles = [upper.lines[0], lower.collections[0]]
+    labels = ["measured", "90 % of the noise floor"]
+    models = [(_PLAIN, ())] if _PLAIN in lines else []
+    for colour, effects in [*models, (_FINAL, diagnosis.tried)]:
+        handles += [lines[colour], bands[colour.lower()]]
+        labels += [fill(model_name(effects), _LABEL), "its 90 % band"]
     figure.legend(
-        [*handles, lower.collections[0]],
+        handles,
         labels,
-        loc="outside upper center",
-        ncols=3,
+        loc="outside upper left",
+        ncols=len(labels) // 2,
         markerscale=2.5,
+        alignment="left",
         title=heading(diagnosis),
         title_fontproperties={"weight": "bold", "size": 8.5},
     )
+    key = "residual: measured − predicted, dots in the model's colour"
+    figure.supxlabel(key, x=0.01, ha="left", fontsize=7.0)

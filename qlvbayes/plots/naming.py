@@ -8,7 +8,7 @@ from textwrap import fill
 from qlvbayes.diagnosis.verdict import Diagnosis
 from qlvbayes.plots.style import shortened
 
-_LINE = 105  # characters across two columns of a journal
+_LINE = 80  # characters across two columns of a journal
 
 
 def model_name(effects: Sequence[str]) -> str:
@@ -23,7 +23,7 @@ def heading(diagnosis: Diagnosis) -> str:
 
 def _found(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == "adequate":
-        return "nothing missing"
+        return "nothing missing that these tests show"
     if diagnosis.verdict == "unexplained":
         tried = diagnosis.tried
         return f"unexplained, also {model_name(tried)}" if tried else "unexplained by any effect"
@@ -41,3 +41,8 @@ def broken(name: str, most: int = 18) -> str:
             lines.append("")
         lines[-1] += word
     return "\n".join(lines)
+
+
+def three(value: float) -> str:
+    """Three digits, zeros at the end too: '0.0100'."""
+    return f"{value:#.3g}".rstrip(".")

@@ -24,9 +24,9 @@ from qlvbayes.plots.stretches import by_rate
 from qlvbayes.plots.style import DOUBLE, MM, rated, shortened, style
 from qlvbayes.units import UnitSystem
 
-_ROW, _FRAME = 8.0, 34.0  # mm, a row of cells and what is around them
+_ROW, _FRAME = 8.0, 41.0  # mm, a row of cells and what is around them
 _LEAST_ROWS = 3  # that the colour bar's label fits
-_TITLE = 48  # characters a line, of a panel's title
+_TITLE = 40  # characters a line, of a panel's title
 
 
 def plot_residuals_before_after(diagnosis: Diagnosis) -> Figure:
@@ -91,9 +91,9 @@ def _p_value(p: float) -> str:
 
 
 def _key(figure: Figure, *, empty: bool) -> None:
-    parts = ["number: RMSE of measured − predicted / noise floor"]
-    parts += [
-        "frame and cross: structure beyond noise",
-        *(["hatched: no samples"] if empty else []),
-    ]
-    figure.supxlabel("; ".join(parts), x=0.01, ha="left", fontsize=7.0)
+    first = ["number: RMSE of measured − predicted / noise floor"]
+    first += ["hatched: no samples"] if empty else []
+    second = "frame and cross: smooth structure beyond noise, which a small RMSE may hide"
+    third = "adequacy p: probability of as much structure in any cell by noise alone"
+    text = "\n".join(["; ".join(first), second, third])
+    figure.supxlabel(text, x=0.01, ha="left", fontsize=7.0)

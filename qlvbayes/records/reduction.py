@@ -66,21 +66,32 @@ def _beginnings(time: np.ndarray, edges: np.ndarray) -> np.ndarray:
     return np.flatnonzero(first)
 
 
-def _clear_of_kinks(
-    time: np.ndarray, begin: np.ndarray, trajectory: Trajectory, phases: Sequence[Phase]
-) -> np.ndarray:
-    """(B,) False for blocks so near a kink that the samples do not tell on which side they lie.
+def clear_of_kinks(time: np.ndarray, trajectory: Trajectory, phases: Sequence[Phase]) -> np.ndarray:
+    """(n,) False for samples so near a kink that they do not tell on which side they lie."""
+    clear = np.ones(time.size, dtype=bool)
+    for low, high in _doubtful(time, trajectory, phases):
+        clear &= (time < low) | (time > high)
+    return clear
 
-    That is a sample either side, and the time in which the change of speed makes an encoder step.
-    Only densely sampled records can spare them.
+
+def _doubtful(
+    time: np.ndarray, trajectory: Trajectory, phases: Sequence[Phase]
+) -> list[tuple[float, float]]:
+    """Stretches around the kinks whose place the samples do not tell.
+
+    A sample either side, and the time in which the change of speed makes an encoder step. Only
+    densely sampled records can spare them.
     """
-    last = np.append(begin[1:], time.size) - 1
-    clear = np.ones(begin.size, dtype=bool)
-    if trajectory.kinks.size > _MOST_KINKS:
-        return clear
+    kinks, jumps = trajectory.kinks, trajectory.speed_jumps
+    if kinks.size > _MOST_KINKS:
+        return []
+    if trajectory.start_velocity[0] or trajectory.start_acceleration[0]:  # moves from the start
+        kinks = np.concatenate([trajectory.knots[:1], kinks])
+        jumps = np.concatenate([np.abs(trajectory.start_velocity[:1]), jumps])
     lengths = np.array([phase.stop - phase.start for phase in phases])
     ends = np.array([phase.stop for phase in phases])
-    for kink, jump in zip(trajectory.kinks, trajectory.speed_jumps, strict=True):
+    found = []
+    for kink, jump in zip(kinks, jumps, strict=True):
         place = min(int(np.searchsorted(ends, kink)), lengths.size - 1)
         around = lengths[max(place - 1, 0) : place + 2].min()
         at = int(np.clip(np.searchsorted(time, kink), 1, time.size - 1))
@@ -89,8 +100,8 @@ def _clear_of_kinks(
             continue
         if jump > 0.0:
             reach += min(trajectory.resolution / jump, _SPARED * around)
-        clear &= (time[last] < kink - reach) | (time[begin] > kink + reach)
-    return clear
+        found.append((kink - reach, kink + reach))
+    return found
 
 
 def reduce_test(
@@ -111,9 +122,11 @@ def reduce_test(
     kept = np.ones(begin.size, dtype=bool)
     if blocks:
         shortest = 2.0 * float(np.median(np.diff(test.time)[:200]))
+        doubtful = _doubtful(test.time, trajectory, phases)
         edges = block_edges(phases, trajectory.kinks, shortest)
+        edges = np.unique(np.concatenate([edges, *map(np.array, doubtful)]))
         begin = _beginnings(test.time, edges)
-        kept = _clear_of_kinks(test.time, begin, trajectory, phases)
+        kept = clear_of_kinks(test.time, trajectory, phases)[begin]
     averaged = jax.tree.map(lambda x: x[kept], _average(test, begin, sd_scale))
     centre, half = (x[kept] for x in _nodes(test.time, begin))
     nodes = np.stack([centre - half, centre + half])

@@ -1,0 +1,374 @@
+from dataclasses import replace
+from functools import cache
+from types import SimpleNamespace
+
+import equinox as eqx
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgb
+from matplotlib.text import Text
+from test_plots import drawn, prediction, protocol
+
+from qlvbayes.data import Pad
+from qlvbayes.data import Test as Record
+from qlvbayes.diagnosis.curves import Band, Curve, curves
+from qlvbayes.diagnosis.diagnose import diagnose
+from qlvbayes.diagnosis.gate import Unseen
+from qlvbayes.diagnosis.samples import CellError
+from qlvbayes.diagnosis.verdict import Diagnosis, Ranked, Stage
+from qlvbayes.effects.catalogue import names
+from qlvbayes.effects.viscous_drag import ViscousDrag
+from qlvbayes.experiment import prepare
+from qlvbayes.plots.diagnosis_files import FIGURES, save_diagnosis_figures
+from qlvbayes.plots.error_staircase import plot_error_staircase
+from qlvbayes.plots.evidence import plot_evidence
+from qlvbayes.plots.forces_before_after import plot_forces_before_after
+from qlvbayes.plots.residuals_before_after import plot_residuals_before_after
+from qlvbayes.synthetic import NOISES, TABLE_1, paper_protocol, record_study
+from qlvbayes.synthetic.hidden import HiddenPad, draw_effect
+from qlvbayes.units import PAD, STRAIN
+
+NOISE = 0.01
+KINDS = ("ramp", "hold", "unload", "recovery")
+ORANGE, BLUE = "#E69F00", "#0072B2"
+
+
+def cells(tests, ratio):
+    return tuple(
+        CellError(test, phase, rate, 9, ratio * NOISE, 0.0)
+        for rate, test in enumerate(tests, 1)
+        for phase in KINDS
+    )
+
+
+def stage(effects, tests, ratio, failing=()):
+    p = 1e-9 if failing else 0.5
+    errors = ratio * NOISE, 1.2 * ratio * NOISE
+    return Stage(tuple(effects), *errors, -1.0, p, cells(tests, ratio), tuple(failing), {})
+
+
+def ranking(best):
+    """Every effect, ``best`` first; the last three were screened out."""
+    values = np.linspace(900.0, -5.0, len(names()))
+    order = sorted(names(), key=lambda name: name != best)
+    effects = [
+        Ranked(name, 1.0 if name == best else 0.0, value, 0.01 if k < len(order) - 3 else None, {})
+        for k, (name, value) in enumerate(zip(order, values, strict=True))
+    ]
+    return (*effects[:-5], Ranked("none", 0.0, 0.0, 0.05, {}), *effects[-5:])
+
+
+def diagnosed(count=3, added=("viscous_drag",), verdict="missing_effect", **changes):
+    """A diagnosis by hand, with as many steps as effects were added."""
+    tests = [f"test-{k}" for k in range(count)]
+    steps = [added[:k] for k in range(len(added) + 1)]
+    failing = [(tests[0], "ramp"), (tests[-1], "hold")] if added else []
+    stages = [stage(e, tests, 12.0 / (1 + k) ** 2) for k, e in enumerate(steps)]
+    stages[0] = stage((), tests, 12.0 if added else 1.0, failing)
+    found = Diagnosis(
+        pad="B", noise=NOISE, verdict=verdict, effects=tuple(added), group=tuple(added[-1:]),
+        stages=tuple(stages), ranking=ranking(added[-1] if added else "friction"),
+        not_identifiable=(Unseen("own_effect", "no test unloads"),), bends=(), coincident=(),
+        refused=(), warnings=(), suggestions=(),
+        work=SimpleNamespace(experiment=SimpleNamespace(units=changes.pop("units", PAD))),
+    )  # fmt: skip
+    return replace(found, **changes)
+
+
+def curve(predicted, added=True):
+    """Curves of a hand-made prediction: the plain model is off by five times the noise."""
+    mean, n = predicted.mean, predicted.mean.size
+    final = Band(mean, predicted.low, predicted.high)
+    plain = Band(mean + 0.05, predicted.low + 0.05, predicted.high + 0.05) if added else final
+    return Curve(
+        predicted.trial, predicted.time, predicted.phase, predicted.observed,
+        np.full(n, NOISE), plain, final,
+    )  # fmt: skip
+
+
+def pressed(count, added=True, name="test", moves=(1.6, -0.8)):
+    phases = protocol(moves, 20.0, 30.0)
+    return [curve(prediction(f"{name}-{k}", phases, 20.0 + k), added) for k in range(count)]
+
+
+def stairs():
+    phases = protocol([1, 1, 1, 1], 0.05, 180.0)
+    return [curve(prediction("stairs", phases, 0.05, force=lambda t: t))]
+
+
+MANY = ("strain_dependent_strength", "viscous_drag", "extra_relaxation_mode", "frame_compliance")
+CASES = {
+    "one effect": (diagnosed(), pressed(3)),
+    "nothing missing": (diagnosed(2, (), "adequate"), pressed(2, False)),
+    "one test": (diagnosed(1), pressed(1)),
+    "twelve tests, four effects": (diagnosed(12, MANY), pressed(12, moves=[1.6])),
+    "staircase": (diagnosed(1), stairs()),
+    "ambiguous, long names": (
+        diagnosed(2, MANY[:1], "ambiguous", group=(MANY[0], *MANY[2:]), pad="mavacamten-" * 12),
+        pressed(2, name="calcium" * 9),
+    ),
+    "unexplained stress": (
+        diagnosed(verdict="unexplained", effects=(), group=(), units=STRAIN), pressed(3)
+    ),
+}  # fmt: skip
+every_case = pytest.mark.parametrize("case", CASES)
+
+
+@cache
+def pages(case):
+    """The four figures of a case, drawn once, each with its renderer."""
+    found, shown = CASES[case]
+    made = (
+        plot_residuals_before_after(found), plot_forces_before_after(found, shown),
+        plot_evidence(found), plot_error_staircase(found),
+    )  # fmt: skip
+    return [(figure, drawn(figure)) for figure in made]
+
+
+def texts(figure):
+    return [t for t in figure.findobj(Text) if t.get_visible() and t.get_text().strip()]
+
+
+def words(figure):
+    return "\n".join(t.get_text() for t in texts(figure))
+
+
+@every_case
+def test_nothing_leaves_the_page_and_type_can_be_read(case):
+    for figure, renderer in pages(case):
+        ink, page = figure.get_tightbbox(renderer).extents, figure.bbox_inches.extents
+        assert np.all(ink[:2] >= page[:2])
+        assert np.all(ink[2:] <= page[2:])
+        assert figure.get_figwidth() == pytest.approx(180.0 / 25.4)
+        assert min(t.get_fontsize() for t in texts(figure)) >= 7.0
+
+
+@every_case
+def test_titles_legends_and_notes_do_not_overlap(case):
+    for figure, renderer in pages(case):
+        inside = [axis.get_tightbbox(renderer) for axis in figure.axes]
+        inside = [box for box in inside if box is not None]
+        outside = [legend.get_window_extent(renderer) for legend in figure.legends]
+        written = [figure._suptitle, figure._supxlabel]
+        outside += [text.get_window_extent(renderer) for text in written if text]
+        for k, box in enumerate(outside):
+            for other in [*outside[k + 1 :], *inside]:
+                assert not box.padded(-1.0).overlaps(other)
+
+
+@every_case
+def test_every_axis_names_its_unit(case):
+    unit = CASES[case][0].work.experiment.units.force
+    residuals, forces, evidence, staircase = (figure for figure, _ in pages(case))
+    assert f"(1 = 0.01 {unit})" in residuals.axes[-1].get_ylabel()
+    assert {axis.get_ylabel()[-3 - len(unit) :] for axis in forces.axes if axis.get_ylabel()} <= {
+        f" ({unit})", f"\n({unit})"
+    }  # fmt: skip
+    labels = [axis.get_xlabel() for axis in forces.axes if axis.get_xlabel()]
+    assert all(label.endswith(("(s)", "(ms)")) for label in labels)
+    assert "no unit" in evidence.axes[0].get_xlabel()
+    assert f"({unit})" in staircase.axes[0].get_ylabel()
+    assert f"noise floor\n0.0100 {unit}" in words(staircase)
+
+
+def test_both_maps_share_their_scale_and_mark_what_fails():
+    found = diagnosed(3)
+    figure = plot_residuals_before_after(found)
+    before, after, bar = figure.axes
+    assert bar.get_ylim()[1] == pytest.approx(12.0)
+    assert before.get_title(loc="left") == "plain model\nadequacy p < 0.0001"
+    assert after.get_title(loc="left") == "with viscous_drag\nadequacy p = 0.50"
+    framed = [[p.get_gid() for p in axis.patches].count("fails") for axis in (before, after)]
+    assert framed == [2, 0]
+    assert [t.get_text() for t in after.texts] == ["3.00"] * 12
+    assert sum("12.0" in t.get_text() for t in before.texts) == 12
+
+
+def test_one_map_where_nothing_was_added():
+    figure = plot_residuals_before_after(CASES["nothing missing"][0])
+    assert len(figure.axes) == 2
+    assert "nothing missing" in figure.get_suptitle()
+
+
+def test_a_missing_cell_is_hatched():
+    found = diagnosed(2)
+    first = replace(found.stages[0], cells=found.stages[0].cells[:-1])
+    figure = plot_residuals_before_after(replace(found, stages=(first, found.stages[1])))
+    assert [bool(p.get_hatch()) for p in figure.axes[0].patches].count(True) == 1
+    assert "hatched: no samples" in figure.get_supxlabel()
+
+
+def strip_dots(axis, colour):
+    lines = [x for x in axis.lines if x.get_marker() == "." and x.get_color() == colour]
+    return np.concatenate([line.get_ydata() for line in lines])
+
+
+def test_a_strip_shows_what_each_model_leaves_over_the_noise():
+    (shown,) = pressed(1)
+    figure = plot_forces_before_after(diagnosed(1), [shown])
+    ramp = shown.phase == "ramp"
+    strip = figure.axes[4]
+    assert strip.get_ylabel() == "residual\n(N)"
+    left = shown.observed - shown.final.mean
+    assert strip_dots(strip, BLUE) == pytest.approx(left[ramp])
+    assert strip_dots(strip, ORANGE) == pytest.approx(left[ramp] - 0.05)
+    noise = strip.collections[0].get_paths()[0].vertices[:, 1]
+    assert np.ptp(noise) == pytest.approx(2 * 1.645 * NOISE, rel=1e-3)
+
+
+@every_case
+def test_rests_run_in_logarithmic_time_and_strips_with_their_forces(case):
+    figure = pages(case)[1][0]
+    for axis in figure.axes:
+        rest = any(f"time in {kind}" in axis.get_xlabel() for kind in ("hold", "recovery"))
+        assert not axis.get_xlabel() or axis.get_xscale() == ("log" if rest else "linear")
+    columns = figure.axes[0].get_subplotspec().get_gridspec().ncols
+    assert figure.axes[0].get_xlim() == figure.axes[columns].get_xlim()
+    assert "plain model" in words(figure)
+    assert ("with " in words(figure)) == bool(CASES[case][0].tried)
+
+
+def test_the_two_models_differ_in_a_grey_copy():
+    light = [np.dot(to_rgb(colour), [0.299, 0.587, 0.114]) for colour in (ORANGE, BLUE)]
+    assert light[0] - light[1] > 0.2
+
+
+def bars(figure):
+    """Width and look of each bar by its label."""
+    axis = figure.axes[0]
+    labels = [t.get_text() for t in axis.get_yticklabels()]
+    return {n: (p.get_width(), p.get_gid()) for n, p in zip(labels, axis.patches, strict=True)}
+
+
+def test_one_bar_a_hypothesis_in_order_of_probability():
+    found = diagnosed()
+    shown = bars(plot_evidence(found))
+    assert len(shown) == len(found.ranking) == len(names()) + 1
+    assert next(iter(shown)) == "viscous_drag"
+    assert shown["viscous_drag"] == (900.0, "named in the verdict")
+    assert shown["none (plain model)"][0] == 0.0
+    screened = [p for p in plot_evidence(found).axes[0].patches if p.get_hatch()]
+    assert len(screened) == 3
+
+
+def test_a_group_is_framed_and_refused_effects_are_crossed():
+    found = diagnosed(verdict="ambiguous", group=("viscous_drag", "friction"))
+    figure = plot_evidence(found)
+    assert bars(figure)["friction"][1] == "explains these tests as well"
+    assert "one of viscous_drag, friction" in words(figure)
+    order = ("friction", *(n for n in names() if n != "friction"))
+    ranks = {r.effect: r for r in found.ranking}
+    above = replace(
+        diagnosed(verdict="unexplained", effects=(), group=()),
+        ranking=tuple(ranks[n] for n in order), refused=(("friction", "it predicts no better"),),
+    )  # fmt: skip
+    figure = plot_evidence(above)
+    assert "friction ×" in bars(figure)
+    assert bars(figure)["viscous_drag"][1] == "added, but structure is left"
+
+
+def test_probabilities_and_values_stand_beside_the_bars():
+    found = diagnosed()
+    written = [t.get_text() for t in plot_evidence(found).axes[0].texts]
+    assert written[:2] == ["900.0", "> 99.9 %"]
+    assert "< 0.1 %" in written
+    lost = replace(found.ranking[3], log_bayes_factor=-np.inf)
+    figure = plot_evidence(replace(found, ranking=(*found.ranking[:3], lost)))
+    assert "n/a" in words(figure)
+    assert "Not ranked, as these tests cannot show them: own_effect" in words(plot_evidence(found))
+
+
+def test_small_values_are_seen_beside_large_ones():
+    assert plot_evidence(diagnosed()).axes[0].get_xscale() == "symlog"
+    found = diagnosed()
+    small = tuple(replace(r, log_bayes_factor=r.log_bayes_factor / 100) for r in found.ranking)
+    assert plot_evidence(replace(found, ranking=small)).axes[0].get_xscale() == "linear"
+
+
+def test_stairs_hold_both_errors_and_the_floor():
+    found = diagnosed(3, MANY)
+    axis = plot_error_staircase(found).axes[0]
+    fitted, heldout = (s.get_data().values for s in axis.patches)
+    assert list(fitted) == [s.rmse for s in found.stages]
+    assert list(heldout) == [s.heldout_rmse for s in found.stages]
+    assert any(np.all(np.asarray(line.get_ydata()) == NOISE) for line in axis.lines)
+    labels = [t.get_text() for t in axis.get_xticklabels()]
+    assert labels[:3] == ["plain model", "+ strain_dependent_\nstrength", "+ viscous_drag"]
+
+
+def test_a_step_names_what_it_made_useless():
+    found = diagnosed(3, MANY[:2])
+    swapped = replace(found.stages[2], effects=("friction",))
+    figure = plot_error_staircase(replace(found, stages=(*found.stages[:2], swapped)))
+    last = figure.axes[0].get_xticklabels()[2].get_text()
+    assert last == "+ friction\n− strain_dependent_\nstrength"
+
+
+def test_an_error_that_rises_is_explained():
+    found = diagnosed()
+    risen = replace(found, stages=(found.stages[0], replace(found.stages[1], rmse=0.9)))
+    assert "weigh readings" in words(plot_error_staircase(risen))
+    assert "weigh readings" not in words(plot_error_staircase(found))
+
+
+@pytest.fixture(scope="module")
+def real():
+    """Two short tests of a pad with drag, diagnosed with drag as the one candidate."""
+    rng = np.random.default_rng(1)
+    constants = TABLE_1["B"]
+    peak = constants.m / constants.b * np.expm1(1.6 * constants.b)
+    drag = draw_effect("viscous_drag", rng, peak, 1.6, 40.0, 0.05, constants=constants)
+    rates = {f"{rate:g}": paper_protocol(rate) for rate in (1.0, 20.0)}
+    pads = {"B": HiddenPad(constants, (drag,))}
+    tests = record_study(pads, rates, NOISES["correlated"], 1, 300)
+    found = tuple(
+        Record(
+            t.name, t.pad, t.record.time, t.record.displacement, t.record.force, None, None, None,
+            t.start_s,
+        )
+        for t in tests
+    )  # fmt: skip
+    return diagnose(prepare(Pad("B", found, PAD)), kinds=(ViscousDrag,))
+
+
+def test_curves_hold_the_stages_errors_and_most_readings(real):
+    shown = curves(real)
+    assert real.tried == ("viscous_drag",)
+    for model, stage in (("plain", real.stages[0]), ("final", real.stages[-1])):
+        left = np.concatenate([c.observed - getattr(c, model).mean for c in shown])
+        assert np.sqrt(np.mean(left**2)) == pytest.approx(stage.rmse, rel=1e-6)
+    for c in shown:
+        assert c.time.shape == c.phase.shape == c.observed.shape == c.floor.shape
+        assert np.all(c.final.low < c.final.mean)
+        assert np.all(c.final.mean < c.final.high)
+        assert c.floor == pytest.approx(real.noise)
+        inside = (c.observed > c.final.low) & (c.observed < c.final.high)
+        assert 0.75 < inside.mean() <= 1.0
+
+
+def test_curves_are_repeatable(real):
+    first, again, other = curves(real), curves(real), curves(real, seed=1)
+    assert np.array_equal(first[0].final.low, again[0].final.low)
+    assert not np.array_equal(first[0].final.low, other[0].final.low)
+
+
+def test_files_have_the_names_that_the_command_line_tells(real, tmp_path):
+    images = save_diagnosis_figures(real, tmp_path / "figures")
+    assert [image.stem for image in images] == list(FIGURES)
+    assert {p.name for p in images[0].parent.iterdir()} == {
+        f"{name}.{suffix}" for name in FIGURES for suffix in ("pdf", "png")
+    }
+    assert set(FIGURES) == {
+        "residuals_before_after", "forces_before_after", "evidence", "error_staircase"
+    }  # fmt: skip
+
+
+def test_measured_sds_shape_the_noise_band(real):
+    samples, floor = real.work.samples, real.work.experiment.floor
+    weight = samples.posterior.record.blocks.weight
+    posterior = eqx.tree_at(lambda p: p.record.blocks.weight, samples.posterior, 3.0 * weight)
+    work = replace(real.work, samples=replace(samples, posterior=posterior))
+    shown = curves(replace(real, work=work), draws=20)
+    assert shown[0].floor == pytest.approx(np.hypot(3.0 * floor.white, floor.ou))
+    wider = [np.mean(c.final.high - c.final.low) for c in (shown[0], curves(real)[0])]
+    assert wider[0] > 1.3 * wider[1]
