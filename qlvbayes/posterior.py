@@ -12,7 +12,7 @@ from jaxtyping import Array
 
 from qlvbayes.model import Model
 from qlvbayes.noise import AbstractNoise
-from qlvbayes.priors.distributions import AbstractPrior
+from qlvbayes.priors.distributions import AbstractPrior, AbstractScalarPrior
 from qlvbayes.records.record import Record
 
 
@@ -120,6 +120,8 @@ class Posterior(eqx.Module):
 
 def value_shape(field: Any) -> tuple[int, ...]:
     """Shape of the number or numbers a field stands for."""
+    if isinstance(field, AbstractScalarPrior):
+        return ()
     if isinstance(field, AbstractPrior):
         return jax.eval_shape(field.constrain, jnp.zeros(field.size))[0].shape
     return np.shape(field)

@@ -49,10 +49,3 @@ def exp_difference_ratio(top: Array, bottom: Array, gap: Array) -> Array:
     # near: the series needs a small argument only, so that its unused branch cannot overflow
     close = jnp.where(near, gap, 0.0)
     return jnp.where(near, bottom * exp_slope_series(close), (top - bottom) / far)
-
-
-def passage_time(time: Array, depth: Array, rate: ArrayLike) -> Array:
-    """(N,) int e^{rate depth} dt from the first time on, for depth linear between the points."""
-    rise = rate * jnp.diff(depth)
-    steps = jnp.diff(time) * jnp.exp(rate * depth[:-1]) * exp_slope(rise)
-    return time[0] + jnp.concatenate([jnp.zeros(1), jnp.cumsum(steps)])

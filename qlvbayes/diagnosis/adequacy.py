@@ -29,7 +29,6 @@ from qlvbayes.inference.gaussnewton import Point, pad_directions, predict_along
 from qlvbayes.inference.linearised import whitened
 from qlvbayes.inference.subset import Ensemble
 from qlvbayes.noise import Correlated
-from qlvbayes.noisefloor import NoiseFloor
 
 _ORDERS = 4
 _ALLOWED = 0.5 * float(chi2.ppf(0.999, 3))  # log-likelihood of the rests that noise may lose

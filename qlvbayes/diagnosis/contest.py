@@ -12,7 +12,7 @@ from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.inference.gaussnewton import Point, climb
 from qlvbayes.inference.subset import Ensemble
 
-_WORTH = -6.0  # linear log Bayes factor below the best possible at which no refit is worth while
+_BEHIND = 15.0  # log evidence behind the best at which a contender is given up
 _STARTS = 2
 
 
@@ -39,7 +39,7 @@ class Round:
         return self.contenders[0] if self.contenders else None
 
     def probabilities(self, settings: Settings) -> dict[str, float]:
-        """Posterior probability of ``none`` and of every contender, one of which is taken as true."""
+        """Posterior probability of ``none`` and of every contender, if one of them is true."""
         count = max(len(self.contenders), 1)
         share = math.log((1.0 - settings.prior_none) / count)
         logs = {"none": math.log(settings.prior_none)}
@@ -54,15 +54,19 @@ def contest(ensemble: Ensemble, base: Point, effects: list[str]) -> Round:
     """Rank effects that ``base`` lacks.
 
     Those whose score promises nothing keep the evidence of the linearised model; the others are
-    refitted from the shapes that score best.
+    refitted from the shapes that score best, unless they fall hopelessly behind on the way.
     """
     contenders = []
-    for effect, scores in screen(ensemble, base, effects).items():
+    best = base.log_evidence
+    found = screen(ensemble, base, effects)
+    for effect in sorted(found, key=lambda name: -found[name][0].log_bayes_factor):
+        scores = found[effect]
         log_bf = _averaged(scores)
         point = None
         if scores[0].information == 0.0 or max(abs(s.z) for s in scores) > 1.0:
-            point = refit(ensemble, base, effect, scores)
+            point = refit(ensemble, base, effect, scores, best - _BEHIND)
             log_bf = point.log_evidence - base.log_evidence
+            best = max(best, point.log_evidence)
         contenders.append(Contender(effect, log_bf, scores[0], point))
     return Round(base, tuple(sorted(contenders, key=lambda c: -c.log_bayes_factor)))
 
@@ -73,10 +77,13 @@ def _averaged(scores: list[Score]) -> float:
     return float(np.logaddexp.reduce(values) - math.log(len(values)))
 
 
-def refit(ensemble: Ensemble, base: Point, effect: str, scores: list[Score]) -> Point:
+def refit(ensemble: Ensemble, base: Point, effect: str, scores: list[Score], worth: float) -> Point:
     """The best optimum from the shapes that score best, the amplitude where its score puts it."""
     subset = ensemble.subset(base.subset.effects | {effect})
-    points = [climb(ensemble, subset, _start(ensemble, base, score)) for score in scores[:_STARTS]]
+    points = [
+        climb(ensemble, subset, _start(ensemble, base, score), worth=worth)
+        for score in scores[:_STARTS]
+    ]
     return max(points, key=lambda point: point.log_evidence)
 
 

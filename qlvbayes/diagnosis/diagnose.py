@@ -10,7 +10,8 @@ from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
 from qlvbayes.diagnosis.adequacy import Adequacy, adequacy
 from qlvbayes.diagnosis.contest import Contender
-from qlvbayes.diagnosis.gate import bends, coincident, impossible, invisible
+from qlvbayes.diagnosis.design import Suggestion, suggest
+from qlvbayes.diagnosis.gate import bends, coincident, unseen
 from qlvbayes.diagnosis.protocol import protocol_of
 from qlvbayes.diagnosis.samples import Samples, cell_errors, rmse
 from qlvbayes.diagnosis.screen import screen
@@ -47,15 +48,15 @@ def diagnose(
     choices = choices or Choices()
     ensemble = _ensemble(experiment, choices, kinds)
     samples = Samples.of(experiment, ensemble)
-    unseen = impossible(ensemble, protocol_of(experiment, bonded=choices.bonded))
-    blind = {entry.effect for entry in unseen}
-    candidates = [effect.name for effect in ensemble.effects if effect.name not in blind]
+    protocol = protocol_of(experiment, bonded=choices.bonded)
+    candidates = ensemble.candidates
     path = search(ensemble, samples, candidates, settings, tell)
     tell("testing what is left")
     plain = path.steps[0].point
     scores = screen(ensemble, plain, candidates)
     adequacies = tuple(adequacy(experiment, ensemble, step.point) for step in path.steps)
-    group = _group(experiment, ensemble, path, settings)
+    alike = _alike(experiment, ensemble, path, settings)
+    group = tuple(contender.effect for contender in alike)
     verdict = _verdict(path, adequacies[-1], group, settings)
     named = path.last.effects if verdict in ("missing_effect", "ambiguous") else ()
     work = Work(experiment, ensemble, samples, path, adequacies)
@@ -67,12 +68,12 @@ def diagnose(
         group=group if named else (),
         stages=tuple(_stage(work, k, settings) for k in range(len(path.steps))),
         ranking=_ranking(work, settings),
-        not_identifiable=(*unseen, *invisible(scores, {})),
+        not_identifiable=tuple(unseen(ensemble, plain, scores, protocol)),
         bends=tuple(bends(ensemble, plain, scores)),
         coincident=tuple(coincident(ensemble, plain, scores)),
         refused=tuple(path.refused),
         warnings=(),
-        suggestions=(),
+        suggestions=_suggestions(experiment, ensemble, alike),
         work=work,
     )
 
@@ -96,11 +97,10 @@ def _ensemble(
     return with_every_effect(posterior, added, COSTLY)
 
 
-def _group(
+def _alike(
     experiment: Experiment, ensemble: Ensemble, path: Path, settings: Settings
-) -> tuple[str, ...]:
+) -> list[Contender]:
     """Effects that may stand in the last one's place: as likely, and leaving nothing structured."""
-    near = rivals(ensemble, path, settings)
 
     def sound(contender: Contender) -> bool:
         point = contender.point
@@ -109,7 +109,8 @@ def _group(
             and adequacy(experiment, ensemble, point).p_value >= settings.false_alarms
         )
 
-    return tuple(c.effect for k, c in enumerate(near) if k == 0 or sound(c))
+    near = rivals(ensemble, path, settings)
+    return [c for k, c in enumerate(near) if k == 0 or sound(c)]
 
 
 def _verdict(path: Path, last: Adequacy, group: tuple[str, ...], settings: Settings) -> str:
@@ -118,6 +119,13 @@ def _verdict(path: Path, last: Adequacy, group: tuple[str, ...], settings: Setti
     if not path.last.effects:
         return "adequate"
     return "ambiguous" if len(group) > 1 else "missing_effect"
+
+
+def _suggestions(
+    experiment: Experiment, ensemble: Ensemble, alike: list[Contender]
+) -> tuple[Suggestion, ...]:
+    points = [contender.point for contender in alike if contender.point is not None]
+    return tuple(suggest(experiment, ensemble, points)) if len(points) > 1 else ()
 
 
 def _stage(work: Work, k: int, settings: Settings) -> Stage:

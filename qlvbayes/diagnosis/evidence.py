@@ -11,6 +11,7 @@ The effective number of draws is (sum w)^2 / sum w^2.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import jax
@@ -25,15 +26,23 @@ from qlvbayes.inference.gaussnewton import Point
 from qlvbayes.inference.nested import LIVE, nested_evidence
 from qlvbayes.inference.subset import Ensemble, Part, Place
 from qlvbayes.posterior import Posterior, is_prior
-from qlvbayes.priors import Dirichlet, HalfNormal
+from qlvbayes.priors import AbstractPrior, Dirichlet, HalfNormal
 
 _TAIL = 5.0  # degrees of freedom of the draws
 _TOGETHER = 25  # draws computed at once
+_FEW = 0.1  # of the draws, that are worth too little
+_APART = 1.0  # error of Laplace's log evidence
+_PRIOR_DRAWS = 25
+_OPEN = 0.8  # posterior sd over the prior's, of a constant that the tests leave open
+_NEAR = 2.0  # sds from zero
+_SMALL = 0.5  # of a prior's size
+_TOGETHER_TOO_MUCH = 0.99  # correlation
+_RIDGE = 1e4  # condition number of the correlations
 
 
 @dataclass(frozen=True)
 class LaplaceCheck:
-    """Log evidence by importance sampling, with its standard error, and what speaks against Laplace.
+    """Log evidence by importance sampling with its standard error, and doubts about Laplace's.
 
     effective_draws: what the draws are worth; reasons: in words, none if all is well.
     """
@@ -57,8 +66,120 @@ def laplace_check(
     total = float(logsumexp(logs))
     effective = float(np.exp(2.0 * total - logsumexp(2.0 * logs)))
     return LaplaceCheck(
-        total - math.log(draws), math.sqrt(1 / effective - 1 / draws), effective, ()
+        total - math.log(draws),
+        math.sqrt(max(1.0 / effective - 1.0 / draws, 0.0)),
+        effective,
+        (
+            *_shape(effective, draws, point.log_evidence - total + math.log(draws)),
+            *_bounds(ensemble, point),
+            *_ridges(ensemble, point),
+        ),
     )
+
+
+def _shape(effective: float, draws: int, excess: float) -> list[str]:
+    """Doubts of the normal shape."""
+    found = []
+    if effective < _FEW * draws:
+        found.append(
+            f"its posterior is far from normal: {draws} draws are worth {effective:.0f}, so that "
+            "the evidence is rough"
+        )
+    if abs(excess) > _APART:
+        found.append(
+            f"Laplace's log evidence is {abs(excess):.1f} too {'high' if excess > 0 else 'low'}"
+        )
+    return found
+
+
+def _bounds(ensemble: Ensemble, point: Point) -> list[str]:
+    """Constants that the tests leave open, or that lie against the end of their range."""
+    found = []
+    sds = dict(zip(point.subset.theta, np.sqrt(np.diag(point.covariance)), strict=True))
+    for place, prior in _free(ensemble, point):
+        widths = np.std(ensemble.draw(_PRIOR_DRAWS)[:, list(place.theta)], axis=0)
+        low = [ensemble.names[k] for k in place.constants if _at_zero(point, k, prior)]
+        if low:
+            found += [f"{name} lies against zero" for name in low]
+        elif all(sds[k] > _OPEN * w for k, w in zip(place.theta, widths, strict=True)):
+            found.append(f"the tests say no more of {_name(ensemble, place)} than its prior")
+    return found
+
+
+def _at_zero(point: Point, k: int, prior: AbstractPrior) -> bool:
+    """Whether a constant is within two sds of a zero at which its prior does not vanish."""
+    if not isinstance(prior, HalfNormal | Dirichlet):
+        return False
+    size = float(prior.sd) if isinstance(prior, HalfNormal) else 1.0
+    value, error = point.constants[k], math.sqrt(max(point.constants_covariance[k, k], 0.0))
+    return bool(0.0 < value < min(_NEAR * error, _SMALL * size))
+
+
+def _ridges(ensemble: Ensemble, point: Point) -> list[str]:
+    """Constants that move together, and combinations that nothing holds."""
+    sds = np.sqrt(np.diag(point.covariance))
+    correlation = point.covariance / np.outer(sds, sds)
+    names = [_name(ensemble, place) for place, _ in _free(ensemble, point) for _ in place.theta]
+    rows, columns = np.nonzero(np.triu(np.abs(correlation), 1) > _TOGETHER_TOO_MUCH)
+    pairs = {(names[i], names[j]): correlation[i, j] for i, j in zip(rows, columns, strict=True)}
+    found = [f"{one} and {two} trade off (correlation {r:.3f})" for (one, two), r in pairs.items()]
+    if not found and np.linalg.cond(correlation) > _RIDGE:
+        found.append("a combination of its constants is hardly determined")
+    return found
+
+
+def _free(ensemble: Ensemble, point: Point) -> list[tuple[Place, AbstractPrior]]:
+    """The free fields of a point and their priors."""
+    whole = ensemble.posterior
+    leaves = jax.tree.leaves((whole.model, whole.noise), is_leaf=is_prior)
+    free = set(point.subset.theta.tolist())
+    return [
+        (place, leaf)
+        for place, leaf in zip(ensemble.places, leaves, strict=True)
+        if len(place.theta) and place.theta[0] in free
+    ]
+
+
+def _name(ensemble: Ensemble, place: Place) -> str:
+    """A field's name, without an index."""
+    return ensemble.names[place.constants.start].partition("[")[0]
+
+
+@dataclass(frozen=True)
+class NestedCheck:
+    """One hypothesis of a round: log evidence by Laplace, and by nested sampling with its error."""
+
+    effect: str
+    laplace: float
+    log_evidence: float
+    error: float
+
+
+def nested_check(
+    ensemble: Ensemble,
+    first: Round,
+    *,
+    best: int = 2,
+    seed: int = 0,
+    live: int = LIVE,
+    tell: Callable[[str], None] = lambda text: None,
+) -> tuple[NestedCheck, ...]:
+    """Nested sampling of ``none`` and of a round's best refitted hypotheses, a minute or two each.
+
+    ``tell`` hears which is being sampled.
+    """
+    points = {"none": first.base}
+    refitted = [c for c in first.contenders if c.point is not None]
+    points |= {c.effect: c.point for c in refitted[:best] if c.point is not None}
+    found = []
+    for name, point in points.items():
+        tell(f"nested sampling: {name}")
+        posterior = Part.of(ensemble, ensemble.own | point.subset.effects).posterior
+        nested = nested_evidence(posterior, seed, live=live)
+        found.append(
+            NestedCheck(name, float(point.log_evidence), nested.log_evidence, nested.error)
+        )
+    return tuple(found)
 
 
 def log_densities(ensemble: Ensemble, point: Point, thetas: np.ndarray) -> np.ndarray:
@@ -84,6 +205,8 @@ def _likelihoods(posterior: Posterior, constants: Array) -> Array:
     """(N,) log likelihoods of constants (N, P)."""
 
     def one(x: Array) -> Array:
-        return jnp.sum(posterior._log_likelihoods(*posterior.with_constants(x)))
+        model, noise = posterior.with_constants(x)
+        residuals = posterior.record.blocks.force - posterior.predict_with(model)
+        return jnp.sum(jax.vmap(noise.log_likelihoods)(residuals, posterior.record.blocks))
 
     return jax.lax.map(one, constants, batch_size=_TOGETHER)

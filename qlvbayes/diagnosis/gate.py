@@ -5,15 +5,24 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import jax.numpy as jnp
 import numpy as np
 
-from qlvbayes.diagnosis.screen import Score
+from qlvbayes.diagnosis.screen import Score, at_null
 from qlvbayes.effects.effect import Protocol
-from qlvbayes.inference.gaussnewton import Point
+from qlvbayes.inference.gaussnewton import (
+    Point,
+    judge,
+    noise_along,
+    pad_directions,
+    predict_along,
+)
+from qlvbayes.inference.linearised import whitened
 from qlvbayes.inference.subset import Ensemble
 
 SEEN = 10.0  # expected 2 ln(Bayes factor) from which an effect counts as visible
-_FREE_RIDE = 0.10  # share of an effect's sensitivity that is left once the constants are refitted
+TOO_ALIKE = "too small here, or too much like a change of the constants"
+_FREE_RIDE = 0.15  # share of an effect's sensitivity that is left once the constants are refitted
 _LEAST_BEND = 0.01  # relative change of a constant that is worth a word
 _COINCIDE = 0.98  # correlation of two effects' sensitivities
 
@@ -43,35 +52,49 @@ class Bend:
     visible: bool
 
 
-def impossible(ensemble: Ensemble, protocol: Protocol) -> list[Unseen]:
-    """Effects that this kind of protocol cannot show whatever their size."""
-    found = []
-    for effect in ensemble.effects:
-        reason = type(effect).blind(protocol)
-        if reason:
-            found.append(Unseen(effect.name, reason))
-    return found
-
-
 def expected_evidence(score: Score) -> float:
     """Expected 2 ln(Bayes factor) of the effect at one prior sd: a few per cent of the peak."""
-    sd = float(score.prior.sd)
-    information = score.information * sd**2
+    information = score.information * float(score.prior.sd) ** 2
     return information - math.log1p(information)
 
 
-def invisible(scores: dict[str, list[Score]], unit_of: dict[str, str]) -> list[Unseen]:
-    """Effects whose expected evidence at a plausible size is below 10 at every shape."""
+def finite_evidence(ensemble: Ensemble, point: Point, score: Score) -> float:
+    """The same from the force of the effect at one prior sd, for one that has no slope at its null.
+
+    What the constants can take of the difference is left out.
+    """
+    constants = at_null(ensemble, point, score.theta, [score.effect])
+    moved = constants.copy()
+    moved[ensemble.amplitude(score.effect)] = float(score.prior.sd)
+    directions = pad_directions(point.slopes.T)
+    before, slopes = predict_along(ensemble, constants, directions)
+    after, _ = predict_along(ensemble, moved, np.zeros_like(directions))
+    noise, _ = noise_along(ensemble.posterior.noise, constants, directions)
+    vectors = np.concatenate([(after - before)[None], slopes])
+    white = np.asarray(whitened(noise, ensemble.posterior.record, jnp.asarray(vectors)))
+    white = white.reshape(len(white), -1)
+    change, own = white[0], white[1 : 1 + point.gradient.size]
+    taken = own @ change
+    gain = float(change @ change - taken @ np.linalg.solve(point.curvature, taken))
+    return max(gain, 0.0) - math.log1p(max(gain, 0.0))
+
+
+def unseen(
+    ensemble: Ensemble, point: Point, scores: dict[str, list[Score]], protocol: Protocol
+) -> list[Unseen]:
+    """Effects whose expected evidence at a plausible size is below 10 at every shape, and why."""
     found = []
     for effect, tried in scores.items():
         best = max(tried, key=expected_evidence)
         value = expected_evidence(best)
-        if value < SEEN and best.information > 0.0:
-            reason = (
-                f"5 % of the peak force would give 2 ln(Bayes factor) of only {value:.1f} here: "
-                "its force is too small or too much like a change of the constants"
-            )
-            found.append(Unseen(effect, reason))
+        if best.information == 0.0:
+            value = finite_evidence(ensemble, point, best)
+        if value >= SEEN:
+            continue
+        reason = type(ensemble.effect(effect)).blind(protocol) or (
+            f"{TOO_ALIKE} (2 ln Bayes factor {value:.1f} expected at 5 % of the peak force)"
+        )
+        found.append(Unseen(effect, reason))
     return found
 
 
@@ -81,11 +104,11 @@ def bends(ensemble: Ensemble, point: Point, scores: dict[str, list[Score]]) -> l
     noise = {name for name in names if name.startswith("noise.")}
     found = []
     for effect, tried in scores.items():
-        score = tried[0]
+        score = max(tried, key=expected_evidence)
         if score.total <= 0.0 or score.information <= 0.0:
             continue
         left = math.sqrt(score.information / score.total)
-        if left > _FREE_RIDE * 1.5:
+        if left > _FREE_RIDE:
             continue
         size = float(score.prior.sd)
         change = -point.slopes @ score.shift * size
@@ -105,8 +128,6 @@ def coincident(
     ensemble: Ensemble, point: Point, scores: dict[str, list[Score]]
 ) -> list[tuple[str, ...]]:
     """Groups of effects whose visible parts have the same shape (correlation above 0.98)."""
-    from qlvbayes.inference.gaussnewton import judge
-
     effects = [effect for effect, tried in scores.items() if tried[0].information > 0.0]
     if len(effects) < 2:
         return []
@@ -118,15 +139,15 @@ def coincident(
     matrix = np.asarray(judged.information).sum(axis=0)[: len(directions), : len(directions)]
     cross = matrix[free:, :free]
     rest = matrix[free:, free:] - cross @ np.linalg.solve(point.curvature, cross.T)
-    size = np.sqrt(np.maximum(np.diag(rest), 1e-300))
-    alike = np.abs(rest / np.outer(size, size)) > _COINCIDE
+    size = np.sqrt(np.maximum(np.diag(rest), 0.0))
+    alike = np.abs(rest) > _COINCIDE * np.outer(size, size)
     return _groups(effects, alike)
 
 
 def _groups(effects: list[str], alike: np.ndarray) -> list[tuple[str, ...]]:
     groups: list[tuple[str, ...]] = []
     taken: set[str] = set()
-    for k, effect in enumerate(effects):
+    for k in range(len(effects)):
         members = tuple(e for e, same in zip(effects, alike[k], strict=True) if same)
         if len(members) > 1 and not taken & set(members):
             groups.append(members)

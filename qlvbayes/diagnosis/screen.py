@@ -90,7 +90,7 @@ def _shapes(ensemble: Ensemble, point: Point, effects: list[str]) -> list[np.nda
 
 def _scores(ensemble: Ensemble, point: Point, theta: np.ndarray, effects: list[str]) -> list[Score]:
     """Scores at one setting of the shapes."""
-    constants = _at_null(ensemble, point, theta, effects)
+    constants = at_null(ensemble, point, theta, effects)
     amplitudes = [ensemble.amplitude(effect) for effect in effects]
     directions = np.concatenate([point.slopes.T, np.eye(constants.size)[amplitudes]])
     judged = judge(ensemble, constants, directions)
@@ -111,7 +111,7 @@ def _scores(ensemble: Ensemble, point: Point, theta: np.ndarray, effects: list[s
     return scores
 
 
-def _at_null(ensemble: Ensemble, point: Point, theta: np.ndarray, effects: list[str]) -> np.ndarray:
+def at_null(ensemble: Ensemble, point: Point, theta: np.ndarray, effects: list[str]) -> np.ndarray:
     """The point's constants (P,) with the shapes of theta, every amplitude at its null."""
     shaped = np.asarray(prior_terms(ensemble.posterior, theta).constants)
     constants = point.constants.copy()

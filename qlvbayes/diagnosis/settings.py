@@ -19,4 +19,4 @@ class Settings:
     apart: float = 2.3
     prior_none: float = 0.5
     false_alarms: float = 0.01
-    most: int = 4
+    most: int = 3

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from qlvbayes.diagnosis.adequacy import Adequacy
+from qlvbayes.diagnosis.design import Suggestion
 from qlvbayes.diagnosis.gate import Bend, Unseen
 from qlvbayes.diagnosis.samples import CellError, Samples
 from qlvbayes.diagnosis.search import Path
@@ -56,14 +57,6 @@ class Stage:
     cells: tuple[CellError, ...]
     failing: tuple[tuple[str, str], ...]
     parameters: dict[str, Estimate]
-
-
-@dataclass(frozen=True)
-class Suggestion:
-    """A further test and the expected 2 ln(Bayes factor) by which it would tell a group apart."""
-
-    test: str
-    evidence: float
 
 
 @dataclass(frozen=True, eq=False)

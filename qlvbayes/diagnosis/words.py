@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from qlvbayes.diagnosis.gate import Bend
 from qlvbayes.diagnosis.samples import CellError
-from qlvbayes.diagnosis.verdict import Diagnosis, Ranked, Stage
+from qlvbayes.diagnosis.verdict import Diagnosis, Estimate, Ranked, Stage
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.units import UnitSystem
 
 _PHASE = {"ramp": "ramp", "hold": "hold", "unload": "unloading", "recovery": "recovery"}
 _MOST_BENDS = 3
+_MOST_CELLS = 4
 
 
 def paragraphs(diagnosis: Diagnosis) -> list[str]:
@@ -41,7 +42,7 @@ def _adequate(d: Diagnosis) -> str:
     text = (
         f"Pad {d.pad}: nothing is missing that these tests can show. The model leaves "
         f"{stage.rmse:.3g} {unit}, the noise floor is {d.noise:.3g} {unit}; no phase of any test "
-        f"shows structure (p = {stage.p_value:.2g})."
+        f"shows structure ({_p(stage.p_value)})."
     )
     if best is not None:
         text += (
@@ -59,7 +60,7 @@ def _missing(d: Diagnosis) -> str:
         f"Pad {d.pad}: missing {'effect' if len(d.effects) == 1 else 'effects'}: {named}. {seen} "
         f"{_sureness(d)} With it the error on tests left out falls from {first.heldout_rmse:.3g} "
         f"to {last.heldout_rmse:.3g} {unit} (noise floor {d.noise:.3g} {unit}), and no phase of "
-        f"any test shows structure any more (p = {last.p_value:.2g})."
+        f"any test shows structure any more ({_p(last.p_value)})."
     )
 
 
@@ -81,15 +82,19 @@ def _unexplained(d: Diagnosis) -> str:
         last.effects
     )
     worst = max(last.cells, key=lambda cell: cell.rmse)
-    failing = _joined([f"{_PHASE[phase]} of {test}" for test, phase in last.failing[:4]])
-    more = f" and {len(last.failing) - 4} more" if len(last.failing) > 4 else ""
+    cells = list(dict.fromkeys(f"{_PHASE[phase]} of {test}" for test, phase in last.failing))
+    more = f" and {len(cells) - _MOST_CELLS} more" if len(cells) > _MOST_CELLS else ""
+    where = f", in the {_joined(cells[:_MOST_CELLS])}{more}" if cells else ""
     return (
-        f"Pad {d.pad}: unexplained.{tried} Structure remains beyond the noise floor of "
-        f"{d.noise:.3g} {unit} (p = {last.p_value:.2g})"
-        + (f", in the {failing}{more}" if last.failing else "")
-        + f". The largest error left is {worst.rmse:.3g} {unit} in the {_PHASE[worst.phase]} of "
-        f"{worst.test}. No effect is named: take the constants as those of a model that is wrong."
-    )
+        f"Pad {d.pad}: unexplained.{tried} structure remains beyond the noise floor of "
+        f"{d.noise:.3g} {unit} ({_p(last.p_value)}){where}. The largest error left is "
+        f"{worst.rmse:.3g} {unit} in the {_PHASE[worst.phase]} of {worst.test}. No effect is "
+        "named: take the constants as those of a model that is wrong."
+    ).replace(". structure", ". Structure")
+
+
+def _p(value: float) -> str:
+    return f"p = {value:.2g}" if value > 1e-12 else "p below 1e-12"
 
 
 def _where(d: Diagnosis) -> str:
@@ -121,17 +126,19 @@ def _runner_up(d: Diagnosis) -> list[str]:
     """Why the next best single effect lost."""
     taken = set(d.tried) | set(d.group)
     best = [r for r in d.ranking if r.effect not in taken | {"none"} and r.rmse is not None]
-    first = next((r for r in d.ranking if r.effect in taken), None)
-    if not best or first is None or not d.tried:
+    first = next((r for r in d.ranking if d.tried and r.effect == d.tried[0]), None)
+    if not best or first is None:
         return []
     rival: Ranked = max(best, key=lambda r: r.log_bayes_factor)
-    gap = first.log_bayes_factor - rival.log_bayes_factor
-    unit = _units(d).force
-    return [
+    unit, gap = _units(d).force, first.log_bayes_factor - rival.log_bayes_factor
+    text = (
         f"Runner-up: {rival.effect}. It leaves {rival.rmse:.3g} {unit} where {first.effect} leaves "
-        f"{first.rmse:.3g} {unit}, and the evidence is against it by a log Bayes factor of "
-        f"{gap:.3g}."
-    ]
+        f"{first.rmse:.3g} {unit}"
+    )
+    if gap > 0.0:
+        return [f"{text}, and the evidence is against it by a log Bayes factor of {gap:.3g}."]
+    why = dict(d.refused).get(rival.effect, "a later step made it useless")
+    return [f"{text}; it was not taken as {why}."]
 
 
 def _next_test(d: Diagnosis) -> list[str]:
@@ -142,10 +149,15 @@ def _next_test(d: Diagnosis) -> list[str]:
 
 
 def _unseen(d: Diagnosis) -> list[str]:
-    if not d.not_identifiable:
+    """By reason, in one sentence each."""
+    reasons: dict[str, list[str]] = {}
+    for entry in d.not_identifiable:
+        if entry.effect not in d.tried:
+            reasons.setdefault(entry.reason.partition(" (")[0], []).append(entry.effect)
+    if not reasons:
         return []
-    said = "; ".join(f"{u.effect}: {u.reason}" for u in d.not_identifiable)
-    return [f"These tests cannot show: {said}."]
+    said = "; ".join(f"{_joined(effects)} ({reason})" for reason, effects in reasons.items())
+    return [f"These tests cannot show {said}."]
 
 
 def _bent(d: Diagnosis) -> list[str]:
@@ -167,11 +179,12 @@ def _bend(d: Diagnosis, bend: Bend) -> str:
 
 def _with_value(d: Diagnosis, effect: str, stage: Stage) -> str:
     own = {n: e for n, e in stage.parameters.items() if n.startswith(f"{effect}.")}
-    values = ", ".join(
-        f"{name.partition('.')[2]} = {e.mean:.3g} +- {e.sd:.1g}{'' if e.unit == '1' else ' ' + e.unit}"
-        for name, e in own.items()
-    )
+    values = ", ".join(f"{name.partition('.')[2]} = {_size(e)}" for name, e in own.items())
     return f"{effect} ({values})"
+
+
+def _size(e: Estimate) -> str:
+    return f"{e.mean:.3g} +- {e.sd:.1g}{'' if e.unit == '1' else ' ' + e.unit}"
 
 
 def _effect(d: Diagnosis, name: str) -> AbstractEffect:

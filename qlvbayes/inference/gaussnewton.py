@@ -15,8 +15,10 @@ from qlvbayes.noise import Correlated, White
 
 _CHUNK = 10  # directions along which the model is run at once
 _ROUND = 16  # directions come in multiples of this, so that few sizes are compiled
-_ENOUGH = 2e-3  # expected rise of the log density below which the climb ends
-_STEPS = 40
+_ENOUGH = 5e-3  # expected rise of the log density below which the climb ends
+_CREEP = 0.02  # rise of the log density in a step on a ridge at which the climb ends
+_STEPS = 30
+_HOPE = 3.0  # a step may bring so many times what the quadratic promises
 _FARTHEST = 3.0  # longest step in a unit of theta
 
 
@@ -143,18 +145,26 @@ def climb(
     theta: np.ndarray,
     weight: np.ndarray | None = None,
     steps: int = _STEPS,
+    worth: float = -math.inf,
 ) -> Point:
-    """Levenberg-Marquardt from theta until a step promises no more than 0.002 in log density."""
+    """Levenberg-Marquardt from theta until a step promises no more than 0.005 in log density.
+
+    worth: a log evidence; once a step does not promise to reach it, the climb is given up.
+    """
     point = evaluate(ensemble, subset, theta, weight)
     damping = 1e-3
     for _ in range(steps):
         step, promise = _step(point, damping)
         if promise < _ENOUGH and damping <= 1.0:
             break
+        if point.log_evidence + _HOPE * promise < worth:
+            break
         moved = point.theta.copy()
         moved[subset.theta] += step
         tried = evaluate(ensemble, subset, moved, weight)
         if np.isfinite(tried.loss) and tried.loss < point.loss:
+            if max(point.loss - tried.loss, 0.2 * promise) < _CREEP:
+                return tried
             gain = (point.loss - tried.loss) / promise
             damping = max(damping * (0.1 if gain > 0.5 else 1.0 if gain > 0.1 else 4.0), 1e-9)
             point = tried

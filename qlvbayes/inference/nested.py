@@ -23,9 +23,9 @@ from scipy.special import logsumexp
 
 from qlvbayes.posterior import Posterior, is_prior
 
-LIVE = 120
-_AT_ONCE = 5  # live points over those replaced together
-_MOVES = 1.5  # slice moves a number, for one new point
+LIVE = 80
+_AT_ONCE = 4  # live points over those replaced together
+_MOVES = 2.0  # slice moves a number, for one new point
 _LEFT = -4.0  # log share of the evidence that the live points may still hold at the end
 _SHUFFLES = 200
 _WORST = -1e100  # log likelihood where the model gives no number
@@ -59,7 +59,7 @@ def nested_evidence(
     """Evidence of a posterior whose model has exactly the effects wanted.
 
     The prior is taken in theta, whose numbers are not bounded. One step is compiled for posteriors
-    of one shape. About 100 000 likelihoods for ten numbers.
+    of one shape. About 300 000 likelihoods for ten numbers.
     """
     moves = max(5, round(_MOVES * posterior.size))
     together = max(live // _AT_ONCE, 1)

@@ -12,7 +12,7 @@ from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.parameters import names, unit_kinds
 from qlvbayes.posterior import Posterior, draw_prior, is_prior, value_shape
 
-_DRAWS = 49
+_DRAWS = 25
 
 
 @dataclass(frozen=True)
@@ -30,11 +30,12 @@ class Ensemble:
 
     All subsets share the functions compiled for the whole, or for a smaller part that holds the
     effects at work. ``costly`` effects run the law beneath several times; parts without them are
-    kept apart.
+    kept apart. ``own`` effects belong to the model and are always on.
     """
 
     posterior: Posterior
     costly: tuple[str, ...] = ()
+    own: frozenset[str] = frozenset()
     _cache: dict[frozenset[str], Subset] = field(default_factory=dict)
 
     @cached_property
@@ -61,8 +62,13 @@ class Ensemble:
         return names(self.posterior)
 
     @property
+    def candidates(self) -> list[str]:
+        """Names of the effects that may be switched on."""
+        return [effect.name for effect in self.effects if effect.name not in self.own]
+
+    @property
     def effects(self) -> tuple[AbstractEffect, ...]:
-        """Every candidate."""
+        """Every effect, the model's own ones too."""
         return self.posterior.model.effects
 
     def effect(self, name: str) -> AbstractEffect:
@@ -74,9 +80,25 @@ class Ensemble:
         stem = self.names[place.constants.start].partition(".")[0]
         return stem if stem in {effect.name for effect in self.effects} else None
 
+    @cached_property
+    def _fields(self) -> dict[str | None, list[Place]]:
+        found: dict[str | None, list[Place]] = {}
+        for place in self.places:
+            found.setdefault(self.owner(place), []).append(place)
+        return found
+
+    @cached_property
+    def _nulls(self) -> list[tuple[str, int, float]]:
+        """Effect, place and value of every constant at whose null an effect vanishes."""
+        return [
+            (effect.name, self.names.index(f"{effect.name}.{name}"), value)
+            for effect in self.effects
+            for name, value in effect.null.items()
+        ]
+
     def fields(self, effect: str) -> list[Place]:
         """The fields of one effect."""
-        return [place for place in self.places if self.owner(place) == effect]
+        return self._fields[effect]
 
     def amplitude(self, effect: str) -> int:
         """Place among the constants of an effect's amplitude."""
@@ -113,22 +135,21 @@ class Ensemble:
         every = [effect.name for effect in self.effects]
         light = [name for name in every if name not in self.costly]
         sets = [[], *([name] for name in every if name in self.costly), light, every]
-        return [Part.of(self, frozenset(names)) for names in sets]
+        return [Part.of(self, self.own | frozenset(names)) for names in sets]
 
     def part(self, constants: np.ndarray, directions: np.ndarray) -> Part:
         """The cheapest part that holds every effect at work in constants (P,) or directions."""
         moving = directions.any(axis=0)
-        working = set()
-        for effect in self.effects:
-            for name, value in effect.null.items():
-                place = self.names.index(f"{effect.name}.{name}")
-                if moving[place] or constants[place] != value:
-                    working.add(effect.name)
+        working = {
+            effect
+            for effect, place, value in self._nulls
+            if moving[place] or constants[place] != value
+        }
         return next(part for part in self.parts if working <= part.effects)
 
     def subset(self, effects: frozenset[str] | tuple[str, ...] = ()) -> Subset:
         """The posterior with these effects on."""
-        key = frozenset(effects)
+        key = frozenset(effects) | self.own
         if key not in self._cache:
             self._cache[key] = Subset.of(self, key)
         return self._cache[key]
@@ -198,6 +219,7 @@ def with_every_effect(
 ) -> Ensemble:
     """The posterior's model plus every candidate that it lacks."""
     model = posterior.model
+    own = frozenset(effect.name for effect in model.effects)
     for effect in effects:
         model = model + effect
-    return Ensemble(Posterior(model, posterior.noise, posterior.record), costly)
+    return Ensemble(Posterior(model, posterior.noise, posterior.record), costly, own)

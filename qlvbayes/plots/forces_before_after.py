@@ -114,7 +114,7 @@ def _force(axis: Axes, placed: Placed, curve: Curve) -> None:
 def _strip(axis: Axes, placed: Placed, curve: Curve) -> None:
     rows, time = placed.rows, placed.time
     half = _90 * curve.floor[rows]
-    axis.fill_between(time, -half, half, color="0.85", linewidth=0, zorder=0)
+    axis.fill_between(time, -half, half, color="0.9", linewidth=0, zorder=0)
     axis.axhline(0.0, color="0.4", linewidth=0.4, zorder=0.5)
     for band, colour, _ in _models(curve):
         left = (curve.observed - band.mean)[rows]

@@ -1,0 +1,190 @@
+"""The diagnosis against pads of which the hidden effect is known."""
+
+import json
+
+import numpy as np
+import pytest
+
+from qlvbayes import Choices, InputError, Test, prepare
+from qlvbayes.data import Pad
+from qlvbayes.diagnosis.adequacy import adequacy
+from qlvbayes.diagnosis.diagnose import diagnose
+from qlvbayes.diagnosis.words import paragraphs
+from qlvbayes.inference.gaussnewton import climb, evaluate
+from qlvbayes.synthetic import (
+    HIDDEN,
+    NOISES,
+    OUTSIDE,
+    TABLE_1,
+    HiddenPad,
+    full_retraction_protocol,
+    paper_protocol,
+    record_study,
+)
+from qlvbayes.units import PAD
+
+RATES = (0.1, 1.0, 20.0, 100.0)
+
+
+def measured(effects=(), pad="B", seed=0, protocol=paper_protocol, rates=RATES):
+    """Simulate a pad's tests with hidden effects and make them ready."""
+    material = HiddenPad(TABLE_1[pad], tuple(effects))
+    programs = {f"{rate:g}": protocol(rate) for rate in rates}
+    tests = record_study({pad: material}, programs, NOISES["correlated"], seed, 300)
+    found = tuple(
+        Test(t.name, t.pad, t.record.time, t.record.displacement, t.record.force, start_s=t.start_s)
+        for t in tests
+    )
+    return prepare(Pad(pad, found, PAD))
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return diagnose(measured())
+
+
+@pytest.fixture(scope="module")
+def drag():
+    return diagnose(measured([HIDDEN["viscous_drag"](eta=0.004)]))
+
+
+@pytest.fixture(scope="module")
+def two():
+    effects = [HIDDEN["viscous_drag"](eta=0.004), HIDDEN["force_offset"](offset=0.08)]
+    return diagnose(measured(effects))
+
+
+@pytest.fixture(scope="module")
+def outside():
+    return diagnose(measured([OUTSIDE["amplifier_clipping"](level=1.1)]))
+
+
+def test_nothing_missing_is_called_adequate(plain):
+    assert plain.verdict == "adequate"
+    assert plain.effects == ()
+    assert plain.ranking[0].effect == "none"
+    assert plain.stages[-1].heldout_rmse < 1.2 * plain.noise
+
+
+def test_a_hidden_drag_is_named_with_its_size(drag):
+    assert drag.verdict == "missing_effect"
+    assert drag.effects == ("viscous_drag",)
+    eta = drag.stages[-1].parameters["viscous_drag.eta"]
+    assert abs(eta.mean - 0.004) < 4.0 * eta.sd
+    assert drag.ranking[0].probability > 0.9
+    assert drag.stages[-1].heldout_rmse < 1.2 * drag.noise < drag.stages[0].heldout_rmse
+
+
+def test_two_effects_are_found_one_by_one(two):
+    assert set(two.effects) == {"viscous_drag", "force_offset"}
+    errors = [stage.heldout_rmse for stage in two.stages]
+    assert errors == sorted(errors, reverse=True)
+    assert len(errors) == 3
+
+
+def test_what_is_not_on_the_list_is_unexplained(outside):
+    assert outside.verdict == "unexplained"
+    assert outside.effects == ()
+    assert outside.stages[-1].p_value < 0.01
+
+
+@pytest.mark.parametrize("name", ["plain", "drag", "two", "outside"])
+def test_the_json_keeps_the_contract(name, request):
+    found = request.getfixturevalue(name)
+    content = json.loads(json.dumps(found.as_dict(), allow_nan=False))
+    assert content["schema"] == 1
+    assert content["steps"][0]["effects"] == []
+    assert "none" in [entry["effect"] for entry in content["ranking"]]
+    assert sum(entry["probability"] for entry in content["ranking"]) == pytest.approx(1.0)
+    assert content["worst"]["phase"] in ("ramp", "hold", "unload", "recovery")
+
+
+def test_the_words_say_verdict_place_and_size(drag, outside, plain):
+    said = " ".join(paragraphs(drag))
+    assert "viscous_drag (eta = " in said
+    assert "N s/mm" in said
+    assert "Where the plain model fails worst: the ramp of B-" in said
+    assert "Runner-up" in said
+    assert "No effect is named" in " ".join(paragraphs(outside))
+    assert "nothing is missing that these tests can show" in paragraphs(plain)[0]
+
+
+def test_adhesion_shows_only_where_the_platen_retracts():
+    """A ramp and hold that never unloads cannot show softening, set or adhesion."""
+    experiment = measured(protocol=lambda rate: paper_protocol(rate)[:2], rates=(1.0, 100.0))
+    unseen = {u.effect: u.reason for u in diagnose(experiment).not_identifiable}
+    assert unseen["adhesion"] == "no test retracts to zero depth"
+    assert unseen["stress_softening"] == "no test unloads"
+    full = measured(protocol=full_retraction_protocol, rates=(1.0, 100.0))
+    assert "adhesion" not in {u.effect for u in diagnose(full).not_identifiable}
+
+
+def test_an_effect_that_hides_says_what_it_would_bend(plain):
+    bends = {bend.effect: bend for bend in plain.bends}
+    assert "frame_compliance" in bends
+    assert bends["frame_compliance"].left < 0.15
+    assert bends["frame_compliance"].changes["b"] < 0.0  # a soft frame looks like less stiffening
+
+
+def test_an_added_effect_is_part_of_the_plain_model(drag):
+    experiment = drag.work.experiment
+    with_it = diagnose(experiment, Choices(effects=("viscous_drag",)))
+    assert with_it.verdict == "adequate"
+    assert "viscous_drag" not in [ranked.effect for ranked in with_it.ranking]
+
+
+def test_student_noise_is_refused(drag):
+    with pytest.raises(InputError, match="normal noise"):
+        diagnose(drag.work.experiment, Choices(noise="student-t"))
+
+
+def test_adequacy_p_values_are_uniform_under_a_right_model(plain):
+    """Whatever the noise that comes with the same pad, one in ten is below a tenth."""
+    work = plain.work
+    below = 0
+    for seed in range(20):
+        experiment = measured(seed=100 + seed)
+        found = _plain_point(experiment, work)
+        below += adequacy(experiment, *found).p_value < 0.1
+    assert below <= 6  # binomial: more than 6 of 20 has probability 0.002
+
+
+def _plain_point(experiment, work):
+    from dataclasses import replace
+
+    whole = work.ensemble
+    record = experiment.record(experiment.trials)
+    other = replace(
+        whole, posterior=type(whole.posterior)(whole.posterior.model, whole.posterior.noise, record)
+    )
+    other = type(whole)(other.posterior, whole.costly, whole.own)
+    return other, climb(other, other.subset(), work.path.steps[0].point.theta)
+
+
+def test_the_gradient_is_that_of_the_loss(drag):
+    """Gauss-Newton's slopes against differences of the loss."""
+    work = drag.work
+    subset = work.ensemble.subset(("viscous_drag",))
+    theta = work.path.last.point.theta.copy()
+    theta[subset.theta] += 0.03
+    point = evaluate(work.ensemble, subset, theta)
+    for k, place in enumerate(subset.theta):
+        step = np.zeros_like(theta)
+        step[place] = 1e-5
+        high = evaluate(work.ensemble, subset, theta + step).loss
+        low = evaluate(work.ensemble, subset, theta - step).loss
+        assert point.gradient[k] == pytest.approx((high - low) / 2e-5, rel=2e-3, abs=0.05)
+
+
+def test_laplace_is_exact_for_the_noise_free_direction(plain):
+    """The optimum is a minimum: every small step raises the loss as the curvature says."""
+    work = plain.work
+    point = work.path.last.point
+    rng = np.random.default_rng(3)
+    root = np.linalg.cholesky(point.covariance)
+    for _ in range(5):
+        move = root @ rng.standard_normal(len(root))
+        theta = point.theta.copy()
+        theta[point.subset.theta] += move
+        rise = evaluate(work.ensemble, point.subset, theta).loss - point.loss
+        assert rise == pytest.approx(0.5 * move @ point.curvature @ move, rel=0.5)
