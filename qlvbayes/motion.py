@@ -20,7 +20,7 @@ class Motion(eqx.Module):
     displacement: Array
     velocity: Array
     acceleration: Array
-    start: Array = eqx.field(converter=jnp.asarray)
+    start: Array
 
     def __init__(
         self,

@@ -80,11 +80,11 @@ def test_draws_are_of_the_posterior(straight):
 
 
 def test_a_seed_repeats(straight):
-    one, two = (nested_evidence(straight, 7, live=40) for _ in range(2))
+    one, two = (nested_evidence(straight, 7, live=60) for _ in range(2))
     assert one.log_evidence == two.log_evidence
-    assert one.evaluations == two.evaluations > 40
+    assert one.evaluations == two.evaluations > 60
     np.testing.assert_array_equal(one.draws, two.draws)
-    assert nested_evidence(straight, 8, live=40).log_evidence != one.log_evidence
+    assert nested_evidence(straight, 8, live=60).log_evidence != one.log_evidence
 
 
 def test_prior_draws_are_of_the_prior():
@@ -134,7 +134,7 @@ def test_an_idle_effect_is_told(ensemble, first):
     reasons = [
         reason for point in found.values() for reason in laplace_check(ensemble, point).reasons
     ]
-    assert all(isinstance(reason, str) for reason in reasons)
+    assert found
     for name in found:
         assert any(name in reason for reason in reasons)
 

@@ -29,6 +29,7 @@ from qlvbayes.inference.gaussnewton import Point, pad_directions, predict_along
 from qlvbayes.inference.linearised import whitened
 from qlvbayes.inference.subset import Ensemble
 from qlvbayes.noise import Correlated
+from qlvbayes.records.record import Blocks, Record
 
 _ORDERS = 4
 _ALLOWED = 0.5 * float(chi2.ppf(0.999, 3))  # log-likelihood of the rests that noise may lose
@@ -122,7 +123,7 @@ def floor_freedom(experiment: Experiment) -> float:
     return float(max(sum(t.test.time.size for t in experiment.trials) / 2, 5))
 
 
-def _whitened(noise: Correlated, record: object, vectors: np.ndarray) -> np.ndarray:
+def _whitened(noise: Correlated, record: Record, vectors: np.ndarray) -> np.ndarray:
     """(M, T*B) vectors filtered by the floor, sixteen at a time."""
     out = []
     for first in range(0, len(vectors), 16):
@@ -143,11 +144,12 @@ def _information(J: np.ndarray, point: Point) -> np.ndarray:
 
 
 def _curves(
-    trials: Sequence[Trial], blocks: object
+    trials: Sequence[Trial], blocks: Blocks
 ) -> tuple[list[tuple[tuple[str, str, float], list[int]]], np.ndarray]:
     """Cells (test, phase, start) with the rows of their curves, and the curves (M, T, B)."""
     first, last, real = (np.asarray(x) for x in (blocks.first, blocks.last, blocks.real))
-    cells, rows = [], []
+    cells: list[tuple[tuple[str, str, float], list[int]]] = []
+    rows: list[np.ndarray] = []
     for k, trial in enumerate(trials):
         middle = np.where(real[k], 0.5 * (first[k] + last[k]), np.inf)
         for phase in trial.phases:

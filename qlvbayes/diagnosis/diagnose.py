@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -143,6 +144,10 @@ def _stage(work: Work, k: int, settings: Settings) -> Stage:
     )
 
 
+def _starts(prefix: str, name: str) -> bool:
+    return name.startswith(prefix)
+
+
 def _is_of_pad(name: str) -> bool:
     return not name.startswith("noise.")
 
@@ -157,7 +162,7 @@ def _ranking(work: Work, settings: Settings) -> tuple[Ranked, ...]:
         if point is not None:
             error = rmse(work.samples.residuals(point.constants))
             own = f"{contender.effect}."
-            found = _estimates(work, point, lambda name, own=own: name.startswith(own))
+            found = _estimates(work, point, partial(_starts, own))
             found = {name.removeprefix(own): value for name, value in found.items()}
         ranked.append(
             Ranked(

@@ -8,9 +8,9 @@ measured without the model (Kennedy and O'Hagan 2001, doi:10.1111/1467-9868.0029
     k(x, x') = g g' [phase = phase'] [a^2 k_t k_d k_v + (p^2 k_t k_d) [test = test']]
 
 with Matern-3/2 correlations k_t, k_d and k_v over the logarithm of the time since the phase began,
-the depth and the logarithm of the loading rate; g is 1 where the force is largest and falls to a
-fifth where there is none. One function is shared by all tests, another is each test's own. It keeps
-the intervals of predictions honest. It says nothing about what is missing, and its mean must not be
+the depth and the logarithm of the loading rate; g is 1 where the force is largest and a half where
+there is none. One function is shared by all tests, another is each test's own. It keeps the
+intervals of predictions honest. It says nothing about what is missing, and its mean must not be
 read as a correction of the material's constants.
 """
 
@@ -44,7 +44,7 @@ _LEAST_NOISE = 1e-6  # sd, over the largest force, that keeps the covariance inv
 _FAR = 4.0  # from the first guess of a log scale
 _CLIMB = 12  # steps of the model's refit
 _DRAWS = 16  # of the constants
-_LEAST = 0.2  # of the discrepancy's size where there is no force
+_LEAST = 0.5  # of the discrepancy's size where there is no force
 
 
 Numbers = Any  # an array of JAX or of numpy

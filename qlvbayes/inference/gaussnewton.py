@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import cast
 
 import jax.numpy as jnp
 import numpy as np
@@ -11,7 +13,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from qlvbayes.inference import linearised
 from qlvbayes.inference.subset import Ensemble, Subset
-from qlvbayes.noise import Correlated, White
+from qlvbayes.noise import AbstractGaussian, AbstractNoise
 
 _CHUNK = 10  # directions along which the model is run at once
 _ROUND = 16  # directions come in multiples of this, so that few sizes are compiled
@@ -125,11 +127,11 @@ def pad_directions(directions: np.ndarray) -> np.ndarray:
 
 
 def noise_along(
-    noise: Correlated | White, constants: np.ndarray, directions: np.ndarray
-) -> tuple[Correlated | White, Correlated | White]:
+    noise: AbstractNoise, constants: np.ndarray, directions: np.ndarray
+) -> tuple[AbstractGaussian, AbstractGaussian]:
     """The noise at the last constants, and its constants' slopes along directions (K, P)."""
     count = len(noise.units)
-    kind = type(noise)
+    kind = cast(Callable[..., AbstractGaussian], type(noise))
     return kind(*constants[-count:]), kind(*directions[:, -count:].T)
 
 

@@ -15,7 +15,7 @@ from jaxtyping import Array
 from qlvbayes.model import Model
 from qlvbayes.noise import AbstractGaussian
 from qlvbayes.posterior import Posterior
-from qlvbayes.records.record import Record
+from qlvbayes.records.record import Blocks, Record
 
 
 class PriorTerms(NamedTuple):
@@ -86,7 +86,7 @@ def likelihood_terms(
     sum e_i e_j / S + S_i S_j / (2 S^2).
     """
 
-    def one(blocks: Record, predicted: Array, slopes: Array) -> tuple[Array, Array, Array]:
+    def one(blocks: Blocks, predicted: Array, slopes: Array) -> tuple[Array, Array, Array]:
         def filtered(noise: AbstractGaussian, predicted: Array) -> tuple[Array, Array]:
             errors, variances = noise.innovations(blocks.force - predicted, blocks)
             return errors, jnp.log(variances)

@@ -139,7 +139,7 @@ class Ensemble:
 
     def part(self, constants: np.ndarray, directions: np.ndarray) -> Part:
         """The cheapest part that holds every effect at work in constants (P,) or directions."""
-        moving = directions.any(axis=0)
+        moving = np.atleast_1d(directions.any(axis=0))
         working = {
             effect
             for effect, place, value in self._nulls

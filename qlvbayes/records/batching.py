@@ -29,8 +29,14 @@ def _rounded(size: int, step: int) -> int:
 
 
 def _pad(record: Record, points: int, blocks: int) -> Record:
-    *along, start = jax.tree.leaves(record.motion)
-    motion = Motion(*(_extend(x, points) for x in along), start)
+    seen = record.motion
+    motion = Motion(
+        _extend(seen.time, points),
+        _extend(seen.displacement, points),
+        _extend(seen.velocity, points),
+        _extend(seen.acceleration, points),
+        seen.start,
+    )
     size = record.blocks.force.shape[0]
     full = Blocks(*(_extend(x, blocks) for x in jax.tree.leaves(record.blocks)))
     real = jnp.asarray(np.arange(blocks) < size)

@@ -139,7 +139,13 @@ def _motion(trajectory: Trajectory, grid: np.ndarray, first: float, start: float
     # what lies before the first sample is the approach: it begins at zero displacement
     displacement = np.where(grid < first, 0.0, trajectory.displacement(grid))
     velocity, acceleration = trajectory.velocity(grid), trajectory.acceleration(grid)
-    return Motion(*map(jnp.asarray, (grid, displacement, velocity, acceleration)), start)
+    return Motion(
+        jnp.asarray(grid),
+        jnp.asarray(displacement),
+        jnp.asarray(velocity),
+        jnp.asarray(acceleration),
+        start,
+    )
 
 
 def _average(test: Test, begin: np.ndarray, sd_scale: float) -> Blocks:

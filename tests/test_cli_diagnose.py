@@ -1,0 +1,117 @@
+"""diagnose, study and effects as a user calls them, on the bundled hidden case."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from endtoend import call, keeps_check_contract, keeps_summary_contract, read_json
+
+ROOT = Path(__file__).parents[1]
+HIDDEN = ROOT / "data" / "hidden.csv"
+FIGURES = ("residuals_before_after", "forces_before_after", "evidence", "error_staircase")
+
+
+@pytest.fixture(scope="module")
+def answer():
+    return read_json(ROOT / "data" / "hidden.answer.json")
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    """The whole loop, with a short chain."""
+    folder = tmp_path_factory.mktemp("study")
+    status, out, _ = call("study", HIDDEN, "-o", folder, "--max-steps", "60")
+    assert status == 0
+    return folder / "C", out
+
+
+def test_the_bundled_case_is_solved(study, answer):
+    found = read_json(study[0] / "diagnosis.json")
+    hidden = answer["effects"][0]
+    assert found["verdict"] == "missing_effect"
+    assert found["effects"] == [hidden["effect"]]
+    best = found["ranking"][0]
+    for name, value in hidden["parameters"].items():
+        estimate = best["parameters"][name]
+        assert abs(estimate["mean"] - value) < 4.0 * estimate["sd"]
+
+
+def test_the_data_do_not_tell_the_answer(answer):
+    heading = [line for line in HIDDEN.read_text().splitlines() if line.startswith("#")]
+    assert answer["effects"][0]["effect"] not in " ".join(heading)
+
+
+def test_study_leaves_every_file(study):
+    folder, _ = study
+    for name in FIGURES:
+        for kind in ("png", "pdf"):
+            assert (folder / f"{name}.{kind}").stat().st_size > 5000
+    assert "missing effect" in (folder / "diagnosis.txt").read_text()
+    for place in (folder, folder / "plain"):
+        keeps_summary_contract(read_json(place / "summary.json"))
+        keeps_check_contract(read_json(place / "check.json"))
+
+
+def test_study_refits_with_the_named_effect(study, answer):
+    folder, out = study
+    name = answer["effects"][0]["effect"]
+    after = read_json(folder / "summary.json")
+    assert after["effects"] == read_json(folder / "check.json")["effects"] == [name]
+    assert read_json(folder / "plain" / "summary.json")["effects"] == []
+    for constant in answer["effects"][0]["parameters"]:
+        assert f"{name}.{constant}" in after["parameters"]
+    assert f"pad C: missing_effect: {name}" in out
+
+
+def test_diagnose_prints_json_for_machines(tmp_path, answer):
+    status, out, err = call("diagnose", HIDDEN, "-o", tmp_path / "out", "--json")
+    assert (status, err) == (0, "")
+    assert json.loads(out)[0]["effects"] == [answer["effects"][0]["effect"]]
+
+
+def test_an_unknown_effect_is_refused_before_anything_is_written(tmp_path):
+    for command in ("fit", "diagnose", "study"):
+        status, _, err = call(command, HIDDEN, "-o", tmp_path / "out", "--add", "magic")
+        assert status == 2
+        assert "no effect 'magic'; use one of viscous_drag" in err
+        assert not (tmp_path / "out").exists()
+
+
+def test_effects_lists_all_by_name():
+    status, out, err = call("effects", "--json")
+    assert (status, err) == (0, "")
+    listed = json.loads(out)
+    assert len(listed) == 18
+    assert all(entry["law"] and entry["seen"] and entry["parameters"] for entry in listed)
+
+
+@pytest.fixture
+def own_effects(tmp_path):
+    """The worked example of CONTRIBUTING.md, as a file."""
+    text = (ROOT / "CONTRIBUTING.md").read_text()
+    blocks = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
+    path = tmp_path / "my_effects.py"
+    path.write_text(next(block for block in blocks if "class QuadraticDrag" in block))
+    return path
+
+
+def test_the_worked_example_keeps_the_rules_and_competes(own_effects, tmp_path):
+    from qlvbayes import check_effect
+    from qlvbayes.effects.userfile import load
+
+    check_effect(load(own_effects)[0])
+    words = ("--effects-file", own_effects, "--json")
+    status, out, err = call("diagnose", HIDDEN, "-o", tmp_path / "out", *words)
+    assert (status, err) == (0, "")
+    ranked = {entry["effect"]: entry for entry in json.loads(out)[0]["ranking"]}
+    assert ranked["quadratic_drag"]["log_bayes_factor"] < ranked["squeeze_film"]["log_bayes_factor"]
+
+
+def test_a_users_effect_can_be_fitted(own_effects, tmp_path):
+    words = ("--effects-file", own_effects, "--add", "quadratic_drag", "--max-steps", "20")
+    status, _, err = call("fit", HIDDEN, "-o", tmp_path / "out", *words)
+    assert status == 0, err
+    summary = read_json(tmp_path / "out" / "C" / "summary.json")
+    assert summary["effects"] == ["quadratic_drag"]
+    assert "quadratic_drag.k" in summary["parameters"]
