@@ -24,7 +24,7 @@ _QUIET = 1e-3  # of the force range: below, the coarser trend would leave more t
 _TAUS = 9
 _USUAL_TAU = 0.03  # of a rest: a longer memory looks like the trend, so that short rests
 _TAU_SD = 1.0  # need a weak prior, log-normal with this sd
-_DECISIVE = 6.0  # log-likelihood by which the second process must win
+_DECISIVE = 2.0  # log-likelihood by which the second process must win
 _FLOOR = 1e-9  # of the force range, for data without noise
 
 
@@ -90,7 +90,7 @@ def measure(tests: Sequence[Record], phases: Sequence[Sequence[Phase]]) -> Noise
     length of the rest to all of it. The noise parameters maximise the restricted likelihood, in
     which the trend costs its degrees of freedom. Up to 12 rests enter, with up to 300 readings
     each: a run of consecutive ones and others spread over the rest. The correlated part is
-    reported only if it raises the log-likelihood by more than 6. With a measured sd for each
+    reported only if it raises the log-likelihood by more than 2. With a measured sd for each
     reading (``force_sd``) the noise is taken as proportional to it, and the sds returned hold at
     its root mean square.
 
@@ -128,7 +128,7 @@ def _rests(tests: Sequence[Record], phases: Sequence[Sequence[Phase]]) -> list[_
                 continue
             inside = np.flatnonzero((test.time > phase.start) & (test.time <= phase.stop))
             # The kinks may be misplaced by a few samples.
-            margin = min(5, inside.size // 20)
+            margin = min(5, inside.size // 8)
             inside = inside[margin : inside.size - margin]
             if inside.size >= _FEWEST_SAMPLES and not _stuck(test.force[inside]):
                 of_test.append((inside.size, _chosen(test, inside)))

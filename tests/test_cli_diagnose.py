@@ -109,7 +109,7 @@ def test_the_worked_example_keeps_the_rules_and_competes(own_effects, tmp_path):
 
 
 def test_a_users_effect_can_be_fitted(own_effects, tmp_path):
-    words = ("--effects-file", own_effects, "--add", "quadratic_drag", "--max-steps", "20")
+    words = ("--effects-file", own_effects, "--add", "quadratic_drag", "--max-steps", "60")
     status, _, err = call("fit", HIDDEN, "-o", tmp_path / "out", *words)
     assert status == 0, err
     summary = read_json(tmp_path / "out" / "C" / "summary.json")

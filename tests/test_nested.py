@@ -11,7 +11,8 @@ from scipy.stats import kstest, multivariate_normal
 
 from qlvbayes.choices import Choices
 from qlvbayes.diagnosis.contest import Round, contest
-from qlvbayes.diagnosis.evidence import LaplaceCheck, laplace_check, log_densities, nested_check
+from qlvbayes.diagnosis.evidence import LaplaceCheck, laplace_check, log_densities
+from qlvbayes.diagnosis.nested_check import nested_check
 from qlvbayes.diagnosis.search import plain_fit
 from qlvbayes.effects.extra_relaxation_mode import ExtraRelaxationMode
 from qlvbayes.effects.viscous_drag import ViscousDrag

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from qlvbayes.diagnosis.evidence import laplace_check
 from qlvbayes.diagnosis.screen import Score, screen
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.inference.gaussnewton import Point, climb
+from qlvbayes.inference.multistart import wide_climb
 from qlvbayes.inference.subset import Ensemble
 
 _BEHIND = 15.0  # log evidence behind the best at which a contender is given up
 _STARTS = 2
+_WIDE = 5  # best contenders that are refitted from other relaxation spectra too,
+_NEAR = 8.0  # log Bayes factor within which the best are compared more carefully
+_PROMISING = 1.0  # if the best has a log Bayes factor above this
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +73,41 @@ def contest(ensemble: Ensemble, base: Point, effects: list[str]) -> Round:
             log_bf = point.log_evidence - base.log_evidence
             best = max(best, point.log_evidence)
         contenders.append(Contender(effect, log_bf, scores[0], point))
-    return Round(base, tuple(sorted(contenders, key=lambda c: -c.log_bayes_factor)))
+    ranked = sorted(contenders, key=lambda c: -c.log_bayes_factor)
+    if ranked and ranked[0].log_bayes_factor > _PROMISING:
+        wide = [_widened(ensemble, base, c) for c in ranked[:_WIDE]]
+        ranked[:_WIDE] = _sampled(ensemble, base, wide)
+    return Round(base, tuple(sorted(ranked, key=lambda c: -c.log_bayes_factor)))
+
+
+def _widened(ensemble: Ensemble, base: Point, contender: Contender) -> Contender:
+    """The contender refitted from other relaxation spectra too."""
+    if contender.point is None:
+        return contender
+    point = wide_climb(ensemble, contender.point.subset, contender.point.theta)
+    if point.log_evidence <= contender.point.log_evidence:
+        return contender
+    gain = point.log_evidence - base.log_evidence
+    return Contender(contender.effect, gain, contender.score, point)
+
+
+def _sampled(ensemble: Ensemble, base: Point, contenders: list[Contender]) -> list[Contender]:
+    """Contenders near the best with evidence by importance sampling in place of Laplace's.
+
+    On a ridge or against a bound, where an effect that is not there ends up, Laplace's is too high
+    by several units.
+    """
+    best = max(c.log_bayes_factor for c in contenders)
+    near = [c for c in contenders if c.point is not None and c.log_bayes_factor > best - _NEAR]
+    plain = laplace_check(ensemble, base).log_evidence
+    gains = {
+        c.effect: laplace_check(ensemble, c.point).log_evidence - plain
+        for c in near
+        if c.point is not None
+    }
+    return [
+        replace(c, log_bayes_factor=gains.get(c.effect, c.log_bayes_factor)) for c in contenders
+    ]
 
 
 def _averaged(scores: list[Score]) -> float:
@@ -101,4 +140,5 @@ def _start(ensemble: Ensemble, base: Point, score: Score) -> np.ndarray:
     own = base.subset.theta
     shift = amplitude * score.shift
     theta[own] = base.theta[own] + shift * min(1.0, 1.0 / max(float(np.max(np.abs(shift))), 1e-9))
+    theta[ensemble.noise] = ensemble.centre[ensemble.noise]  # what is missing has swollen the fit's
     return theta

@@ -12,6 +12,7 @@ from qlvbayes.choices import Choices
 from qlvbayes.diagnosis.adequacy import Adequacy, adequacy
 from qlvbayes.diagnosis.contest import Contender
 from qlvbayes.diagnosis.design import Suggestion, suggest
+from qlvbayes.diagnosis.evidence import laplace_check
 from qlvbayes.diagnosis.gate import bends, coincident, unseen
 from qlvbayes.diagnosis.protocol import protocol_of
 from qlvbayes.diagnosis.samples import Samples, cell_errors, rmse
@@ -73,7 +74,7 @@ def diagnose(
         bends=tuple(bends(ensemble, plain, scores)),
         coincident=tuple(coincident(ensemble, plain, scores)),
         refused=tuple(path.refused),
-        warnings=(),
+        warnings=_warnings(ensemble, path),
         suggestions=_suggestions(experiment, ensemble, alike),
         work=work,
     )
@@ -120,6 +121,14 @@ def _verdict(path: Path, last: Adequacy, group: tuple[str, ...], settings: Setti
     if not path.last.effects:
         return "adequate"
     return "ambiguous" if len(group) > 1 else "missing_effect"
+
+
+def _warnings(ensemble: Ensemble, path: Path) -> tuple[str, ...]:
+    """Where Laplace's approximation at the last model is not to be trusted."""
+    if not path.last.effects:
+        return ()
+    check = laplace_check(ensemble, path.last.point)
+    return tuple(f"Laplace's evidence: {reason}" for reason in check.reasons)
 
 
 def _suggestions(

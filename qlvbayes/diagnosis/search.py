@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from qlvbayes.diagnosis.contest import Contender, Round, contest
 from qlvbayes.diagnosis.heldout import HeldOut, held_out
 from qlvbayes.diagnosis.samples import Samples, rmse
 from qlvbayes.diagnosis.settings import Settings
-from qlvbayes.inference.gaussnewton import Point, climb
+from qlvbayes.inference.gaussnewton import Point
+from qlvbayes.inference.multistart import wide_climb
 from qlvbayes.inference.subset import Ensemble
 
-_BASE_STARTS = 5
-_FIRST_STEPS = 10
 _NO_WORSE = 1.02  # held-out errors may rise by chance, not by a swelling noise model
 
 Tell = Callable[[str], None]
@@ -47,17 +44,7 @@ class Path:
 
 def plain_fit(ensemble: Ensemble) -> Point:
     """Highest point of the model without effects, from several draws of its prior."""
-    subset = ensemble.subset()
-    whole = ensemble.draw(_BASE_STARTS)
-    thetas = np.tile(ensemble.centre, (_BASE_STARTS, 1))
-    thetas[1:, subset.theta] = whole[: _BASE_STARTS - 1, subset.theta]
-    noise = [
-        i for place in ensemble.places[-len(ensemble.posterior.noise.units) :] for i in place.theta
-    ]
-    thetas[:, noise] = ensemble.centre[noise]
-    rough = [climb(ensemble, subset, theta, steps=_FIRST_STEPS) for theta in thetas]
-    best = min(rough, key=lambda point: point.loss)
-    return climb(ensemble, subset, best.theta)
+    return wide_climb(ensemble, ensemble.subset(), ensemble.centre)
 
 
 def search(
@@ -111,7 +98,7 @@ def _without_useless(ensemble: Ensemble, samples: Samples, step: Step, settings:
     """Drop earlier effects without which the evidence is no lower."""
     for name in step.effects[:-1]:
         less = tuple(effect for effect in step.effects if effect != name)
-        point = climb(ensemble, ensemble.subset(less), step.point.theta)
+        point = wide_climb(ensemble, ensemble.subset(less), step.point.theta)
         if point.log_evidence > step.point.log_evidence:
             return _without_useless(
                 ensemble, samples, _step(ensemble, samples, less, point), settings

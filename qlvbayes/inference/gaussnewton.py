@@ -20,7 +20,8 @@ _ROUND = 16  # directions come in multiples of this, so that few sizes are compi
 _ENOUGH = 5e-3  # expected rise of the log density below which the climb ends
 _CREEP = 0.02  # rise of the log density in a step on a ridge at which the climb ends
 _STEPS = 30
-_HOPE = 3.0  # a step may bring so many times what the quadratic promises
+_PATIENCE = 5  # steps before a climb may be given up
+_HOPE = 5.0  # a step may bring so many times what the quadratic promises
 _FARTHEST = 3.0  # longest step in a unit of theta
 
 
@@ -155,11 +156,11 @@ def climb(
     """
     point = evaluate(ensemble, subset, theta, weight)
     damping = 1e-3
-    for _ in range(steps):
+    for k in range(steps):
         step, promise = _step(point, damping)
         if promise < _ENOUGH and damping <= 1.0:
             break
-        if point.log_evidence + _HOPE * promise < worth:
+        if k >= _PATIENCE and point.log_evidence + _HOPE * promise < worth:
             break
         moved = point.theta.copy()
         moved[subset.theta] += step

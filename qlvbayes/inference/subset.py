@@ -121,6 +121,18 @@ class Ensemble:
         """(D,) medians of the priors."""
         return np.median(self._draws, axis=0)
 
+    @cached_property
+    def plain(self) -> list[int]:
+        """Places in theta of the plain model's numbers, without effects and noise."""
+        noise = set(self.noise)
+        return [i for place in self._fields[None] for i in place.theta if i not in noise]
+
+    @cached_property
+    def noise(self) -> list[int]:
+        """Places of the noise's numbers in theta."""
+        parts = self.places[-len(self.posterior.noise.units) :]
+        return [i for place in parts for i in place.theta]
+
     def quantile(self, place: Place, share: float) -> np.ndarray:
         """That quantile of a field's prior, in its part of theta."""
         return np.quantile(self._draws[:, list(place.theta)], share, axis=0)

@@ -1,0 +1,29 @@
+"""Climbs from several places: relaxation spectra have more than one hump."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from qlvbayes.inference.gaussnewton import Point, climb
+from qlvbayes.inference.subset import Ensemble, Subset
+
+_STARTS = 6
+_FIRST_STEPS = 10
+_KEPT = 3  # that are followed to the top
+
+
+def wide_climb(ensemble: Ensemble, subset: Subset, theta: np.ndarray) -> Point:
+    """Highest point found from theta and from draws of the plain constants' priors.
+
+    The effects' numbers begin where theta has them, the noise at its prior's centre: a model that
+    has settled on a wrong spectrum does not leave it when an effect is added.
+    """
+    plain = ensemble.plain
+    thetas = np.tile(theta, (_STARTS, 1))
+    thetas[1, plain] = ensemble.centre[plain]
+    thetas[2:, plain] = ensemble.draw(_STARTS - 2)[:, plain]
+    thetas[:, ensemble.noise] = ensemble.centre[ensemble.noise]
+    rough = [climb(ensemble, subset, start, steps=_FIRST_STEPS) for start in thetas]
+    rough.sort(key=lambda point: point.loss)
+    points = [climb(ensemble, subset, point.theta) for point in rough[:_KEPT]]
+    return min(points, key=lambda point: point.loss)
