@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -90,6 +91,9 @@ def diagnose_one(
         found = diagnose(
             experiment, choices, kinds=choices.kinds, evidence=evidence, seed=seed, tell=tell
         )
+        if found.verdict == "unexplained":
+            tell("a discrepancy for what is left")
+            found = _with_discrepancy(found, folder)
         tell("writing")
         write_json(folder / "diagnosis.json", found.as_dict())
         text = "\n\n".join(paragraphs(found)) + "\n"
@@ -98,6 +102,21 @@ def diagnose_one(
     if not quiet:
         _show(found, figures)
     return found
+
+
+def _with_discrepancy(found: Diagnosis, folder: Path) -> Diagnosis:
+    """Fit the discrepancy of the last model and leave it sample by sample in discrepancy.csv."""
+    # here, as only this verdict needs it
+    from qlvbayes.diagnosis.discrepancy import fit_discrepancy
+
+    fitted = fit_discrepancy(found.work, found.work.path.last.point)
+    units, samples = found.work.experiment.units, found.work.samples
+    lines = [f"test,time_s,discrepancy_mean_{units.force},discrepancy_sd_{units.force}"]
+    for trial, rows, band in zip(samples.trials, samples.rows, fitted.predict(), strict=True):
+        values = zip(trial.test.time[rows], band.mean, band.sd, strict=True)
+        lines += [f"{trial.name},{t:.6g},{mean:.6g},{sd:.6g}" for t, mean, sd in values]
+    write_whole(folder / "discrepancy.csv", ("\n".join(lines) + "\n").encode())
+    return replace(found, discrepancy=fitted.sd)
 
 
 @contextmanager

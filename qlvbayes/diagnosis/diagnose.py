@@ -19,7 +19,7 @@ from qlvbayes.diagnosis.samples import Samples, cell_errors, rmse
 from qlvbayes.diagnosis.screen import screen
 from qlvbayes.diagnosis.search import Path, Step, Tell, rivals, search
 from qlvbayes.diagnosis.settings import Settings
-from qlvbayes.diagnosis.verdict import Diagnosis, Estimate, Ranked, Stage, Work
+from qlvbayes.diagnosis.verdict import Diagnosis, Estimate, Ranked, Sampled, Stage, Work
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.experiment import Experiment
@@ -44,7 +44,9 @@ def diagnose(
 ) -> Diagnosis:
     """Say which effect of ``kinds`` the model of ``choices`` lacks, from all tests together.
 
-    ``tell`` hears what is being done. Raises InputError where the noise model is not Gaussian.
+    evidence: ``nested`` samples ``none`` and the two best hypotheses again by nested sampling, a
+    minute or two each. ``tell`` hears what is being done. Raises InputError where the noise model
+    is not Gaussian.
     """
     settings = settings or Settings()
     choices = choices or Choices()
@@ -62,6 +64,7 @@ def diagnose(
     verdict = _verdict(path, adequacies[-1], group, settings)
     named = path.last.effects if verdict in ("missing_effect", "ambiguous") else ()
     work = Work(experiment, ensemble, samples, path, adequacies)
+    sampled = _nested(ensemble, path, seed, tell) if evidence == "nested" else ()
     return Diagnosis(
         pad=experiment.pad,
         noise=experiment.floor.total,
@@ -74,10 +77,28 @@ def diagnose(
         bends=tuple(bends(ensemble, plain, scores)),
         coincident=tuple(coincident(ensemble, plain, scores)),
         refused=tuple(path.refused),
-        warnings=_warnings(ensemble, path),
+        warnings=(*_warnings(ensemble, path), *_disagreements(sampled)),
         suggestions=_suggestions(experiment, ensemble, alike),
         work=work,
+        nested=sampled,
     )
+
+
+def _nested(ensemble: Ensemble, path: Path, seed: int, tell: Tell) -> tuple[Sampled, ...]:
+    # here, as few ask for it and blackjax is slow to import
+    from qlvbayes.diagnosis.nested_check import nested_check
+
+    found = nested_check(ensemble, path.rounds[0], seed=seed, tell=tell)
+    return tuple(Sampled(c.effect, c.laplace, c.log_evidence, c.error) for c in found)
+
+
+def _disagreements(sampled: tuple[Sampled, ...]) -> list[str]:
+    return [
+        f"{s.effect}: log evidence {s.laplace:.1f} by Laplace, {s.log_evidence:.1f} +- "
+        f"{s.error:.1f} by nested sampling"
+        for s in sampled
+        if not s.agrees
+    ]
 
 
 def _ensemble(

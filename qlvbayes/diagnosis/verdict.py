@@ -59,14 +59,30 @@ class Stage:
     parameters: dict[str, Estimate]
 
 
+@dataclass(frozen=True)
+class Sampled:
+    """One hypothesis of the first round: log evidence by Laplace, and by nested sampling."""
+
+    effect: str
+    laplace: float
+    log_evidence: float
+    error: float
+
+    @property
+    def agrees(self) -> bool:
+        """Within three errors and half a unit."""
+        return abs(self.laplace - self.log_evidence) < 3.0 * self.error + 0.5
+
+
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
     """What one pad's tests say about the model.
 
     effects: what the verdict names, in the order added; group: effects that explain the data
     equally well (``ambiguous``); tried: what was added on the way, also where the verdict is
-    ``unexplained``; noise: the floor's sd (N), measured without the model; seen: every candidate
-    that these tests could have shown.
+    ``unexplained``; noise: the floor's sd (N), measured without the model; nested: evidence by
+    nested sampling, where it was asked for; discrepancy: typical size (N) of the Gaussian-process
+    discrepancy where structure is left.
     """
 
     pad: str
@@ -83,6 +99,8 @@ class Diagnosis:
     warnings: tuple[str, ...]
     suggestions: tuple[Suggestion, ...]
     work: Work
+    nested: tuple[Sampled, ...] = ()
+    discrepancy: float | None = None
 
     @property
     def tried(self) -> tuple[str, ...]:
@@ -132,6 +150,17 @@ class Diagnosis:
             "suggestions": [
                 {"test": s.test, "expected_2_ln_bayes_factor": s.evidence} for s in self.suggestions
             ],
+            "nested": [
+                {
+                    "effect": s.effect,
+                    "log_evidence_laplace": s.laplace,
+                    "log_evidence": s.log_evidence,
+                    "error": s.error,
+                    "agrees": s.agrees,
+                }
+                for s in self.nested
+            ],
+            "discrepancy_sd_N": self.discrepancy,
             "worst": {
                 "test": worst.test,
                 "phase": worst.phase,

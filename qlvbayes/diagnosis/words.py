@@ -25,6 +25,7 @@ def paragraphs(diagnosis: Diagnosis) -> list[str]:
     if diagnosis.verdict != "adequate":
         text.insert(1, _where(diagnosis))
         text += _runner_up(diagnosis)
+    text += _honest(diagnosis)
     text += _next_test(diagnosis)
     text += _unseen(diagnosis)
     text += _bent(diagnosis)
@@ -139,6 +140,16 @@ def _runner_up(d: Diagnosis) -> list[str]:
         return [f"{text}, and the evidence is against it by a log Bayes factor of {gap:.3g}."]
     why = dict(d.refused).get(rival.effect, "a later step made it useless")
     return [f"{text}; it was not taken as {why}."]
+
+
+def _honest(d: Diagnosis) -> list[str]:
+    if d.discrepancy is None:
+        return []
+    return [
+        f"A Gaussian-process discrepancy over time, depth and rate, of typically "
+        f"{d.discrepancy:.2g} {_units(d).force}, keeps predictions honest (discrepancy.csv): an "
+        "alarm, not an explanation."
+    ]
 
 
 def _next_test(d: Diagnosis) -> list[str]:

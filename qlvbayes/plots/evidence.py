@@ -12,6 +12,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
 from matplotlib.transforms import Transform
 
+from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.verdict import Diagnosis, Ranked
 from qlvbayes.plots.naming import heading
 from qlvbayes.plots.style import BLACK, COLOURS, DOUBLE, MM, shortened, style
@@ -19,7 +20,7 @@ from qlvbayes.plots.style import BLACK, COLOURS, DOUBLE, MM, shortened, style
 _ROW, _FRAME = 4.8, 40.0  # mm, a bar and what is around them
 _LINEAR = 10.0  # the axis is linear up to here and logarithmic beyond
 _MUCH = 30.0  # largest value that is drawn on a linear axis
-_ODDS = 3.0  # log of 20 to 1
+_ODDS = Settings().decisive
 _BESIDE = (36.0, 82.0)  # points right of the axes where the two columns of text end
 _LOOKS: dict[str, dict[str, Any]] = {
     "named in the verdict": {"facecolor": COLOURS[0], "edgecolor": COLOURS[0]},
@@ -140,7 +141,7 @@ def _label(axis: Axes, diagnosis: Diagnosis) -> None:
     for text, points in zip(("log BF", "probability"), _BESIDE, strict=True):
         _beside(axis, text, 1.0, points, axis.transAxes, va="bottom")
     axis.annotate(
-        "20 to 1",
+        "decisive",
         (_ODDS, 1.0),
         xycoords=axis.get_xaxis_transform(),
         ha="center",
@@ -177,7 +178,7 @@ def _notes(figure: Figure, diagnosis: Diagnosis) -> None:
     unseen = [u.effect for u in diagnosis.not_identifiable if u.effect not in ranked]
     lines = [
         "Sorted by probability; a priori, none is likelier than any one effect. "
-        "Dotted: 20 to 1 in favour of the effect."
+        "Dotted: 150 to 1 in favour of the effect, from which it counts as decisive."
     ]
     if _refused(diagnosis):
         lines += ["×: refused, predicts left-out tests no better."]
