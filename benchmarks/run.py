@@ -10,6 +10,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))
 
 import density
+import diagnosis
 import force
 import sampling
 import shell
@@ -18,7 +19,13 @@ from timing import in_new_process
 
 def main():
     parts = [HEADING.format(date=datetime.date.today(), machine=machine(), commit=commit())]
-    for section in (force_section, density_section, sampling_section, shell_section):
+    for section in (
+        force_section,
+        density_section,
+        sampling_section,
+        shell_section,
+        diagnosis_section,
+    ):
         print(section.__name__, file=sys.stderr)
         parts.append(section())
     Path("docs/performance.md").write_text("\n".join(parts), encoding="utf-8")
@@ -93,6 +100,21 @@ def shell_section():
 
 Cold (nothing compiled before): **{cold:.1f} s**; with a warm compile cache: **{warm:.1f} s**. Where
 the time goes in a warm process (then follow the summary and the results file):
+
+| part | s |
+|---|---:|
+{rows}
+"""
+
+
+def diagnosis_section():
+    cold, warm = diagnosis.shell_times()
+    lines = in_new_process(Path(diagnosis.__file__)).splitlines()
+    rows = "\n".join("| {} | {} |".format(*line.split("\t")) for line in lines)
+    return f"""## `qlvbayes diagnose` of one pad, six tests, all effects
+
+From the shell with figures, on `data/hidden.csv`: cold (nothing compiled before) **{cold:.1f} s**,
+with a warm compile cache **{warm:.1f} s**. In one process, without figures:
 
 | part | s |
 |---|---:|

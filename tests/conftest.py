@@ -1,5 +1,6 @@
 """Double precision and the compile cache for every test, and the paper's pads as models."""
 
+import jax
 import jax.numpy as jnp
 import pytest
 
@@ -11,6 +12,13 @@ from qlvbayes.elastic import Exponential  # noqa: E402
 from qlvbayes.model import Model  # noqa: E402
 from qlvbayes.relaxation import Prony  # noqa: E402
 from qlvbayes.synthetic import TABLE_1  # noqa: E402
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _forget_compiled():
+    """Drop compiled functions after each module: a process can map only so many of them."""
+    yield
+    jax.clear_caches()
 
 
 @pytest.fixture(scope="session")

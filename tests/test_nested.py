@@ -147,7 +147,7 @@ def test_nested_check_runs_none_and_the_best(ensemble, first, monkeypatch):
         asked.append((posterior.size, seed, live))
         return nested.NestedEvidence(-1.0, 0.5, 10, np.zeros((1, posterior.size)))
 
-    monkeypatch.setattr("qlvbayes.diagnosis.evidence.nested_evidence", known)
+    monkeypatch.setattr("qlvbayes.diagnosis.nested_check.nested_evidence", known)
     told = []
     found = nested_check(ensemble, first, best=1, seed=3, live=20, tell=told.append)
     refitted = [c for c in first.contenders if c.point is not None][:1]

@@ -13,7 +13,8 @@ from qlvbayes.inference.gaussnewton import Point
 from qlvbayes.inference.multistart import wide_climb
 from qlvbayes.inference.subset import Ensemble
 
-_NO_WORSE = 1.02  # held-out errors may rise by chance, not by a swelling noise model
+_NO_WORSE = 1.02  # held-out errors may rise by chance, not by a swelling noise model,
+_MUCH = 20.0  # unless the left-out tests are predicted better by this much in log density
 
 Tell = Callable[[str], None]
 
@@ -87,8 +88,8 @@ def _confirmed(ensemble: Ensemble, samples: Samples, path: Path, settings: Setti
             return None
         effects = (*present.effects, contender.effect)
         step = _step(ensemble, samples, effects, contender.point)
-        better = step.heldout.score > present.heldout.score
-        if better and step.heldout.rmse < _NO_WORSE * present.heldout.rmse:
+        gain = step.heldout.score - present.heldout.score
+        if gain > _MUCH or (gain > 0.0 and step.heldout.rmse < _NO_WORSE * present.heldout.rmse):
             return step
         path.refused.append((contender.effect, "it predicts left-out tests no better"))
     return None

@@ -1,0 +1,50 @@
+"""`qlvbayes diagnose` of one pad with six tests: from the shell, and where the time goes."""
+
+import cProfile
+import pstats
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from timing import command_s
+
+PARTS = {  # function to part
+    "plain_fit": "plain fit",
+    "contest": "screen and refits of all candidates",
+    "held_out": "tests left out",
+    "adequacy": "adequacy",
+    "screen": "of these, screens",
+}
+
+
+def shell_times(file="data/hidden.csv"):
+    """Seconds: cold (nothing compiled before), then with a warm compile cache."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = [str(Path(sys.executable).with_name("qlvbayes")), "diagnose", file]
+        run = [*command, "-o", f"{folder}/results"]
+        return [command_s(run, f"{folder}/cache") for _ in range(2)]
+
+
+def in_process(file="data/hidden.csv"):
+    """(part, seconds): a first diagnosis in this process, a second one, and parts of a third."""
+    import qlvbayes as q
+
+    pad = q.read_study(file).pads[0]
+    marks = []
+    for name in ("first in a process", "once compiled"):
+        start = time.perf_counter()
+        q.diagnose(q.prepare(pad))
+        marks.append((name, time.perf_counter() - start))
+    profile = cProfile.Profile()
+    profile.runcall(q.diagnose, q.prepare(pad))
+    found = pstats.Stats(profile).stats
+    for function, part in PARTS.items():
+        seconds = sum(v[3] for k, v in found.items() if k[2] == function and "qlvbayes" in k[0])
+        marks.append((f"{part} (with the profiler)", seconds))
+    return marks
+
+
+if __name__ == "__main__":
+    for part, seconds in in_process():
+        print(f"{part}\t{seconds:.2f}")
