@@ -90,7 +90,7 @@ def allowed_noise(ensemble: Ensemble, point: Point, experiment: Experiment) -> C
     """The fitted noise, drawn towards the floor until the rests allow it."""
     floor = experiment.floor
     count = len(ensemble.posterior.noise.units)
-    fitted = point.constants[-count:]
+    fitted = point.constants[-count:].copy()
     measured = np.array([floor.white, floor.ou, floor.tau])
     if count == 1:  # white noise was asked for
         fitted = np.array([fitted[0], 0.0, floor.tau])
