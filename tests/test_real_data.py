@@ -98,3 +98,15 @@ def test_every_pad_has_phases_and_a_noise_floor(data, pads):
         assert len(ready.with_role("fit")) >= 1
         for trial in ready.trials:
             assert {"ramp", "hold"} <= {phase.kind for phase in trial.phases}
+
+
+def test_no_effect_of_the_list_explains_muscle_with_calcium(tmp_path):
+    status, out, err = call("diagnose", MUSCLE, "-o", tmp_path, "--pads", "calcium", "--json")
+    assert (status, err) == (0, "")
+    found = read_json(tmp_path / "calcium" / "diagnosis.json")
+    assert found["verdict"] == "unexplained"
+    assert found["effects"] == []
+    assert found["discrepancy_sd_N"] > found["noise_N"]
+    unseen = {entry["effect"]: entry["reason"] for entry in found["not_identifiable"]}
+    assert unseen["stress_softening"] == "no test unloads"
+    assert (tmp_path / "calcium" / "discrepancy.csv").stat().st_size > 1000
