@@ -101,7 +101,7 @@ def test_every_pad_has_phases_and_a_noise_floor(data, pads):
 
 
 def test_no_effect_of_the_list_explains_muscle_with_calcium(tmp_path):
-    status, out, err = call("diagnose", MUSCLE, "-o", tmp_path, "--pads", "calcium", "--json")
+    status, _, err = call("diagnose", MUSCLE, "-o", tmp_path, "--pads", "calcium", "--json")
     assert (status, err) == (0, "")
     found = read_json(tmp_path / "calcium" / "diagnosis.json")
     assert found["verdict"] == "unexplained"
