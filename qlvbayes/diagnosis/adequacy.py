@@ -65,9 +65,23 @@ class Adequacy:
 
 def adequacy(experiment: Experiment, ensemble: Ensemble, point: Point) -> Adequacy:
     """Test what a fitted model leaves of every phase."""
+    return adequacy_along(
+        experiment,
+        ensemble,
+        point,
+        *predict_along(ensemble, point.constants, pad_directions(point.slopes.T)),
+    )
+
+
+def adequacy_along(
+    experiment: Experiment,
+    ensemble: Ensemble,
+    point: Point,
+    predicted: np.ndarray,
+    slopes: np.ndarray,
+) -> Adequacy:
+    """The same, given block means (T, B) and their slopes (K, T, B) along what was fitted."""
     record = ensemble.posterior.record
-    own = pad_directions(point.slopes.T)
-    predicted, slopes = predict_along(ensemble, point.constants, own)
     residual = np.asarray(record.blocks.force) - predicted
     cells, curves = _curves(experiment.trials, record.blocks)
     noise = allowed_noise(ensemble, point, experiment)

@@ -15,8 +15,10 @@ from qlvbayes.inference.multistart import wide_climb
 from qlvbayes.inference.subset import Ensemble
 
 _BEHIND = 15.0  # log evidence behind the best at which a contender is given up
+_HOPELESS = 60.0  # at which another relaxation spectrum will not help it either
 _STARTS = 2
-_WIDE = 5  # best contenders that are refitted from other relaxation spectra too,
+_WIDE = 5  # best contenders that are refitted from other relaxation spectra too:
+_WIDE_COSTLY = 2  # fewer where the model runs slowly,
 _NEAR = 8.0  # log Bayes factor within which the best are compared more carefully
 _PROMISING = 1.0  # if the best has a log Bayes factor above this
 
@@ -55,14 +57,17 @@ class Round:
         return {name: weight / total for name, weight in weights.items()}
 
 
-def contest(ensemble: Ensemble, base: Point, effects: list[str]) -> Round:
+def contest(
+    ensemble: Ensemble, base: Point, effects: list[str], known: float = -math.inf
+) -> Round:
     """Rank effects that ``base`` lacks.
 
     Those whose score promises nothing keep the evidence of the linearised model; the others are
-    refitted from the shapes that score best, unless they fall hopelessly behind on the way.
+    refitted from the shapes that score best, unless they fall hopelessly behind on the way: behind
+    each other, and behind the log evidence ``known`` of a model with one of them.
     """
     contenders = []
-    best = base.log_evidence
+    best = max(base.log_evidence, known)
     found = screen(ensemble, base, effects)
     for effect in sorted(found, key=lambda name: -found[name][0].log_bayes_factor):
         scores = found[effect]
@@ -75,8 +80,13 @@ def contest(ensemble: Ensemble, base: Point, effects: list[str]) -> Round:
         contenders.append(Contender(effect, log_bf, scores[0], point))
     ranked = sorted(contenders, key=lambda c: -c.log_bayes_factor)
     if ranked and ranked[0].log_bayes_factor > _PROMISING:
-        wide = [_widened(ensemble, base, c) for c in ranked[:_WIDE]]
-        ranked[:_WIDE] = _sampled(ensemble, base, wide)
+        count = _WIDE_COSTLY if base.subset.effects & set(ensemble.costly) else _WIDE
+        hopeless = known - base.log_evidence - _HOPELESS
+        wide = [
+            _widened(ensemble, base, c) if c.log_bayes_factor > hopeless else c
+            for c in ranked[:count]
+        ]
+        ranked[:_WIDE] = _sampled(ensemble, base, [*wide, *ranked[count:_WIDE]])
     return Round(base, tuple(sorted(ranked, key=lambda c: -c.log_bayes_factor)))
 
 

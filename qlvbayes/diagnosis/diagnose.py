@@ -13,12 +13,14 @@ from qlvbayes.diagnosis.adequacy import Adequacy, adequacy
 from qlvbayes.diagnosis.contest import Contender
 from qlvbayes.diagnosis.design import Suggestion, suggest
 from qlvbayes.diagnosis.evidence import laplace_check
+from qlvbayes.diagnosis.formsearch import Found, other_forms, rival_forms, step_of
 from qlvbayes.diagnosis.gate import bends, coincident, unseen
 from qlvbayes.diagnosis.protocol import protocol_of
 from qlvbayes.diagnosis.samples import Samples, cell_errors, rmse
 from qlvbayes.diagnosis.screen import screen
-from qlvbayes.diagnosis.search import Path, Step, Tell, rivals, search
+from qlvbayes.diagnosis.search import Path, Step, Tell, search
 from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.swap import rivals, settle
 from qlvbayes.diagnosis.verdict import Diagnosis, Estimate, Ranked, Sampled, Stage, Work
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.effects.effect import AbstractEffect
@@ -55,15 +57,23 @@ def diagnose(
     protocol = protocol_of(experiment, bonded=choices.bonded)
     candidates = ensemble.candidates
     path = search(ensemble, samples, candidates, settings, tell)
+    if adequacy(experiment, ensemble, path.last.point).p_value >= settings.false_alarms:
+        settle(ensemble, samples, path, candidates, settings, tell)
     tell("testing what is left")
     plain = path.steps[0].point
     scores = screen(ensemble, plain, candidates)
-    adequacies = tuple(adequacy(experiment, ensemble, step.point) for step in path.steps)
+    adequacies = [adequacy(experiment, ensemble, step.point) for step in path.steps]
     alike = _alike(experiment, ensemble, path, settings)
     group = tuple(contender.effect for contender in alike)
+    sound = adequacies[-1].p_value >= settings.false_alarms
+    forms = other_forms(experiment, ensemble, path, sound, settings)
+    if forms:
+        tell("trying other forms of the effects")
+        alike, group = [], rival_forms(forms, settings)
+        path, adequacies = _in_other_form(path, adequacies, forms[0], samples)
     verdict = _verdict(path, adequacies[-1], group, settings)
-    named = path.last.effects if verdict in ("missing_effect", "ambiguous") else ()
-    work = Work(experiment, ensemble, samples, path, adequacies)
+    named = _named(path, group) if verdict in ("missing_effect", "ambiguous") else ()
+    work = Work(experiment, ensemble, samples, path, tuple(adequacies))
     sampled = _nested(ensemble, path, seed, tell) if evidence == "nested" else ()
     return Diagnosis(
         pad=experiment.pad,
@@ -123,7 +133,7 @@ def _ensemble(
 def _alike(
     experiment: Experiment, ensemble: Ensemble, path: Path, settings: Settings
 ) -> list[Contender]:
-    """Effects that may stand in the last one's place: as likely, and leaving nothing structured."""
+    """Effects that may stand in one's place: as likely, and leaving nothing structured."""
 
     def sound(contender: Contender) -> bool:
         point = contender.point
@@ -132,8 +142,27 @@ def _alike(
             and adequacy(experiment, ensemble, point).p_value >= settings.false_alarms
         )
 
-    near = rivals(ensemble, path, settings)
+    near = rivals(path, settings)
     return [c for k, c in enumerate(near) if k == 0 or sound(c)]
+
+
+def _in_other_form(
+    path: Path, adequacies: list[Adequacy], found: Found, samples: Samples
+) -> tuple[Path, list[Adequacy]]:
+    """The way to a model with an effect in another form."""
+    kept = 1
+    for k, step in enumerate(path.steps):
+        if set(step.effects) <= set(found.effects):
+            kept = k + 1
+    steps = [*path.steps[:kept], step_of(found, samples)]
+    return Path(steps, path.rounds[:kept], path.refused), [*adequacies[:kept], found.adequacy]
+
+
+def _named(path: Path, group: tuple[str, ...]) -> tuple[str, ...]:
+    """Effects of the last model; one that has rivals comes last."""
+    if len(group) < 2:
+        return path.last.effects
+    return (*(effect for effect in path.last.effects if effect != group[0]), group[0])
 
 
 def _verdict(path: Path, last: Adequacy, group: tuple[str, ...], settings: Settings) -> str:
@@ -146,7 +175,7 @@ def _verdict(path: Path, last: Adequacy, group: tuple[str, ...], settings: Setti
 
 def _warnings(ensemble: Ensemble, path: Path) -> tuple[str, ...]:
     """Where Laplace's approximation at the last model is not to be trusted."""
-    if not path.last.effects:
+    if not path.last.effects or path.last.form is not None:
         return ()
     check = laplace_check(ensemble, path.last.point)
     return tuple(f"Laplace's evidence: {reason}" for reason in check.reasons)
@@ -168,7 +197,7 @@ def _stage(work: Work, k: int, settings: Settings) -> Stage:
         heldout_rmse=step.heldout.rmse,
         log_evidence=float(step.point.log_evidence),
         p_value=tested.p_value,
-        cells=tuple(cell_errors(work.samples, work.samples.residuals(step.point.constants))),
+        cells=tuple(cell_errors(work.samples, step.residuals)),
         failing=tuple((c.test, c.phase) for c in tested.cells if c.p_value < level),
         parameters=_estimates(work, step.point, _is_of_pad),
     )

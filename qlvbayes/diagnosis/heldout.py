@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
+from qlvbayes.diagnosis.otherform import OtherForm
 from qlvbayes.diagnosis.samples import Samples, rmse
 from qlvbayes.inference.gaussnewton import Point, climb
 from qlvbayes.inference.subset import Ensemble
@@ -27,18 +29,40 @@ class HeldOut:
 
 def held_out(ensemble: Ensemble, samples: Samples, point: Point) -> HeldOut:
     """Refit with each test left out in turn, from the optimum of all. One test predicts itself."""
+
+    def refit(weight: np.ndarray) -> Point:
+        return climb(ensemble, point.subset, point.theta, weight, _STEPS)
+
+    def predict(points: list[Point]) -> list[list[np.ndarray]]:
+        return samples.predict(np.stack([p.constants for p in points]))
+
+    return _left_out(samples, point, refit, predict)
+
+
+def form_held_out(form: OtherForm, samples: Samples, point: Point) -> HeldOut:
+    """The same of an effect in another form."""
+
+    def refit(weight: np.ndarray) -> Point:
+        return form.fit(point, weight, _STEPS)
+
+    def predict(points: list[Point]) -> list[list[np.ndarray]]:
+        return form.predict(samples, points)
+
+    return _left_out(samples, point, refit, predict)
+
+
+def _left_out(
+    samples: Samples,
+    point: Point,
+    refit: Callable[[np.ndarray], Point],
+    predict: Callable[[list[Point]], list[list[np.ndarray]]],
+) -> HeldOut:
     count = len(samples.trials)
-    if count == 1:
-        residuals = samples.residuals(point.constants)
-        return HeldOut(rmse(residuals), -float(point.losses[0]), (rmse(residuals),))
-    points = [
-        climb(ensemble, point.subset, point.theta, 1.0 - np.eye(count)[k], _STEPS)
-        for k in range(count)
-    ]
-    predicted = samples.predict(np.stack([p.constants for p in points]))
+    points = [refit(1.0 - row) for row in np.eye(count)] if count > 1 else [point]
+    predicted = predict(points)
     residuals = [
-        trial.test.force[rows] - predicted[k][k]
-        for k, (trial, rows) in enumerate(zip(samples.trials, samples.rows, strict=True))
+        observed - forces[k]
+        for k, (observed, forces) in enumerate(zip(samples.observed, predicted, strict=True))
     ]
     score = -sum(float(p.losses[k]) for k, p in enumerate(points))
     return HeldOut(rmse(residuals), score, tuple(rmse([r]) for r in residuals))

@@ -20,7 +20,7 @@ from qlvbayes.records.batching import batch
 class Samples:
     """Samples of every trial, at most 300 a phase, and the posterior that predicts them.
 
-    rows: which samples of each trial; observed (T, B), real (T, B).
+    rows: which samples of each trial.
     """
 
     trials: tuple[Trial, ...]
@@ -41,13 +41,15 @@ class Samples:
         found = np.asarray(forces(self.posterior, jnp.asarray(constants)))
         return [[row[k, : r.size] for k, r in enumerate(self.rows)] for row in found]
 
+    @property
+    def observed(self) -> list[np.ndarray]:
+        """Measured force of each trial (n,)."""
+        return [t.test.force[rows] for t, rows in zip(self.trials, self.rows, strict=True)]
+
     def residuals(self, constants: np.ndarray) -> list[np.ndarray]:
         """Measured minus predicted force of each trial (n,), of constants (P,)."""
         predicted = self.predict(constants[None])[0]
-        return [
-            trial.test.force[rows] - force
-            for trial, rows, force in zip(self.trials, self.rows, predicted, strict=True)
-        ]
+        return [one - two for one, two in zip(self.observed, predicted, strict=True)]
 
     def phases(self, k: int) -> np.ndarray:
         """Kind of phase (n,) of the samples of trial k."""

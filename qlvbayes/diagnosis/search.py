@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from qlvbayes.diagnosis.contest import Contender, Round, contest
+import numpy as np
+
+from qlvbayes.diagnosis.contest import Round, contest
 from qlvbayes.diagnosis.heldout import HeldOut, held_out
+from qlvbayes.diagnosis.otherform import OtherForm
 from qlvbayes.diagnosis.samples import Samples, rmse
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.inference.gaussnewton import Point
@@ -21,21 +24,36 @@ Tell = Callable[[str], None]
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """A model on the way: its effects in the order added, its optimum and its errors."""
+    """A model on the way: its effects in the order added, its optimum and its errors.
+
+    residuals: measured minus predicted force of each trial (n,); form: of an effect that has
+    another form than the list's, whose coefficients then follow theta in the point.
+    """
 
     effects: tuple[str, ...]
     point: Point
-    rmse: float
+    residuals: list[np.ndarray]
     heldout: HeldOut
+    form: OtherForm | None = None
+
+    @property
+    def rmse(self) -> float:
+        """Root mean square of the residuals (N)."""
+        return rmse(self.residuals)
 
 
 @dataclass(eq=False)
 class Path:
-    """Steps taken and the round held at each; ``refused``: contenders that were not confirmed."""
+    """Steps taken and the round held at each.
+
+    refused: contenders that were not confirmed; places: the round over the place of each effect of
+    the last model, all others being in.
+    """
 
     steps: list[Step] = field(default_factory=list)
     rounds: list[Round] = field(default_factory=list)
     refused: list[tuple[str, str]] = field(default_factory=list)
+    places: dict[str, Round] = field(default_factory=dict)
 
     @property
     def last(self) -> Step:
@@ -58,14 +76,14 @@ def search(
     """Add the best confirmed effect until none is decisive."""
     path = Path()
     tell("fitting the plain model")
-    path.steps.append(_step(ensemble, samples, (), plain_fit(ensemble)))
+    path.steps.append(step_at(ensemble, samples, (), plain_fit(ensemble)))
     while True:
         present = path.last
+        if len(present.effects) >= settings.most:
+            return path
         tell(f"ranking what {' + '.join(('QLV', *present.effects))} may lack")
         left = [name for name in candidates if name not in present.effects]
         path.rounds.append(contest(ensemble, present.point, left))
-        if len(present.effects) >= settings.most:
-            return path
         confirmed = _confirmed(ensemble, samples, path, settings)
         if confirmed is None:
             return path
@@ -75,9 +93,12 @@ def search(
             return path
 
 
-def _step(ensemble: Ensemble, samples: Samples, effects: tuple[str, ...], point: Point) -> Step:
-    error = rmse(samples.residuals(point.constants))
-    return Step(effects, point, error, held_out(ensemble, samples, point))
+def step_at(
+    ensemble: Ensemble, samples: Samples, effects: tuple[str, ...], point: Point
+) -> Step:
+    """A model with its errors."""
+    residuals = samples.residuals(point.constants)
+    return Step(effects, point, residuals, held_out(ensemble, samples, point))
 
 
 def _confirmed(ensemble: Ensemble, samples: Samples, path: Path, settings: Settings) -> Step | None:
@@ -87,12 +108,18 @@ def _confirmed(ensemble: Ensemble, samples: Samples, path: Path, settings: Setti
         if contender.log_bayes_factor < settings.decisive or contender.point is None:
             return None
         effects = (*present.effects, contender.effect)
-        step = _step(ensemble, samples, effects, contender.point)
-        gain = step.heldout.score - present.heldout.score
-        if gain > _MUCH or (gain > 0.0 and step.heldout.rmse < _NO_WORSE * present.heldout.rmse):
+        step = step_at(ensemble, samples, effects, contender.point)
+        if confirms(step, present):
             return step
         path.refused.append((contender.effect, "it predicts left-out tests no better"))
     return None
+
+
+def confirms(step: Step, before: Step) -> bool:
+    """Whether left-out tests are predicted better than by the model before."""
+    gain = step.heldout.score - before.heldout.score
+    no_worse = step.heldout.rmse < _NO_WORSE * before.heldout.rmse
+    return gain > _MUCH or (gain > 0.0 and no_worse)
 
 
 def _without_useless(ensemble: Ensemble, samples: Samples, step: Step, settings: Settings) -> Step:
@@ -102,22 +129,6 @@ def _without_useless(ensemble: Ensemble, samples: Samples, step: Step, settings:
         point = wide_climb(ensemble, ensemble.subset(less), step.point.theta)
         if point.log_evidence > step.point.log_evidence:
             return _without_useless(
-                ensemble, samples, _step(ensemble, samples, less, point), settings
+                ensemble, samples, step_at(ensemble, samples, less, point), settings
             )
     return step
-
-
-def rivals(ensemble: Ensemble, path: Path, settings: Settings) -> tuple[Contender, ...]:
-    """Contenders of the last effect's round within ``apart`` of the winner, the winner first."""
-    if len(path.steps) < 2:
-        return ()
-    found = path.rounds[len(path.steps) - 2].contenders
-    winner = next(c for c in found if c.effect == path.last.effects[-1])
-    near = [
-        c
-        for c in found
-        if c.effect != winner.effect
-        and c.point is not None
-        and winner.log_bayes_factor - c.log_bayes_factor < settings.apart
-    ]
-    return (winner, *near)

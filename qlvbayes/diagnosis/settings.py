@@ -9,15 +9,15 @@ from dataclasses import dataclass
 class Settings:
     """How sure the diagnosis must be.
 
-    decisive: log Bayes factor by which an effect must beat the model without it (5, that is
-    2 ln BF = 10: 150 to 1, as the best of 18 candidates has chances that a single one has not);
+    decisive: log Bayes factor by which an effect must beat the model without it (4, that is 55 to
+    1, as the best of 18 candidates has chances that a single one has not);
     apart: by which the best must beat another effect to be told from it; prior_none: prior
     probability that nothing is missing (the candidates share the rest alike); false_alarms: of the
     adequacy test over all cells of a pad; most: effects at most.
     """
 
-    decisive: float = 5.0
+    decisive: float = 4.0
     apart: float = 2.3
     prior_none: float = 0.5
-    false_alarms: float = 0.01
+    false_alarms: float = 0.003
     most: int = 3

@@ -83,7 +83,7 @@ def evaluate(
         losses=losses,
         gradient=weight @ np.asarray(judged.gradient)[:, :count] - np.asarray(terms.gradient)[free],
         curvature=np.einsum("t,tij->ij", weight, np.asarray(judged.information)[:, :count, :count])
-        + _positive(-hessian),
+        + positive_part(-hessian),
         slopes=slopes,
     )
 
@@ -136,7 +136,7 @@ def noise_along(
     return kind(*constants[-count:]), kind(*directions[:, -count:].T)
 
 
-def _positive(matrix: np.ndarray) -> np.ndarray:
+def positive_part(matrix: np.ndarray) -> np.ndarray:
     """Symmetric part with negative eigenvalues taken as 0."""
     values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
     return (vectors * np.maximum(values, 0.0)) @ vectors.T
@@ -150,11 +150,27 @@ def climb(
     steps: int = _STEPS,
     worth: float = -math.inf,
 ) -> Point:
-    """Levenberg-Marquardt from theta until a step promises no more than 0.005 in log density.
+    """Climb from theta to the highest point of a subset; see ``ascend``."""
 
-    worth: a log evidence; once a step does not promise to reach it, the climb is given up.
+    def at(place: np.ndarray) -> Point:
+        return evaluate(ensemble, subset, place, weight)
+
+    return ascend(at, theta, subset.theta, steps, worth)
+
+
+def ascend(
+    at: Callable[[np.ndarray], Point],
+    start: np.ndarray,
+    free: np.ndarray,
+    steps: int = _STEPS,
+    worth: float = -math.inf,
+) -> Point:
+    """Levenberg-Marquardt until a step promises no more than 0.005 in log density.
+
+    at: evaluates a place, of whose numbers those at ``free`` may move; worth: a log evidence; once
+    a step does not promise to reach it, the climb is given up.
     """
-    point = evaluate(ensemble, subset, theta, weight)
+    point = at(start)
     damping = 1e-3
     for k in range(steps):
         step, promise = _step(point, damping)
@@ -163,8 +179,8 @@ def climb(
         if k >= _PATIENCE and point.log_evidence + _HOPE * promise < worth:
             break
         moved = point.theta.copy()
-        moved[subset.theta] += step
-        tried = evaluate(ensemble, subset, moved, weight)
+        moved[free] += step
+        tried = at(moved)
         if np.isfinite(tried.loss) and tried.loss < point.loss:
             if max(point.loss - tried.loss, 0.2 * promise) < _CREEP:
                 return tried

@@ -8,8 +8,8 @@ from qlvbayes.inference.gaussnewton import Point, climb
 from qlvbayes.inference.subset import Ensemble, Subset
 
 _STARTS = 6
-_FIRST_STEPS = 10
-_KEPT = 3  # that are followed to the top
+_LEGS = ((5, 3), (5, 2))  # steps of a leg, and how many of the best go on from it
+_SAME = 0.05  # log density within which two climbs have come to one place
 
 
 def wide_climb(ensemble: Ensemble, subset: Subset, theta: np.ndarray) -> Point:
@@ -23,7 +23,17 @@ def wide_climb(ensemble: Ensemble, subset: Subset, theta: np.ndarray) -> Point:
     thetas[1, plain] = ensemble.centre[plain]
     thetas[2:, plain] = ensemble.draw(_STARTS - 2)[:, plain]
     thetas[:, ensemble.noise] = ensemble.centre[ensemble.noise]
-    rough = [climb(ensemble, subset, start, steps=_FIRST_STEPS) for start in thetas]
-    rough.sort(key=lambda point: point.loss)
-    points = [climb(ensemble, subset, point.theta) for point in rough[:_KEPT]]
-    return min(points, key=lambda point: point.loss)
+    places = list(thetas)
+    for steps, kept in _LEGS:
+        points = [climb(ensemble, subset, place, steps=steps) for place in places]
+        places = [point.theta for point in _distinct(points)[:kept]]
+    return min((climb(ensemble, subset, place) for place in places), key=lambda point: point.loss)
+
+
+def _distinct(points: list[Point]) -> list[Point]:
+    """The highest first, each place once."""
+    found: list[Point] = []
+    for point in sorted(points, key=lambda point: point.loss):
+        if not found or point.loss - found[-1].loss > _SAME:
+            found.append(point)
+    return found

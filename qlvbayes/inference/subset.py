@@ -146,7 +146,8 @@ class Ensemble:
         """Models of some of the effects, the cheapest first."""
         every = [effect.name for effect in self.effects]
         light = [name for name in every if name not in self.costly]
-        sets = [[], *([name] for name in every if name in self.costly), light, every]
+        alone = [[name] for name in every if name in self.costly]
+        sets = [[], *alone, light, *(light + costly for costly in alone), every]
         return [Part.of(self, self.own | frozenset(names)) for names in sets]
 
     def part(self, constants: np.ndarray, directions: np.ndarray) -> Part:

@@ -1,0 +1,95 @@
+"""Where no sum of the list's laws will do: one of its effects in a form of its own?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from qlvbayes.diagnosis.adequacy import Adequacy, adequacy_along
+from qlvbayes.diagnosis.heldout import form_held_out
+from qlvbayes.diagnosis.otherform import OtherForm
+from qlvbayes.diagnosis.samples import Samples
+from qlvbayes.diagnosis.search import Path, Step
+from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.experiment import Experiment
+from qlvbayes.inference.gaussnewton import Point
+from qlvbayes.inference.subset import Ensemble
+
+_FIRST = 3  # contenders of the first round that are tried
+_LEAST = 0.0  # factor below which the effect would turn into its opposite
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A model with one effect in another form.
+
+    before: its optimum in the list's own form.
+    """
+
+    form: OtherForm
+    effects: tuple[str, ...]
+    before: Point
+    point: Point
+    adequacy: Adequacy
+
+
+def other_forms(
+    experiment: Experiment, ensemble: Ensemble, path: Path, sound: bool, settings: Settings
+) -> list[Found]:
+    """Models with one effect in another form, adequate and decisively better, best first.
+
+    Those with the fewest effects only. Tried are the steps on the way and, if none of them will do,
+    the best other contenders of the first round. Where the last step is ``sound``, only steps with
+    fewer effects are tried, and they must beat it.
+    """
+    least = path.last.point.log_evidence + settings.decisive if sound else -np.inf
+    steps = [(step.effects, step.point) for step in path.steps[1 : -1 if sound else None]]
+    others = [
+        ((contender.effect,), contender.point)
+        for contender in path.rounds[0].contenders[: 0 if sound else _FIRST]
+        if contender.point is not None and (contender.effect,) not in [e for e, _ in steps]
+    ]
+    for models in (*([step] for step in sorted(steps, key=lambda s: len(s[0]))), others):
+        tried = [
+            _try(OtherForm(experiment, ensemble, point.subset, effect), effects, point)
+            for effects, point in models
+            for effect in effects
+        ]
+        good = [f for f in tried if _stands(f, settings) and f.point.log_evidence > least]
+        if good:
+            return sorted(good, key=lambda found: -found.point.log_evidence)
+    return []
+
+
+def _try(form: OtherForm, effects: tuple[str, ...], point: Point) -> Found:
+    best = form.fit(point)
+    left = adequacy_along(form.experiment, form.ensemble, best, *form.along(best))
+    return Found(form, effects, point, best, left)
+
+
+def _stands(found: Found, settings: Settings) -> bool:
+    """Adequate, decisively better than the list's form, and nowhere turned into its opposite."""
+    _, coefficients = found.form.split(found.point.theta)
+    factor = 1.0 + np.tensordot(coefficients, found.form.curves, 1)
+    real = np.asarray(found.form.ensemble.posterior.record.blocks.real)
+    return bool(
+        found.adequacy.p_value >= settings.false_alarms
+        and found.point.log_evidence > found.before.log_evidence + settings.decisive
+        and factor[real].min() > _LEAST
+    )
+
+
+def rival_forms(forms: list[Found], settings: Settings) -> tuple[str, ...]:
+    """Effects of the models within ``apart`` of the best, by what the last added is called."""
+    best = forms[0].point.log_evidence
+    near = [f for f in forms if best - f.point.log_evidence < settings.apart]
+    return tuple(dict.fromkeys(f.effects[-1] for f in near))
+
+
+def step_of(found: Found, samples: Samples) -> Step:
+    """The model as a step, with its error on tests left out."""
+    predicted = found.form.predict(samples, [found.point])[0]
+    residuals = [one - two for one, two in zip(samples.observed, predicted, strict=True)]
+    held = form_held_out(found.form, samples, found.point)
+    return Step(found.effects, found.point, residuals, held, found.form)

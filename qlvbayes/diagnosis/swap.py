@@ -1,0 +1,101 @@
+"""Two or more effects: would another do better in the place of one of them?"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from qlvbayes.diagnosis.contest import Contender, Round, contest
+from qlvbayes.diagnosis.samples import Samples
+from qlvbayes.diagnosis.search import Path, Step, Tell, confirms, step_at
+from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.inference.multistart import wide_climb
+from qlvbayes.inference.subset import Ensemble
+
+_TURNS = 3
+
+
+def settle(
+    ensemble: Ensemble,
+    samples: Samples,
+    path: Path,
+    candidates: list[str],
+    settings: Settings,
+    tell: Tell,
+) -> None:
+    """Put better effects in the place of earlier picks, until every one is the best in its place.
+
+    A pick made while something else was still missing may have been wrong. Leaves in
+    ``path.places`` the round held over each effect's place.
+    """
+    if len(path.last.effects) == 1:
+        path.places = {path.last.effects[0]: _with_last(path)}
+    if len(path.last.effects) < 2:
+        return
+    for _ in range(_TURNS):
+        tell(f"weighing each of {' + '.join(path.last.effects)} against the others")
+        path.places = {}
+        better = None
+        for effect in path.last.effects:
+            path.places[effect] = found = _round_over(ensemble, path, effect, candidates)
+            better = _better(ensemble, samples, path.last, effect, found)
+            if better is not None:
+                break
+        if better is None:
+            return
+        path.steps.append(better)
+
+
+def _with_last(path: Path) -> Round:
+    """The first round, with the only effect at the last step's optimum."""
+    first, last = path.rounds[0], path.last
+    gain = last.point.log_evidence - first.base.log_evidence
+    contenders = [
+        replace(c, point=last.point, log_bayes_factor=max(gain, c.log_bayes_factor))
+        if c.effect == last.effects[0] and len(path.steps) > 2
+        else c
+        for c in first.contenders
+    ]
+    return replace(first, contenders=tuple(contenders))
+
+
+def _round_over(ensemble: Ensemble, path: Path, effect: str, candidates: list[str]) -> Round:
+    """The round over one effect's place, all others being in."""
+    last = path.last
+    if effect == last.effects[-1] and path.steps[-2].effects == last.effects[:-1]:
+        return path.rounds[len(path.steps) - 2]
+    rest = tuple(name for name in last.effects if name != effect)
+    base = wide_climb(ensemble, ensemble.subset(rest), last.point.theta)
+    left = [name for name in candidates if name not in rest]
+    return contest(ensemble, base, left, known=last.point.log_evidence)
+
+
+def _better(
+    ensemble: Ensemble, samples: Samples, last: Step, effect: str, found: Round
+) -> Step | None:
+    """The model with the best contender in an effect's place, if it is another and confirmed."""
+    best = found.best
+    if best is None or best.effect == effect or best.point is None:
+        return None
+    rest = tuple(name for name in last.effects if name != effect)
+    step = step_at(ensemble, samples, (*rest, best.effect), best.point)
+    return step if confirms(step, last) else None
+
+
+def rivals(path: Path, settings: Settings) -> tuple[Contender, ...]:
+    """The place with the most contenders within ``apart`` of its holder; the holder first."""
+    if not path.places:
+        return ()
+    near = [_near(found, effect, settings) for effect, found in path.places.items()]
+    return max(near, key=len)
+
+
+def _near(found: Round, effect: str, settings: Settings) -> tuple[Contender, ...]:
+    holder = next(c for c in found.contenders if c.effect == effect)
+    near = [
+        c
+        for c in found.contenders
+        if c.effect != effect
+        and c.point is not None
+        and abs(holder.log_bayes_factor - c.log_bayes_factor) < settings.apart
+    ]
+    return (holder, *near)
