@@ -19,7 +19,7 @@ def steps_table(found: Diagnosis, unit: str) -> Table:
     table.add_column("cells that fail", justify="right")
     for stage in found.stages:
         table.add_row(
-            " + ".join(("QLV", *stage.effects)),
+            " + ".join(("QLV", *stage.labels)),
             f"{stage.rmse:.4g}",
             f"{stage.heldout_rmse:.4g}",
             f"{stage.heldout_rmse / found.noise:.2f}",

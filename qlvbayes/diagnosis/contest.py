@@ -17,8 +17,8 @@ from qlvbayes.inference.subset import Ensemble
 _BEHIND = 15.0  # log evidence behind the best at which a contender is given up
 _HOPELESS = 60.0  # at which another relaxation spectrum will not help it either
 _STARTS = 2
-_WIDE = 5  # best contenders that are refitted from other relaxation spectra too:
-_WIDE_COSTLY = 2  # fewer where the model runs slowly,
+_WIDE = (4, 2)  # contenders refitted from other relaxation spectra too: best by evidence, by score;
+_WIDE_COSTLY = (2, 1)  # fewer where the model runs slowly
 _NEAR = 8.0  # log Bayes factor within which the best are compared more carefully
 _PROMISING = 1.0  # if the best has a log Bayes factor above this
 
@@ -57,9 +57,7 @@ class Round:
         return {name: weight / total for name, weight in weights.items()}
 
 
-def contest(
-    ensemble: Ensemble, base: Point, effects: list[str], known: float = -math.inf
-) -> Round:
+def contest(ensemble: Ensemble, base: Point, effects: list[str], known: float = -math.inf) -> Round:
     """Rank effects that ``base`` lacks.
 
     Those whose score promises nothing keep the evidence of the linearised model; the others are
@@ -80,18 +78,32 @@ def contest(
         contenders.append(Contender(effect, log_bf, scores[0], point))
     ranked = sorted(contenders, key=lambda c: -c.log_bayes_factor)
     if ranked and ranked[0].log_bayes_factor > _PROMISING:
-        count = _WIDE_COSTLY if base.subset.effects & set(ensemble.costly) else _WIDE
-        hopeless = known - base.log_evidence - _HOPELESS
-        wide = [
-            _widened(ensemble, base, c) if c.log_bayes_factor > hopeless else c
-            for c in ranked[:count]
-        ]
-        ranked[:_WIDE] = _sampled(ensemble, base, [*wide, *ranked[count:_WIDE]])
+        ranked = _widened(ensemble, base, ranked, known - base.log_evidence - _HOPELESS)
+        ranked = _sampled(ensemble, base, ranked)
     return Round(base, tuple(sorted(ranked, key=lambda c: -c.log_bayes_factor)))
 
 
-def _widened(ensemble: Ensemble, base: Point, contender: Contender) -> Contender:
-    """The contender refitted from other relaxation spectra too."""
+def _widened(
+    ensemble: Ensemble, base: Point, ranked: list[Contender], hopeless: float
+) -> list[Contender]:
+    """The most promising contenders refitted from other relaxation spectra too.
+
+    Those whose score promises much count too: on a wrong spectrum the right effect may have been
+    given up on its way.
+    """
+    costly = base.subset.effects & set(ensemble.costly)
+    by_evidence, by_score = _WIDE_COSTLY if costly else _WIDE
+    best = [c for c in ranked[:by_evidence] if c.log_bayes_factor > hopeless]
+    rest = sorted(ranked[by_evidence:], key=lambda c: -c.score.log_bayes_factor)[:by_score]
+    chosen = {c.effect for c in best} | {c.effect for c in rest if _promises(c)}
+    return [_widely(ensemble, base, c) if c.effect in chosen else c for c in ranked]
+
+
+def _promises(contender: Contender) -> bool:
+    return contender.score.log_bayes_factor > _PROMISING
+
+
+def _widely(ensemble: Ensemble, base: Point, contender: Contender) -> Contender:
     if contender.point is None:
         return contender
     point = wide_climb(ensemble, contender.point.subset, contender.point.theta)

@@ -9,10 +9,12 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.special import ndtri
 
+from qlvbayes.diagnosis.search import Step
 from qlvbayes.diagnosis.verdict import Diagnosis
 from qlvbayes.experiment import Trial
 from qlvbayes.inference.gaussnewton import Point
-from qlvbayes.inference.linearised import forces, prior_terms
+from qlvbayes.inference.linearised import forces as forces_of
+from qlvbayes.inference.linearised import prior_terms
 from qlvbayes.inference.subset import Ensemble
 from qlvbayes.posterior import Posterior
 from qlvbayes.records.record import Record
@@ -57,8 +59,8 @@ def curves(diagnosis: Diagnosis, draws: int = 100, seed: int = 0) -> list[Curve]
     samples = work.samples
     rng = np.random.default_rng(seed)
     steps = work.path.steps
-    plain = _bands(diagnosis, steps[0].point, draws, rng)
-    final = _bands(diagnosis, steps[-1].point, draws, rng) if len(steps) > 1 else plain
+    plain = _bands(diagnosis, steps[0], draws, rng)
+    final = _bands(diagnosis, steps[-1], draws, rng) if len(steps) > 1 else plain
     weight = np.asarray(samples.posterior.record.blocks.weight)
     floor = np.hypot(work.experiment.floor.white * weight, work.experiment.floor.ou)
     return [
@@ -75,32 +77,47 @@ def curves(diagnosis: Diagnosis, draws: int = 100, seed: int = 0) -> list[Curve]
     ]
 
 
-def _bands(diagnosis: Diagnosis, point: Point, draws: int, rng: np.random.Generator) -> list[Band]:
+def _bands(diagnosis: Diagnosis, step: Step, draws: int, rng: np.random.Generator) -> list[Band]:
     """One model's force at every test's samples; the first constants are the best ones."""
-    work = diagnosis.work
-    constants = np.vstack([point.constants, _draw(work.ensemble, point, draws, rng)])
-    force, sd = _forces(work.ensemble, constants, work.samples.posterior.record)
+    work, form = diagnosis.work, step.form
+    record = work.samples.posterior.record
+    places = _draw(step, draws, rng)
+    constants = _constants(work.ensemble, step.point, places)
+    force, sd = _forces(work.ensemble, constants, record)
+    base = None if form is None else form.base(work.samples, constants)
     found = []
     for k, rows in enumerate(work.samples.rows):
         here = force[:, k, : rows.size]
+        if form is not None and base is not None:
+            trial, less = work.samples.trials[k], np.stack([forces[k] for forces in base])
+            coefficients = form.split(places)[1]
+            here = less + (here - less) * form.trial_factor(
+                trial, trial.test.time[rows], coefficients
+            )
         low, high = _quantiles(here[1:], sd[1:, k, : rows.size])
         found.append(Band(here[0], low, high))
     return found
 
 
-def _draw(ensemble: Ensemble, point: Point, draws: int, rng: np.random.Generator) -> np.ndarray:
-    """(draws, P) constants: normal in theta, so that each is where its prior allows it."""
-    subset = point.subset
-    thetas = np.tile(point.theta, (draws, 1))
-    thetas[:, subset.theta] = rng.multivariate_normal(
-        point.theta[subset.theta], point.covariance, draws, check_valid="ignore", method="eigh"
+def _draw(step: Step, draws: int, rng: np.random.Generator) -> np.ndarray:
+    """(1 + draws, D) the optimum and normal draws about it."""
+    point = step.point
+    free = point.subset.theta if step.form is None else step.form.free
+    thetas = np.tile(point.theta, (1 + draws, 1))
+    thetas[1:, free] = rng.multivariate_normal(
+        point.theta[free], point.covariance, draws, check_valid="ignore", method="eigh"
     )
-    return np.stack(
-        [
-            subset.nulled(np.asarray(prior_terms(ensemble.posterior, jnp.asarray(x)).constants))
-            for x in thetas
-        ]
-    )
+    return thetas
+
+
+def _constants(ensemble: Ensemble, point: Point, places: np.ndarray) -> np.ndarray:
+    """(W, P) constants of places (W, D): drawn in theta, each is where its prior allows it."""
+    posterior = ensemble.posterior
+    found = [
+        point.subset.nulled(np.asarray(prior_terms(posterior, jnp.asarray(theta)).constants))
+        for theta in places[1:, : posterior.size]
+    ]
+    return np.stack([point.constants, *found])
 
 
 def _forces(
@@ -112,7 +129,7 @@ def _forces(
     own = jnp.asarray(constants[:, part.constants])
     weight = record.blocks.weight
     sds = jax.vmap(lambda x: posterior.with_constants(x)[1].sample_sd(weight))(own)
-    found = np.asarray(forces(posterior, own))
+    found = np.asarray(forces_of(posterior, own))
     return found, np.broadcast_to(np.asarray(sds), found.shape)
 
 

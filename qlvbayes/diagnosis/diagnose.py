@@ -14,6 +14,7 @@ from qlvbayes.diagnosis.contest import Contender
 from qlvbayes.diagnosis.design import Suggestion, suggest
 from qlvbayes.diagnosis.evidence import laplace_check
 from qlvbayes.diagnosis.formsearch import Found, other_forms, rival_forms, step_of
+from qlvbayes.diagnosis.freespring import FreeSpring
 from qlvbayes.diagnosis.gate import bends, coincident, unseen
 from qlvbayes.diagnosis.protocol import protocol_of
 from qlvbayes.diagnosis.samples import Samples, cell_errors, rmse
@@ -71,7 +72,8 @@ def diagnose(
         tell("trying other forms of the effects")
         alike, group = [], rival_forms(forms, settings)
         path, adequacies = _in_other_form(path, adequacies, forms[0], samples)
-    verdict = _verdict(path, adequacies[-1], group, settings)
+    spring = _spring(experiment, ensemble, path)
+    verdict = _verdict(path, adequacies[-1], group, spring, settings)
     named = _named(path, group) if verdict in ("missing_effect", "ambiguous") else ()
     work = Work(experiment, ensemble, samples, path, tuple(adequacies))
     sampled = _nested(ensemble, path, seed, tell) if evidence == "nested" else ()
@@ -91,6 +93,7 @@ def diagnose(
         suggestions=_suggestions(experiment, ensemble, alike),
         work=work,
         nested=sampled,
+        spring=spring,
     )
 
 
@@ -165,8 +168,18 @@ def _named(path: Path, group: tuple[str, ...]) -> tuple[str, ...]:
     return (*(effect for effect in path.last.effects if effect != group[0]), group[0])
 
 
-def _verdict(path: Path, last: Adequacy, group: tuple[str, ...], settings: Settings) -> str:
-    if last.p_value < settings.false_alarms:
+def _spring(experiment: Experiment, ensemble: Ensemble, path: Path) -> float | None:
+    """Log Bayes factor of a spring of free form against the effects found; None without effects."""
+    if not path.last.effects:
+        return None
+    spring = FreeSpring(experiment, ensemble, ensemble.subset()).fit(path.steps[0].point)
+    return float(spring.log_evidence - path.last.point.log_evidence)
+
+
+def _verdict(
+    path: Path, last: Adequacy, group: tuple[str, ...], spring: float | None, settings: Settings
+) -> str:
+    if last.p_value < settings.false_alarms or (spring or 0.0) > settings.apart:
         return "unexplained"
     if not path.last.effects:
         return "adequate"
@@ -200,6 +213,7 @@ def _stage(work: Work, k: int, settings: Settings) -> Stage:
         cells=tuple(cell_errors(work.samples, step.residuals)),
         failing=tuple((c.test, c.phase) for c in tested.cells if c.p_value < level),
         parameters=_estimates(work, step.point, _is_of_pad),
+        shape=step.form.shape(step.point) if step.form else None,
     )
 
 

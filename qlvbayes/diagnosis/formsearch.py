@@ -1,23 +1,26 @@
-"""Where no sum of the list's laws will do: one of its effects in a form of its own?"""
+"""Where no sum of the list's laws will do, one of its effects in a form of its own may."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from qlvbayes.diagnosis.adequacy import Adequacy, adequacy_along
 from qlvbayes.diagnosis.heldout import form_held_out
-from qlvbayes.diagnosis.otherform import OtherForm
+from qlvbayes.diagnosis.otherform import GradualContact, OtherForm
 from qlvbayes.diagnosis.samples import Samples
 from qlvbayes.diagnosis.search import Path, Step
 from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.effects.contact_offset import ContactOffset
 from qlvbayes.experiment import Experiment
 from qlvbayes.inference.gaussnewton import Point
 from qlvbayes.inference.subset import Ensemble
 
 _FIRST = 3  # contenders of the first round that are tried
-_LEAST = 0.0  # factor below which the effect would turn into its opposite
+Model = tuple[tuple[str, ...], Point]  # its effects, its optimum
+_LEAST = -0.1  # factor below which the effect would turn into its opposite
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,21 +48,37 @@ def other_forms(
     """
     least = path.last.point.log_evidence + settings.decisive if sound else -np.inf
     steps = [(step.effects, step.point) for step in path.steps[1 : -1 if sound else None]]
-    others = [
+    others: list[Model] = [
         ((contender.effect,), contender.point)
         for contender in path.rounds[0].contenders[: 0 if sound else _FIRST]
         if contender.point is not None and (contender.effect,) not in [e for e, _ in steps]
     ]
-    for models in (*([step] for step in sorted(steps, key=lambda s: len(s[0]))), others):
+    turns: list[list[Model]] = [*([step] for step in sorted(steps, key=_count)), others]
+    for models in turns:
         tried = [
-            _try(OtherForm(experiment, ensemble, point.subset, effect), effects, point)
+            _try(form, effects, point)
             for effects, point in models
-            for effect in effects
+            for form in _forms(experiment, ensemble, effects, point)
         ]
         good = [f for f in tried if _stands(f, settings) and f.point.log_evidence > least]
         if good:
             return sorted(good, key=lambda found: -found.point.log_evidence)
     return []
+
+
+def _forms(
+    experiment: Experiment, ensemble: Ensemble, effects: tuple[str, ...], point: Point
+) -> Iterator[OtherForm]:
+    """Each effect of a model in another form."""
+    for effect in effects:
+        yield OtherForm(experiment, ensemble, point.subset, effect)
+        if effect == ContactOffset.name:
+            rest = tuple(name for name in effects if name != effect)
+            yield GradualContact(experiment, ensemble, ensemble.subset(rest), effect)
+
+
+def _count(model: Model) -> int:
+    return len(model[0])
 
 
 def _try(form: OtherForm, effects: tuple[str, ...], point: Point) -> Found:
@@ -71,7 +90,7 @@ def _try(form: OtherForm, effects: tuple[str, ...], point: Point) -> Found:
 def _stands(found: Found, settings: Settings) -> bool:
     """Adequate, decisively better than the list's form, and nowhere turned into its opposite."""
     _, coefficients = found.form.split(found.point.theta)
-    factor = 1.0 + np.tensordot(coefficients, found.form.curves, 1)
+    factor = 1.0 + np.tensordot(coefficients, found.form.at_blocks, 1)
     real = np.asarray(found.form.ensemble.posterior.record.blocks.real)
     return bool(
         found.adequacy.p_value >= settings.false_alarms

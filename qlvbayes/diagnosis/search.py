@@ -93,9 +93,7 @@ def search(
             return path
 
 
-def step_at(
-    ensemble: Ensemble, samples: Samples, effects: tuple[str, ...], point: Point
-) -> Step:
+def step_at(ensemble: Ensemble, samples: Samples, effects: tuple[str, ...], point: Point) -> Step:
     """A model with its errors."""
     residuals = samples.residuals(point.constants)
     return Step(effects, point, residuals, held_out(ensemble, samples, point))

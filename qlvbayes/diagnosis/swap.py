@@ -1,4 +1,4 @@
-"""Two or more effects: would another do better in the place of one of them?"""
+"""Where there are two or more effects, another may do better in the place of one of them."""
 
 from __future__ import annotations
 

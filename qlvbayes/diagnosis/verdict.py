@@ -9,6 +9,7 @@ import numpy as np
 from qlvbayes.diagnosis.adequacy import Adequacy
 from qlvbayes.diagnosis.design import Suggestion
 from qlvbayes.diagnosis.gate import Bend, Unseen
+from qlvbayes.diagnosis.otherform import Shape
 from qlvbayes.diagnosis.samples import CellError, Samples
 from qlvbayes.diagnosis.search import Path
 from qlvbayes.experiment import Experiment
@@ -46,7 +47,8 @@ class Stage:
     """A model on the way to the verdict and what it leaves.
 
     rmse, heldout_rmse: over all samples (N), fitted and with each test left out in turn; p_value:
-    of the adequacy test over all cells; cells: errors by test and phase.
+    of the adequacy test over all cells; cells: errors by test and phase; shape: of the effect that
+    has another form than the list's.
     """
 
     effects: tuple[str, ...]
@@ -57,6 +59,13 @@ class Stage:
     cells: tuple[CellError, ...]
     failing: tuple[tuple[str, str], ...]
     parameters: dict[str, Estimate]
+    shape: Shape | None = None
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The effects, one of another form marked."""
+        other = self.shape.effect if self.shape else None
+        return tuple(f"{e} (other form)" if e == other else e for e in self.effects)
 
 
 @dataclass(frozen=True)
@@ -82,7 +91,8 @@ class Diagnosis:
     equally well (``ambiguous``); tried: what was added on the way, also where the verdict is
     ``unexplained``; noise: the floor's sd (N), measured without the model; nested: evidence by
     nested sampling, where it was asked for; discrepancy: typical size (N) of the Gaussian-process
-    discrepancy where structure is left.
+    discrepancy where structure is left; spring: log Bayes factor of a spring of free form, which no
+    list holds, against the effects found.
     """
 
     pad: str
@@ -101,6 +111,7 @@ class Diagnosis:
     work: Work
     nested: tuple[Sampled, ...] = ()
     discrepancy: float | None = None
+    spring: float | None = None
 
     @property
     def tried(self) -> tuple[str, ...]:
@@ -161,6 +172,7 @@ class Diagnosis:
                 for s in self.nested
             ],
             "discrepancy_sd_N": self.discrepancy,
+            "free_spring_log_bayes_factor": self.spring,
             "worst": {
                 "test": worst.test,
                 "phase": worst.phase,
@@ -201,6 +213,15 @@ def _stage(stage: Stage) -> dict:
             for cell in stage.cells
         ],
         "parameters": _parameters(stage.parameters),
+        "other_form": _shape(stage.shape) if stage.shape else None,
+    }
+
+
+def _shape(shape: Shape) -> dict:
+    return {
+        "effect": shape.effect,
+        "over_depth": [{"depth": x, "factor": y} for x, y in shape.over_depth],
+        "over_clock": [{"clock_s": x, "factor": y} for x, y in shape.over_clock],
     }
 
 

@@ -59,9 +59,9 @@ def _missing(d: Diagnosis) -> str:
     seen = " ".join(f"{_effect(d, e).seen[0].upper()}{_effect(d, e).seen[1:]}." for e in d.effects)
     return (
         f"Pad {d.pad}: missing {'effect' if len(d.effects) == 1 else 'effects'}: {named}. {seen} "
-        f"{_sureness(d)} With it the error on tests left out falls from {first.heldout_rmse:.3g} "
-        f"to {last.heldout_rmse:.3g} {unit} (noise floor {d.noise:.3g} {unit}), and no phase of "
-        f"any test shows structure any more ({_p(last.p_value)})."
+        f"{_own_form(d)}{_sureness(d)} With it the error on tests left out falls from "
+        f"{first.heldout_rmse:.3g} to {last.heldout_rmse:.3g} {unit} (noise floor {d.noise:.3g} "
+        f"{unit}), and no phase of any test shows structure any more ({_p(last.p_value)})."
     )
 
 
@@ -79,6 +79,14 @@ def _ambiguous(d: Diagnosis) -> str:
 
 def _unexplained(d: Diagnosis) -> str:
     unit, last = _units(d).force, d.stages[-1]
+    if not last.failing and d.spring is not None:
+        return (
+            f"Pad {d.pad}: unexplained. {_joined(list(last.effects))} would leave nothing "
+            "structured, but a spring of free form beside the pad, a force that depends on depth "
+            f"alone, explains the tests better still (log Bayes factor {d.spring:.3g}). Something "
+            "outside the list, a second contact or a stiffer core, is likelier than an effect of "
+            "the list: none is named."
+        )
     tried = f" The best that the list offers, {_joined(list(last.effects))}, is not enough:" * bool(
         last.effects
     )
@@ -110,6 +118,25 @@ def _where(d: Diagnosis) -> str:
 
 def _rate(cell: CellError, units: UnitSystem) -> str:
     return f"{cell.rate:.3g} {units.speed}"
+
+
+def _own_form(d: Diagnosis) -> str:
+    """How the effect differs from the list's law."""
+    shape = d.stages[-1].shape
+    if shape is None:
+        return ""
+    spread = {
+        "depth": [factor for _, factor in shape.over_depth],
+        "clock": [factor for _, factor in shape.over_clock],
+    }
+    over = max(spread, key=lambda name: max(spread[name]) - min(spread[name]))
+    first, last = spread[over][0], spread[over][-1]
+    ends = ("no depth", "full depth") if over == "depth" else ("the first test", "the last")
+    return (
+        f"But not by the list's law: what {shape.effect} adds must be taken times {first:.2g} at "
+        f"{ends[0]} and {last:.2g} at {ends[1]} (other_form in diagnosis.json); the constants "
+        "below are those of the law so changed, and an effect of your own would do it justice. "
+    )
 
 
 def _sureness(d: Diagnosis) -> str:
@@ -191,7 +218,7 @@ def _bend(d: Diagnosis, bend: Bend) -> str:
 def _with_value(d: Diagnosis, effect: str, stage: Stage) -> str:
     own = {n: e for n, e in stage.parameters.items() if n.startswith(f"{effect}.")}
     values = ", ".join(f"{name.partition('.')[2]} = {_size(e)}" for name, e in own.items())
-    return f"{effect} ({values})"
+    return f"{effect} ({values})" if values else effect
 
 
 def _size(e: Estimate) -> str:
