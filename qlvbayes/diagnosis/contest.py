@@ -11,16 +11,16 @@ from qlvbayes.diagnosis.evidence import laplace_check
 from qlvbayes.diagnosis.screen import Score, screen
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.inference.gaussnewton import Point, climb
-from qlvbayes.inference.multistart import wide_climb
+from qlvbayes.inference.multistart import wide_climb, wide_climbs
 from qlvbayes.inference.subset import Ensemble
 
 _BEHIND = 15.0  # log evidence behind the best at which a contender is given up
 _HOPELESS = 60.0  # at which another relaxation spectrum will not help it either
 _STARTS = 2
-_WIDE = (4, 2)  # contenders refitted from other relaxation spectra too: best by evidence, by score;
+_WIDE = (3, 2)  # contenders refitted from other relaxation spectra too: best by evidence, by score;
 _WIDE_COSTLY = (2, 1)  # fewer where the model runs slowly
 _NEAR = 8.0  # log Bayes factor within which the best are compared more carefully
-_PROMISING = 1.0  # if the best has a log Bayes factor above this
+_PROMISING = 1.0  # if the best has a log Bayes factor above this; that another hump is higher
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,9 +64,28 @@ def contest(ensemble: Ensemble, base: Point, effects: list[str], known: float = 
     refitted from the shapes that score best, unless they fall hopelessly behind on the way: behind
     each other, and behind the log evidence ``known`` of a model with one of them.
     """
+    found = screen(ensemble, base, effects)
+    ranked = _refitted(ensemble, base, found, known)
+    if ranked and ranked[0].log_bayes_factor > _PROMISING:
+        humps = wide_climbs(ensemble, base.subset, base.theta)
+        if humps[0].loss < base.loss - _PROMISING:
+            return contest(ensemble, humps[0], effects, known)
+        ranked = _restarted(ensemble, base, ranked, found, _other(ensemble, base, humps))
+        ranked = _widened(ensemble, base, ranked, known - base.log_evidence - _HOPELESS)
+        ranked = _sampled(ensemble, base, ranked)
+    return Round(base, tuple(_best_first(ranked)))
+
+
+def _best_first(contenders: list[Contender]) -> list[Contender]:
+    return sorted(contenders, key=lambda c: -c.log_bayes_factor)
+
+
+def _refitted(
+    ensemble: Ensemble, base: Point, found: dict[str, list[Score]], known: float
+) -> list[Contender]:
+    """Contenders from the base, best first."""
     contenders = []
     best = max(base.log_evidence, known)
-    found = screen(ensemble, base, effects)
     for effect in sorted(found, key=lambda name: -found[name][0].log_bayes_factor):
         scores = found[effect]
         log_bf = _averaged(scores)
@@ -76,11 +95,42 @@ def contest(ensemble: Ensemble, base: Point, effects: list[str], known: float = 
             log_bf = point.log_evidence - base.log_evidence
             best = max(best, point.log_evidence)
         contenders.append(Contender(effect, log_bf, scores[0], point))
-    ranked = sorted(contenders, key=lambda c: -c.log_bayes_factor)
-    if ranked and ranked[0].log_bayes_factor > _PROMISING:
-        ranked = _widened(ensemble, base, ranked, known - base.log_evidence - _HOPELESS)
-        ranked = _sampled(ensemble, base, ranked)
-    return Round(base, tuple(sorted(ranked, key=lambda c: -c.log_bayes_factor)))
+    return _best_first(contenders)
+
+
+def _other(ensemble: Ensemble, base: Point, humps: list[Point]) -> np.ndarray:
+    """Theta of the best hump that is not the base's; the priors' centre where there is none."""
+    plain = ensemble.plain
+    for hump in humps:
+        if np.abs(hump.theta - base.theta)[plain].max() > 1.0:
+            return hump.theta
+    return ensemble.centre
+
+
+def _restarted(
+    ensemble: Ensemble,
+    base: Point,
+    ranked: list[Contender],
+    scores: dict[str, list[Score]],
+    other: np.ndarray,
+) -> list[Contender]:
+    """Contenders refitted from another spectrum too, each as long as there is hope, best first.
+
+    Where a mode of the base has taken an effect's place (a fast one a drag's), its score is nothing
+    and the way from the base is barred.
+    """
+    best = ranked[0].log_bayes_factor + base.log_evidence
+    found = []
+    for contender in ranked:
+        theta = _start(ensemble, base, scores[contender.effect][0])
+        theta[ensemble.plain] = other[ensemble.plain]
+        subset = ensemble.subset(base.subset.effects | {contender.effect})
+        point = climb(ensemble, subset, theta, worth=best - _BEHIND)
+        gain = point.log_evidence - base.log_evidence
+        if gain > contender.log_bayes_factor:
+            contender = replace(contender, log_bayes_factor=gain, point=point)
+        found.append(contender)
+    return _best_first(found)
 
 
 def _widened(

@@ -13,7 +13,7 @@ from qlvbayes.diagnosis.adequacy import Adequacy, adequacy
 from qlvbayes.diagnosis.contest import Contender
 from qlvbayes.diagnosis.design import Suggestion, suggest
 from qlvbayes.diagnosis.evidence import laplace_check
-from qlvbayes.diagnosis.formsearch import Found, other_forms, rival_forms, step_of
+from qlvbayes.diagnosis.formsearch import Found, other_forms, step_of
 from qlvbayes.diagnosis.freespring import FreeSpring
 from qlvbayes.diagnosis.gate import bends, coincident, unseen
 from qlvbayes.diagnosis.protocol import protocol_of
@@ -70,7 +70,7 @@ def diagnose(
     forms = other_forms(experiment, ensemble, path, sound, settings)
     if forms:
         tell("trying other forms of the effects")
-        alike, group = [], rival_forms(forms, settings)
+        alike, group = [], (forms[0].form.effect,)
         path, adequacies = _in_other_form(path, adequacies, forms[0], samples)
     spring = _spring(experiment, ensemble, path)
     verdict = _verdict(path, adequacies[-1], group, spring, settings)

@@ -40,11 +40,12 @@ class Found:
 def other_forms(
     experiment: Experiment, ensemble: Ensemble, path: Path, sound: bool, settings: Settings
 ) -> list[Found]:
-    """Models with one effect in another form, adequate and decisively better, best first.
+    """One model with one of its effects in another form, each that is adequate, best first.
 
-    Those with the fewest effects only. Tried are the steps on the way and, if none of them will do,
-    the best other contenders of the first round. Where the last step is ``sound``, only steps with
-    fewer effects are tried, and they must beat it.
+    Tried are the steps on the way, the fewest effects first, then the best other contenders of the
+    first round: the first that will do is taken, as an effect free in its form can imitate others.
+    Where the last step is ``sound``, only steps with fewer effects are tried, and they must beat
+    it.
     """
     least = path.last.point.log_evidence + settings.decisive if sound else -np.inf
     steps = [(step.effects, step.point) for step in path.steps[1 : -1 if sound else None]]
@@ -53,12 +54,10 @@ def other_forms(
         for contender in path.rounds[0].contenders[: 0 if sound else _FIRST]
         if contender.point is not None and (contender.effect,) not in [e for e, _ in steps]
     ]
-    turns: list[list[Model]] = [*([step] for step in sorted(steps, key=_count)), others]
-    for models in turns:
+    turns = [*sorted(steps, key=_count), *others]
+    for effects, point in turns:
         tried = [
-            _try(form, effects, point)
-            for effects, point in models
-            for form in _forms(experiment, ensemble, effects, point)
+            _try(form, effects, point) for form in _forms(experiment, ensemble, effects, point)
         ]
         good = [f for f in tried if _stands(f, settings) and f.point.log_evidence > least]
         if good:
@@ -97,13 +96,6 @@ def _stands(found: Found, settings: Settings) -> bool:
         and found.point.log_evidence > found.before.log_evidence + settings.decisive
         and factor[real].min() > _LEAST
     )
-
-
-def rival_forms(forms: list[Found], settings: Settings) -> tuple[str, ...]:
-    """Effects of the models within ``apart`` of the best, by what the last added is called."""
-    best = forms[0].point.log_evidence
-    near = [f for f in forms if best - f.point.log_evidence < settings.apart]
-    return tuple(dict.fromkeys(f.effects[-1] for f in near))
 
 
 def step_of(found: Found, samples: Samples) -> Step:

@@ -8,12 +8,18 @@ from qlvbayes.inference.gaussnewton import Point, climb
 from qlvbayes.inference.subset import Ensemble, Subset
 
 _STARTS = 6
-_LEGS = ((5, 3), (5, 2))  # steps of a leg, and how many of the best go on from it
-_SAME = 0.05  # log density within which two climbs have come to one place
+_FIRST_STEPS = 10
+_KEPT = 3  # that are followed to the top
+_SAME = 0.4  # of the numbers of the relaxation, within which two places are one hump
 
 
 def wide_climb(ensemble: Ensemble, subset: Subset, theta: np.ndarray) -> Point:
-    """Highest point found from theta and from draws of the plain constants' priors.
+    """Highest point found from theta and from draws of the plain constants' priors."""
+    return wide_climbs(ensemble, subset, theta)[0]
+
+
+def wide_climbs(ensemble: Ensemble, subset: Subset, theta: np.ndarray) -> list[Point]:
+    """Tops of the humps found from theta and from draws of the plain constants' priors, best first.
 
     The effects' numbers begin where theta has them, the noise at its prior's centre: a model that
     has settled on a wrong spectrum does not leave it when an effect is added.
@@ -23,17 +29,16 @@ def wide_climb(ensemble: Ensemble, subset: Subset, theta: np.ndarray) -> Point:
     thetas[1, plain] = ensemble.centre[plain]
     thetas[2:, plain] = ensemble.draw(_STARTS - 2)[:, plain]
     thetas[:, ensemble.noise] = ensemble.centre[ensemble.noise]
-    places = list(thetas)
-    for steps, kept in _LEGS:
-        points = [climb(ensemble, subset, place, steps=steps) for place in places]
-        places = [point.theta for point in _distinct(points)[:kept]]
-    return min((climb(ensemble, subset, place) for place in places), key=lambda point: point.loss)
+    rough = [climb(ensemble, subset, start, steps=_FIRST_STEPS) for start in thetas]
+    tops = [climb(ensemble, subset, point.theta) for point in _humps(ensemble, rough)[:_KEPT]]
+    return _humps(ensemble, tops)
 
 
-def _distinct(points: list[Point]) -> list[Point]:
-    """The highest first, each place once."""
+def _humps(ensemble: Ensemble, points: list[Point]) -> list[Point]:
+    """The highest first, one of those that lie close to each other."""
     found: list[Point] = []
     for point in sorted(points, key=lambda point: point.loss):
-        if not found or point.loss - found[-1].loss > _SAME:
+        gaps = [np.abs(point.theta - other.theta)[ensemble.plain].max() for other in found]
+        if all(gap > _SAME for gap in gaps):
             found.append(point)
     return found
