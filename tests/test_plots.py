@@ -17,7 +17,7 @@ from qlvbayes.data import Test as Record
 from qlvbayes.experiment import Trial
 from qlvbayes.kinematics.phases import KINDS, Phase
 from qlvbayes.kinematics.trajectory import smooth
-from qlvbayes.plots.files import save_figure
+from qlvbayes.plots.files import figure_of, save_figure
 from qlvbayes.plots.forces import plot_forces
 from qlvbayes.plots.residual_map import plot_residual_map
 from qlvbayes.predict import Prediction
@@ -97,7 +97,13 @@ PROTOCOLS = {
     "long name": [prediction("mavacamten-" * 12, protocol([1.0], 1.0, 9.0), 1.0)],
 }  # fmt: skip
 
+every_width = pytest.mark.parametrize("width", [85.0, 180.0])
 every_protocol = pytest.mark.parametrize("predictions", PROTOCOLS.values(), ids=PROTOCOLS)
+
+
+def page(plot, *args, **options):
+    """The figure that a function drew."""
+    return figure_of(plot(*args, **options))
 
 
 def grid(figure):
@@ -128,7 +134,7 @@ def ink_stays_on_the_page(figure):
 
 
 def test_one_row_a_test_by_rate_and_one_column_a_phase():
-    figure = plot_forces(paper((20.0, 0.1, 1.0)), PAD)
+    figure = page(plot_forces, paper((20.0, 0.1, 1.0)), PAD)
     panels = grid(figure)
     assert sorted(panels) == [(row, column) for row in range(3) for column in range(4)]
     assert [panels[0, k].get_title().strip() for k in range(4)] == list(KINDS)
@@ -140,25 +146,25 @@ def test_one_row_a_test_by_rate_and_one_column_a_phase():
 
 @every_protocol
 def test_rests_run_in_logarithmic_and_movements_in_linear_time(predictions):
-    for axis in grid(plot_forces(predictions, PAD)).values():
+    for axis in grid(page(plot_forces, predictions, PAD)).values():
         rest = any(f"time in {kind}" in axis.get_xlabel() for kind in RESTS)
         assert axis.get_xscale() == ("log" if rest else "linear")
 
 
 def test_axes_name_their_units():
     for units, force in ((PAD, "force (N)"), (STRAIN, "stress (kPa)")):
-        panels = grid(plot_forces(paper((0.1, 20.0)), units))
+        panels = grid(page(plot_forces, paper((0.1, 20.0)), units))
         assert {panels[k, 0].get_ylabel() for k in range(2)} == {force}
         assert panels[0, 0].get_xlabel() == "time in ramp (s)"
         assert panels[1, 0].get_xlabel() == "time in ramp (ms)"
         assert panels[1, 1].get_xlabel() == "time in hold (s)"
-    strain = grid(plot_forces(paper((0.226,)), STRAIN))
+    strain = grid(page(plot_forces, paper((0.226,)), STRAIN))
     assert strain[0, 0].get_title(loc="left") == "B-0.226, 0.226/s, fitted"
 
 
 @every_protocol
 def test_every_sample_and_band_is_in_view(predictions):
-    figure = plot_forces(predictions, PAD)
+    figure = page(plot_forces, predictions, PAD)
     drawn(figure)
     panels = grid(figure)
     for row in {place[0] for place in panels}:
@@ -172,14 +178,16 @@ def test_every_sample_and_band_is_in_view(predictions):
             assert np.all((points[:, 1] >= bottom) & (points[:, 1] <= top))
 
 
+@every_width
 @every_protocol
-def test_no_text_leaves_the_page(predictions):
-    assert ink_stays_on_the_page(plot_forces(predictions, PAD))
+def test_no_text_leaves_the_page(predictions, width):
+    assert ink_stays_on_the_page(page(plot_forces, predictions, PAD, width=width))
 
 
+@every_width
 @every_protocol
-def test_tick_labels_do_not_touch(predictions):
-    figure = plot_forces(predictions, PAD)
+def test_tick_labels_do_not_touch(predictions, width):
+    figure = page(plot_forces, predictions, PAD, width=width)
     renderer = drawn(figure)
     for axis in figure.axes:
         left, right = axis.get_xlim()
@@ -190,7 +198,7 @@ def test_tick_labels_do_not_touch(predictions):
 
 
 def test_a_staircase_shows_the_whole_test_and_numbers_its_steps():
-    panels = grid(plot_forces(stairs(), PAD))
+    panels = grid(page(plot_forces, stairs(), PAD))
     assert [panels[0, k].get_title().strip() for k in range(3)] == ["whole test", "ramp", "hold"]
     whole = measured(panels[0, 0])
     assert whole[:, 0].max() == stairs()[0].time[-1]
@@ -201,13 +209,13 @@ def test_a_staircase_shows_the_whole_test_and_numbers_its_steps():
 def test_a_sample_taken_as_the_motion_stops_leaves_the_time_axis_alone():
     phases = protocol([1.0], 1.0, 30.0)
     time = np.concatenate([np.arange(0.0, 1.0, 0.1), [1.0 + 1e-12], np.arange(1.1, 31.0, 0.1)])
-    panels = grid(plot_forces([prediction("x", phases, 1.0, time=time)], PAD))
+    panels = grid(page(plot_forces, [prediction("x", phases, 1.0, time=time)], PAD))
     assert panels[0, 1].get_xlim()[0] > 0.05
     assert len(measured(panels[0, 0])) == 11
 
 
 def test_a_rest_before_the_ramp_does_not_squeeze_it():
-    ramp = grid(plot_forces(waited(), PAD))[0, 0]
+    ramp = grid(page(plot_forces, waited(), PAD))[0, 0]
     left, right = ramp.get_xlim()
     assert -0.15 * 80.0 < left < 0.0
     assert right > 75.0
@@ -234,7 +242,7 @@ def test_failing_cells_and_only_they_are_framed():
         cell("quick", 9.0, "unload", 5 * NOISE), cell("quick", 9.0, "recovery", p=1e-4),
     )  # fmt: skip
     found = Check("B", NOISE, cells)
-    figure = plot_residual_map(found, PAD)
+    figure = page(plot_residual_map, found, PAD)
     framed = {place for place, p in squares(figure).items() if p.get_gid() == "fails"}
     assert framed == {(0, 1), (1, 3)}
     assert all(squares(figure)[place].get_linewidth() > 1.0 for place in framed)
@@ -244,7 +252,7 @@ def test_failing_cells_and_only_they_are_framed():
 def test_a_worse_cell_is_darker_also_in_grey():
     ratios = (0.3, 1.0, 1.5, 3.0, 9.0, 40.0)
     cells = tuple(cell(f"t{k}", float(k), rmse=r * NOISE) for k, r in enumerate(ratios))
-    shown = squares(plot_residual_map(Check("B", NOISE, cells), PAD))
+    shown = squares(page(plot_residual_map, Check("B", NOISE, cells), PAD))
     light = [lightness(shown[k, 0]) for k in range(len(ratios))]
     assert light[0] == light[1]
     assert np.all(np.diff(light[1:]) < -0.02)
@@ -252,7 +260,7 @@ def test_a_worse_cell_is_darker_also_in_grey():
 
 def test_cells_say_ratio_and_signed_bias_and_empty_ones_are_hatched():
     cells = (cell(rmse=2.12 * NOISE, bias=-0.0208), cell(phase="hold", rmse=1.23, bias=0.5))
-    figure = plot_residual_map(Check("B", NOISE, cells), PAD)
+    figure = page(plot_residual_map, Check("B", NOISE, cells), PAD)
     axis = figure.axes[0]
     assert [t.get_text() for t in axis.texts] == ["2.12\n−0.021", "123\n+0.5"]
     hatched = {place for place, p in squares(figure).items() if p.get_hatch()}
@@ -262,7 +270,7 @@ def test_cells_say_ratio_and_signed_bias_and_empty_ones_are_hatched():
 
 def test_the_map_names_tests_by_rate_roles_and_units():
     cells = (cell("b", 3.0, role="fit"), cell("a", 0.5), cell("none", None))
-    figure = plot_residual_map(Check("B", 0.0123, cells), STRAIN)
+    figure = page(plot_residual_map, Check("B", 0.0123, cells), STRAIN)
     axis, bar = figure.axes
     labels = axis.get_yticklabels()
     assert [t.get_text() for t in labels] == [
@@ -277,16 +285,18 @@ def test_the_map_names_tests_by_rate_roles_and_units():
 @every_protocol
 def test_the_map_of_any_protocol_stays_on_the_page(predictions):
     found = check("B", NOISE, predictions)
-    figure = plot_residual_map(found, PAD)
+    figure = page(plot_residual_map, found, PAD)
     assert ink_stays_on_the_page(figure)
     bar = figure.axes[1]
     assert bar.yaxis.label.get_window_extent().height < figure.bbox.height
     for noise in (0.0, 1e-7):
-        assert ink_stays_on_the_page(plot_residual_map(replace(found, noise=noise), PAD))
+        for width in (85.0, 120.0):
+            changed = replace(found, noise=noise)
+            assert ink_stays_on_the_page(page(plot_residual_map, changed, PAD, width=width))
 
 
 def test_files_are_whole_repeatable_and_hold_their_fonts(tmp_path):
-    image = save_figure(plot_forces(stairs(), PAD), tmp_path / "pad.1")
+    image = save_figure(page(plot_forces, stairs(), PAD), tmp_path / "pad.1")
     document = tmp_path / "pad.1.pdf"
     assert sorted(tmp_path.iterdir()) == [document, image]
     first = image.read_bytes(), document.read_bytes()
@@ -296,12 +306,12 @@ def test_files_are_whole_repeatable_and_hold_their_fonts(tmp_path):
     assert first[1].endswith(b"%%EOF\n")
     assert b"/FontFile2" in first[1]
     assert b"/Type3" not in first[1]
-    save_figure(plot_forces(stairs(), PAD), tmp_path / "pad.1")
+    save_figure(page(plot_forces, stairs(), PAD), tmp_path / "pad.1")
     assert (image.read_bytes(), document.read_bytes()) == first
 
 
 def test_a_write_that_breaks_off_leaves_the_older_file(tmp_path, monkeypatch):
-    figure = plot_residual_map(Check("B", NOISE, (cell(),)), PAD)
+    figure = page(plot_residual_map, Check("B", NOISE, (cell(),)), PAD)
     image = save_figure(figure, tmp_path / "map")
     older = {path: path.read_bytes() for path in tmp_path.iterdir()}
 
@@ -319,8 +329,8 @@ def test_a_user_s_settings_and_windows_are_left_alone(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib.pyplot", None)  # importing it would now fail
     before = dict(matplotlib.rcParams.copy())
     found = check("B", NOISE, paper())
-    save_figure(plot_forces(paper(), PAD), tmp_path / "forces")
-    save_figure(plot_residual_map(found, PAD), tmp_path / "map")
+    save_figure(page(plot_forces, paper(), PAD), tmp_path / "forces")
+    save_figure(page(plot_residual_map, found, PAD), tmp_path / "map")
     assert dict(matplotlib.rcParams.copy()) == before
     assert Gcf.get_num_fig_managers() == 0
     sources = Path(plots.__file__).parent.glob("*.py")

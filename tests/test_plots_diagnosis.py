@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 from matplotlib.text import Text
-from test_plots import drawn, prediction, protocol
+from pages import collisions
+from test_plots import drawn, page, prediction, protocol
 
 from qlvbayes.data import Pad
 from qlvbayes.data import Test as Record
@@ -112,16 +113,19 @@ CASES = {
     ),
 }  # fmt: skip
 every_case = pytest.mark.parametrize("case", CASES)
+every_width = pytest.mark.parametrize("width", [85.0, 180.0])
 
 
 @cache
-def pages(case):
+def pages(case, width=180.0):
     """The four figures of a case, drawn once, each with its renderer."""
     found, shown = CASES[case]
     made = (
-        plot_residuals_before_after(found), plot_forces_before_after(found, shown),
-        plot_evidence(found), plot_error_staircase(found),
-    )  # fmt: skip
+        page(plot_residuals_before_after, found, width=width),
+        page(plot_forces_before_after, found, shown, width=width),
+        page(plot_evidence, found, width=width),
+        page(plot_error_staircase, found, width=width),
+    )
     return [(figure, drawn(figure)) for figure in made]
 
 
@@ -133,19 +137,21 @@ def words(figure):
     return "\n".join(t.get_text() for t in texts(figure))
 
 
+@every_width
 @every_case
-def test_nothing_leaves_the_page_and_type_can_be_read(case):
-    for figure, renderer in pages(case):
+def test_nothing_leaves_the_page_and_type_can_be_read(case, width):
+    for figure, renderer in pages(case, width):
         ink, page = figure.get_tightbbox(renderer).extents, figure.bbox_inches.extents
         assert np.all(ink[:2] >= page[:2])
         assert np.all(ink[2:] <= page[2:])
-        assert figure.get_figwidth() == pytest.approx(180.0 / 25.4)
+        assert figure.get_figwidth() == pytest.approx(width / 25.4)
         assert min(t.get_fontsize() for t in texts(figure)) >= 7.0
 
 
+@every_width
 @every_case
-def test_titles_legends_and_notes_do_not_overlap(case):
-    for figure, renderer in pages(case):
+def test_titles_legends_and_notes_do_not_overlap(case, width):
+    for figure, renderer in pages(case, width):
         inside = [axis.get_tightbbox(renderer) for axis in figure.axes]
         inside = [box for box in inside if box is not None]
         outside = [legend.get_window_extent(renderer) for legend in figure.legends]
@@ -154,6 +160,12 @@ def test_titles_legends_and_notes_do_not_overlap(case):
         for k, box in enumerate(outside):
             for other in [*outside[k + 1 :], *inside]:
                 assert not box.padded(-1.0).overlaps(other)
+
+
+@pytest.mark.parametrize("case", ["one effect", "twelve tests, four effects"])
+def test_no_text_of_a_narrow_figure_runs_into_another(case):
+    for figure, _ in (pages(case, 85.0)[k] for k in (0, 2, 3)):
+        assert collisions(figure) == []
 
 
 @every_case
@@ -173,7 +185,7 @@ def test_every_axis_names_its_unit(case):
 
 def test_both_maps_share_their_scale_and_mark_what_fails():
     found = diagnosed(3)
-    figure = plot_residuals_before_after(found)
+    figure = page(plot_residuals_before_after, found)
     before, after, bar = figure.axes
     assert bar.get_ylim()[1] == pytest.approx(12.0)
     assert before.get_title(loc="left") == "plain model\nadequacy p < 0.0001"
@@ -185,7 +197,7 @@ def test_both_maps_share_their_scale_and_mark_what_fails():
 
 
 def test_one_map_where_nothing_was_added():
-    figure = plot_residuals_before_after(CASES["nothing missing"][0])
+    figure = page(plot_residuals_before_after, CASES["nothing missing"][0])
     assert len(figure.axes) == 2
     assert "nothing missing" in figure.get_suptitle()
 
@@ -193,7 +205,7 @@ def test_one_map_where_nothing_was_added():
 def test_a_missing_cell_is_hatched():
     found = diagnosed(2)
     first = replace(found.stages[0], cells=found.stages[0].cells[:-1])
-    figure = plot_residuals_before_after(replace(found, stages=(first, found.stages[1])))
+    figure = page(plot_residuals_before_after, replace(found, stages=(first, found.stages[1])))
     assert [bool(p.get_hatch()) for p in figure.axes[0].patches].count(True) == 1
     assert "hatched: no samples" in figure.get_supxlabel()
 
@@ -205,7 +217,7 @@ def strip_dots(axis, colour):
 
 def test_a_strip_shows_what_each_model_leaves_over_the_noise():
     (shown,) = pressed(1)
-    figure = plot_forces_before_after(diagnosed(1), [shown])
+    figure = page(plot_forces_before_after, diagnosed(1), [shown])
     ramp = shown.phase == "ramp"
     strip = figure.axes[4]
     assert strip.get_ylabel() == "residual\n(N)"
@@ -242,18 +254,18 @@ def bars(figure):
 
 def test_one_bar_a_hypothesis_in_order_of_probability():
     found = diagnosed()
-    shown = bars(plot_evidence(found))
+    shown = bars(page(plot_evidence, found))
     assert len(shown) == len(found.ranking) == len(names()) + 1
     assert next(iter(shown)) == "viscous_drag"
     assert shown["viscous_drag"] == (900.0, "named in the verdict")
     assert shown["none (plain model)"][0] == 0.0
-    screened = [p for p in plot_evidence(found).axes[0].patches if p.get_hatch()]
+    screened = [p for p in page(plot_evidence, found).axes[0].patches if p.get_hatch()]
     assert len(screened) == 3
 
 
 def test_a_group_is_framed_and_refused_effects_are_crossed():
     found = diagnosed(verdict="ambiguous", group=("viscous_drag", "friction"))
-    figure = plot_evidence(found)
+    figure = page(plot_evidence, found)
     assert bars(figure)["friction"][1] == "explains these tests as well"
     assert "one of viscous_drag, friction" in words(figure)
     order = ("friction", *(n for n in names() if n != "friction"))
@@ -262,32 +274,34 @@ def test_a_group_is_framed_and_refused_effects_are_crossed():
         diagnosed(verdict="unexplained", effects=(), group=()),
         ranking=tuple(ranks[n] for n in order), refused=(("friction", "it predicts no better"),),
     )  # fmt: skip
-    figure = plot_evidence(above)
+    figure = page(plot_evidence, above)
     assert "friction ×" in bars(figure)
     assert bars(figure)["viscous_drag"][1] == "added, but structure is left"
 
 
 def test_probabilities_and_values_stand_beside_the_bars():
     found = diagnosed()
-    written = [t.get_text() for t in plot_evidence(found).axes[0].texts]
+    written = [t.get_text() for t in page(plot_evidence, found).axes[0].texts]
     assert written[:2] == ["900.0", "> 99.9 %"]
     assert "< 0.1 %" in written
     lost = replace(found.ranking[3], log_bayes_factor=-np.inf)
-    figure = plot_evidence(replace(found, ranking=(*found.ranking[:3], lost)))
+    figure = page(plot_evidence, replace(found, ranking=(*found.ranking[:3], lost)))
     assert "n/a" in words(figure)
-    assert "Not ranked, as these tests cannot show them: own_effect" in words(plot_evidence(found))
+    assert "Not ranked, as these tests cannot show them: own_effect" in words(
+        page(plot_evidence, found)
+    )
 
 
 def test_small_values_are_seen_beside_large_ones():
-    assert plot_evidence(diagnosed()).axes[0].get_xscale() == "symlog"
+    assert page(plot_evidence, diagnosed()).axes[0].get_xscale() == "symlog"
     found = diagnosed()
     small = tuple(replace(r, log_bayes_factor=r.log_bayes_factor / 100) for r in found.ranking)
-    assert plot_evidence(replace(found, ranking=small)).axes[0].get_xscale() == "linear"
+    assert page(plot_evidence, replace(found, ranking=small)).axes[0].get_xscale() == "linear"
 
 
 def test_stairs_hold_both_errors_and_the_floor():
     found = diagnosed(3, MANY)
-    axis = plot_error_staircase(found).axes[0]
+    axis = page(plot_error_staircase, found).axes[0]
     fitted, heldout = (s.get_data().values for s in axis.patches)
     assert list(fitted) == [s.rmse for s in found.stages]
     assert list(heldout) == [s.heldout_rmse for s in found.stages]
@@ -299,7 +313,7 @@ def test_stairs_hold_both_errors_and_the_floor():
 def test_a_step_names_what_it_made_useless():
     found = diagnosed(3, MANY[:2])
     swapped = replace(found.stages[2], effects=("friction",))
-    figure = plot_error_staircase(replace(found, stages=(*found.stages[:2], swapped)))
+    figure = page(plot_error_staircase, replace(found, stages=(*found.stages[:2], swapped)))
     last = figure.axes[0].get_xticklabels()[2].get_text()
     assert last == "+ friction\n− strain_dependent_\nstrength"
 
@@ -307,8 +321,8 @@ def test_a_step_names_what_it_made_useless():
 def test_an_error_that_rises_is_explained():
     found = diagnosed()
     risen = replace(found, stages=(found.stages[0], replace(found.stages[1], rmse=0.9)))
-    assert "weigh readings" in words(plot_error_staircase(risen))
-    assert "weigh readings" not in words(plot_error_staircase(found))
+    assert "weigh readings" in words(page(plot_error_staircase, risen))
+    assert "weigh readings" not in words(page(plot_error_staircase, found))
 
 
 @pytest.fixture(scope="module")

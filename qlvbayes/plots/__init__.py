@@ -1,1 +1,59 @@
-"""Figures for papers, as Matplotlib figures that belong to nobody's window."""
+"""Figures for papers: one function a figure, returning its axes, in nobody's window.
+
+Every function takes ``width`` in mm (85 for one column of a journal, 180 for two). ``save_figure``
+writes PNG and PDF, ``figure_of`` gives the figure to show in a notebook, ``using`` a look of one's
+own. Nothing here is imported before it is used, Matplotlib neither.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from qlvbayes.plots.benchmark import plot_benchmark
+    from qlvbayes.plots.constants import plot_constants
+    from qlvbayes.plots.contrasts import plot_contrasts
+    from qlvbayes.plots.error_staircase import plot_error_staircase
+    from qlvbayes.plots.evidence import plot_evidence
+    from qlvbayes.plots.files import figure_of, save_figure
+    from qlvbayes.plots.forces import plot_forces
+    from qlvbayes.plots.forces_at_rates import plot_forces_at_rates
+    from qlvbayes.plots.forces_before_after import plot_forces_before_after
+    from qlvbayes.plots.pairs import plot_pairs
+    from qlvbayes.plots.programme import plot_programme
+    from qlvbayes.plots.residual_map import plot_residual_map
+    from qlvbayes.plots.residuals_before_after import plot_residuals_before_after
+    from qlvbayes.plots.style import using
+
+__all__ = [
+    "figure_of",
+    "plot_benchmark",
+    "plot_constants",
+    "plot_contrasts",
+    "plot_error_staircase",
+    "plot_evidence",
+    "plot_forces",
+    "plot_forces_at_rates",
+    "plot_forces_before_after",
+    "plot_pairs",
+    "plot_programme",
+    "plot_residual_map",
+    "plot_residuals_before_after",
+    "save_figure",
+    "using",
+]
+
+_ELSEWHERE = {"figure_of": "files", "save_figure": "files", "using": "style"}
+
+
+def __getattr__(name: str) -> Any:
+    """Import what is asked for; a figure's module is called like its function."""
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    module = _ELSEWHERE.get(name) or name.removeprefix("plot_")
+    return getattr(import_module(f"{__name__}.{module}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])

@@ -16,44 +16,50 @@ from qlvbayes.benchmark.rate import Rate
 from qlvbayes.benchmark.reliability import Reliability
 from qlvbayes.benchmark.report import Report
 from qlvbayes.benchmark.scores import could_be_seen, heldout_ratios
-from qlvbayes.plots.style import BLACK, COLOURS, DOUBLE, MM, style
+from qlvbayes.plots.style import BLACK, DOUBLE, MM, colours, narrow, style
 from qlvbayes.synthetic import FORMS, OUTSIDE
 
 _ROW = 4.2  # mm
 _LEAST_ROWS = 6  # that the columns' labels fit
 _TITLES, _LOWER = 34.0, 62.0  # mm, of the columns' labels and of the lower panels
+_SMALL, _TINY = 6.0, 5.0  # type of the numbers, and in one column of the labels too
 _DARK = 0.55  # of the colour scale: from there on white type
 _LEGEND = {"none": "nothing", "single": "one effect", "double": "two effects"}
 _LEGEND |= {"form": "other form", "outside": "outside the list"}
 _MARKS = dict(zip(_LEGEND, "os^Dv", strict=True))
 
 
-def plot_benchmark(report: Report) -> Figure:
+def plot_benchmark(report: Report, *, width: float = DOUBLE) -> list[Axes]:
     """Draw how often each hidden effect was named, and how far probabilities can be trusted.
 
     Above: one row a hidden effect, one column a verdict; numbers are studies, the shade is their
     share of the row; the framed cell is the right verdict. Lower left: how often the first-ranked
     hypothesis is true against its probability, with standard errors; on the line, probabilities
     keep their promise. Lower right: error on left-out tests over the noise floor, before and
-    after; 1 is as good as noise allows.
+    after; 1 is as good as noise allows. width: of the figure (mm); in one column the lower panels
+    stand one below the other. Returns the three panels.
     """
+    tight = narrow(width)
     with style():
         upper = _TITLES + _ROW * max(len(report.confusion.rows), _LEAST_ROWS)
-        figure = Figure((DOUBLE * MM, (upper + _LOWER) * MM), layout="constrained")
-        grid = figure.add_gridspec(2, 1, height_ratios=(upper, _LOWER))
+        lower = _LOWER * (1 + tight)
+        figure = Figure((width * MM, (upper + lower) * MM), layout="constrained")
+        grid = figure.add_gridspec(2, 1, height_ratios=(upper, lower))
         above, below = (figure.add_subfigure(grid[k, 0]) for k in range(2))
-        _draw_confusion(above.subplots(), report.confusion)
-        left, right = below.subplots(1, 2)
+        matrix = above.subplots()
+        _draw_confusion(matrix, report.confusion, tight=tight)
+        left, right = below.subplots(*((2, 1) if tight else (1, 2)))
         _draw_reliability(left, report.reliability)
         _draw_heldout(right, report)
-    return figure
+    return [matrix, left, right]
 
 
-def _draw_confusion(axis: Axes, confusion: Confusion) -> None:
+def _draw_confusion(axis: Axes, confusion: Confusion, *, tight: bool) -> None:
     for row, counts in enumerate(confusion.counts):
         for column, count in enumerate(counts):
             if count:
-                _draw_cell(axis, row, column, count, sum(counts))
+                size = _TINY if tight else _SMALL
+                _draw_cell(axis, row, column, count, sum(counts), size)
         right = _right_column(confusion.rows[row])
         if right in confusion.columns:
             frame = _square(row, confusion.columns.index(right), fill=False, edgecolor=BLACK)
@@ -61,21 +67,24 @@ def _draw_confusion(axis: Axes, confusion: Confusion) -> None:
     axis.set(xlim=(0, len(confusion.columns)), ylim=(max(len(confusion.rows), 1), 0))
     places = np.arange(len(confusion.columns)) + 0.5
     axis.set_xticks(places, [_plain(name) for name in confusion.columns], rotation=90)
-    labels = [_row_label(name) for name in confusion.rows]
+    labels = [_row_label(name, tight=tight) for name in confusion.rows]
     axis.set_yticks(np.arange(len(labels)) + 0.5, labels)
     axis.tick_params(length=0, labeltop=True, labelbottom=False)
+    if tight:
+        axis.tick_params(labelsize=_TINY)
     axis.set_ylabel("hidden")
-    axis.set_xlabel("verdict (number of studies; shade: share of the row; frame: right)")
+    gap = "\n" if tight else " "
+    axis.set_xlabel(f"verdict (number of studies;{gap}shade: share of the row; frame: right)")
     axis.spines[:].set_visible(False)
     _rule(axis, confusion)
 
 
-def _draw_cell(axis: Axes, row: int, column: int, count: int, total: int) -> None:
+def _draw_cell(axis: Axes, row: int, column: int, count: int, total: int, size: float) -> None:
     shade = count / total
     axis.add_patch(_square(row, column, facecolor=colormaps["Blues"](shade), linewidth=0.0))
     ink = "white" if shade > _DARK else BLACK
     axis.text(
-        column + 0.5, row + 0.54, str(count), color=ink, ha="center", va="center", fontsize=6.0
+        column + 0.5, row + 0.54, str(count), color=ink, ha="center", va="center", fontsize=size
     )
 
 
@@ -99,7 +108,9 @@ def _right_column(row: str) -> str:
     return "several" if row == "two effects" else row
 
 
-def _row_label(row: str) -> str:
+def _row_label(row: str, *, tight: bool) -> str:
+    if row in FORMS and tight:
+        return f"{_plain(row)} (form)"
     if row in FORMS:
         return f"{_plain(row)} (form of {_plain(FORMS[row].family.split('/')[0])})"
     return f"{_plain(row)} (outside)" if row in OUTSIDE else _plain(row)
@@ -116,11 +127,13 @@ def _draw_reliability(axis: Axes, reliability: Reliability) -> None:
             [b.probability for b in reliability.bins],
             [b.right.hits / b.right.n for b in reliability.bins],
             np.transpose([_bar(b.right) for b in reliability.bins]),
-            fmt="o", color=COLOURS[0], markersize=4, capsize=2, clip_on=False,
+            fmt="o", color=colours()[0], markersize=4, capsize=2, clip_on=False,
         )  # fmt: skip
         for b in reliability.bins:
             place = (b.probability, b.right.hits / b.right.n)
-            axis.annotate(str(b.right.n), place, (5, -9), textcoords="offset points", fontsize=6.0)
+            axis.annotate(
+                str(b.right.n), place, (5, -9), textcoords="offset points", fontsize=_SMALL
+            )
     axis.set(xlim=(0, 1), ylim=(0, 1.05), aspect="equal")
     axis.set_xlabel("probability of the first-ranked hypothesis")
     axis.set_ylabel("share in which it is true")
@@ -137,7 +150,7 @@ def _bar(rate: Rate) -> tuple[float, float]:
 
 def _draw_heldout(axis: Axes, report: Report) -> None:
     cases = [case for case in could_be_seen(report.cases) if "stages" in case]
-    for (kind, label), colour in zip(_LEGEND.items(), COLOURS, strict=False):
+    for (kind, label), colour in zip(_LEGEND.items(), colours(), strict=False):
         pairs = [heldout_ratios(case) for case in cases if case["kind"] == kind]
         if pairs:
             axis.plot(

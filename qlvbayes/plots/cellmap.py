@@ -75,17 +75,24 @@ def label_squares(axis: Axes, rows: list[str], kinds: list[str]) -> None:
     axis.spines[:].set_visible(False)
 
 
-def draw_colours(figure: Figure, axes: Any, worst: float, noise: float, units: UnitSystem) -> None:
-    """Colour bar beside the axes."""
-    colours = ScalarMappable(LogNorm(1.0, worst), colormaps[_COLOURS])
-    bar = figure.colorbar(colours, ax=axes, fraction=0.05, pad=0.03)
+def draw_colours(
+    figure: Figure, axes: Any, worst: float, noise: float, units: UnitSystem, *, below: bool
+) -> None:
+    """Colour bar beside the axes, or below them."""
+    shades = ScalarMappable(LogNorm(1.0, worst), colormaps[_COLOURS])
+    if below:
+        bar = figure.colorbar(shades, ax=axes, location="bottom", aspect=30, pad=0.02)
+    else:
+        bar = figure.colorbar(shades, ax=axes, fraction=0.05, pad=0.03)
     steps = (1, 2, 5) if worst < _WIDE else (1,)
     ticks = [step * 10**k for k in range(int(log10(worst)) + 1) for step in steps]
     bar.set_ticks([tick for tick in ticks if tick <= worst])
-    bar.ax.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    bar.ax.yaxis.set_minor_formatter(NullFormatter())
+    side = bar.ax.xaxis if below else bar.ax.yaxis
+    side.set_major_formatter(StrMethodFormatter("{x:g}"))
+    side.set_minor_formatter(NullFormatter())
     bar.outline.set_visible(False)
-    bar.set_label(f"RMSE / noise floor\n(1 = {noise:.3g} {units.force})")
+    gap = " " if below else "\n"
+    bar.set_label(f"RMSE / noise floor{gap}(1 = {noise:.3g} {units.force})")
 
 
 def _shade(ratio: float, worst: float) -> float:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from pathlib import Path
+
+from matplotlib.axes import Axes
 
 from qlvbayes.diagnosis.verdict import Diagnosis
 from qlvbayes.plots.error_staircase import plot_error_staircase
@@ -11,7 +14,7 @@ from qlvbayes.plots.files import save_figure
 from qlvbayes.plots.forces_before_after import plot_forces_before_after
 from qlvbayes.plots.residuals_before_after import plot_residuals_before_after
 
-FIGURES = {
+FIGURES: dict[str, Callable[[Diagnosis], Axes | Sequence[Axes]]] = {
     "residuals_before_after": plot_residuals_before_after,
     "forces_before_after": plot_forces_before_after,
     "evidence": plot_evidence,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,10 +12,14 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from qlvbayes.diagnosis.verdict import Diagnosis, Stage
 from qlvbayes.plots.naming import broken, heading, three
-from qlvbayes.plots.style import BLACK, COLOURS, DOUBLE, MM, quantity, style
+from qlvbayes.plots.style import BLACK, DOUBLE, MM, colours, narrow, quantity, style, title_look
 from qlvbayes.units import UnitSystem
 
-_HEIGHT = 76.0  # mm
+_HEIGHT, _HEIGHT_TIGHT, _UPRIGHT = 76.0, 92.0, 28.0  # mm; more for names that stand upright
+_NAME, _NAME_TIGHT = 18, 10  # characters a line, of an effect's name
+_LEVEL = 3  # steps in one column whose names lie level
+_UNBROKEN = 100
+_NOTE, _NOTE_TIGHT = 140, 60  # characters a line
 _FAR = 6.0  # highest over lowest, from where on the axis is logarithmic
 _DECADES = 50.0  # highest over lowest, below which 2 and 5 have ticks too
 _RISE = (
@@ -23,29 +28,33 @@ _RISE = (
 )
 
 
-def plot_error_staircase(diagnosis: Diagnosis) -> Figure:
+def plot_error_staircase(diagnosis: Diagnosis, *, width: float = DOUBLE) -> Axes:
     """Draw the root mean square error of all samples after each step of the search.
 
     Filled dots and full lines: all tests fitted together; open squares and dashes: each test
     predicted from the others. The horizontal line is the noise measured without a model. Below
-    each step stands what it added and what it made useless.
+    each step stands what it added and what it made useless. width: of the figure (mm).
     """
-    units = diagnosis.work.experiment.units
+    units, tight = diagnosis.work.experiment.units, narrow(width)
     with style():
-        figure = Figure((DOUBLE * MM, _HEIGHT * MM), layout="constrained")
+        upright = tight and len(diagnosis.stages) > _LEVEL
+        height = (_HEIGHT_TIGHT if tight else _HEIGHT) + upright * _UPRIGHT
+        figure = Figure((width * MM, height * MM), layout="constrained")
         axis = figure.subplots()
         fitted = np.array([stage.rmse for stage in diagnosis.stages])
         heldout = np.array([stage.heldout_rmse for stage in diagnosis.stages])
         _limits(axis, np.concatenate([fitted, heldout, [diagnosis.noise]]))
-        _stairs(axis, fitted, COLOURS[0], "-", "o", "all tests fitted")
-        _stairs(axis, heldout, COLOURS[1], "--", "s", "each test predicted from the others")
+        inks = colours()
+        _stairs(axis, fitted, inks[0], "-", "o", "all tests fitted")
+        _stairs(axis, heldout, inks[1], "--", "s", "each test predicted from the others")
         _numbers(axis, fitted, heldout)
-        _floor(axis, diagnosis.noise, units)
-        _label(axis, diagnosis, units)
-        _legend(figure, axis, diagnosis)
+        _floor(axis, diagnosis.noise, units, tight=tight)
+        _label(axis, diagnosis, units, tight=tight, upright=upright)
+        _legend(figure, axis, diagnosis, tight=tight)
         if np.any(np.diff(fitted) > 0.0) or np.any(np.diff(heldout) > 0.0):
-            figure.supxlabel(_RISE, x=0.01, ha="left", fontsize=7.0)
-    return figure
+            note = fill(_RISE, _NOTE_TIGHT if tight else _NOTE)
+            figure.supxlabel(note, x=0.01, ha="left")
+    return axis
 
 
 def _limits(axis: Axes, values: np.ndarray) -> None:
@@ -81,10 +90,11 @@ def _stairs(
 
 def _numbers(axis: Axes, fitted: np.ndarray, heldout: np.ndarray) -> None:
     """The larger value above its marker, the smaller below."""
+    inks = colours()
     for k, (own, other) in enumerate(zip(fitted, heldout, strict=True)):
         for value, colour, up in (
-            (own, COLOURS[0], own > other),
-            (other, COLOURS[1], own <= other),
+            (own, inks[0], own > other),
+            (other, inks[1], own <= other),
         ):
             axis.annotate(
                 three(value),
@@ -98,8 +108,12 @@ def _numbers(axis: Axes, fitted: np.ndarray, heldout: np.ndarray) -> None:
             )
 
 
-def _floor(axis: Axes, noise: float, units: UnitSystem) -> None:
-    axis.axhline(noise, color=BLACK, linewidth=0.8, linestyle=":", zorder=1)
+def _floor(axis: Axes, noise: float, units: UnitSystem, *, tight: bool) -> None:
+    """A line, named at its end, in one column in the legend."""
+    line = axis.axhline(noise, color=BLACK, linewidth=0.8, linestyle=":", zorder=1)
+    if tight:
+        line.set_label(f"noise floor, {three(noise)} {units.force}")
+        return
     axis.annotate(
         f"noise floor\n{three(noise)} {units.force}",
         (1.0, noise),
@@ -110,31 +124,39 @@ def _floor(axis: Axes, noise: float, units: UnitSystem) -> None:
     )
 
 
-def _label(axis: Axes, diagnosis: Diagnosis, units: UnitSystem) -> None:
+def _label(
+    axis: Axes, diagnosis: Diagnosis, units: UnitSystem, *, tight: bool, upright: bool
+) -> None:
     stages = diagnosis.stages
-    changes = ["plain model", *(_change(*pair) for pair in pairwise(stages))]
-    axis.set_xticks(range(len(stages)), changes)
+    most = _UNBROKEN if upright else _NAME_TIGHT if tight else _NAME
+    first = "plain\nmodel" if tight and not upright else "plain model"
+    changes = [first, *(_change(*pair, most) for pair in pairwise(stages))]
+    axis.set_xticks(range(len(stages)), changes, rotation=90.0 if upright else 0.0)
     axis.set_xlim(-0.6, len(stages) - 0.4)
     axis.tick_params(axis="x", length=0)
-    axis.set_ylabel(quantity("RMSE, measured − predicted", units.force))
+    gap = "\n" if tight else " "
+    axis.set_ylabel(quantity(f"RMSE,{gap}measured − predicted", units.force))
 
 
-def _legend(figure: Figure, axis: Axes, diagnosis: Diagnosis) -> None:
+def _legend(figure: Figure, axis: Axes, diagnosis: Diagnosis, *, tight: bool) -> None:
     handles, labels = axis.get_legend_handles_labels()
     figure.legend(
         handles,
         labels,
         loc="outside upper left",
-        ncols=2,
+        ncols=1 if tight else 2,
         alignment="left",
-        title=heading(diagnosis),
-        title_fontproperties={"weight": "bold", "size": 8.5},
+        title=heading(diagnosis, tight=tight),
+        title_fontproperties=title_look(),
     )
 
 
-def _change(before: Stage, after: Stage) -> str:
-    """'+ friction', and '− viscous_drag' where that became useless."""
+def _change(before: Stage, after: Stage, most: int) -> str:
+    """'+ friction', '− viscous_drag' where that became useless, and what took another form."""
     added = [name for name in after.effects if name not in before.effects]
     dropped = [name for name in before.effects if name not in after.effects]
-    lines = [f"+ {broken(name)}" for name in added] + [f"− {broken(name)}" for name in dropped]
+    lines = [f"+ {broken(name, most)}" for name in added]
+    lines += [f"− {broken(name, most)}" for name in dropped]
+    if after.shape is not None:
+        lines.append(f"{broken(after.shape.effect, most)}\nin other form")
     return "\n".join(lines)

@@ -15,17 +15,28 @@ from matplotlib.transforms import Transform
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.verdict import Diagnosis, Ranked
 from qlvbayes.plots.naming import heading
-from qlvbayes.plots.style import BLACK, COLOURS, DOUBLE, MM, shortened, style
+from qlvbayes.plots.style import (
+    BLACK,
+    DOUBLE,
+    MM,
+    colours,
+    narrow,
+    shortened,
+    style,
+    title_look,
+)
 
 _ROW, _FRAME = 4.8, 40.0  # mm, a bar and what is around them
 _LINEAR = 10.0  # the axis is linear up to here and logarithmic beyond
 _MUCH = 30.0  # largest value that is drawn on a linear axis
 _ODDS = Settings().decisive
 _BESIDE = (36.0, 82.0)  # points right of the axes where the two columns of text end
-_LOOKS: dict[str, dict[str, Any]] = {
-    "named in the verdict": {"facecolor": COLOURS[0], "edgecolor": COLOURS[0]},
+_NOTE, _NOTE_TIGHT = 125, 56  # characters a line
+_TIGHT_FRAME = 24.0  # mm, of labels and legend in one column
+_LOOKS: dict[str, dict[str, Any]] = {  # colours by their place in the palette, greys as they are
+    "named in the verdict": {"facecolor": 0, "edgecolor": 0},
     "explains these tests as well": {
-        "facecolor": COLOURS[5],
+        "facecolor": 5,
         "edgecolor": BLACK,
         "linewidth": 1.2,
     },
@@ -41,25 +52,36 @@ _NONE = "none (plain model)"
 _NAMED, _GROUP, _TRIED, _REFITTED, _SCREENED = _LOOKS
 
 
-def plot_evidence(diagnosis: Diagnosis) -> Figure:
+def plot_evidence(diagnosis: Diagnosis, *, width: float = DOUBLE) -> Axes:
     """Draw each hypothesis' log Bayes factor over the plain model, the likeliest on top.
 
     The number and the posterior probability stand beside the bar; ``none`` is the plain model
     itself. Effects named in the verdict are dark blue, others that explain the tests as well are
     light blue with a frame, and hatched ones were settled without a refit. A cross marks an effect
-    that was refused because it predicts left-out tests no better.
+    that was refused because it predicts left-out tests no better. width: of the figure (mm).
     """
+    tight = narrow(width)
     with style():
         ranking = diagnosis.ranking
-        figure = Figure((DOUBLE * MM, (_FRAME + _ROW * len(ranking)) * MM), layout="constrained")
+        height = _FRAME + tight * _TIGHT_FRAME + _ROW * len(ranking)
+        figure = Figure((width * MM, height * MM), layout="constrained")
         axis = figure.subplots()
         for row, ranked in enumerate(ranking):
             _bar(axis, row, ranked, _look(diagnosis, ranked))
-        _scale(axis, [r.log_bayes_factor for r in ranking if isfinite(r.log_bayes_factor)])
+        _scale(axis, [r.log_bayes_factor for r in ranking if isfinite(r.log_bayes_factor)], tight)
         _label(axis, diagnosis)
-        _legend(figure, diagnosis)
-        _notes(figure, diagnosis)
-    return figure
+        _legend(figure, diagnosis, tight)
+        _notes(figure, diagnosis, tight)
+    return axis
+
+
+def _look_of(name: str) -> dict[str, Any]:
+    """Face, edge and hatch of a kind of bar, with the colours in use."""
+    palette = colours()
+    return {
+        key: palette[value] if isinstance(value, int) else value
+        for key, value in _LOOKS[name].items()
+    }
 
 
 def _look(diagnosis: Diagnosis, ranked: Ranked) -> str:
@@ -74,7 +96,7 @@ def _look(diagnosis: Diagnosis, ranked: Ranked) -> str:
 
 def _bar(axis: Axes, row: int, ranked: Ranked, look: str) -> None:
     value = ranked.log_bayes_factor
-    axis.barh(row, value if isfinite(value) else 0.0, height=0.7, gid=look, **_LOOKS[look])
+    axis.barh(row, value if isfinite(value) else 0.0, height=0.7, gid=look, **_look_of(look))
     number = f"{value:.1f}".replace("-0.0", "0.0").replace("-", "−") if isfinite(value) else "n/a"
     for text, points in zip((number, _share(ranked.probability)), _BESIDE, strict=True):
         _beside(axis, text, row, points, axis.get_yaxis_transform(), va="center")
@@ -103,23 +125,26 @@ def _share(probability: float) -> str:
     return "> 99.9 %" if percent > 99.9 else f"{percent:.1f} %"
 
 
-def _scale(axis: Axes, values: list[float]) -> None:
+def _scale(axis: Axes, values: list[float], tight: bool) -> None:
     """Linear; beyond 10 logarithmic, where values are so large that small ones would vanish."""
     low, high = min(values), max(values)
-    name = "log Bayes factor over the plain model (natural logarithm, no unit)"
+    gap = "\n" if tight else " "
+    name = f"log Bayes factor over the plain model{gap}(natural logarithm, no unit)"
     if max(high, -low) > _MUCH:
         axis.set_xscale("symlog", linthresh=_LINEAR, linscale=1.0)
-        axis.xaxis.set_major_locator(FixedLocator(_ticks(low, high)))
+        axis.xaxis.set_major_locator(FixedLocator(_ticks(low, high, tight)))
         axis.xaxis.set_minor_locator(NullLocator())
         axis.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         axis.set_xlim(1.3 * low if low < -_LINEAR else low - 1.0, 1.3 * high)
-        name += "; linear to ±10, logarithmic beyond"
+        name += f";{gap}linear to ±10, logarithmic beyond"
     axis.set_xlabel(name)
 
 
-def _ticks(low: float, high: float) -> list[float]:
-    beyond = [step * 10.0**k for k in range(1, 9) for step in (1, 2, 5)]
-    ticks = [-x for x in beyond if x <= -low] + [-5.0, 0.0, 5.0] + [x for x in beyond if x <= high]
+def _ticks(low: float, high: float, tight: bool) -> list[float]:
+    steps = [(10.0 if high < 100.0 else 100.0) ** k for k in range(1, 5)]
+    beyond = steps if tight else [step * 10.0**k for k in range(1, 9) for step in (1, 2, 5)]
+    middle = [0.0] if tight else [-5.0, 0.0, 5.0]
+    ticks = [-x for x in beyond if x <= -low] + middle + [x for x in beyond if x <= high]
     return [x for x in ticks if x >= 1.3 * low]
 
 
@@ -160,20 +185,20 @@ def _refused(diagnosis: Diagnosis) -> set[str]:
     return refused & set(effects)
 
 
-def _legend(figure: Figure, diagnosis: Diagnosis) -> None:
+def _legend(figure: Figure, diagnosis: Diagnosis, tight: bool) -> None:
     used = {_look(diagnosis, ranked) for ranked in diagnosis.ranking}
-    handles = [Patch(**look, label=name) for name, look in _LOOKS.items() if name in used]
+    handles = [Patch(**_look_of(name), label=name) for name in _LOOKS if name in used]
     figure.legend(
         handles=handles,
         loc="outside upper left",
-        ncols=len(handles),
+        ncols=1 if tight else len(handles),
         alignment="left",
-        title=heading(diagnosis),
-        title_fontproperties={"weight": "bold", "size": 8.5},
+        title=heading(diagnosis, tight=tight),
+        title_fontproperties=title_look(),
     )
 
 
-def _notes(figure: Figure, diagnosis: Diagnosis) -> None:
+def _notes(figure: Figure, diagnosis: Diagnosis, tight: bool) -> None:
     ranked = {entry.effect for entry in diagnosis.ranking}
     unseen = [u.effect for u in diagnosis.not_identifiable if u.effect not in ranked]
     lines = [
@@ -184,5 +209,5 @@ def _notes(figure: Figure, diagnosis: Diagnosis) -> None:
         lines += ["×: refused, predicts left-out tests no better."]
     if unseen:
         lines += [f"Not ranked, as these tests cannot show them: {', '.join(unseen)}."]
-    text = "\n".join(fill(line, 125) for line in lines)
-    figure.supxlabel(text, x=0.01, ha="left", fontsize=7.0)
+    text = "\n".join(fill(line, _NOTE_TIGHT if tight else _NOTE) for line in lines)
+    figure.supxlabel(text, x=0.01, ha="left")

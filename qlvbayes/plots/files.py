@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from qlvbayes.plots.style import style
 
-_DPI = 200
 # Neither date nor program, so that a run repeated gives the same file.
 _METADATA: dict[str, dict[str, Any]] = {
     "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
@@ -18,21 +20,47 @@ _METADATA: dict[str, dict[str, Any]] = {
 }
 
 
-def save_figure(figure: Figure, path: Path) -> Path:
+def figure_of(drawn: Axes | Sequence[Axes] | Figure) -> Figure:
+    """The figure that some axes stand in."""
+    if isinstance(drawn, Figure):
+        return drawn
+    first = drawn if isinstance(drawn, Axes) else drawn[0]
+    figure = first.get_figure(root=True)
+    assert isinstance(figure, Figure)
+    return figure
+
+
+def save_figure(drawn: Axes | Sequence[Axes] | Figure, path: Path) -> Path:
     """Write ``path``.pdf (fonts embedded) and ``path``.png (200 dpi); return the latter.
 
-    Each goes to a temporary name that is then renamed. Raises OSError where nothing can be written.
+    drawn: what a function of this package returned, or a figure. Each file goes to a temporary name
+    that is then renamed. Raises OSError where nothing can be written.
     """
-    for suffix in _METADATA:
-        _write(figure, path, suffix)
+    figure = figure_of(drawn)
+    with style(), _laid_out(figure):
+        for suffix in _METADATA:
+            _write(figure, path, suffix)
     return path.with_name(f"{path.name}.png")
+
+
+@contextmanager
+def _laid_out(figure: Figure) -> Iterator[None]:
+    """Lay the figure out once, not once for each file: that takes longer than the drawing."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine("none")
+    try:
+        yield
+    finally:
+        if engine is not None:
+            figure.set_layout_engine(engine)
 
 
 def _write(figure: Figure, path: Path, suffix: str) -> None:
     part = path.with_name(f"{path.name}.{suffix}.part")
     try:
-        with style():
-            figure.savefig(part, format=suffix, dpi=_DPI, metadata=_METADATA[suffix])
+        figure.savefig(part, format=suffix, metadata=_METADATA[suffix])
         os.replace(part, path.with_name(f"{path.name}.{suffix}"))
     finally:
         part.unlink(missing_ok=True)

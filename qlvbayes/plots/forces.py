@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from qlvbayes.plots.panels import leaders, lines_of, name_row, place_panels
 from qlvbayes.plots.stretches import (
     RESTS,
     WHOLE,
@@ -20,16 +21,29 @@ from qlvbayes.plots.stretches import (
     finish_time,
     place,
     same_times,
-    widths,
 )
-from qlvbayes.plots.style import BLACK, COLOURS, DOUBLE, MM, quantity, rated, shortened, style
+from qlvbayes.plots.style import (
+    BLACK,
+    DOUBLE,
+    MM,
+    colours,
+    narrow,
+    quantity,
+    rated,
+    shortened,
+    style,
+)
 from qlvbayes.predict import Prediction
 from qlvbayes.units import UnitSystem
 
 _ROW, _FRAME = 33.0, 14.0  # mm, a row of panels and the legend
+_NAME, _NAME_TIGHT = 40, 20  # characters of a test's name
+_SECOND_LINE = 3.5  # mm, of labels and of the legend in one column
 
 
-def plot_forces(predictions: Sequence[Prediction], units: UnitSystem) -> Figure:
+def plot_forces(
+    predictions: Sequence[Prediction], units: UnitSystem, *, width: float = DOUBLE
+) -> list[Axes]:
     """Draw what was measured in every test against what the posterior predicts.
 
     One row a test, slowest first, named with its loading rate and whether it was fitted or
@@ -41,37 +55,39 @@ def plot_forces(predictions: Sequence[Prediction], units: UnitSystem) -> Figure:
     Where phases of a kind repeat, as in a staircase, a first wide panel shows the whole test, and
     the repeats lie over each other, numbered, in the colour that they have in the whole test. A
     rest before the first ramp is shown with that ramp, up to a tenth of its length.
+
+    width: of the figure (mm). Returns the panels, row by row.
     """
+    tight = narrow(width)
     with style():
         shown = sorted(predictions, key=lambda p: by_rate(p.trial.rate))
         parts = [divide(p.time, p.trial.phases) for p in shown]
         names = columns(parts)
-        figure, axes = _panels(len(shown), names)
-        for row, prediction, stretches in zip(axes, shown, parts, strict=True):
-            for axis, column in zip(row, names, strict=True):
-                _draw(axis, column, prediction, stretches)
-            _label_row(row, prediction, units)
-        _finish(figure, axes, names)
-        _legend(figure, axes)
-    return figure
+        row = (_ROW + tight * _SECOND_LINE) * lines_of(names, tight)
+        height = _FRAME + tight * _SECOND_LINE + row * len(shown)
+        figure = Figure((width * MM, height * MM), layout="constrained")
+        axes = place_panels(figure, len(shown), names, [1.0], tight=tight)[:, 0]
+        for panels, prediction, stretches in zip(axes, shown, parts, strict=True):
+            for axis, column in zip(panels, names, strict=True):
+                _draw(axis, column, prediction, stretches, tight=tight)
+            for k in leaders(names, tight):
+                panels[k].set_ylabel(quantity(units.force_name, units.force))
+            _label_row(panels, prediction, units, tight=tight)
+        _finish(figure, axes, names, leaders(names, tight))
+        _legend(figure, axes, columns=2 if tight else 3)
+    return list(axes.flat)
 
 
-def _panels(count: int, names: Sequence[str]) -> tuple[Figure, np.ndarray]:
-    figure = Figure((DOUBLE * MM, (_FRAME + _ROW * count) * MM), layout="constrained")
-    axes = figure.subplots(
-        count, len(names), sharey="row", squeeze=False, width_ratios=widths(names)
-    )
-    return figure, axes
-
-
-def _draw(axis: Axes, column: str, prediction: Prediction, stretches: Sequence[Stretch]) -> None:
-    shown = place(column, prediction.time, stretches)
+def _draw(
+    axis: Axes, column: str, prediction: Prediction, stretches: Sequence[Stretch], *, tight: bool
+) -> None:
+    shown, palette = place(column, prediction.time, stretches), colours()
     for placed in shown:
-        colour = COLOURS[placed.stretch.number % len(COLOURS)]
+        colour = palette[placed.stretch.number % len(palette)]
         _lines(axis, placed.time, prediction, placed.rows, colour)
         if column != WHOLE and len(shown) > 1:
             _number(axis, placed, prediction.mean[placed.rows[-1]], colour)
-    finish_time(axis, column, stretches)
+    finish_time(axis, column, stretches, tight=tight)
 
 
 def _number(axis: Axes, placed: Placed, force: float, colour: str) -> None:
@@ -91,7 +107,7 @@ def _lines(
     axis: Axes, time: np.ndarray, prediction: Prediction, rows: np.ndarray, colour: str
 ) -> None:
     low, high = prediction.low[rows], prediction.high[rows]
-    dots = BLACK if colour == COLOURS[0] else colour
+    dots = BLACK if colour == colours()[0] else colour
     axis.fill_between(
         time, low, high, color=colour, alpha=0.3, linewidth=0, label="90 % predictive band"
     )
@@ -107,27 +123,35 @@ def _lines(
     axis.plot(time, prediction.mean[rows], color=colour, label="posterior mean")
 
 
-def _label_row(row: np.ndarray, prediction: Prediction, units: UnitSystem) -> None:
+def _label_row(row: np.ndarray, prediction: Prediction, units: UnitSystem, *, tight: bool) -> None:
     """Left above the row: test, rate, and fitted (bold) or predicted."""
     trial = prediction.trial
     fitted = trial.role == "fit"
     speed = [rated(trial.rate, units.speed)] if np.isfinite(trial.rate) else []
-    label = ", ".join([shortened(trial.name), *speed, "fitted" if fitted else "predicted"])
-    row[0].set_title(label, loc="left", weight="bold" if fitted else "normal")
-    row[0].set_ylabel(quantity(units.force_name, units.force))
+    label = ", ".join(
+        [
+            shortened(trial.name, _NAME_TIGHT if tight else _NAME),
+            *speed,
+            "fitted" if fitted else "predicted",
+        ]
+    )
+    weight = "bold" if fitted else "normal"
+    name_row(row, label, tight=tight, weight=weight)
 
 
-def _finish(figure: Figure, axes: np.ndarray, names: Sequence[str]) -> None:
+def _finish(figure: Figure, axes: np.ndarray, names: Sequence[str], left: range) -> None:
     for column, name in zip(axes.T, names, strict=True):
         column[0].set_title(f"{name}\n", weight="bold")  # the second line is the row's
         if name in RESTS:
             same_times(column)
-    for axis in axes[:, 0]:
+    for axis in axes[:, left].flat:
         axis.yaxis.set_major_locator(MaxNLocator(4))
-    figure.align_ylabels(axes[:, 0])
+    figure.align_ylabels(axes[:, left].ravel())
 
 
-def _legend(figure: Figure, axes: np.ndarray) -> None:
+def _legend(figure: Figure, axes: np.ndarray, columns: int) -> None:
     used = next(axis for axis in axes.flat if axis.lines)
     handles, labels = used.get_legend_handles_labels()
-    figure.legend(handles[:3], labels[:3], loc="outside upper center", ncols=3, markerscale=2.0)
+    figure.legend(
+        handles[:3], labels[:3], loc="outside upper center", ncols=columns, markerscale=2.0
+    )

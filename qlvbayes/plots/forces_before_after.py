@@ -15,7 +15,8 @@ from scipy.special import ndtri
 
 from qlvbayes.diagnosis.curves import Band, Curve, curves
 from qlvbayes.diagnosis.verdict import Diagnosis
-from qlvbayes.plots.naming import heading, model_name
+from qlvbayes.plots.naming import broken, heading, model_name
+from qlvbayes.plots.panels import leaders, lines_of, name_row, place_panels
 from qlvbayes.plots.stretches import (
     RESTS,
     WHOLE,
@@ -27,61 +28,72 @@ from qlvbayes.plots.stretches import (
     finish_time,
     place,
     same_times,
-    widths,
 )
-from qlvbayes.plots.style import BLACK, COLOURS, DOUBLE, MM, quantity, rated, shortened, style
+from qlvbayes.plots.style import (
+    BLACK,
+    DOUBLE,
+    MM,
+    colours,
+    narrow,
+    quantity,
+    rated,
+    shortened,
+    style,
+    title_look,
+)
 from qlvbayes.units import UnitSystem
 
 _FRAME = 26.0  # mm, title, legend and key
 _ROW = 40.0  # mm, a test
-_PLAIN, _FINAL = COLOURS[4], COLOURS[0]  # light and dark, for readers of a grey copy
+_SECOND_LINES = 4.0, 16.0  # mm, of a row's labels and of the legend in one column
+_PLAIN, _FINAL = 4, 0  # of the colours: light and dark, for readers of a grey copy
+_NAME, _NAME_TIGHT = 40, 24  # characters of a test's name
 _GAP = 0.6  # mm, around every panel
-_LABEL = 50  # characters a line, of a model in the legend
+_LABEL, _LABEL_TIGHT = 50, 18  # characters a line, of a model in the legend
 _90 = float(ndtri(0.95))  # sds, half of the width that holds 90 %
 
 
-def plot_forces_before_after(diagnosis: Diagnosis, shown: Sequence[Curve] | None = None) -> Figure:
+def plot_forces_before_after(
+    diagnosis: Diagnosis, shown: Sequence[Curve] | None = None, *, width: float = DOUBLE
+) -> list[Axes]:
     """Draw every test's force as measured, by the plain and by the last model.
 
     One row a test, slowest first; one column a kind of phase, rests in logarithmic time. Lines are
     the models at their best constants, bands hold 90 % of readings. The lower strip shows measured
     minus predicted; its grey band holds 90 % of the noise measured without a model. Where phases
     of a kind repeat, a first panel shows the whole test, and the repeats lie over each other.
-    Where no effect was added there is one model. ``shown``: curves already computed.
+    Where no effect was added there is one model. ``shown``: curves already computed; width: of the
+    figure (mm). Returns the panels, row by row.
     """
     shown = sorted(shown or curves(diagnosis), key=lambda curve: by_rate(curve.trial.rate))
-    units = diagnosis.work.experiment.units
+    units, tight = diagnosis.work.experiment.units, narrow(width)
     with style():
         parts = [divide(curve.time, curve.trial.phases) for curve in shown]
         names = columns(parts)
-        figure, axes = _panels(len(shown), names)
+        figure, axes = _panels(len(shown), names, width)
+        left = leaders(names, tight)
         for pair, curve, stretches in zip(axes, shown, parts, strict=True):
             for upper, lower, name in zip(*pair, names, strict=True):
-                _draw(upper, lower, name, curve, stretches)
-            _label_row(pair, curve, units)
-        _finish(figure, axes, names)
-        _legend(figure, axes, diagnosis)
-    return figure
+                _draw(upper, lower, name, curve, stretches, tight=tight)
+            _label_row(pair, curve, units, left, tight=tight)
+        _finish(figure, axes, names, left)
+        _legend(figure, axes, diagnosis, tight=tight)
+    return list(axes.flat)
 
 
-def _panels(count: int, names: Sequence[str]) -> tuple[Figure, np.ndarray]:
+def _panels(count: int, names: Sequence[str], width: float) -> tuple[Figure, np.ndarray]:
     """Axes (test, force or strip, column), strips under their forces."""
+    tight = narrow(width)
+    row, frame = (tight * extra for extra in _SECOND_LINES)
+    height = _FRAME + frame + (_ROW + row) * lines_of(names, tight) * count
     layout = ConstrainedLayoutEngine(h_pad=_GAP * MM, hspace=0.0)
-    figure = Figure((DOUBLE * MM, (_FRAME + _ROW * count) * MM), layout=layout)
-    axes = figure.subplots(
-        2 * count,
-        len(names),
-        sharey="row",
-        squeeze=False,
-        width_ratios=widths(names),
-        height_ratios=[1.5, 1.0] * count,
-    )
-    for upper, lower in zip(axes[::2].flat, axes[1::2].flat, strict=True):
-        lower.sharex(upper)
-    return figure, axes.reshape(count, 2, len(names))
+    figure = Figure((width * MM, height * MM), layout=layout)
+    return figure, place_panels(figure, count, names, [1.5, 1.0], tight=tight)
 
 
-def _draw(upper: Axes, lower: Axes, name: str, curve: Curve, stretches: Sequence[Stretch]) -> None:
+def _draw(
+    upper: Axes, lower: Axes, name: str, curve: Curve, stretches: Sequence[Stretch], *, tight: bool
+) -> None:
     shown = place(name, curve.time, stretches)
     for placed in shown:
         _force(upper, placed, curve)
@@ -89,15 +101,16 @@ def _draw(upper: Axes, lower: Axes, name: str, curve: Curve, stretches: Sequence
         if name != WHOLE and len(shown) > 1:
             _number(upper, placed, curve)
     for axis in (upper, lower):
-        finish_time(axis, name, stretches)
+        finish_time(axis, name, stretches, tight=tight)
     upper.set_xlabel("")
     upper.tick_params(labelbottom=False)
 
 
 def _models(curve: Curve) -> list[tuple[Band, str, str]]:
     """Each model with its colour and line."""
-    last = (curve.final, _FINAL, "-")
-    return [last] if curve.final is curve.plain else [(curve.plain, _PLAIN, "--"), last]
+    palette = colours()
+    last = (curve.final, palette[_FINAL], "-")
+    return [last] if curve.final is curve.plain else [(curve.plain, palette[_PLAIN], "--"), last]
 
 
 def _force(axis: Axes, placed: Placed, curve: Curve) -> None:
@@ -133,16 +146,20 @@ def _number(axis: Axes, placed: Placed, curve: Curve) -> None:
     )
 
 
-def _label_row(pair: np.ndarray, curve: Curve, units: UnitSystem) -> None:
+def _label_row(
+    pair: np.ndarray, curve: Curve, units: UnitSystem, left: range, *, tight: bool
+) -> None:
     """Left above the row: test and rate."""
     trial = curve.trial
+    name = shortened(trial.name, _NAME_TIGHT if tight else _NAME)
     speed = [rated(trial.rate, units.speed)] if np.isfinite(trial.rate) else []
-    pair[0, 0].set_title(", ".join([shortened(trial.name), *speed]), loc="left")
-    pair[0, 0].set_ylabel(quantity(units.force_name, units.force))
-    pair[1, 0].set_ylabel(f"residual\n({units.force})")
+    name_row(pair[0], ", ".join([name, *speed]), tight=tight)
+    for k in left:
+        pair[0, k].set_ylabel(quantity(units.force_name, units.force))
+        pair[1, k].set_ylabel(f"residual\n({units.force})")
 
 
-def _finish(figure: Figure, axes: np.ndarray, names: Sequence[str]) -> None:
+def _finish(figure: Figure, axes: np.ndarray, names: Sequence[str], left: range) -> None:
     for k, name in enumerate(names):
         axes[0, 0, k].set_title(f"{name}\n", weight="bold")  # the second line is the row's
         if name in RESTS:
@@ -150,28 +167,42 @@ def _finish(figure: Figure, axes: np.ndarray, names: Sequence[str]) -> None:
     for upper, lower in axes[:, :, 0]:
         upper.yaxis.set_major_locator(MaxNLocator(4))
         lower.yaxis.set_major_locator(MaxNLocator(3))
-    figure.align_ylabels(axes[:, :, 0].ravel())
+    figure.align_ylabels(axes[:, :, left].ravel())
 
 
-def _legend(figure: Figure, axes: np.ndarray, diagnosis: Diagnosis) -> None:
+def _legend(figure: Figure, axes: np.ndarray, diagnosis: Diagnosis, *, tight: bool) -> None:
     upper, lower = next(pair for pair in axes[0].T if pair[0].lines)
     bands = {to_hex(area.get_facecolor()[0]): area for area in upper.collections}
     lines = {line.get_color(): line for line in upper.lines if line.get_linestyle() != "None"}
+    plain, final = (colours()[k] for k in (_PLAIN, _FINAL))
     handles = [upper.lines[0], lower.collections[0]]
     labels = ["measured", "90 % of the noise floor"]
-    models = [(_PLAIN, ())] if _PLAIN in lines else []
-    for colour, effects in [*models, (_FINAL, diagnosis.tried)]:
-        handles += [lines[colour], bands[colour.lower()]]
-        labels += [fill(model_name(effects), _LABEL), "its 90 % band"]
+    models = [(plain, ())] if plain in lines else []
+    for colour, effects in [*models, (final, diagnosis.tried)]:
+        handles += [lines[colour], bands[to_hex(colour)]]
+        labels += [
+            _named(effects) if tight else fill(model_name(effects), _LABEL),
+            "its 90 % band",
+        ]
+    if tight:  # lines in the first column, bands in the second
+        handles, labels = handles[::2] + handles[1::2], labels[::2] + labels[1::2]
     figure.legend(
         handles,
         labels,
         loc="outside upper left",
-        ncols=len(labels) // 2,
+        ncols=2 if tight else len(labels) // 2,
+        handlelength=1.3 if tight else None,
+        columnspacing=1.0 if tight else None,
         markerscale=2.5,
         alignment="left",
-        title=heading(diagnosis),
-        title_fontproperties={"weight": "bold", "size": 8.5},
+        title=heading(diagnosis, tight=tight),
+        title_fontproperties=title_look(),
     )
     key = "residual: measured − predicted, dots in the model's colour"
-    figure.supxlabel(key, x=0.01, ha="left", fontsize=7.0)
+    figure.supxlabel(key, x=0.01, ha="left")
+
+
+def _named(effects: Sequence[str]) -> str:
+    """The model's name in lines that fit into half a column."""
+    parts = [broken(name, _LABEL_TIGHT) for name in effects]
+    return "with " + "\n+ ".join(parts) if parts else model_name(effects)

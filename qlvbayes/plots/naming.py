@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from textwrap import fill
 
 from qlvbayes.diagnosis.verdict import Diagnosis
-from qlvbayes.plots.style import shortened
+from qlvbayes.plots.style import quantity, shortened
 
-_LINE = 80  # characters across two columns of a journal
+_INDEXED = re.compile(r"([a-z])\[(\d+)\]")
+
+_LINE, _LINE_TIGHT = 80, 40  # characters across two columns of a journal, and across one
 
 
 def model_name(effects: Sequence[str]) -> str:
@@ -16,9 +19,10 @@ def model_name(effects: Sequence[str]) -> str:
     return f"with {' + '.join(effects)}" if effects else "plain model"
 
 
-def heading(diagnosis: Diagnosis) -> str:
-    """The pad and its verdict, in as many lines as it takes."""
-    return fill(f"pad {shortened(diagnosis.pad)}: {_found(diagnosis)}", _LINE)
+def heading(diagnosis: Diagnosis, *, tight: bool = False) -> str:
+    """The pad and its verdict, in as many lines as it takes; tight: of one column."""
+    line = _LINE_TIGHT if tight else _LINE
+    return fill(f"pad {shortened(diagnosis.pad, line // 2)}: {_found(diagnosis)}", line)
 
 
 def _found(diagnosis: Diagnosis) -> str:
@@ -33,7 +37,17 @@ def _found(diagnosis: Diagnosis) -> str:
     return f"missing {' + '.join(diagnosis.effects)}"
 
 
-def broken(name: str, most: int = 18) -> str:
+def parameter_label(name: str, unit: str = "1") -> str:
+    """A constant as an axis shows it, indices low; that of an effect in two lines."""
+    match = _INDEXED.fullmatch(name)
+    if match:
+        text = rf"$\mathit{{{match[1]}}}_{{{match[2]}}}$"
+    else:
+        text = rf"$\mathit{{{name}}}$" if len(name) == 1 else name.replace(".", "\n")
+    return quantity(text, unit)
+
+
+def broken(name: str, most: int) -> str:
     """Divide a long name at its underscores, to fit in a narrow place."""
     lines = [""]
     for word in name.replace("_", "_ ").split():

@@ -18,35 +18,39 @@ from qlvbayes.plots.cellmap import (
     short,
     worst_of,
 )
-from qlvbayes.plots.style import MIDDLE, MM, quantity, rated, shortened, style
+from qlvbayes.plots.style import MIDDLE, MM, narrow, quantity, rated, shortened, style
 from qlvbayes.residuals import Cell, Check
 from qlvbayes.units import UnitSystem
 
 _ROW, _FRAME = 9.0, 28.0  # mm, a row of cells and what is around them
 _LEAST_ROWS = 3  # that the colour bar's label fits
+_ROW_TIGHT, _BAR = 10.5, 10.0  # mm, in one column: three lines of a row's label, the colour bar
+_NAME, _NAME_TIGHT = 28, 14  # characters of a test's name
 
 
-def plot_residual_map(check: Check, units: UnitSystem) -> Figure:
+def plot_residual_map(check: Check, units: UnitSystem, *, width: float = MIDDLE) -> Axes:
     """Draw how far each test is missed in each phase.
 
     One row a test, slowest first, fitted ones bold; one column a kind of phase. A cell's colour and
     upper number give the root mean square of measured minus predicted, over the noise floor: 1
     (lightest) is as good as noise allows. The lower number is the mean of measured minus predicted.
     Cells with structure beyond noise have a thick black frame and a cross. Hatched cells have no
-    samples.
+    samples. width: of the figure (mm). Returns the map's axes.
     """
+    tight = narrow(width)
     with style():
         tests = _tests(check.cells)
-        height = _FRAME + _ROW * max(len(tests), _LEAST_ROWS)
-        figure = Figure((MIDDLE * MM, height * MM), layout="constrained")
+        row, frame = (_ROW_TIGHT, _FRAME + _BAR) if tight else (_ROW, _FRAME)
+        height = frame + row * max(len(tests), _LEAST_ROWS)
+        figure = Figure((width * MM, height * MM), layout="constrained")
         axis = figure.subplots()
         worst = worst_of(over_floor(cell.rmse, check.noise) for cell in check.cells)
         for cell in check.cells:
             _draw_cell(axis, cell, check, worst, list(tests).index(cell.test))
-        _label(axis, check, tests, units)
-        _key(figure, units, empty=_hatch_empty(axis, check.cells, list(tests)))
-        draw_colours(figure, axis, worst, check.noise, units)
-    return figure
+        _label(axis, check, tests, units, tight=tight)
+        _key(figure, units, empty=_hatch_empty(axis, check.cells, list(tests)), tight=tight)
+        draw_colours(figure, axis, worst, check.noise, units, below=tight)
+    return axis
 
 
 def _tests(cells: Sequence[Cell]) -> dict[str, Cell]:
@@ -83,24 +87,29 @@ def _signed(bias: float, error: float) -> str:
     return text.replace("-", "\N{MINUS SIGN}")
 
 
-def _label(axis: Axes, check: Check, tests: dict[str, Cell], units: UnitSystem) -> None:
-    axis.set_title(f"pad {check.pad}", loc="left", weight="bold")
-    label_squares(axis, [_row_label(c, units) for c in tests.values()], list(KINDS))
+def _label(
+    axis: Axes, check: Check, tests: dict[str, Cell], units: UnitSystem, *, tight: bool
+) -> None:
+    axis.set_title(f"pad {shortened(check.pad)}", loc="left", weight="bold")
+    rows = [_row_label(cell, units, tight=tight) for cell in tests.values()]
+    label_squares(axis, rows, list(KINDS))
     for tick, cell in zip(axis.get_yticklabels(), tests.values(), strict=True):
         tick.set_fontweight("bold" if cell.role == "fit" else "normal")
 
 
-def _row_label(cell: Cell, units: UnitSystem) -> str:
+def _row_label(cell: Cell, units: UnitSystem, *, tight: bool) -> str:
     rate = [] if cell.rate is None else [rated(cell.rate, units.speed)]
     role = "fitted" if cell.role == "fit" else "predicted"
-    return f"{shortened(cell.test, 28)}\n{', '.join([*rate, role])}"
+    name = shortened(cell.test, _NAME_TIGHT if tight else _NAME)
+    return f"{name}\n" + ("\n" if tight else ", ").join([*rate, role])
 
 
-def _key(figure: Figure, units: UnitSystem, *, empty: int) -> None:
+def _key(figure: Figure, units: UnitSystem, *, empty: int, tight: bool) -> None:
+    gap = "\n" if tight else " "
     lines = [
         "upper number: RMSE / noise floor",
         f"lower number: {quantity('bias, measured − predicted', units.force)}",
-        "frame and cross: fails, error beyond noise and posterior spread",
+        f"frame and cross: fails,{gap}error beyond noise and posterior spread",
     ]
     lines += ["hatched: no samples"] if empty else []
-    figure.supxlabel("\n".join(lines), x=0.01, ha="left", fontsize=7.0)
+    figure.supxlabel("\n".join(lines), x=0.01, ha="left")

@@ -21,40 +21,45 @@ from qlvbayes.plots.cellmap import (
 )
 from qlvbayes.plots.naming import heading, model_name
 from qlvbayes.plots.stretches import by_rate
-from qlvbayes.plots.style import DOUBLE, MM, rated, shortened, style
+from qlvbayes.plots.style import DOUBLE, MM, narrow, rated, shortened, style
 from qlvbayes.units import UnitSystem
 
 _ROW, _FRAME = 8.0, 41.0  # mm, a row of cells and what is around them
 _LEAST_ROWS = 3  # that the colour bar's label fits
 _TITLE = 40  # characters a line, of a panel's title
+_KEY_TIGHT = 58  # characters a line, of the key in one column
 
 
-def plot_residuals_before_after(diagnosis: Diagnosis) -> Figure:
+def plot_residuals_before_after(diagnosis: Diagnosis, *, width: float = DOUBLE) -> list[Axes]:
     """Draw how far each test is missed in each phase, by the plain and by the last model.
 
     One row a test, slowest first; one column a kind of phase. Colour and number give the root mean
     square of measured minus predicted over the noise floor, on one scale for both models: 1 is as
     good as noise allows. Cells with structure beyond noise have a thick black frame and a cross;
     under each title stands the p-value of the test of all cells. Hatched cells have no samples.
-    Where no effect was added there is one panel.
+    Where no effect was added there is one panel. width: of the figure (mm); in one column the
+    panels stand one below the other. Returns the maps' axes.
     """
+    tight = narrow(width)
     stages = diagnosis.stages[:: max(len(diagnosis.stages) - 1, 1)]
     units = diagnosis.work.experiment.units
     with style():
         tests = _tests(stages[0])
         kinds: list[str] = [kind for kind in KINDS if any(c.phase == kind for c in stages[0].cells)]
         height = _FRAME + _ROW * max(len(tests), _LEAST_ROWS)
-        figure = Figure((DOUBLE * MM, height * MM), layout="constrained")
-        axes = figure.subplots(1, len(stages), sharey=True, squeeze=False)[0]
+        height += (height - _FRAME / 2) * (len(stages) - 1) * tight + 8.0 * tight
+        figure = Figure((width * MM, height * MM), layout="constrained")
+        shape = (len(stages), 1) if tight else (1, len(stages))
+        axes = figure.subplots(*shape, sharey=True, squeeze=False).ravel()
         worst = worst_of(over_floor(c.rmse, diagnosis.noise) for s in stages for c in s.cells)
         rows = [_row_label(test, units) for test in tests.values()]
         for axis, stage in zip(axes, stages, strict=True):
             label_squares(axis, rows, kinds)
             _draw(axis, stage, diagnosis.noise, worst, list(tests), kinds)
-        draw_colours(figure, list(axes), worst, diagnosis.noise, units)
-        figure.suptitle(heading(diagnosis), x=0.01, ha="left", weight="bold", fontsize=8.5)
-        _key(figure, empty=len(tests) * len(kinds) > len(stages[0].cells))
-    return figure
+        draw_colours(figure, list(axes), worst, diagnosis.noise, units, below=tight)
+        figure.suptitle(heading(diagnosis, tight=tight), x=0.01, ha="left")
+        _key(figure, empty=len(tests) * len(kinds) > len(stages[0].cells), tight=tight)
+    return list(axes)
 
 
 def _tests(stage: Stage) -> dict[str, CellError]:
@@ -80,7 +85,7 @@ def _draw(
             ratio = over_floor(cell.rmse, noise)
             fails = (test, kind) in stage.failing
             draw_square(axis, (row, column), ratio, worst, short(ratio), fails=fails)
-    title = fill(model_name(stage.effects), _TITLE)
+    title = fill(model_name(stage.labels), _TITLE)
     axis.set_title(f"{title}\n{_p_value(stage.p_value)}", loc="left")
 
 
@@ -90,10 +95,11 @@ def _p_value(p: float) -> str:
     return f"adequacy p = {p:.2f}" if p >= 0.1 else f"adequacy p = {p:.1g}"
 
 
-def _key(figure: Figure, *, empty: bool) -> None:
+def _key(figure: Figure, *, empty: bool, tight: bool) -> None:
     first = ["number: RMSE of measured − predicted / noise floor"]
     first += ["hatched: no samples"] if empty else []
     second = "frame and cross: smooth structure beyond noise, which a small RMSE may hide"
     third = "adequacy p: probability of as much structure in any cell by noise alone"
-    text = "\n".join(["; ".join(first), second, third])
-    figure.supxlabel(text, x=0.01, ha="left", fontsize=7.0)
+    lines = ["; ".join(first), second, third]
+    text = "\n".join(fill(line, _KEY_TIGHT) for line in lines) if tight else "\n".join(lines)
+    figure.supxlabel(text, x=0.01, ha="left")

@@ -78,11 +78,6 @@ def columns(parts: Sequence[Sequence[Stretch]]) -> list[str]:
     return [WHOLE, *kinds] if repeats else list(kinds)
 
 
-def widths(names: Sequence[str]) -> list[float]:
-    """Relative widths of columns."""
-    return [1.8 if name == WHOLE else 1.0 for name in names]
-
-
 def place(column: str, time: np.ndarray, stretches: Sequence[Stretch]) -> list[Placed]:
     """What a column shows of a test: all of it in time (s), or a kind of phase since it began."""
     if column == WHOLE:
@@ -109,8 +104,13 @@ def _length(same: Sequence[Stretch]) -> float:
     return float(max(stretch.elapsed[-1] for stretch in same))
 
 
-def finish_time(axis: Axes, column: str, stretches: Sequence[Stretch]) -> None:
-    """Scale and label the time axis of a panel that has been drawn; blank it if nothing was."""
+def finish_time(
+    axis: Axes, column: str, stretches: Sequence[Stretch], *, tight: bool = False
+) -> None:
+    """Scale and label the time axis of a panel that has been drawn; blank it if nothing was.
+
+    tight: the label takes two lines.
+    """
     if column == WHOLE:
         axis.set_xlabel("time (s)")
         return
@@ -124,7 +124,8 @@ def finish_time(axis: Axes, column: str, stretches: Sequence[Stretch]) -> None:
     else:
         first, length = min(stretch.elapsed[0] for stretch in same), _length(same)
         axis.set_xlim(left=scale * (max(first, -_EARLY * length) - 0.04 * length))
-    axis.set_xlabel(f"time in {column} ({unit})")
+    gap = "\n" if tight else " "
+    axis.set_xlabel(f"time in{gap}{column} ({unit})")
 
 
 def _blank(axis: Axes) -> None:

@@ -1,18 +1,28 @@
-"""One look for every figure: widths of a journal's columns, type, colours."""
+"""One look for every figure: widths of a journal's columns, type, colours; a user's own over it."""
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from contextvars import ContextVar
+from pathlib import Path
 from typing import Any
 
 import matplotlib
+from cycler import cycler
+
+from qlvbayes.checks import InputError
 
 MM = 1.0 / 25.4  # inches
 SINGLE, MIDDLE, DOUBLE = 85.0, 120.0, 180.0  # mm, one, one and a half and two columns
+_NARROW = 110.0  # mm, up to which a figure is laid out for one column
 
 # Okabe and Ito, told apart by colour-blind readers.
 BLACK = "#000000"
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+LINES: Any = ("-", "--", ":", "-.")  # with them, for readers of a grey copy
+MARKERS = ("o", "s", "^", "D", "v", "P")
 
 STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans",  # comes with Matplotlib
@@ -22,7 +32,11 @@ STYLE: dict[Any, Any] = {
     "xtick.labelsize": 7.0,
     "ytick.labelsize": 7.0,
     "legend.fontsize": 7.5,
+    "figure.titlesize": 8.5,
+    "figure.titleweight": "bold",
+    "figure.labelsize": 7.0,  # of notes under a figure
     "figure.facecolor": "white",
+    "axes.prop_cycle": cycler(color=COLOURS),
     "axes.linewidth": 0.5,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -39,12 +53,112 @@ STYLE: dict[Any, Any] = {
     "hatch.linewidth": 0.4,
     "pdf.fonttype": 42,  # whole TrueType fonts: text stays text
     "svg.fonttype": "none",
+    "savefig.dpi": 200,
 }
+_NOT_LOOKS = {"backend", "backend_fallback", "interactive", "toolbar"}
+_own: ContextVar[dict[str, Any]] = ContextVar("own", default={})  # noqa: B039 (never changed)
+_KEY = re.compile(r"[Kk]ey ([\w.]+):")
+
+
+_matplotlib: Any = matplotlib  # whose settings have keys of more types than are worth telling
 
 
 def style() -> AbstractContextManager[None]:
-    """Use ``STYLE`` within a ``with``; settings made by others come back after it."""
-    return matplotlib.rc_context(STYLE)
+    """Use ``STYLE``, and over it what ``using`` holds, within a ``with``.
+
+    Settings made by others come back after it.
+    """
+    return _matplotlib.rc_context({**STYLE, **_own.get()})
+
+
+@contextmanager
+def using(look: Mapping[str, Any] | str | Path) -> Iterator[None]:
+    """Draw and save every figure within the ``with`` in a look of one's own.
+
+    look: settings of Matplotlib (``{"font.size": 9, "lines.linewidth": 1.2}``), a style file
+    (``.mplstyle``), or the name of a style that Matplotlib brings (``"grayscale"``). They go over
+    ``STYLE``; the colours of curves are those of ``axes.prop_cycle``. May be nested; the inner one
+    wins. Raises InputError with file and line where the look cannot be used.
+    """
+    token = _own.set({**_own.get(), **_settings(look)})
+    try:
+        yield
+    finally:
+        _own.reset(token)
+
+
+def colours() -> tuple[str, ...]:
+    """Colours of curves in the look in use; where it has fewer than six, ours after them."""
+    found = _matplotlib.rcParams["axes.prop_cycle"].by_key().get("color", [])
+    return (*map(str, found), *COLOURS[len(found) :])
+
+
+def title_look() -> dict[str, Any]:
+    """Type of a figure's title, for a legend that carries it."""
+    size, weight = (_matplotlib.rcParams[f"figure.title{what}"] for what in ("size", "weight"))
+    return {"size": size, "weight": weight}
+
+
+def narrow(width: float) -> bool:
+    """Whether a figure so many mm wide is laid out for one column."""
+    return width < _NARROW
+
+
+def _settings(look: Mapping[str, Any] | str | Path) -> dict[str, Any]:
+    if isinstance(look, Mapping):
+        try:
+            found: dict[str, Any] = dict(_matplotlib.RcParams(dict(look)))
+        except (KeyError, ValueError) as error:
+            raise InputError(f"not settings of Matplotlib ({_first_line(error)})") from error
+    else:
+        from matplotlib import style as styles  # reads all of Matplotlib's styles
+
+        library: Any = styles.library
+        named = str(look) in library and not Path(look).exists()
+        found = dict(library[str(look)]) if named else _of_file(Path(look))
+    return {key: value for key, value in found.items() if key not in _NOT_LOOKS}
+
+
+def _of_file(file: Path) -> dict[str, Any]:
+    try:
+        lines = file.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        remedy = "name a Matplotlib style file (.mplstyle)"
+        raise InputError("this style cannot be read", file=file, remedy=remedy) from error
+    keys = dict(_keys(file, lines))
+    try:
+        return dict(_matplotlib.rc_params_from_file(file, True, use_default_template=False))
+    except Exception as error:  # each setting has a check of its own, with its own errors
+        text = _first_line(error)
+        match = _KEY.match(text)
+        line = keys.get(match[1]) if match else None
+        raise InputError(
+            f"not a style ({text})", file=file, line=line, remedy="correct the value"
+        ) from error
+
+
+def _keys(file: Path, lines: list[str]) -> Iterator[tuple[str, int]]:
+    """Each setting with its line."""
+    for number, line in enumerate(lines, 1):
+        text = line.strip()
+        if not text or text.startswith("#"):
+            continue
+        key, colon, _ = text.partition(":")
+        if not colon:
+            remedy = "write 'setting: value'"
+            raise InputError("no colon in this line", file=file, line=number, remedy=remedy)
+        if key.strip() not in matplotlib.rcParams:
+            raise InputError(
+                f"Matplotlib has no setting '{key.strip()[:60]}'",
+                file=file,
+                line=number,
+                remedy="see 'matplotlibrc' in its documentation",
+            )
+        yield key.strip(), number
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).strip("'\"").partition("\n")[0]
 
 
 def quantity(name: str, unit: str) -> str:

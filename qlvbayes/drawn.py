@@ -1,0 +1,60 @@
+"""A posterior's draws as models whose constants are numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import jax
+import numpy as np
+
+from qlvbayes.checks import InputError
+from qlvbayes.choices import Choices
+from qlvbayes.effects.effect import Level
+from qlvbayes.model import Model
+from qlvbayes.parameters import Field, fields_of
+from qlvbayes.posterior import is_prior, value_shape
+from qlvbayes.scales import Scales
+
+# priors are replaced by draws, so that their scales do not matter
+_SCALES = Scales(force=1.0, depth=1.0, shortest=1e-3, longest=10.0, white=1e-2, ou=1e-2, tau=1.0)
+
+
+def described_model(choices: Choices) -> Model:
+    """The model in words and priors; InputError where the choices do not fit together."""
+    return choices.build(_SCALES)[0]
+
+
+def described_fields(choices: Choices) -> list[Field]:
+    """The fields of the model, then of the noise."""
+    model, noise = choices.build(_SCALES)
+    return [*fields_of(model), *fields_of(noise)]
+
+
+def rig_effects(model: Model) -> tuple[str, ...]:
+    """Effects of the frame and the sensors, which are not the pad's."""
+    return tuple(effect.name for effect in model.effects if effect.level >= Level.FRAME)
+
+
+def pad_alone(model: Model) -> Model:
+    """The model less the effects of the rig."""
+    for name in rig_effects(model):
+        model = model.without(name)
+    return model
+
+
+def drawn_models(model: Model, names: Sequence[str], draws: np.ndarray) -> Model:
+    """A model whose numbers have a leading axis: the draws (n, P) of the named constants.
+
+    Raises InputError if a constant of the model is not among the names.
+    """
+    columns = {name: draws[:, k] for k, name in enumerate(names)}
+    wanted = [field.names for field in fields_of(model)]
+    missing = [name for names in wanted for name in names if name not in columns]
+    if missing:
+        raise InputError(f"the posterior lacks {', '.join(missing)}", remedy="add its draws")
+    leaves, shape = jax.tree.flatten(model, is_leaf=is_prior)
+    numbers = [
+        np.stack([columns[name] for name in names], axis=-1).reshape(-1, *value_shape(leaf))
+        for names, leaf in zip(wanted, leaves, strict=True)
+    ]
+    return jax.tree.unflatten(shape, numbers)

@@ -1,0 +1,98 @@
+"""The constants of all pads with their intervals, beside reference values."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
+
+from qlvbayes.constants_table import Entry, rounded
+from qlvbayes.plots.naming import parameter_label
+from qlvbayes.plots.style import DOUBLE, MM, colours, narrow, shortened, style
+
+_ROW, _PANEL, _FRAME = 7.5, 12.0, 14.0  # mm: a pad, what a panel has around, what a figure has
+_COLUMNS, _COLUMNS_TIGHT = 4, 2
+_DOWN = 0.15  # of a row: so far its bar stands below its middle
+_NAME = 12  # characters of a pad's name
+
+
+def plot_constants(
+    entries: Sequence[Entry], *, reference: str = "reference", width: float = DOUBLE
+) -> list[Axes]:
+    """Draw each constant of all pads: median, 90 % interval, and the reference where there is one.
+
+    The numbers stand above the bars. One panel a constant with an axis of its own, one row a pad.
+    entries: of ``constants_table``; constants of the noise are left out. Dots and bars are medians
+    and intervals, open diamonds references; ``reference`` says what they are. width: of the figure
+    (mm). Returns a panel a constant.
+    """
+    shown = [entry for entry in entries if not entry.parameter.startswith("noise.")]
+    pads = list(dict.fromkeys(entry.pad for entry in shown))
+    names = list(dict.fromkeys(entry.parameter for entry in shown))
+    columns = min(_COLUMNS_TIGHT if narrow(width) else _COLUMNS, max(len(names), 1))
+    rows = -(-len(names) // columns)
+    with style():
+        height = _FRAME + rows * (_PANEL + _ROW * max(len(pads), 2))
+        figure = Figure((width * MM, height * MM), layout="constrained")
+        grid = figure.subplots(rows, columns, sharey=True, squeeze=False).ravel()
+        for axis in grid[len(names) :]:
+            axis.remove()
+        axes = list(grid[: len(names)])
+        for axis, name in zip(axes, names, strict=True):
+            _draw(axis, [entry for entry in shown if entry.parameter == name], pads)
+        for axis in axes:
+            axis.set_ylim(len(pads) - 0.45, -0.75)
+            axis.set_yticks(range(len(pads)), [f"pad {shortened(pad, _NAME)}" for pad in pads])
+            axis.tick_params(axis="y", length=0)
+        if any(entry.reference is not None for entry in shown):
+            _legend(figure, reference)
+    return axes
+
+
+def _draw(axis: Axes, entries: Sequence[Entry], pads: Sequence[str]) -> None:
+    ink = colours()
+    for entry in entries:
+        row = pads.index(entry.pad)
+        axis.text(0.02, row - 0.2, _numbers(entry), transform=axis.get_yaxis_transform(),
+                  va="bottom", fontsize="small")  # fmt: skip
+        axis.plot(
+            [entry.low, entry.high], [row + _DOWN] * 2, color=ink[0], linewidth=1.6, gid="interval"
+        )
+        axis.plot(entry.median, row + _DOWN, "o", color=ink[0], markersize=3.6, gid="median")
+        if entry.reference is not None:
+            axis.plot(
+                entry.reference, row + _DOWN, "D", color=ink[1], markerfacecolor="none",
+                markersize=6.0, markeredgewidth=0.9, gid="reference",
+            )  # fmt: skip
+    for row in range(len(pads)):
+        axis.axhline(row + _DOWN, color="0.92", linewidth=0.4, zorder=0)
+    axis.margins(x=0.12)
+    axis.xaxis.set_major_locator(MaxNLocator(3, min_n_ticks=2))
+    first = entries[0]
+    axis.set_xlabel(parameter_label(first.parameter, first.unit))
+    if np.ptp([x for e in entries for x in (e.low, e.high, e.median)]) == 0.0:
+        axis.set_xlim(first.median - 0.5, first.median + 0.5)
+
+
+def _numbers(entry: Entry) -> str:
+    median, low, high = (text.replace("-", "−") for text in rounded(entry))
+    return f"{median} (fixed)" if entry.low == entry.high else f"{median} ({low} to {high})"
+
+
+def _legend(figure: Figure, reference: str) -> None:
+    ink = colours()
+    handles = [
+        Line2D([], [], color=ink[0], linewidth=1.6, marker="o", markersize=3.6),
+        Line2D(
+            [], [], color=ink[1], linestyle="None", marker="D", markersize=6.0,
+            markerfacecolor="none", markeredgewidth=0.9,
+        ),
+    ]  # fmt: skip
+    figure.legend(
+        handles, ["median and 90 % interval", shortened(reference, 36)],
+        loc="outside upper left", ncols=2,
+    )  # fmt: skip

@@ -1,0 +1,193 @@
+"""How two pads, or two fluids, differ: ratios against what counts as equal."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from textwrap import fill
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, NullFormatter, NullLocator, StrMethodFormatter
+
+from qlvbayes.compare.contrast import Comparison, Contrast
+from qlvbayes.plots.naming import parameter_label
+from qlvbayes.plots.style import (
+    BLACK,
+    DOUBLE,
+    MARKERS,
+    MM,
+    colours,
+    narrow,
+    shortened,
+    style,
+)
+
+_ROW, _ROW_TIGHT, _FRAME = 4.6, 7.2, 34.0  # mm
+_BESIDE = 4.0, 62.0  # points right of the axes where the answer and the probability begin
+_NUMBER = re.compile(r"(\d) ")  # before its unit
+_HALF_LINE = 0.2  # of a row: in one column answer and probability stand one below the other
+_NAME_TIGHT, _TITLE, _TITLE_TIGHT = 20, 100, 46  # characters a line
+_NOTE, _NOTE_TIGHT = 138, 60
+_FAR = 30.0  # largest ratio either way that is drawn; beyond, an arrow
+_LOOKS = {"greater": 1, "less": 1, "equal": 0, "cannot tell": 0}  # place in the palette
+_TICKS = (0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0)
+_APART = 0.13  # of the axis, between two ticks that are labelled
+
+
+def plot_contrasts(comparison: Comparison, *, width: float = DOUBLE) -> Axes:
+    """Draw the ratio of every quantity, first over second, with its 90 % interval.
+
+    Quantities stand in groups; the shaded region holds the ratios that count as equal. Filled round
+    marks: equal; open round marks: cannot tell; triangles: greater (up) or less (down). Beside each
+    stand the answer and the probability that the first is greater. Quantities without a ratio,
+    which may be zero or change their sign, have none. width: of the figure (mm).
+    """
+    tight = narrow(width)
+    with style():
+        rows = _rows(comparison)
+        height = _FRAME + (_ROW_TIGHT if tight else _ROW) * len(rows)
+        figure = Figure((width * MM, height * MM), layout="constrained")
+        axis = figure.subplots()
+        low, high = _limits(comparison)
+        edge = 1.0 + comparison.region
+        axis.axvspan(1.0 / edge, edge, color="0.88", linewidth=0, zorder=0, gid="equal")
+        axis.axvline(1.0, color="0.4", linewidth=0.6, zorder=0.5)
+        for place, row in enumerate(rows):
+            if isinstance(row, Contrast):
+                _draw(axis, place, row, (low, high), tight)
+        _scale(axis, low, high, comparison, tight)
+        _label(axis, rows, tight)
+        _words(figure, comparison, tight)
+    return axis
+
+
+def _rows(comparison: Comparison) -> list[Contrast | str]:
+    """Contrasts, with the name of each group before it where there are several."""
+    groups = list(dict.fromkeys(c.group for c in comparison.contrasts))
+    rows: list[Contrast | str] = []
+    for group in groups:
+        rows += [group] if len(groups) > 1 else []
+        rows += comparison.of_group(group)
+    return rows
+
+
+def _limits(comparison: Comparison) -> tuple[float, float]:
+    edge = 1.0 + comparison.region
+    ratios = [c.ratio for c in comparison.contrasts if c.ratio is not None]
+    low = min([1.0 / edge, *(r.low for r in ratios)])
+    high = max([edge, *(r.high for r in ratios)])
+    margin = 0.06 * np.log(min(high, _FAR) / max(low, 1.0 / _FAR))
+    return max(low, 1.0 / _FAR) / np.exp(margin), min(high, _FAR) * np.exp(margin)
+
+
+def _draw(
+    axis: Axes, place: int, contrast: Contrast, limits: tuple[float, float], tight: bool
+) -> None:
+    colour = colours()[_LOOKS[contrast.answer]]
+    lines = (-_HALF_LINE, _HALF_LINE) if tight else (0.0, 0.0)
+    points = (_BESIDE[0], _BESIDE[0]) if tight else _BESIDE
+    sure = contrast.answer != "cannot tell"
+    _beside(axis, contrast.answer, place + lines[0], points[0], bold=sure)
+    _beside(axis, _share(contrast.direction), place + lines[1], points[1])
+    ratio = contrast.ratio
+    if ratio is None:
+        place_at = axis.get_yaxis_transform()
+        axis.text(0.01, place, "no ratio", color="0.4", va="center", transform=place_at)
+        return
+    axis.plot([ratio.low, ratio.high], [place, place], color=colour, linewidth=1.4, gid="interval")
+    sign = {"greater": "^", "less": "v"}.get(contrast.answer, MARKERS[0])
+    hollow = contrast.answer == "cannot tell"
+    middle = float(np.clip(ratio.median, *limits))
+    axis.plot(
+        middle, place, sign, color=colour, markersize=4.5,
+        markerfacecolor="white" if hollow else colour, gid="median",
+    )  # fmt: skip
+
+
+def _beside(axis: Axes, text: str, place: float, points: float, *, bold: bool = False) -> None:
+    axis.annotate(
+        text, (1.0, place), xycoords=axis.get_yaxis_transform(), xytext=(points, 0.0),
+        textcoords="offset points", va="center", annotation_clip=False,
+        weight="bold" if bold else "normal",
+    )  # fmt: skip
+
+
+def _share(probability: float) -> str:
+    percent = 100.0 * probability
+    if percent < 0.1:
+        return "< 0.1 %"
+    return "> 99.9 %" if percent > 99.9 else f"{percent:.1f} %"
+
+
+def _scale(axis: Axes, low: float, high: float, comparison: Comparison, tight: bool) -> None:
+    axis.set_xscale("log")
+    axis.set_xlim(low, high)
+    axis.xaxis.set_major_locator(FixedLocator(_ticks(low, high, 2.0 if tight else 1.0)))
+    axis.xaxis.set_minor_locator(NullLocator())
+    axis.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axis.xaxis.set_minor_formatter(NullFormatter())
+    first, second = (shortened(name, 16) for name in comparison.names)
+    axis.set_xlabel(f"ratio {first} / {second} (no unit)")
+
+
+def _ticks(low: float, high: float, spread: float) -> list[float]:
+    """1, and from there outward what is far enough from the last."""
+    span = np.log(high / low)
+    least = spread * _APART * span
+    kept = [1.0]
+    for side in ([t for t in _TICKS if t > 1.0], [t for t in reversed(_TICKS) if t < 1.0]):
+        last = 1.0
+        for tick in side:
+            if low <= tick <= high and abs(np.log(tick / last)) >= least:
+                kept.append(tick)
+                last = tick
+    if len(kept) == 1:  # all within a few per cent
+        kept += [round(x, 3) for x in (low * np.exp(0.1 * span), high / np.exp(0.1 * span))]
+    return sorted(kept)
+
+
+def _label(axis: Axes, rows: Sequence[Contrast | str], tight: bool) -> None:
+    names = [row if isinstance(row, str) else _name(row, tight) for row in rows]
+    axis.set_yticks(range(len(rows)), names)
+    for tick, row in zip(axis.get_yticklabels(), rows, strict=True):
+        tick.set_fontweight("bold" if isinstance(row, str) else "normal")
+    axis.set_ylim(len(rows) - 0.4, -0.6)
+    axis.tick_params(axis="y", length=0)
+    axis.spines["left"].set_visible(False)
+    heads = ("first is,\nP(greater)",) if tight else ("first is", "P(greater)")
+    for text, points in zip(heads, _BESIDE, strict=False):
+        axis.annotate(
+            text, (1.0, 1.0), xycoords="axes fraction", xytext=(points, 2.0),
+            textcoords="offset points", va="bottom", annotation_clip=False, color=BLACK,
+        )  # fmt: skip
+
+
+def _name(contrast: Contrast, tight: bool) -> str:
+    name = f"{contrast.quantity} *" if contrast.extrapolated else contrast.quantity
+    if contrast.group == "constants":
+        return parameter_label(name)
+    return fill(_NUMBER.sub("\\1\u00a0", name), _NAME_TIGHT) if tight else name
+
+
+def _words(figure: Figure, comparison: Comparison, tight: bool) -> None:
+    first, second = (shortened(name, 24) for name in comparison.names)
+    kind = comparison.between.removesuffix("s")
+    title = f"{kind} {first} against {kind} {second}: {_answer(comparison)}"
+    figure.suptitle(fill(title, _TITLE_TIGHT if tight else _TITLE), x=0.01, ha="left")
+    lines = [
+        f"Bars: 90 % intervals. Shaded: equal within {100 * comparison.region:g} % "
+        f"(ratio {1 / (1 + comparison.region):.3g} to {1 + comparison.region:.3g}). "
+        "Dots: equal; open: cannot tell; triangles: greater or less."
+    ]
+    if any(c.extrapolated for c in comparison.contrasts):
+        lines.append("*: beyond what the tests of one of them cover.")
+    most = _NOTE_TIGHT if tight else _NOTE
+    figure.supxlabel("\n".join(fill(line, most) for line in lines), x=0.01, ha="left")
+
+
+def _answer(comparison: Comparison) -> str:
+    if comparison.differ is None:
+        return "the tests cannot tell"
+    return "they differ" if comparison.differ else "equal for practical purposes"

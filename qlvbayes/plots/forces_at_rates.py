@@ -1,0 +1,151 @@
+"""Force against time at a few loading rates, pads side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.legend_handler import HandlerTuple
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from qlvbayes.plots.style import (
+    BLACK,
+    DOUBLE,
+    LINES,
+    MARKERS,
+    MM,
+    colours,
+    narrow,
+    quantity,
+    rated,
+    shortened,
+    style,
+)
+from qlvbayes.plots.timeline import decades, logarithmic, since_contact
+from qlvbayes.predict import Prediction
+from qlvbayes.units import UnitSystem
+
+RATES = (0.1, 1.0, 30.0)  # mm/s, the paper's Fig. 5
+_PANEL, _FRAME, _LINE = 46.0, 12.0, 4.2  # mm: a panel, what is around them, a line of the legend
+_SAME = 0.02  # of a rate: pads whose rates differ by less share its label
+
+
+def plot_forces_at_rates(
+    predictions: Mapping[str, Sequence[Prediction]],
+    units: UnitSystem,
+    *,
+    rates: Sequence[float] | None = None,
+    width: float = DOUBLE,
+) -> list[Axes]:
+    """Draw measured and predicted force of each pad's tests nearest to some loading rates.
+
+    predictions: those of each pad, by its name; rates: in mm/s or 1/s, nearest in the logarithm, by
+    default 0.1, 1 and 30 mm/s (of specimens in strain: the slowest, the middle and the fastest of
+    the first). Marks are measured samples, lines the posterior mean, bands hold 90 % of predicted
+    samples. Time runs since the first movement, in logarithmic time (upper panels; left in one
+    column) and in linear time; where the rates do not span a decade in linear time alone. All
+    panels share their force axis. width: of the figure (mm). Returns the panels, pad by pad.
+    """
+    tight = narrow(width)
+    asked = rates or (_own_rates(next(iter(predictions.values()))) if _strain(units) else RATES)
+    chosen = {name: _nearest(found, asked) for name, found in predictions.items()}
+    trials = [p.trial for found in chosen.values() for p in found]
+    scales = ["log", "linear"] if decades(trials) else ["linear"]
+    with style():
+        shape = (len(chosen), len(scales)) if tight else (len(scales), len(chosen))
+        lines = 3 if tight else 2
+        figure = Figure(
+            (width * MM, (_FRAME + _PANEL * shape[0] + _LINE * lines) * MM), layout="constrained"
+        )
+        axes = figure.subplots(*shape, sharey=True, squeeze=False)
+        by_pad = axes if tight else axes.T
+        for (name, found), row in zip(chosen.items(), by_pad, strict=True):
+            row[0].set_title(f"pad {shortened(name, 24)}", loc="left", weight="bold")
+            for axis, scale in zip(row, scales, strict=True):
+                _draw(axis, found)
+                if scale == "log":
+                    logarithmic(axis, trials, numbers=3 if tight else 6)
+        _label(axes, units, tight=tight)
+        _legend(figure, list(chosen.values()), units, tight=tight)
+    return list(by_pad.flat)
+
+
+def _strain(units: UnitSystem) -> bool:
+    return units.dimensionless
+
+
+def _own_rates(found: Sequence[Prediction]) -> tuple[float, ...]:
+    rates = sorted(p.trial.rate for p in found if np.isfinite(p.trial.rate))
+    return (rates[0], rates[len(rates) // 2], rates[-1]) if rates else ()
+
+
+def _nearest(found: Sequence[Prediction], rates: Sequence[float]) -> list[Prediction]:
+    """The test nearest to each rate, each once, slowest first; all where none has a rate."""
+    rated_ones = [p for p in found if np.isfinite(p.trial.rate)]
+    picked = {
+        min(range(len(rated_ones)), key=lambda k: abs(np.log(rated_ones[k].trial.rate / rate)))
+        for rate in rates
+        if rated_ones
+    }
+    nearest = sorted((rated_ones[k] for k in picked), key=lambda p: p.trial.rate)
+    return nearest or list(found)
+
+
+def _draw(axis: Axes, found: Sequence[Prediction]) -> None:
+    palette = colours()
+    for k, prediction in enumerate(found):
+        colour, mark = palette[k % len(palette)], MARKERS[k % len(MARKERS)]
+        time = since_contact(prediction.trial, prediction.time)
+        axis.fill_between(
+            time, prediction.low, prediction.high, color=colour, alpha=0.3, linewidth=0
+        )
+        axis.plot(
+            time, prediction.observed, mark, color=colour, markersize=1.5, markeredgewidth=0,
+            gid="measured",
+        )  # fmt: skip
+        axis.plot(time, prediction.mean, LINES[k % len(LINES)], color=BLACK, linewidth=0.7)
+
+
+def _label(axes: np.ndarray, units: UnitSystem, *, tight: bool) -> None:
+    for axis in axes[:, 0]:
+        axis.set_ylabel(quantity(units.force_name, units.force))
+    gap = "\n" if tight else " "
+    for axis in axes[-1]:
+        axis.set_xlabel(f"time since the{gap}first movement (s)")
+
+
+def _legend(
+    figure: Figure, chosen: Sequence[Sequence[Prediction]], units: UnitSystem, *, tight: bool
+) -> None:
+    palette = colours()
+    handles: list[Any] = []
+    labels = []
+    for k in range(max(map(len, chosen))):
+        rates = [found[k].trial.rate for found in chosen if len(found) > k]
+        look: dict[str, Any] = {
+            "color": palette[k % len(palette)],
+            "marker": MARKERS[k % len(MARKERS)],
+        }
+        dots = Line2D([], [], linestyle="None", markersize=4.0, markeredgewidth=0, **look)
+        handles.append((dots, Line2D([], [], color=BLACK, linestyle=LINES[k % len(LINES)])))
+        labels.append(_rates_text(rates, units.speed))
+    handles.append(Patch(color="0.6", alpha=0.4, linewidth=0))
+    labels.append("90 % predictive band")
+    figure.legend(
+        handles, labels, loc="outside upper center", ncols=2 if tight else len(labels),
+        title="marks: measured; lines: posterior mean",
+        handler_map={tuple: HandlerTuple(ndivide=None, pad=0.6)}, handlelength=4.0,
+    )  # fmt: skip
+
+
+def _rates_text(rates: Sequence[float], unit: str) -> str:
+    low, high = min(rates), max(rates)
+    if not np.isfinite(low):
+        return "all tests"
+    middle = rated(float(np.median(rates)), unit)
+    same = high - low < _SAME * low
+    return middle if same else f"{rated(low, unit)} to {rated(high, unit)}"

@@ -1,0 +1,230 @@
+"""The joint posterior of a pad's constants, two at a time, and its shares c in a triangle."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.gridspec import GridSpec
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import FixedLocator, MaxNLocator, StrMethodFormatter
+
+from qlvbayes.drawn import described_fields
+from qlvbayes.fit import Fit
+from qlvbayes.plots.density import draw_curve, draw_regions, limits
+from qlvbayes.plots.naming import parameter_label
+from qlvbayes.plots.style import BLACK, DOUBLE, MM, colours, narrow, shortened, style
+from qlvbayes.plots.ternary import draw_ternary
+from qlvbayes.results import Saved
+
+_LEFT, _RIGHT, _BOTTOM = 15.0, 3.0, 11.0  # mm around the panels
+_TOP, _TOP_TIGHT = 12.0, 26.0  # mm
+_ROW, _ROW_TIGHT = 19.0, 14.0  # mm
+_GAP = 0.1  # of a panel, between two
+_DIGIT, _LINE, _ROOM = 1.3, 2.6, 1.6  # mm: of a number, its height, and between two
+_INSIDE = 0.12  # of an axis, at either end, where no number stands
+_LABEL = 12.0  # mm, from the axis to the middle of its label
+_PLAIN = StrMethodFormatter("{x:.6g}")
+_MOST = 4000  # draws that are looked at, evenly out of all
+
+
+def plot_pairs(fit: Fit | Saved, *, width: float = DOUBLE) -> list[Axes]:
+    """Draw every pair of the model's constants that were fitted.
+
+    On the diagonal the density of each constant with its 90 % interval and median; below it the
+    regions that hold 50 and 90 % of the draws of two. The shares c sum to 1: each stands against
+    the other constants in the lowest rows, and all three in a triangle, upper right, of which the
+    part that the draws fill is enlarged; other numbers of shares stand there as bars with 90 %
+    intervals. Constants of the noise are left out. width: of the figure (mm). Returns the panels,
+    row by row, then that of the shares.
+    """
+    draws, units = _draws(fit), _units(fit)
+    shares = [name for name in draws if name.startswith("c[")]
+    others = [name for name in draws if name not in shares]
+    with style():
+        page = _Page.of(width, len(others), len(shares))
+        figure, grid = page.begin()
+        panels = _panels(figure, grid, [*others, *shares], others)
+        spans = {name: limits(values) for name, values in draws.items()}
+        for (below, along), axis in panels.items():
+            _draw(axis, draws, spans, below, along)
+        _label(panels, spans, units, page)
+        drawn = list(panels.values())
+        if shares:
+            ternary = len(shares) == 3
+            corner = figure.add_axes(page.corner(margin=not ternary))
+            _draw_shares(corner, shares, draws)
+            drawn.append(corner)
+        _legend(figure, fit.pad, columns=1 if narrow(width) else 3)
+    return drawn
+
+
+@dataclass(frozen=True)
+class _Page:
+    """Sizes in mm: the figure, its top margin, rows and columns; the corner's first row and column.
+
+    The corner takes ``deep`` rows from the top of the page and all columns from ``first`` on.
+    """
+
+    width: float
+    top: float
+    row: float
+    rows: int
+    columns: int
+    first: int
+    deep: int
+
+    @classmethod
+    def of(cls, width: float, others: int, shares: int) -> _Page:
+        tight, rows = narrow(width), max(others + shares, 2)
+        extra = 2 if shares and others < (2 if tight else 4) else 0
+        deep = 2 if extra else 1 if tight else others // 2
+        top, row = (_TOP_TIGHT, _ROW_TIGHT) if tight else (_TOP, _ROW)
+        columns = max(others + extra, 1)
+        return cls(width, top, row, rows, columns, others if extra else deep, deep)
+
+    @property
+    def height(self) -> float:
+        return self.top + self.row * self.rows + _BOTTOM
+
+    @property
+    def cell(self) -> float:
+        """Width of a panel."""
+        return (self.width - _LEFT - _RIGHT) / (self.columns + _GAP * (self.columns - 1))
+
+    def begin(self) -> tuple[Figure, GridSpec]:
+        figure = Figure((self.width * MM, self.height * MM))
+        grid = GridSpec(
+            self.rows, self.columns, figure, left=_LEFT / self.width,
+            right=1.0 - _RIGHT / self.width, bottom=_BOTTOM / self.height,
+            top=1.0 - self.top / self.height, wspace=_GAP, hspace=_GAP,
+        )  # fmt: skip
+        return figure, grid
+
+    def corner(self, *, margin: bool) -> tuple[float, float, float, float]:
+        """Left, bottom, width and height as shares of the page; margin: for labels of an axis."""
+        left = _LEFT + self.first * (1.0 + _GAP) * self.cell + margin * _LEFT
+        bottom = self.height - self.top - self.row * self.deep + margin * 0.5 * _BOTTOM
+        wide, high = self.width - _RIGHT - left, self.height - 2.0 - bottom
+        return (
+            left / self.width, bottom / self.height, wide / self.width, high / self.height,
+        )  # fmt: skip
+
+
+def _draws(fit: Fit | Saved) -> dict[str, np.ndarray]:
+    """Draws of each constant that varies, those of the noise left out."""
+    flat = np.reshape(fit.constants, (-1, len(fit.names)))
+    flat = flat[:: max(1, -(-len(flat) // _MOST))]
+    return {
+        name: values
+        for name, values in zip(fit.names, flat.T, strict=True)
+        if not name.startswith("noise.") and np.ptp(values) > 0.0
+    }
+
+
+def _units(fit: Fit | Saved) -> dict[str, str]:
+    if isinstance(fit, Fit):
+        return dict(zip(fit.names, fit.units, strict=True))
+    fields = described_fields(fit.choices)
+    return {name: fit.units.of(field.unit) for field in fields for name in field.names}
+
+
+def _panels(
+    figure: Figure, grid: GridSpec, rows: Sequence[str], others: Sequence[str]
+) -> dict[tuple[str, str], Axes]:
+    """Axes by the constants below the diagonal (upward, along); a constant alone on it."""
+    panels: dict[tuple[str, str], Axes] = {}
+    for r, below in enumerate(rows):
+        for c, along in enumerate(others[: r + 1]):
+            top = panels.get((along, along))
+            first = panels.get((below, others[0])) if c and below != along else None
+            axis = figure.add_subplot(grid[r, c], sharex=top, sharey=first)
+            panels[below, along] = axis
+    return panels
+
+
+def _draw(
+    axis: Axes, draws: dict[str, np.ndarray], spans: dict[str, tuple[float, float]],
+    below: str, along: str,
+) -> None:  # fmt: skip
+    colour = colours()[0]
+    if below == along:
+        draw_curve(axis, draws[along], spans[along], colour)
+        axis.set_yticks([])
+        axis.spines["left"].set_visible(False)
+    else:
+        ranges = (spans[along], spans[below])
+        draw_regions(axis, draws[along], draws[below], ranges, colour)
+        axis.set_ylim(spans[below])
+    axis.set_xlim(spans[along])
+
+
+def _label(
+    panels: dict[tuple[str, str], Axes], spans: dict[str, tuple[float, float]],
+    units: dict[str, str], page: _Page,
+) -> None:  # fmt: skip
+    last, (first, _) = list(panels)[-1][0], next(iter(panels))
+    for (below, along), axis in panels.items():
+        lowest, leftmost = below == last, along == first and below != along
+        axis.tick_params(labelbottom=lowest, labelleft=leftmost)
+        axis.xaxis.set_major_formatter(_PLAIN)
+        axis.xaxis.set_major_locator(FixedLocator(_numbers(spans[along], page.cell, across=True)))
+        if below != along:
+            axis.yaxis.set_major_formatter(_PLAIN)
+            axis.yaxis.set_major_locator(
+                FixedLocator(_numbers(spans[below], page.row, across=False))
+            )
+        if lowest:
+            axis.set_xlabel(parameter_label(along, units[along]))
+        if leftmost:
+            axis.set_ylabel(parameter_label(below, units[below]), va="center")
+            axis.yaxis.set_label_coords(-_LABEL / page.cell, 0.5)
+        elif below == first:
+            axis.set_ylabel("density")
+
+
+def _numbers(span: tuple[float, float], length: float, *, across: bool) -> list[float]:
+    """Round numbers away from the ends of an axis so many mm long, as many as have room."""
+    margin = _INSIDE * (span[1] - span[0])
+    low, high = span[0] + margin, span[1] - margin
+    for count in (3, 2, 1):
+        values = [x for x in MaxNLocator(count).tick_values(low, high) if low <= x <= high]
+        digits = max((len(f"{x:.6g}") for x in values), default=0)
+        needed = _ROOM + (_DIGIT * digits if across else _LINE)
+        step = length * np.min(np.diff(values), initial=np.inf) / (span[1] - span[0])
+        if values and step >= needed:
+            return values
+    return [float(f"{0.5 * (low + high):.3g}")]
+
+
+def _draw_shares(axis: Axes, shares: Sequence[str], draws: dict[str, np.ndarray]) -> None:
+    colour = colours()[0]
+    if len(shares) == 3:
+        draw_ternary(axis, np.column_stack([draws[name] for name in shares]), colour)
+        return
+    low, middle, high = np.quantile([draws[name] for name in shares], [0.05, 0.5, 0.95], axis=1)
+    places = np.arange(len(shares))
+    axis.bar(places, middle, color=colour, alpha=0.45, width=0.6)
+    axis.errorbar(places, middle, [middle - low, high - middle], fmt="none", color=BLACK, capsize=3)
+    axis.set_xticks(places, [parameter_label(name) for name in shares])
+    axis.set_ylabel("share (no unit)")
+
+
+def _legend(figure: Figure, pad: str, columns: int) -> None:
+    colour = colours()[0]
+    handles = [
+        Patch(facecolor=colour, alpha=0.8, linewidth=0),
+        Patch(facecolor=colour, alpha=0.28, linewidth=0),
+        Line2D([], [], color=colour, linestyle="--", linewidth=0.7),
+    ]
+    figure.suptitle(
+        f"pad {shortened(pad, 24)}: joint posterior", x=0.01, y=0.995, ha="left", va="top"
+    )
+    figure.legend(
+        handles, ["50 % of the draws", "90 %", "median"], loc="upper left",
+        bbox_to_anchor=(0.0, 1.0 - 4.0 * MM / figure.get_figheight()), ncols=columns,
+    )  # fmt: skip

@@ -1,0 +1,96 @@
+"""A look of one's own, in Python and as a file, and how figures are imported."""
+
+import subprocess
+import sys
+
+import matplotlib
+import pytest
+from typer.testing import CliRunner
+
+import qlvbayes.plots as plots
+from qlvbayes.checks import InputError
+from qlvbayes.cli.main import app
+from qlvbayes.plots.style import COLOURS, colours, style, using
+from qlvbayes.residuals import Cell, Check
+from qlvbayes.units import PAD
+
+FOUND = Check("B", 0.01, (Cell("a", "fit", 1.0, "ramp", 9, 0.02, 0.0, 0.9, 0.5),))
+
+
+def test_every_public_figure_can_be_had_from_the_package():
+    for name in plots.__all__:
+        value = getattr(plots, name)
+        assert value.__name__ == name
+        assert value.__doc__
+    with pytest.raises(AttributeError, match="plot_nothing"):
+        plots.plot_nothing  # noqa: B018
+
+
+def test_importing_the_package_draws_nothing_in():
+    code = (
+        "import sys, qlvbayes.plots, qlvbayes.cli.main; print('matplotlib.figure' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
+
+
+def test_settings_go_over_the_package_s_and_come_back():
+    with using(
+        {"font.size": 11.0, "axes.labelsize": 12.0, "axes.prop_cycle": "cycler('color', 'rk')"}
+    ):
+        with using({"font.size": 13.0}), style():
+            assert matplotlib.rcParams["font.size"] == 13.0
+            assert matplotlib.rcParams["axes.labelsize"] == 12.0
+            assert colours() == ("r", "k", *COLOURS[2:])
+        axis = plots.plot_residual_map(FOUND, PAD)
+        assert plots.figure_of(axis).axes[1].yaxis.label.get_size() == 12.0
+    with style():
+        assert matplotlib.rcParams["font.size"] == 7.5
+        assert colours() == COLOURS
+
+
+def test_a_file_and_a_named_style_can_be_used(tmp_path):
+    file = tmp_path / "mine.mplstyle"
+    text = '# mine\nfont.size: 10  # larger\naxes.edgecolor: "#555555"\nbackend: pdf\n'
+    file.write_text(text)
+    with using(file), style():
+        assert matplotlib.rcParams["font.size"] == 10.0
+        assert matplotlib.rcParams["axes.edgecolor"] == "#555555"
+    with using("grayscale"), style():
+        assert colours()[0] == "0.00"
+        assert matplotlib.rcParams["pdf.fonttype"] == 42
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("font.size: 9\nfont.sise: 9\n", "line 2: Matplotlib has no setting 'font.sise'"),
+        ("font.size 9\n", "line 1: no colon"),
+        ("\nfont.size: large-ish\n", "line 2: not a style"),
+    ],
+)
+def test_a_file_that_is_no_style_is_refused_with_its_line(tmp_path, text, said):
+    file = tmp_path / "bad.mplstyle"
+    file.write_text(text)
+    with pytest.raises(InputError, match=f"bad.mplstyle, {said}"), using(file):
+        pass
+
+
+def test_what_is_no_look_is_refused(tmp_path):
+    with pytest.raises(InputError, match="cannot be read"), using(tmp_path / "none.mplstyle"):
+        pass
+    with pytest.raises(InputError, match="not settings of Matplotlib"), using({"font.sise": 9}):
+        pass
+
+
+@pytest.mark.parametrize("command", ["fit", "check", "diagnose", "study", "compare", "benchmark"])
+def test_every_command_that_draws_takes_a_style(command, tmp_path):
+    words = [command, "--style", str(tmp_path / "none.mplstyle"), "-o", str(tmp_path / "out"), "x"]
+    if command in ("check", "compare"):
+        words = [*words[:3], "x"]
+    if command == "benchmark":
+        words = words[:-1]
+    found = CliRunner().invoke(app, words)
+    assert isinstance(found.exception, InputError)
+    assert "none.mplstyle" in str(found.exception)
+    assert not (tmp_path / "out").exists()
