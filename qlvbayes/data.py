@@ -47,11 +47,12 @@ class Test:
 
 @dataclass(frozen=True, eq=False)
 class Pad:
-    """One pad and its tests, in the file's order."""
+    """One pad and its tests, in the file's order; `fluid` is what fills it, if the file says."""
 
     name: str
     tests: tuple[Test, ...]
     units: UnitSystem
+    fluid: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,8 +79,9 @@ def read_study(path: str | Path) -> Study:
 
     Columns `time_s`, `displacement_mm` and `force_N`, or `strain` and `stress_kPa` in place of
     the last two; other units by the suffix (`units.SUFFIXES`). Optional: `force_sd_N`, `pad`,
-    `test`, `role`, `rate_mm_s`, `start_s`. Lines that begin with # are comments. Without
-    `start_s` the tests of a pad follow one another. The arrays are read-only.
+    `fluid` (or `group`, the same in all rows of a pad), `test`, `role`, `rate_mm_s`, `start_s`.
+    Lines that begin with # are comments. Without `start_s` the tests of a pad follow one
+    another. The arrays are read-only.
 
     Raises
     ------
@@ -98,11 +100,13 @@ def _pads(file: Path, dialect: Dialect, table: Table) -> tuple[Pad, ...]:
     """Make the pads, each with its tests in order."""
     builder = _Builder(file, dialect, table)
     tests: dict[str, list[Test]] = {}
+    fluids: dict[str, str | None] = {}
     for rows in _grouped(table):
         of_pad = tests.setdefault(rows.pad, [])
         of_pad.append(builder.test(rows, of_pad[-1] if of_pad else None))
+        builder.add_fluid(rows, fluids)
     units = dialect.columns.units
-    return tuple(Pad(name, tuple(of_pad), units) for name, of_pad in tests.items())
+    return tuple(Pad(name, tuple(of_pad), units, fluids[name]) for name, of_pad in tests.items())
 
 
 def _notices(dialect: Dialect) -> tuple[str, ...]:
@@ -167,6 +171,17 @@ class _Builder:
             start_s=self._start(rows, before),
         )
 
+    def add_fluid(self, rows: Rows, fluids: dict[str, str | None]) -> None:
+        """Note the fluid of the test's pad, which must be that of the pad's other tests."""
+        fluid = self._label(rows, "fluid") or None
+        if fluid:
+            self._names_folder(rows, "fluid", fluid)
+        before = fluids.setdefault(rows.pad, fluid)
+        if before != fluid:
+            name = self.dialect.columns.labels["fluid"].name
+            what = f"{name} changes from '{before or ''}' to '{fluid or ''}'"
+            self._fail(rows, rows.row(0), what, f"write one {name} for all rows of a pad")
+
     def _fail(self, rows: Rows, row: int, message: str, remedy: str) -> NoReturn:
         line = self.table.line(row)
         where = f" in test '{rows.test}' of pad '{rows.pad}'"
@@ -177,11 +192,15 @@ class _Builder:
         for key, name in (("pad", rows.pad), ("test", rows.test)):
             if not name:
                 self._fail(rows, first, f"{key} is empty", "write its name")
-        if "/" in rows.pad or "\\" in rows.pad or rows.pad.startswith("."):
+        self._names_folder(rows, "pad", rows.pad)
+
+    def _names_folder(self, rows: Rows, what: str, name: str) -> None:
+        if "/" in name or "\\" in name or name.startswith("."):
             remedy = (
                 "write it without / and \\ and a leading point: results go to a folder so named"
             )
-            self._fail(rows, first, f"the pad's name '{rows.pad}' cannot name a folder", remedy)
+            message = f"the {what}'s name '{name}' cannot name a folder"
+            self._fail(rows, rows.row(0), message, remedy)
 
     def _label(self, rows: Rows, key: str) -> str:
         """Text of a label, the same in all rows of the test; empty if there is no such column."""

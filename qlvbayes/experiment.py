@@ -44,12 +44,13 @@ class Trial:
 
 @dataclass(frozen=True)
 class Experiment:
-    """All trials of one pad, its units and its noise floor."""
+    """All trials of one pad, its units, its noise floor and, where it is known, its fluid."""
 
     pad: str
     units: UnitSystem
     trials: tuple[Trial, ...]
     floor: NoiseFloor
+    fluid: str | None = None
 
     def with_role(self, role: str) -> tuple[Trial, ...]:
         """The trials that are fitted, or those that validate."""
@@ -112,7 +113,7 @@ def prepare(pad: Pad, *, all_tests: bool = False) -> Experiment:
     if all_tests:
         trials = [replace(t, role="fit") for t in trials]
     floor = measure([t.test for t in trials], [t.phases for t in trials])
-    return Experiment(pad.name, pad.units, tuple(trials), floor)
+    return Experiment(pad.name, pad.units, tuple(trials), floor, pad.fluid)
 
 
 def pulls(experiment: Experiment) -> bool:

@@ -15,17 +15,33 @@ import xarray
 import qlvbayes
 from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
+from qlvbayes.covered import Covered, covered
+from qlvbayes.elsewhere import (
+    check_draws,
+    flat_names,
+    infer_choices,
+    pad_name,
+    unit_system,
+    wanted_names,
+)
 from qlvbayes.files import write_whole
 from qlvbayes.fit import Fit
 from qlvbayes.inference import compiled
+from qlvbayes.parameters import all_fields, described
 from qlvbayes.summary import Summary
+from qlvbayes.units import PAD, UnitSystem
 
 _MEMBER = re.compile(r"(.+)\[(\d+)\]")
 
 
 @dataclass(frozen=True)
 class Saved:
-    """What a results file says: draws (chains, draws, P) of the constants and how they were got."""
+    """What a results file says: draws (chains, draws, P) of the constants and how they were got.
+
+    fluid: of the pad, where it is known; units: of its constants; covered: what its tests cover;
+    converged: whether nothing spoke against the sampling. A posterior made elsewhere has an empty
+    ``source``, ``sha256`` and ``fitted`` where its file does not say.
+    """
 
     pad: str
     names: tuple[str, ...]
@@ -36,6 +52,10 @@ class Saved:
     sha256: str
     all_tests: bool
     fitted: tuple[str, ...]
+    fluid: str | None = None
+    units: UnitSystem = PAD
+    covered: Covered | None = None
+    converged: bool = True
 
     @property
     def draws(self) -> np.ndarray:
@@ -136,9 +156,12 @@ def _provenance(
         "method": fit.method,
         "converged": int(summary.converged),
         "choices": json.dumps(fit.choices.as_dict()),
+        "priors": json.dumps(described(all_fields(fit.posterior))),
         "effects": json.dumps(list(fit.choices.effects)),
         "fitted_tests": json.dumps([trial.name for trial in fit.trials]),
         "all_tests": int(all_tests),
+        "fluid": fit.experiment.fluid or "",
+        "covered": json.dumps(covered(fit.experiment).as_dict()),
         "source": source,
         "sha256": sha256,
         "seed": seed,
@@ -162,25 +185,18 @@ def save(tree: xarray.DataTree, path: Path) -> None:
 
 
 def load(path: Path) -> Saved:
-    """Read a results file; InputError if it is not one."""
+    """Read a results file, or a posterior made elsewhere that has our names of the constants.
+
+    Raises InputError if it is neither, naming what is missing.
+    """
     try:
         # h5netcdf, given what is no HDF5 file, prints a traceback when it is swept up
         h5py.File(path).close()
         tree = xarray.load_datatree(path, engine="h5netcdf")
-        attrs = tree.attrs
         posterior = tree["posterior"].to_dataset()
-        names, columns = _flattened(posterior)
-        return Saved(
-            pad=str(attrs["pad"]),
-            names=tuple(names),
-            constants=np.stack(columns, axis=-1),
-            choices=Choices.from_dict(json.loads(attrs["choices"])),
-            method=str(attrs["method"]),
-            source=str(attrs["source"]),
-            sha256=str(attrs["sha256"]),
-            all_tests=bool(attrs["all_tests"]),
-            fitted=tuple(json.loads(attrs["fitted_tests"])),
-        )
+        if "choices" not in tree.attrs:
+            return _from_elsewhere(posterior, tree.attrs, path)
+        return _ours(posterior, tree.attrs)
     except (OSError, KeyError, ValueError, RuntimeError, TypeError) as error:
         raise InputError(
             f"not a results file of qlvbayes ({type(error).__name__})",
@@ -189,15 +205,75 @@ def load(path: Path) -> Saved:
         ) from error
 
 
+def _ours(posterior: xarray.Dataset, attrs: dict) -> Saved:
+    names, columns = _flattened(posterior)
+    reach = attrs.get("covered")
+    return Saved(
+        pad=str(attrs["pad"]),
+        names=tuple(names),
+        constants=np.stack(columns, axis=-1),
+        choices=Choices.from_dict(json.loads(attrs["choices"])),
+        method=str(attrs["method"]),
+        source=str(attrs["source"]),
+        sha256=str(attrs["sha256"]),
+        all_tests=bool(attrs["all_tests"]),
+        fitted=tuple(json.loads(attrs["fitted_tests"])),
+        fluid=str(attrs["fluid"]) if attrs.get("fluid") else None,
+        units=unit_system(attrs.get("displacement_unit"), {}),
+        covered=Covered(**json.loads(reach)) if reach else None,
+        converged=bool(attrs.get("converged", True)),
+    )
+
+
+def _from_elsewhere(posterior: xarray.Dataset, attrs: dict, path: Path) -> Saved:
+    """A posterior of another program; attributes of the same names as ours are heeded."""
+    if not {"chain", "draw"} <= set(posterior.sizes):
+        raise InputError(
+            "not a results file: its posterior has no dimensions chain and draw",
+            file=path,
+            remedy="write it with arviz, or run qlvbayes fit",
+        )
+    units = unit_system(
+        attrs.get("displacement_unit"),
+        {str(key): str(v.attrs.get("units", "")) for key, v in posterior.data_vars.items()},
+    )
+    found = dict(zip(*_flattened(posterior), strict=True))
+    try:
+        choices = infer_choices(
+            found,
+            bonded=bool(attrs.get("bonded", units.bonded_default)),
+            effects_file=attrs.get("effects_file"),
+        )
+        draws = {name: np.asarray(found[name], float) for name in wanted_names(choices, found)}
+        check_draws(choices, draws)
+    except InputError as error:
+        raise InputError(str(error), file=path) from error
+    return Saved(
+        pad=str(attrs.get("pad", pad_name(path))),
+        names=tuple(draws),
+        constants=np.stack(list(draws.values()), axis=-1),
+        choices=choices,
+        method=str(attrs.get("method", attrs.get("inference_library", "elsewhere"))),
+        source=str(attrs.get("source", "")),
+        sha256=str(attrs.get("sha256", "")),
+        all_tests=bool(attrs.get("all_tests", False)),
+        fitted=(),
+        fluid=str(attrs["fluid"]) if attrs.get("fluid") else None,
+        units=units,
+    )
+
+
 def _flattened(posterior: xarray.Dataset) -> tuple[list[str], list[np.ndarray]]:
+    """Names and draws (chain, draw) of every number; a vector's members are named by index."""
     names, columns = [], []
     for key, variable in posterior.data_vars.items():
-        values = variable.to_numpy()
+        values = variable.transpose("chain", "draw", ...).to_numpy()
         if values.ndim == 2:
             names.append(str(key))
             columns.append(values)
-            continue
-        for place, index in enumerate(posterior[f"{key}_index"].to_numpy()):
-            names.append(f"{key}[{int(index)}]")
-            columns.append(values[..., place])
+        elif values.ndim == 3:
+            dim = str(variable.dims[-1])
+            labels = posterior[dim].values.tolist() if dim in posterior.coords else []
+            names += flat_names(str(key), labels, values.shape[-1])
+            columns += list(np.moveaxis(values, -1, 0))
     return names, columns

@@ -2,7 +2,9 @@
 
 import json
 import warnings
+from dataclasses import replace
 
+import arviz_base
 import h5py
 import jax.numpy as jnp
 import numpy as np
@@ -203,3 +205,33 @@ def test_a_file_of_another_program_is_refused(tmp_path):
     other.to_netcdf(path, engine="h5netcdf")
     with pytest.raises(InputError, match="not a results file"):
         load(path)
+
+
+def test_a_fluid_and_what_the_tests_cover_travel_with_the_results(file, tmp_path):
+    saved = load(file)
+    assert saved.fluid is None
+    assert saved.converged
+    reach = saved.covered
+    assert reach.depth == pytest.approx(1.6, abs=0.01)
+    assert (reach.slowest, reach.tests) == (pytest.approx(0.1, rel=0.01), 6)
+    assert reach.hold == pytest.approx(30.0, rel=0.01)
+    found = fitted()
+    oily = replace(found, experiment=replace(found.experiment, fluid="oil"))
+    tree = to_arviz(oily, summarise(found), source="", sha256="", all_tests=False, seed=0)
+    save(tree, tmp_path / "posterior.nc")
+    assert load(tmp_path / "posterior.nc").fluid == "oil"
+
+
+def test_the_posterior_alone_written_by_arviz_is_still_understood(file, tmp_path):
+    """ArviZ reads our file; its posterior, written again without our notes, names its model."""
+    ours = load(file)
+    posterior = arviz.from_netcdf(file)["posterior"]
+    variables = {name: x.values for name, x in posterior.data_vars.items()}
+    path = tmp_path / "B" / "posterior.nc"
+    path.parent.mkdir()
+    save(arviz_base.from_dict({"posterior": variables}), path)
+    again = load(path)
+    assert again.choices == ours.choices
+    assert again.covered is None
+    order = [ours.names.index(name) for name in again.names]
+    np.testing.assert_array_equal(again.constants, ours.constants[..., order])

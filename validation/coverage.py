@@ -64,7 +64,7 @@ def _all_fits(plan: dict[Setting, int], seed: int, folder: Path) -> dict[Setting
         for index in range(count)
         if index not in kept[setting].fits
     ]
-    with _progress() as bar:
+    with progress() as bar:
         task = bar.add_task("", total=len(missing))
         for setting, index in missing:
             bar.update(task, description=setting.describe())
@@ -73,7 +73,7 @@ def _all_fits(plan: dict[Setting, int], seed: int, folder: Path) -> dict[Setting
     return {setting: kept[setting].first(count) for setting, count in plan.items()}
 
 
-def _progress() -> Progress:
+def progress() -> Progress:
     """A bar on stderr; silent where that is no terminal."""
     console = Console(stderr=True)
     return Progress(

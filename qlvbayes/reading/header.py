@@ -10,7 +10,8 @@ from typing import NoReturn
 from qlvbayes.checks import InputError
 from qlvbayes.units import PAD, SAME, STRAIN, SUFFIXES, Scale, UnitSystem, column_name
 
-LABELS = ("pad", "test", "role")
+LABELS = ("pad", "fluid", "test", "role")
+_OTHER_NAMES = {"group": "fluid"}
 _OPTIONAL = ("force_sd", "stress_sd", "start", "rate")
 # The longer name first: force_sd_N is not force in 'sd_N'.
 _QUANTITIES = sorted(SUFFIXES, key=len, reverse=True)
@@ -79,7 +80,7 @@ def read_columns(names: list[str], file: Path, line: int) -> Columns:
 
 def split_name(name: str) -> tuple[str, str] | None:
     """Quantity and suffix of a column name, or None: 'Force_sd_mN' -> ('force_sd', 'mN')."""
-    lower = name.lower()
+    lower = _OTHER_NAMES.get(name.lower(), name.lower())
     if lower in LABELS or lower == "strain":
         return lower, ""
     for quantity in _QUANTITIES:

@@ -1,0 +1,134 @@
+"""``qlvbayes compare``: whether two pads or two fluids differ, in what, and by how much."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from qlvbayes.checks import InputError
+from qlvbayes.cli.console import out
+from qlvbayes.cli.options import AsJson, Seed, Style, split_names
+from qlvbayes.cli.terminal import Terminal, show_figures
+from qlvbayes.study.comparing import (
+    FOLDER,
+    Group,
+    compare_into,
+    fluid_pairs,
+    pad_pairs,
+    saved_pads,
+)
+
+if TYPE_CHECKING:
+    from qlvbayes.results import Saved
+
+
+def compare_command(
+    folder: Annotated[Path, typer.Argument(help="The folder that 'fit' wrote.")],
+    pads: Annotated[
+        str, typer.Option(help="Two or more pads, as 'B,C'; each pair is compared. Default: all.")
+    ] = "",
+    fluids: Annotated[
+        bool | None,
+        typer.Option(
+            "--fluids/--specimens",
+            help="Compare fluids, with the spread between specimens, or single pads. Default: "
+            "fluids where two of them have two specimens or more.",
+        ),
+    ] = None,
+    region: Annotated[
+        float, typer.Option(help="Ratios from 1/(1 + region) to 1 + region count as equal.")
+    ] = 0.1,
+    depth: Annotated[
+        float | None, typer.Option(help="Depth (mm). Default: a round one that all tests reach.")
+    ] = None,
+    rates: Annotated[
+        str, typer.Option(help="Loading rates (mm/s), as '0.1,1,30'. Default: of the tests' range.")
+    ] = "",
+    frequencies: Annotated[
+        str, typer.Option(help="Frequencies (Hz), as '0.1,1'. Default: of the tests' range.")
+    ] = "",
+    data: Annotated[
+        Path | None, typer.Option(help="The measurements, if the fits do not say what they cover.")
+    ] = None,
+    style: Style = None,
+    seed: Seed = 0,
+    as_json: AsJson = False,
+) -> None:
+    """Compare pads or fluids: every constant, stiffness, forces, times, lost energy, loss tangent.
+
+    Each with its difference and ratio, 90 % intervals, the probability of the direction and of
+    practical equivalence, and the answer: greater, less, equal, or cannot tell. Leaves
+    OUT/compare/B-vs-C/compare.json, .csv, .tex, .txt and the figure contrasts (PNG and PDF).
+    """
+    from qlvbayes.cli.compare_table import contrasts_table
+    from qlvbayes.compare.words import paragraphs
+    from qlvbayes.compare.writing import content
+
+    pairs = _pairs(saved_pads(folder, data), folder, pads, fluids)
+    watcher = Terminal(quiet=as_json)
+    contents, figures = [], []
+    for first, second in pairs:
+        found, drawn = compare_into(
+            folder,
+            first,
+            second,
+            region=region,
+            depth=depth,
+            rates=_numbers("--rates", rates),
+            frequencies=_numbers("--frequencies", frequencies),
+            seed=seed,
+            watcher=watcher,
+        )
+        contents.append(content(found))
+        figures += drawn
+        if not as_json:
+            out.print(contrasts_table(found))
+            for text in paragraphs(found):
+                out.print(text, markup=False, soft_wrap=not out.is_terminal)
+                out.print()
+    if as_json:
+        print(json.dumps(contents, allow_nan=False))
+    else:
+        show_figures(figures)
+        out.print(f"results in {folder / FOLDER}", markup=False)
+
+
+def _pairs(
+    found: Sequence[Saved], folder: Path, pads: str, fluids: bool | None
+) -> list[tuple[Group, Group]]:
+    """What is compared; InputError where there are no two of it."""
+    if names := split_names(pads):
+        known = {saved.pad: saved for saved in found}
+        for name in names:
+            if name not in known:
+                raise InputError(
+                    f"no fit of pad '{name}'", file=folder, remedy=f"name of {', '.join(known)}"
+                )
+        found = [known[name] for name in dict.fromkeys(names)]
+    if fluids is None:
+        fluids = not names and bool(fluid_pairs(found))
+    pairs = fluid_pairs(found) if fluids else pad_pairs(found)
+    if pairs:
+        return pairs
+    if fluids:
+        raise InputError(
+            "no two fluids have two specimens or more each: how much specimens differ is unknown",
+            file=folder,
+            remedy="compare single pads with --specimens, or add a fluid column and more pads",
+        )
+    raise InputError("one fit alone", file=folder, remedy="fit another pad into this folder")
+
+
+def _numbers(option: str, text: str) -> list[float] | None:
+    try:
+        found = [float(word) for word in split_names(text)]
+    except ValueError:
+        found = [math.nan]
+    if not all(math.isfinite(x) and x > 0.0 for x in found):
+        raise InputError(f"{option} {text!r} are not numbers above 0", remedy="write as '0.1,1,30'")
+    return found or None

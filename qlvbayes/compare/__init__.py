@@ -1,0 +1,1 @@
+"""Two pads, or two fluids, set against each other."""

@@ -1,0 +1,108 @@
+"""Motions of the platen by which an engineer reads a pad: steps, ramps, cycles, oscillations.
+
+All have the same number of points, so that one compiled function serves them all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+RAMP_POINTS = 129
+HOLD_POINTS = 193
+_DECADES = 6  # that the points of a hold span
+
+CYCLES, REST_CYCLES = 3, 1
+PIECES = 96  # of a cycle
+AMPLITUDE = 0.01  # of a small oscillation, over the depth
+
+POINTS = RAMP_POINTS + HOLD_POINTS + 2 * (CYCLES + REST_CYCLES) * PIECES + 1
+BURST = slice(RAMP_POINTS + HOLD_POINTS, POINTS)
+_INSTANT = 1e-6  # s, in which a step is made
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """A motion (N,): time (s), depth (mm) and velocity (mm/s) just after each point."""
+
+    time: np.ndarray
+    depth: np.ndarray
+    velocity: np.ndarray
+
+    def filled(self) -> Course:
+        """At rest at its last point up to `POINTS` points; these do nothing."""
+        missing = POINTS - self.time.size
+        time, depth = (np.pad(x, (0, missing), "edge") for x in (self.time, self.depth))
+        return Course(time, depth, np.append(self.velocity, np.zeros(missing)))
+
+
+def step_hold(depth: float, duration: float) -> Course:
+    """As good as at once to ``depth`` (mm), then at rest for ``duration`` (s)."""
+    return ramp_hold(depth, depth / _INSTANT, duration)
+
+
+def ramp_hold(depth: float, speed: float, duration: float) -> Course:
+    """From contact to ``depth`` (mm) at ``speed`` (mm/s), then at rest for ``duration`` (s)."""
+    up = _ramp(0.0, 0.0, depth, speed)
+    return _joined([up, _hold(up.time[-1], depth, duration)])
+
+
+def cycle(depth: float, speed: float) -> Course:
+    """From contact to ``depth`` and back at one speed."""
+    up = _ramp(0.0, 0.0, depth, speed)
+    return _joined([up, _ramp(up.time[-1], depth, 0.0, speed)])
+
+
+def oscillation(
+    depth: float, speed: float, duration: float, frequency: float, amplitude: float
+) -> Course:
+    """A ramp and a hold, then a burst of a sine (Hz) about ``depth``, swelling and fading (Hann).
+
+    So short a signal tells the response at its frequency as well as an endless one: transients are
+    part of the force that is transformed. It consists of straight pieces, each with its middle,
+    where the speed is right to second order (at the ends it is that of the piece before).
+    """
+    before = ramp_hold(depth, speed, duration)
+    place = np.linspace(0.0, CYCLES + REST_CYCLES, (CYCLES + REST_CYCLES) * PIECES + 1)  # cycles
+    window = np.where(place <= CYCLES, np.sin(np.pi * place / CYCLES) ** 2, 0.0)
+    swing = amplitude * window * np.sin(2.0 * np.pi * place)
+    speeds = np.diff(swing, append=swing[-1]) * PIECES * frequency
+    time = before.time[-1] + _with_middles(place) / frequency
+    burst = Course(time, depth + _with_middles(swing), np.repeat(speeds, 2)[:-1])
+    return _joined([before, burst])
+
+
+def middles(values: np.ndarray) -> np.ndarray:
+    """Values (..., N) of an oscillation at the middles of the burst's pieces."""
+    return values[..., BURST][..., 1::2]
+
+
+def _with_middles(ends: np.ndarray) -> np.ndarray:
+    both = np.empty(2 * ends.size - 1)
+    both[::2], both[1::2] = ends, 0.5 * (ends[1:] + ends[:-1])
+    return both
+
+
+def _ramp(start: float, first: float, last: float, speed: float) -> Course:
+    place = np.linspace(0.0, 1.0, RAMP_POINTS)
+    travel = last - first
+    velocity = np.full(RAMP_POINTS, np.sign(travel) * speed)
+    return Course(start + place * abs(travel) / speed, first + place * travel, velocity)
+
+
+def _hold(start: float, depth: float, duration: float) -> Course:
+    """Points even in the logarithm of time."""
+    shares = np.concatenate([[0.0], np.geomspace(10.0**-_DECADES, 1.0, HOLD_POINTS - 1)])
+    nothing = np.zeros(HOLD_POINTS)
+    return Course(start + duration * shares, nothing + depth, nothing)
+
+
+def _joined(parts: Sequence[Course]) -> Course:
+    """One after the other; at a kink both velocities are there, at the same time."""
+    return Course(
+        np.concatenate([part.time for part in parts]),
+        np.concatenate([part.depth for part in parts]),
+        np.concatenate([part.velocity for part in parts]),
+    )

@@ -1,0 +1,116 @@
+"""One pad of a comparison, from a fit, a results file or plain draws."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from qlvbayes.choices import Choices
+from qlvbayes.compare.readings import read
+from qlvbayes.compare.settings import Settings
+from qlvbayes.covered import Covered, covered
+from qlvbayes.drawn import described_model, drawn_models, pad_alone, rig_effects
+from qlvbayes.elsewhere import check_draws, infer_choices, wanted_names
+from qlvbayes.fit import Fit
+from qlvbayes.parameters import fields_of
+from qlvbayes.results import Saved
+from qlvbayes.units import PAD, UnitSystem
+
+MOST_DRAWS = 1000  # of a pad, evenly out of all
+
+Source = Fit | Saved | Mapping[str, np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """draws (n, P) of the named constants, the model that they are of, and what its tests cover.
+
+    fitted: names of the fitted tests, where they are known; converged: whether nothing spoke
+    against the sampling, where that is known.
+    """
+
+    name: str
+    names: tuple[str, ...]
+    draws: np.ndarray
+    choices: Choices
+    units: UnitSystem
+    reach: Covered | None = None
+    fluid: str | None = None
+    fitted: tuple[str, ...] = ()
+    converged: bool = True
+
+    @property
+    def constants(self) -> dict[str, np.ndarray]:
+        """The draws (n,) of each constant."""
+        return {name: self.draws[:, k] for k, name in enumerate(self.names)}
+
+    @property
+    def kinds(self) -> dict[str, str]:
+        """Kind of unit of each constant of the pad: neither the noise nor the rig is part of it."""
+        alone = pad_alone(described_model(self.choices))
+        return {name: field.unit for field in fields_of(alone) for name in field.names}
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """The effects of the rig."""
+        return rig_effects(described_model(self.choices))
+
+    def read(self, settings: Settings) -> np.ndarray:
+        """(n, Q) what an engineer reads from each draw."""
+        alone = pad_alone(described_model(self.choices))
+        return read(drawn_models(alone, self.names, self.draws), settings)
+
+
+def side_of(source: Source, name: str) -> Side:
+    """A pad from a fit, a results file, or a dict of draws (any shape) by the constants' names.
+
+    name: what a dict is called, which has no name of its own.
+
+    Raises InputError where a dict lacks a constant.
+    """
+    if isinstance(source, Fit):
+        return _of_fit(source)
+    if isinstance(source, Saved):
+        return Side(
+            source.pad,
+            source.names,
+            _some(source.draws),
+            source.choices,
+            source.units,
+            source.covered,
+            source.fluid,
+            source.fitted,
+            source.converged,
+        )
+    return _of_draws(source, name)
+
+
+def _of_fit(fit: Fit) -> Side:
+    return Side(
+        fit.pad,
+        tuple(fit.names),
+        _some(fit.constants.reshape(-1, len(fit.names))),
+        fit.choices,
+        fit.experiment.units,
+        covered(fit.experiment),
+        fit.experiment.fluid,
+        tuple(trial.name for trial in fit.trials),
+        fit.enough,
+    )
+
+
+def _of_draws(source: Mapping[str, np.ndarray], name: str) -> Side:
+    given = {key: np.ravel(np.asarray(values, float)) for key, values in source.items()}
+    choices = infer_choices(given)
+    names: Sequence[str] = wanted_names(choices, given)
+    check_draws(choices, {key: given[key] for key in names})
+    draws = np.stack([given[key] for key in names], axis=-1)
+    return Side(name, tuple(names), _some(draws), choices, PAD)
+
+
+def _some(draws: np.ndarray) -> np.ndarray:
+    if len(draws) <= MOST_DRAWS:
+        return draws
+    return draws[np.linspace(0, len(draws) - 1, MOST_DRAWS).astype(int)]

@@ -1,0 +1,113 @@
+"""``qlvbayes compare`` on fits of three pads: files, words, pairs, fluids and what is refused."""
+
+import csv
+import json
+
+import pytest
+from endtoend import call, read_json
+from test_elsewhere import drawn, vectors, written
+
+PLACES = ("--depth", 1, "--rates", "1", "--frequencies", "0.3")
+
+
+def folder_of(path, pads, fluids=None):
+    for seed, pad in enumerate(pads):
+        attrs = {"fluid": fluids[pad]} if fluids else {}
+        written(path / pad, vectors(drawn(pad[0], seed)), attrs)
+    return path
+
+
+@pytest.fixture(scope="module")
+def pads(tmp_path_factory):
+    return folder_of(tmp_path_factory.mktemp("pads"), "ABC")
+
+
+@pytest.fixture(scope="module")
+def compared(pads):
+    status, out, err = call("compare", pads, "--pads", "B,C", *PLACES)
+    assert (status, err) == (0, "")
+    return pads / "compare" / "B-vs-C", out
+
+
+def test_files_are_left(compared):
+    folder, _ = compared
+    names = {path.name for path in folder.iterdir()}
+    tables = {f"compare.{suffix}" for suffix in ("json", "csv", "tex", "txt")}
+    assert names == tables | {"contrasts.png", "contrasts.pdf"}
+    assert [path.name for path in folder.parent.iterdir()] == ["B-vs-C"]
+
+
+def test_the_terminal_shows_the_answer(compared):
+    folder, out = compared
+    text = (folder / "compare.txt").read_text()
+    assert text.startswith("Yes: B and C differ")
+    assert text.split("\n")[0] in out
+    assert "cannot tell" in out
+    assert "\x1b" not in out
+
+
+def test_table_and_json_agree(compared):
+    folder, _ = compared
+    content = read_json(folder / "compare.json")
+    lines = (folder / "compare.csv").read_text().splitlines()
+    assert lines[0] == "# first = B, second = C; region 0.1"
+    rows = list(csv.DictReader(lines[1:]))
+    for row, entry in zip(rows, content["contrasts"], strict=True):
+        assert row["quantity"] == entry["quantity"]
+        assert row["answer"] == entry["answer"]
+        assert float(row["difference_low90"]) == pytest.approx(entry["difference"]["low"], rel=1e-5)
+
+
+def test_a_seed_repeats_and_json_is_all_that_is_printed(compared, pads):
+    folder, _ = compared
+    content = read_json(folder / "compare.json")
+    status, out, err = call("compare", pads, "--pads", "B,C", *PLACES, "--json")
+    assert (status, err) == (0, "")
+    (printed,) = json.loads(out)
+    assert printed == content
+    assert read_json(folder / "compare.json") == content
+
+
+def test_without_names_every_pair_is_compared(tmp_path):
+    folder = folder_of(tmp_path, "AB")
+    status, out, _ = call("compare", folder, *PLACES, "--json", "--region", 0.5)
+    assert status == 0
+    assert [found["names"] for found in json.loads(out)] == [["A", "B"]]
+    assert json.loads(out)[0]["region"] == 0.5
+
+
+def test_specimens_of_two_fluids_are_compared_as_fluids(tmp_path):
+    fluids = {"B1": "oil", "B2": "oil", "C1": "glycerin", "C2": "glycerin"}
+    folder = folder_of(tmp_path, fluids, fluids)
+    status, out, err = call("compare", folder, *PLACES)
+    assert (status, err) == (0, "")
+    assert "oil and glycerin" in out
+    content = read_json(folder / "compare" / "oil-vs-glycerin" / "compare.json")
+    assert (content["between"], content["specimens"]) == ("fluids", [2, 2])
+    status, out, _ = call("compare", folder, *PLACES, "--pads", "B1,B2", "--json")
+    assert [found["between"] for found in json.loads(out)] == ["pads"]
+
+
+@pytest.mark.parametrize(
+    ("words", "problem", "remedy"),
+    [
+        (("--pads", "B,D"), "no fit of pad 'D'", "name of A, B, C"),
+        (("--pads", "B"), "one fit alone", "fit another pad"),
+        (("--fluids",), "no two fluids have two specimens", "--specimens"),
+        (("--rates", "1,fast"), "--rates '1,fast' are not numbers above 0", "0.1,1,30"),
+        (("--region", "0"), "region 0 is not above 0", "0.1"),
+        (("--depth", "-1"), "depth -1 is not above 0", "positive"),
+    ],
+)
+def test_what_cannot_be_compared_is_refused_in_one_line(pads, words, problem, remedy):
+    status, out, err = call("compare", pads, *words)
+    assert (status, out) == (2, "")
+    assert err.count("\n") == 1
+    assert problem in err
+    assert remedy in err
+
+
+def test_an_empty_folder_is_refused(tmp_path):
+    status, _, err = call("compare", tmp_path)
+    assert status == 2
+    assert "no fit in this folder; run qlvbayes fit first" in err

@@ -1,0 +1,300 @@
+"""Two pads set against each other: known differences, equals, and what cannot be told."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from endtoend import fitted
+from scipy.stats import kstest, norm
+
+import qlvbayes
+from qlvbayes.checks import InputError
+from qlvbayes.compare.compare import compare
+from qlvbayes.compare.contrast import Comparison
+from qlvbayes.compare.joint import FALSE_ALARMS, joint_test
+from qlvbayes.compare.judging import answer, contrast
+from qlvbayes.compare.readings import Reading
+from qlvbayes.compare.words import paragraphs
+from qlvbayes.compare.writing import as_csv, as_latex
+from qlvbayes.synthetic import TABLE_1
+
+PLACES = {"depth": 1.0, "rates": [1.0], "frequencies": [0.3]}
+WIDTHS = {"m": 0.01, "b": 0.02, "c[1]": 0.01, "c[2]": 0.05, "v[1]": 0.02, "v[2]": 0.1}
+ORDER = ["m", "b", "c[0]", "c[1]", "c[2]", "v[1]", "v[2]"]
+UNIT = Reading("m", "N/mm", "constants", False)
+
+
+def table_1(pad):
+    pad = TABLE_1[pad]
+    return {
+        "m": pad.m,
+        "b": pad.b,
+        "c[1]": pad.c[1],
+        "c[2]": pad.c[2],
+        "v[1]": pad.v[0],
+        "v[2]": pad.v[1],
+    }
+
+
+def posterior(truth, rng, widths=WIDTHS, size=300, *, centred=False):
+    """Log-normal draws as a right inference would give, whose centres miss the truth as well.
+
+    ``centred``: they do not, so that what follows is the same for every seed.
+    """
+    off = 0.0 if centred else 1.0
+    draws = {
+        name: value
+        * np.exp(widths[name] * (off * rng.standard_normal() + rng.standard_normal(size)))
+        for name, value in truth.items()
+    }
+    draws["c[0]"] = 1.0 - draws["c[1]"] - draws["c[2]"]
+    return {name: draws[name] for name in ORDER}
+
+
+@pytest.fixture(scope="module")
+def oil_and_glycerin():
+    rng = np.random.default_rng(0)
+    first, second = (posterior(table_1(pad), rng, centred=True) for pad in "BC")
+    return compare(first, second, names=("B", "C"), **PLACES)
+
+
+def test_known_differences_are_found(oil_and_glycerin):
+    found = oil_and_glycerin
+    assert found.differ is True
+    assert found.omnibus.p_value < 1e-6
+    answers = {name: found[name].answer for name in ("m", "b", "c[0]", "c[2]")}
+    assert answers == {"m": "less", "b": "greater", "c[0]": "less", "c[2]": "greater"}
+    true, other = table_1("B"), table_1("C")
+    for name in ("m", "b", "c[2]"):
+        ratio = found[name].ratio
+        # four standard errors of a median of 300 pairs
+        error = 4.0 * 1.25 * np.sqrt(2.0 / 300) * WIDTHS[name]
+        assert abs(np.log(ratio.median / (true[name] / other[name]))) < error
+        assert found[name].difference.median == pytest.approx(
+            found[name].values[0].median - found[name].values[1].median, abs=0.02
+        )
+
+
+def test_same_rates_are_told_equal_where_they_are_sharp_and_left_open_where_not(oil_and_glycerin):
+    """The paper's open question: its v1 and v2 are the same for oil and for glycerin."""
+    assert oil_and_glycerin["v[1]"].answer == "equal"
+    assert oil_and_glycerin["v[2]"].answer == "cannot tell"
+    words = " ".join(paragraphs(oil_and_glycerin))
+    assert "v[1]" in words.split("the data say equal within 10 %")[0]
+    assert "the data cannot tell" in words
+
+
+def test_what_engineers_read_is_compared_too(oil_and_glycerin):
+    groups = dict.fromkeys(c.group for c in oil_and_glycerin.contrasts)
+    assert list(groups) == [
+        "constants", "stiffness", "force", "relaxation", "energy", "loss tangent"
+    ]  # fmt: skip
+    for c in oil_and_glycerin.contrasts:
+        for value in (*c.values, c.difference, c.ratio):
+            assert value.low < value.median < value.high
+        assert 0.0 <= c.direction <= 1.0
+        assert 0.0 <= c.equivalence <= 1.0
+
+
+def test_turning_the_pair_round_turns_the_answers_round():
+    rng = np.random.default_rng(1)
+    first, second = (posterior(table_1(pad), rng, centred=True) for pad in "AC")
+    there = compare(first, second, names=("A", "C"), **PLACES)
+    back = compare(second, first, names=("C", "A"), **PLACES)
+    turned = {"greater": "less", "less": "greater", "equal": "equal", "cannot tell": "cannot tell"}
+    for one, other in zip(there.contrasts, back.contrasts, strict=True):
+        assert one.direction == pytest.approx(1.0 - other.direction, abs=0.03)
+        assert one.difference.median == pytest.approx(-other.difference.median, rel=0.1, abs=0.01)
+        if one.quantity in ("m", "b", "c[2]", "v[1]"):
+            assert turned[one.answer] == other.answer
+
+
+def test_a_posterior_against_itself_is_equal_or_cannot_tell():
+    draws = posterior(table_1("B"), np.random.default_rng(2))
+    found = compare(draws, draws, names=("B", "B again"), **PLACES)
+    assert not {c.answer for c in found.contrasts} & {"greater", "less"}
+    assert found.differ is None  # v[2] is too wide to be called equal
+    sharp = {name: 0.1 * width for name, width in WIDTHS.items()}
+    draws = posterior(table_1("B"), np.random.default_rng(2), sharp)
+    found = compare(draws, draws, **PLACES)
+    assert {c.answer for c in found.contrasts} == {"equal"}
+    assert found.differ is False
+    assert paragraphs(found)[0].startswith("No: ")
+
+
+def test_probabilities_are_those_of_normal_draws():
+    """Direction and equivalence against the normal distribution, to a draw's own error."""
+    rng = np.random.default_rng(3)
+    first, second = rng.normal(10.2, 0.3, 400_000), rng.normal(10.0, 0.4, 400_000)
+    found = contrast(UNIT, first, second, 0.1)
+    assert found.direction == pytest.approx(norm.cdf(0.2 / 0.5), abs=4e-3)
+    # x/y <= r where x - r y <= 0, also normal
+    below = lambda r: norm.cdf(-(10.2 - r * 10.0) / np.hypot(0.3, r * 0.4))  # noqa: E731
+    assert found.equivalence == pytest.approx(below(1.1) - below(1 / 1.1), abs=4e-3)
+    tail = norm.ppf(0.95) * 0.5
+    assert found.difference.high == pytest.approx(0.2 + tail, abs=0.01)
+    assert found.difference.low == pytest.approx(0.2 - tail, abs=0.01)
+
+
+def test_a_quantity_that_changes_sign_has_no_ratio():
+    rng = np.random.default_rng(4)
+    found = contrast(UNIT, rng.normal(0.0, 1.0, 1000), rng.normal(5.0, 1.0, 1000), 0.1)
+    assert found.ratio is None
+    assert found.answer == "less"
+    same = contrast(UNIT, np.zeros(100), np.zeros(100), 0.1)
+    assert (same.direction, same.equivalence, same.answer) == (0.5, 1.0, "equal")
+
+
+@pytest.mark.parametrize(
+    ("direction", "equivalence", "wanted"),
+    [
+        (0.99, 0.10, "greater"),
+        (0.01, 0.10, "less"),
+        (0.90, 0.60, "cannot tell"),
+        (0.60, 0.96, "equal"),
+        (0.99, 0.96, "equal"),  # real, but within the region
+    ],
+)
+def test_equal_is_not_the_same_as_not_shown_to_differ(direction, equivalence, wanted):
+    assert answer(direction, equivalence) == wanted
+
+
+def test_equals_fail_the_joint_test_in_one_per_cent_of_cases():
+    """Its p-values are uniform over pairs of equal pads, each with an error of its own."""
+    rng = np.random.default_rng(5)
+    truth = table_1("B")
+    p_values = []
+    for _ in range(400):
+        first, second = (posterior(truth, rng, size=400) for _ in range(2))
+        p_values.append(joint_test(first, second).p_value)
+    alarms = np.mean(np.array(p_values) < FALSE_ALARMS)
+    assert alarms < FALSE_ALARMS + 3.0 * np.sqrt(FALSE_ALARMS / 400)
+    assert kstest(p_values, "uniform").pvalue > 1e-3
+
+
+def test_the_joint_test_is_the_chi_square_of_the_difference():
+    """One constant, in the logarithm."""
+    rng = np.random.default_rng(6)
+    first, second = np.exp(rng.normal(0.0, 0.1, 500)), np.exp(rng.normal(0.3, 0.2, 500))
+    found = joint_test({"m": first}, {"m": second})
+    gap = np.log(first).mean() - np.log(second).mean()
+    spread = np.log(first).var(ddof=1) + np.log(second).var(ddof=1)
+    assert found.freedom == 1
+    assert found.statistic == pytest.approx(gap**2 / spread)
+    assert found.p_value == pytest.approx(2 * norm.sf(abs(gap) / np.sqrt(spread)))
+
+
+def test_different_effects_are_compared_on_what_they_share():
+    rng = np.random.default_rng(7)
+    first, second = posterior(table_1("B"), rng), posterior(table_1("C"), rng)
+    drag = second | {"viscous_drag.eta": np.full(300, 0.003)}
+    found = compare(first, drag, names=("B", "C"), **PLACES)
+    assert "viscous_drag.eta" not in [c.quantity for c in found.contrasts]
+    assert {c.quantity for c in found.of_group("constants")} == set(ORDER)
+    assert any("only C was fitted with viscous_drag" in notice for notice in found.notices)
+
+
+def test_different_numbers_of_modes_leave_c_and_v_out():
+    rng = np.random.default_rng(8)
+    one = {"m": 0.3 * np.exp(0.01 * rng.standard_normal(500)), "b": np.ones(500)}
+    one |= {"c[0]": np.full(500, 0.4), "c[1]": np.full(500, 0.6), "v[1]": np.full(500, 5.0)}
+    found = compare(one, posterior(table_1("B"), rng), **PLACES)
+    assert [c.quantity for c in found.of_group("constants")] == ["m", "b"]
+    assert any("different numbers of relaxation modes" in notice for notice in found.notices)
+
+
+def test_without_a_shared_constant_there_is_no_verdict_but_there_are_quantities():
+    rng = np.random.default_rng(9)
+    hertz = {"m": 0.3 * np.exp(0.01 * rng.standard_normal(500)), "n": np.full(500, 1.5)}
+    hertz |= {"c[0]": np.full(500, 0.4), "c[1]": np.full(500, 0.6), "v[1]": np.full(500, 5.0)}
+    found = compare(hertz, posterior(table_1("B"), rng), **PLACES)
+    assert found.differ is None
+    assert found.omnibus is None
+    assert len(found.contrasts) == 7
+    assert "no constant is shared" in " ".join(found.notices)
+    assert paragraphs(found)[0].startswith("Cannot tell")
+
+
+def test_a_constant_fixed_in_both_is_not_compared():
+    rng = np.random.default_rng(10)
+    first, second = (posterior(table_1("B"), rng) | {"v[2]": np.full(300, 0.14)} for _ in "ab")
+    found = compare(first, second, **PLACES)
+    assert "v[2]" not in [c.quantity for c in found.contrasts]
+    assert "fixed, not fitted, and not compared: v[2]" in found.notices
+    assert found.omnibus.freedom == 5
+
+
+def test_fits_are_compared_at_places_that_their_tests_reach():
+    """A fit against itself, nothing said of depth, rates and frequencies."""
+    found = compare(fitted(), fitted(), seed=3)
+    assert found.settings["depth"] == 1.5
+    assert found.settings["rates"] == [0.1, 3.0, 30.0]
+    assert not any(c.extrapolated for c in found.contrasts)
+    assert found.differ in (None, False)
+    assert any("fitted to B-20 of 6 tests" in notice for notice in found.notices)
+    assert found.as_dict() == compare(fitted(), fitted(), seed=3).as_dict()
+
+
+def test_the_words_begin_with_the_answer_and_count_what_chance_would_give(oil_and_glycerin):
+    first, *_, chance, _, _ = paragraphs(oil_and_glycerin)
+    assert first.startswith("Yes: B and C differ")
+    count = len(oil_and_glycerin.contrasts)
+    assert f"of {count} quantities" in chance
+    assert f"up to {0.05 * count:.1f} would be by chance" in chance
+
+
+def test_tables_hold_every_number(oil_and_glycerin):
+    rows = [line.split(",") for line in as_csv(oil_and_glycerin).splitlines()[1:]]
+    assert len(rows) == 1 + len(oil_and_glycerin.contrasts)
+    named = dict(zip(rows[0], rows[1], strict=True))
+    assert float(named["ratio_median"]) == pytest.approx(
+        oil_and_glycerin["m"].ratio.median, rel=1e-5
+    )
+    latex = as_latex(oil_and_glycerin)
+    body = latex.split("\\midrule\n")[1].split("\n\\bottomrule")[0].splitlines()
+    assert len(body) == len(oil_and_glycerin.contrasts)
+    assert all(line.count(" & ") == 7 for line in body)
+
+
+def test_latex_names_are_escaped(oil_and_glycerin):
+    odd = replace(oil_and_glycerin, names=("50%_oil", "a&b\\c"))
+    latex = as_latex(odd)
+    assert "50\\%\\_oil" in latex
+    assert "a\\&b\\textbackslash{}c" in latex
+
+
+def test_json_is_finite_and_complete(oil_and_glycerin):
+    content = json.loads(json.dumps(oil_and_glycerin.as_dict(), allow_nan=False))
+    assert content["schema"] == 1
+    assert content["names"] == ["B", "C"]
+    assert content["omnibus"]["false_alarms"] == FALSE_ALARMS
+    keys = {"quantity", "unit", "first", "second", "difference", "ratio", "direction"}
+    assert keys <= set(content["contrasts"][0])
+
+
+def test_the_package_offers_it():
+    assert qlvbayes.compare is compare
+    assert qlvbayes.Comparison is Comparison
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        ({"region": 0.0}, "region"),
+        ({"depth": -1.0}, "depth"),
+        ({"rates": [1.0, 0.0]}, "rate"),
+        ({"frequencies": [float("nan")]}, "frequency"),
+    ],
+)
+def test_numbers_that_make_no_sense_are_refused(words, problem):
+    draws = posterior(table_1("B"), np.random.default_rng(0), size=200)
+    with pytest.raises(InputError, match=problem):
+        compare(draws, draws, **words)
+
+
+def test_draws_that_lack_a_constant_are_refused():
+    draws = posterior(table_1("B"), np.random.default_rng(0), size=200)
+    del draws["v[2]"]
+    with pytest.raises(InputError, match=r"lacks v\[2\]"):
+        compare(draws, draws)

@@ -1,0 +1,143 @@
+"""Several specimens of each fluid: the hierarchical model against a dense reference."""
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.stats import halfcauchy, multivariate_normal
+from test_compare import PLACES, WIDTHS, posterior, table_1
+
+from qlvbayes.checks import InputError
+from qlvbayes.compare.compare import compare
+from qlvbayes.compare.hierarchy import SPREAD, Specimens, fluid_draws, spread_posterior
+from qlvbayes.compare.words import paragraphs
+
+MEANS = (np.array([1.0, 1.3, 0.9]), np.array([1.6, 1.7]))
+SDS = (np.array([0.1, 0.05, 0.2]), np.array([0.1, 0.3]))
+SIZE = 0.3917  # mean over the fluids of abs(y - 1)
+SCALE = SPREAD * SIZE
+
+
+def dense():
+    """Moments of the fluids' own values and of the spread, by adaptive quadrature over the spread.
+
+    Given the spread, y is normal about the fluid's value, whose prior is a very wide normal.
+    """
+    wide = 1e3
+
+    def joint(tau, power, fluid=None):
+        density, moment = halfcauchy.pdf(tau, scale=SCALE), tau**power
+        for k, (y, s) in enumerate(zip(MEANS, SDS, strict=True)):
+            cov = np.diag(s**2 + tau**2) + wide**2
+            density *= multivariate_normal.pdf(y, np.zeros(len(y)), cov)
+            if k == fluid:
+                weights = np.linalg.solve(cov, np.full(len(y), wide**2))
+                mean = weights @ y
+                variance = wide**2 - weights @ np.full(len(y), wide**2)
+                moment = mean if power == 1 else variance + mean**2
+        return density * moment
+
+    edges = [0.02, 0.1, 0.3, 1.0, 3.0]
+    area = lambda *a: quad(joint, 0.0, 200.0, args=a, points=edges, limit=500)[0]  # noqa: E731
+    total = area(0)
+    return {
+        "means": [area(1, k) / total for k in (0, 1)],
+        "squares": [area(2, k) / total for k in (0, 1)],
+        "below": quad(joint, 0.0, 0.3, args=(0,), points=edges[:2], limit=500)[0] / total,
+    }
+
+
+@pytest.fixture(scope="module")
+def reference():
+    return dense()
+
+
+def test_the_spread_between_specimens_is_that_of_the_dense_integral(reference):
+    groups = [Specimens(y, s) for y, s in zip(MEANS, SDS, strict=True)]
+    spreads, weights = spread_posterior(groups, SCALE)
+    assert weights[spreads < 0.3].sum() == pytest.approx(reference["below"], abs=2e-3)
+
+
+def test_fluids_have_the_means_and_sds_of_the_dense_integral(reference):
+    """Draws of specimens that have exactly these means and sds; some are negative: no logarithm."""
+    rng = np.random.default_rng(0)
+    base = rng.standard_normal(500)
+    base = (base - base.mean()) / base.std()
+    # a shift moves everything along, and makes the numbers change their sign
+    groups = [
+        [y - 1.0 + s * base for y, s in zip(ys, ss, strict=True)]
+        for ys, ss in zip(MEANS, SDS, strict=True)
+    ]
+    size = np.mean([np.mean(np.abs(y - 1.0)) for y in MEANS])
+    assert size == pytest.approx(SIZE, abs=1e-4)
+    draws = fluid_draws(groups, rng)
+    for k, found in enumerate(draws):
+        exact = reference["means"][k] - 1.0
+        sd = np.sqrt(reference["squares"][k] - reference["means"][k] ** 2)
+        # four standard errors of 4000 draws, whose tails are long
+        assert np.mean(found) == pytest.approx(exact, abs=4.0 * sd / np.sqrt(len(found)))
+        assert np.std(found) == pytest.approx(sd, rel=0.15)
+
+
+def simulate(truth, spread, count, rng):
+    """Specimens of one fluid: every constant with its own log-normal spread."""
+    return [
+        posterior({k: v * np.exp(spread * rng.standard_normal()) for k, v in truth.items()}, rng)
+        for _ in range(count)
+    ]
+
+
+def test_intervals_of_fluids_hold_the_truth_nine_times_in_ten():
+    """One quantity, 3 specimens of each of two equal fluids; 90 % intervals of their difference."""
+    rng = np.random.default_rng(1)
+    held, studies = 0, 400
+    for _ in range(studies):
+        centres = 0.15 * rng.standard_normal((2, 3))
+        groups = [
+            [np.exp(c + 0.03 * (rng.standard_normal() + rng.standard_normal(100))) for c in row]
+            for row in centres
+        ]
+        first, second = fluid_draws(groups, rng)
+        low, high = np.quantile(first / second, [0.05, 0.95])
+        held += low < 1.0 < high
+    assert abs(held / studies - 0.9) < 3.0 * np.sqrt(0.9 * 0.1 / studies)
+
+
+@pytest.fixture(scope="module")
+def fluids():
+    rng = np.random.default_rng(2)
+    groups = [simulate(table_1(pad), 0.05, 3, rng) for pad in "BC"]
+    return compare(*groups, names=("oil", "glycerin"), **PLACES)
+
+
+def test_fluids_are_compared_with_the_spread_of_their_specimens(fluids):
+    assert fluids.between == "fluids"
+    assert fluids.specimens == (3, 3)
+    assert fluids["m"].answer == "less"
+    assert fluids.differ is True
+    # far wider than one specimen's own interval: specimens spread by 5 %, their posteriors by 1 %
+    value = fluids["m"].values[0]
+    assert value.high / value.low > np.exp(2 * 1.645 * 1.5 * WIDTHS["m"])
+
+
+def test_the_words_say_how_many_specimens(fluids):
+    words = paragraphs(fluids)
+    assert words[0].startswith("Yes: oil and glycerin differ")
+    assert any("3 specimens" in text for text in words)
+
+
+def test_specimens_alone_make_two_pads_differ_but_not_two_fluids():
+    rng = np.random.default_rng(3)
+    truth = table_1("B")
+    one, other = (simulate(truth, 0.2, 4, rng) for _ in range(2))
+    pads = compare(one[0], other[0], **PLACES)
+    assert pads.between == "pads"
+    assert pads.differ is True
+    assert any("how much specimens of one kind differ is not known" in n for n in pads.notices)
+    assert compare(one, other, **PLACES).differ is not True
+
+
+def test_one_specimen_against_several_is_refused():
+    rng = np.random.default_rng(4)
+    group = simulate(table_1("B"), 0.05, 2, rng)
+    with pytest.raises(InputError, match="1 and 2 specimens"):
+        compare(group[0], group, **PLACES)
