@@ -1,0 +1,85 @@
+"""The names that the package offers, and on which page of the API each stands."""
+
+from __future__ import annotations
+
+import inspect
+import sys
+from dataclasses import dataclass
+from typing import Any
+
+# Which parts of the package stand on which page of the API; what is in none, on the last one.
+SECTIONS = {
+    "measurements": ("data", "experiment", "checks", "units"),
+    "model": ("model", "motion", "elastic", "relaxation", "law", "noise", "scales", "priors"),
+    "fitting": ("choices", "fit", "inference", "summary", "predict", "residuals", "results"),
+    "diagnosis": ("diagnosis",),
+    "effects": ("effects",),
+    "comparison": ("compare", "constants_table"),
+    "study": ("study", "report"),
+    "other": (),
+}
+LAST = "other"
+
+
+@dataclass(frozen=True)
+class Public:
+    """A public name: where it is defined, its section, its docstring's first line."""
+
+    name: str
+    path: str
+    section: str
+    told: str
+    directive: str
+
+
+def public_names() -> list[Public]:
+    """Everything that ``qlvbayes`` offers by name, in alphabetical order."""
+    import qlvbayes
+
+    found = {name: value for name, value in vars(qlvbayes).items() if not name.startswith("_")}
+    return [
+        _public(name, value) for name, value in sorted(found.items()) if not inspect.ismodule(value)
+    ]
+
+
+def _public(name: str, value: Any) -> Public:
+    path = _path(name, value)
+    part = path.split(".")[1]
+    place = next((key for key, parts in SECTIONS.items() if part in parts), LAST)
+    kind = "class" if inspect.isclass(value) else "function" if callable(value) else "data"
+    return Public(name, path, place, _told(path, value), f"auto{kind}")
+
+
+def _path(name: str, value: Any) -> str:
+    """Where it is defined; constants carry no such note."""
+    if hasattr(value, "__qualname__"):
+        return f"{value.__module__}.{value.__qualname__}"
+    homes = [m for m in list(sys.modules) if m.startswith("qlvbayes.") and name in _own(m)]
+    return f"{homes[0]}.{name}" if homes else f"qlvbayes.{name}"
+
+
+def _own(module: str) -> dict[str, Any]:
+    """Annotated names of a module: constants that it defines itself."""
+    return getattr(sys.modules[module], "__annotations__", {})
+
+
+def _told(path: str, value: Any) -> str:
+    """First line of a docstring; of a constant, that of the string beneath it."""
+    if hasattr(value, "__qualname__"):
+        return (inspect.getdoc(value) or "").partition("\n")[0]
+    from sphinx.pycode import ModuleAnalyzer
+
+    module, _, name = path.rpartition(".")
+    return " ".join(ModuleAnalyzer.for_module(module).find_attr_docs().get(("", name), [""])[:1])
+
+
+def section(name: str) -> list[Public]:
+    """Public names of one page of the API."""
+    return [public for public in public_names() if public.section == name]
+
+
+def figures() -> list[Public]:
+    """What ``qlvbayes.plots`` offers by name."""
+    from qlvbayes import plots
+
+    return [_public(name, getattr(plots, name)) for name in sorted(plots.__all__)]

@@ -1,0 +1,77 @@
+"""What pages quote from the code; a name that the code no longer has stops the build."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import inspect
+import re
+import textwrap
+from typing import Any
+
+import jinja2
+from commands import commands
+from public import figures, public_names, section
+
+_MATH = re.compile(r"^\.\. math::[ \t]*(.*\n?(?:(?:[ \t]+\S.*|[ \t]*)(?:\n|$))*)", re.MULTILINE)
+
+
+def filled(template: str) -> str:
+    """A template with the code's values. Raises jinja2.UndefinedError on an unknown name."""
+    environment = jinja2.Environment(
+        undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    return environment.from_string(template).render(context())
+
+
+def context() -> dict[str, Any]:
+    """Every name that a page may use."""
+    from qlvbayes.diagnosis.settings import Settings
+    from qlvbayes.effects.catalogue import EFFECTS
+    from qlvbayes.units import PAD
+
+    return {
+        "settings": Settings(),
+        "thresholds": dataclasses.asdict(Settings()),
+        "constant": constant,
+        "doc": docstring,
+        "effects": EFFECTS,
+        "unit": PAD.of,
+        "told": inspect.getdoc,
+        "lower_levels": levels,
+        "commands": commands,
+        "public": public_names,
+        "section": section,
+        "figures": figures,
+    }
+
+
+def constant(module: str, name: str) -> Any:
+    """A module's constant, by name."""
+    return getattr(importlib.import_module(module), name)
+
+
+def docstring(place: str) -> str:
+    """The words of ``module`` or ``module:function``, the first line left out, as Markdown."""
+    module, _, name = place.partition(":")
+    found = importlib.import_module(module)
+    text = inspect.getdoc(getattr(found, name) if name else found) or ""
+    return in_dollars(text.partition("\n")[2].strip())
+
+
+def in_dollars(text: str) -> str:
+    """Text whose ``.. math::`` blocks stand between double dollars."""
+
+    def dollars(match: re.Match[str]) -> str:
+        first, _, rest = match[1].partition("\n")
+        formula = f"{first}\n{textwrap.dedent(rest)}".strip()
+        return f"$$\n{formula}\n$$\n\n"
+
+    return _MATH.sub(dollars, text)
+
+
+def levels() -> list[str]:
+    """What effects act on, from the inside out."""
+    from qlvbayes.effects.effect import Level
+
+    return [level.name.lower() for level in Level]

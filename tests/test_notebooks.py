@@ -1,0 +1,65 @@
+"""Every notebook runs as it stands, and its stored outputs are complete and small."""
+
+import importlib.util
+from pathlib import Path
+
+import nbformat
+import pytest
+
+ROOT = Path(__file__).parents[1]
+NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
+LARGEST = 300_000  # bytes
+
+
+@pytest.fixture(scope="module")
+def executed():
+    """All notebooks, executed in one kernel; the real material without its file."""
+    spec = importlib.util.spec_from_file_location("execute", ROOT / "notebooks" / "execute.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("QLVBAYES_MUSCLE", str(ROOT / "no_such_file.csv"))
+        return {path.stem: notebook for path, notebook, _ in module.execute(NOTEBOOKS)}
+
+
+def printed(notebook):
+    """All that a notebook printed."""
+    outputs = [output for cell in notebook.cells for output in cell.get("outputs", [])]
+    return "".join(output.text for output in outputs if output.output_type == "stream")
+
+
+def test_every_notebook_runs(executed):
+    assert set(executed) == {path.stem for path in NOTEBOOKS}
+    for notebook in executed.values():
+        cells = [cell for cell in notebook.cells if cell.cell_type == "code"]
+        assert all(cell.execution_count for cell in cells)
+
+
+def test_nothing_is_warned_of(executed):
+    for name, notebook in executed.items():
+        errors = [
+            o for c in notebook.cells for o in c.get("outputs", []) if o.get("name") == "stderr"
+        ]
+        assert not errors, name
+
+
+def test_the_hidden_effect_is_found(executed):
+    text = printed(executed["03_the_hidden_effect"])
+    assert "missing effect: squeeze_film" in text
+
+
+def test_an_effect_of_ones_own_wins(executed):
+    text = printed(executed["04_your_own_data_and_effect"])
+    assert "verdict: missing_effect, effects: quadratic_drag" in text
+
+
+def test_without_its_file_the_real_material_says_what_it_would_show(executed):
+    assert "No such file here" in printed(executed["05_a_real_material"])
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_stored_outputs_are_complete_and_small(path):
+    assert path.stat().st_size < LARGEST
+    cells = [c for c in nbformat.read(path, as_version=4).cells if c.cell_type == "code"]
+    assert all(cell.execution_count for cell in cells)
+    assert not [o for c in cells for o in c.outputs if o.output_type == "error"]
