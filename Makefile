@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 OUT ?= results
 
-.PHONY: demo test check bench validate notebooks clean
+.PHONY: demo test check bench validate notebooks docs clean
 
 $(VENV)/installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -16,8 +16,8 @@ $(VENV)/installed-dev: $(VENV)/installed
 	touch $@
 
 demo: $(VENV)/installed
-	$(BIN)/qlvbayes fit data/pads.csv -o $(OUT)
-	$(BIN)/qlvbayes check $(OUT)
+	$(BIN)/qlvbayes study data/pads.csv -o $(OUT)
+	@echo "open $(OUT)/report.html in a browser"
 
 test: $(VENV)/installed-dev
 	$(BIN)/python -m pytest
@@ -32,10 +32,14 @@ bench: $(VENV)/installed-dev
 
 validate: $(VENV)/installed-dev
 	$(BIN)/python validation/coverage.py --fits 80 --side-fits 0 --seed 1 -o docs/validation.md
+	$(BIN)/python validation/pairs.py --pairs 40 --seed 1 -o docs/pairs.md
 	$(BIN)/python validation/blind.py --studies 400 --seed 1 --workers 2 -o docs/blind_studies.md
 
 notebooks: $(VENV)/installed-dev
 	$(BIN)/python notebooks/execute.py
+
+docs: $(VENV)/installed-dev
+	$(BIN)/python docs/building/stage.py
 
 clean:
 	rm -rf $(VENV) results build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -3,8 +3,11 @@
 Importing it switches JAX to float64.
 """
 
+from qlvbayes import plots
 from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
+from qlvbayes.compare.compare import compare
+from qlvbayes.compare.contrast import Comparison, Contrast, Interval
 from qlvbayes.data import Pad, Study, Test, read_study
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.verdict import Diagnosis
@@ -31,10 +34,14 @@ from qlvbayes.priors import (
     Uniform,
 )
 from qlvbayes.relaxation import Prony
+from qlvbayes.report.write import write_report
 from qlvbayes.residuals import Check, check
-from qlvbayes.results import to_arviz
+from qlvbayes.results import Saved, to_arviz
+from qlvbayes.results import load as load_results
+from qlvbayes.results import save as save_results
 from qlvbayes.runtime import configure
 from qlvbayes.scales import Scales
+from qlvbayes.study import Watcher, run_study
 from qlvbayes.summary import Summary, summarise
 
 __version__ = "0.1.0"

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from qlvbayes.checks import InputError
 from qlvbayes.data import Pad
+from qlvbayes.elsewhere import has_noise
 from qlvbayes.experiment import Experiment, prepare
 from qlvbayes.predict import Prediction, predict
 from qlvbayes.residuals import Check, check
@@ -24,7 +26,13 @@ def check_pad(saved: Saved, pad: Pad, *, seed: int = 0) -> CheckedPad:
     """Predict all tests of ``pad`` from a saved posterior.
 
     Tests keep the role they had in the fit, so that fitted ones are not taken for predictions.
+    Raises InputError where the posterior, made elsewhere, has no noise to predict with.
     """
+    if not has_noise(saved.names):
+        raise InputError(
+            f"the posterior of pad {saved.pad} has no noise",
+            remedy="give draws of noise.white, or also of noise.ou and noise.tau",
+        )
     experiment = prepare(pad, all_tests=saved.all_tests)
     constants = dict(zip(saved.names, saved.draws.T, strict=True))
     predictions = predict(experiment, saved.choices, constants, experiment.trials, seed=seed)

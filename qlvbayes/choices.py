@@ -57,7 +57,7 @@ class Choices:
 
     @property
     def kinds(self) -> tuple[type[AbstractEffect], ...]:
-        """Every effect that can be added: those of the package, and the user's own."""
+        """Every effect that can be added, those of the package and the user's own."""
         own = load(Path(self.effects_file)) if self.effects_file else ()
         return (*EFFECTS, *own)
 

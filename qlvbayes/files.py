@@ -37,7 +37,7 @@ def write_whole(path: Path, content: bytes | memoryview) -> None:
         part.unlink(missing_ok=True)
 
 
-def write_json(path: Path, content: object) -> None:
+def write_json(path: Path, content: object, *, indent: int | None = 2) -> None:
     """Write JSON whose numbers are finite or null, whole or not at all."""
-    text = json.dumps(content, indent=2, allow_nan=False) + "\n"
+    text = json.dumps(content, indent=indent, allow_nan=False) + "\n"
     write_whole(path, text.encode())

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
 from typing import Any
 
 import equinox as eqx
 
-from qlvbayes.posterior import Posterior, value_shape
+from qlvbayes.posterior import Posterior, is_prior, value_shape
 from qlvbayes.priors.distributions import AbstractPrior
 
 
@@ -62,3 +62,11 @@ def names(posterior: Posterior) -> list[str]:
 def unit_kinds(posterior: Posterior) -> list[str]:
     """Kind of unit of each of ``names``: stiffness, exponent, rate, force, time, fraction."""
     return [field.unit for field in all_fields(posterior) for _ in field.names]
+
+
+def described(fields: Iterable[Field]) -> dict[str, str]:
+    """The prior of each field as it is written on the command line, or the value it is fixed at."""
+    return {
+        field.name: field.value.describe() if is_prior(field.value) else f"fixed at {field.value}"
+        for field in fields
+    }

@@ -121,12 +121,31 @@ def test_check_leaves_figures_as_png_and_pdf(done):
         assert (folder / f"{name}.pdf").read_bytes().startswith(b"%PDF")
 
 
+def test_check_leaves_the_curves_that_its_errors_come_from(done, checked):
+    left = read_json(done[0] / "curves.json")
+    assert left["force_unit"] == "N"
+    for test in left["tests"]:
+        for cell in (cell for cell in checked["cells"] if cell["test"] == test["test"]):
+            rows = [k for k, kind in enumerate(test["phase"]) if kind == cell["phase"]]
+            missed = [test["observed_N"][k] - test["mean_N"][k] for k in rows]
+            covered = [test["low_N"][k] <= test["observed_N"][k] <= test["high_N"][k] for k in rows]
+            assert len(rows) == cell["n"]
+            # kept to five digits
+            assert np.sqrt(np.mean(np.square(missed))) == pytest.approx(cell["rmse_N"], rel=0.01)
+            assert np.mean(covered) == pytest.approx(cell["coverage90"], abs=1.5 / len(rows))
+
+
 def test_nothing_else_is_left(done):
     assert sorted(path.name for path in done[0].iterdir()) == [
         "check.json",
+        "curves.json",
         "forces.pdf",
         "forces.png",
+        "pairs.pdf",
+        "pairs.png",
         "posterior.nc",
+        "programme.pdf",
+        "programme.png",
         "residual_map.pdf",
         "residual_map.png",
         "summary.json",
@@ -231,7 +250,8 @@ def test_pads_are_fitted_one_folder_each(tmp_path):
     )
     assert status == 0
     assert out.index("pad C") < out.index("pad A")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["A", "C"]
+    tables = [f"constants.{kind}" for kind in ("csv", "pdf", "png", "tex")]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["A", "C", *tables, "run.json"]
 
 
 def test_simulated_data_can_be_fitted(tmp_path):

@@ -51,6 +51,24 @@ def test_study_leaves_every_file(study):
     for place in (folder, folder / "plain"):
         keeps_summary_contract(read_json(place / "summary.json"))
         keeps_check_contract(read_json(place / "check.json"))
+        assert (
+            read_json(place / "curves.json")["effects"]
+            == read_json(place / "check.json")["effects"]
+        )
+
+
+def test_study_ends_with_the_report(study, answer):
+    folder, out = study
+    report = folder.parent / "report.html"
+    assert f"report in {report}" in out
+    text = report.read_text(encoding="utf-8")
+    assert answer["effects"][0]["effect"] in text
+    # priors actually used, from the fit; the command that repeats it, from the study
+    assert "squeeze_film.h</th><td><code>loguniform(" in text
+    run = read_json(folder.parent / "run.json")["runs"]["study"]
+    assert run["command"].startswith(f"qlvbayes study {HIDDEN} -o ")
+    assert run["command"].endswith("--max-steps 60")
+    assert run["command"] in text
 
 
 def test_study_refits_with_the_named_effect(study, answer):

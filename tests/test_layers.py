@@ -31,18 +31,21 @@ LAYERS = [
     ["parameters", "experiment"],
     ["overrides"],
     ["choices"],
+    ["covered", "drawn"],
+    ["elsewhere"],
     # inference and what is made of it
     ["inference"],
     ["fit"],
     ["summary", "predict"],
-    ["results", "residuals", "diagnosis"],
-    ["checked"],
+    ["results", "residuals", "diagnosis", "constants_table"],
+    ["checked", "compare"],
     # a rig of its own, which shares nothing with the model
     ["synthetic"],
     # how well the diagnosis does on what that rig hides
     ["benchmark"],
     # seen by people
-    ["plots"],
+    ["plots", "report"],
+    ["study"],
     ["cli"],
 ]
 FRONT = "qlvbayes"  # the package's own names, gathered from all layers

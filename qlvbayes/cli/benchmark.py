@@ -20,7 +20,7 @@ from rich.progress import (
 from rich.table import Table
 
 from qlvbayes.cli.console import err, out
-from qlvbayes.cli.options import split_names
+from qlvbayes.cli.options import Style, split_names
 from qlvbayes.files import results_folder, write_json
 
 if TYPE_CHECKING:
@@ -38,6 +38,7 @@ def benchmark(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")] = Path(
         "benchmark"
     ),
+    style: Style = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
 ) -> None:
     """Diagnose simulated pads in which something known is hidden, or nothing, and score it.

@@ -8,13 +8,15 @@ from typing import Annotated
 
 import typer
 
-from qlvbayes.checked import CheckedPad, check_pad
 from qlvbayes.checks import InputError
-from qlvbayes.cli.console import out, waiting
-from qlvbayes.cli.tables import check_table, pads_table
+from qlvbayes.cli.console import out
+from qlvbayes.cli.options import Style
+from qlvbayes.cli.tables import pads_table
+from qlvbayes.cli.terminal import Terminal, show_figures
 from qlvbayes.data import Study, read_study
-from qlvbayes.files import write_json
 from qlvbayes.results import Saved, load
+from qlvbayes.study.checking import check_into
+from qlvbayes.study.drawing import draw_forces_at_rates
 
 
 def check(
@@ -22,48 +24,43 @@ def check(
     data: Annotated[
         Path | None, typer.Option(help="The measurements, if they have moved since the fit.")
     ] = None,
+    style: Style = None,
     seed: Annotated[int, typer.Option(min=0, help="Makes a run repeat.")] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print the checks as JSON.")] = False,
 ) -> None:
     """Predict every test with the fitted posterior, by test and phase, against the noise floor.
 
-    Leaves OUT/<pad>/check.json and the figures forces and residual_map (PNG and PDF).
+    Leaves OUT/<pad>/check.json, curves.json and the figures forces and residual_map (PNG and PDF);
+    for two pads or more the figure OUT/forces_at_rates too.
     """
     files = sorted(folder.glob("*/posterior.nc"))
     if not files:
         raise InputError("no fit in this folder", file=folder, remedy="run qlvbayes fit first")
     studies: dict[Path, Study] = {}
-    reports, figures = [], []
+    watcher = Terminal(quiet=as_json)
+    found, figures = [], []
     for file in files:
         saved = load(file)
         source = data or Path(saved.source)
         if source not in studies:
             studies[source] = _study(source, saved)
-        checked, drawn = check_one(saved, studies[source], file.parent, seed, as_json)
+        checked, drawn = check_into(file.parent, saved, studies[source], seed=seed, watcher=watcher)
         figures += drawn
-        reports.append(checked.check.as_dict())
+        found.append(checked)
+    figures += draw_forces_at_rates(folder, found)
     if as_json:
-        print(json.dumps(reports, allow_nan=False))
+        print(json.dumps([checked.check.as_dict() for checked in found], allow_nan=False))
         return
     _show_constants(files)
-    out.print("figures:", *(f"  {path}" for path in figures), sep="\n", markup=False)
-
-
-def check_one(
-    saved: Saved, study: Study, folder: Path, seed: int, quiet: bool
-) -> tuple[CheckedPad, list[Path]]:
-    """Check one pad, write its results and figures, show its errors."""
-    with waiting(f"pad {saved.pad}: predicting"):
-        checked = check_pad(saved, study.pad(saved.pad), seed=seed)
-        write_json(folder / "check.json", checked.check.as_dict())
-        figures = _figures(checked, folder)
-    if not quiet:
-        units = checked.experiment.units
-        out.print(check_table(checked.check, units.force, units.speed))
-    return checked, figures
+    show_figures(figures)
 
 
 def _study(source: Path, saved: Saved) -> Study:
+    if not saved.source and source == Path():
+        raise InputError(
+            f"the posterior of pad {saved.pad} does not say where its measurements are",
+            remedy="say where they are with --data FILE",
+        )
     if not source.exists():
         raise InputError(
             "the measurements are no longer here",
@@ -71,24 +68,11 @@ def _study(source: Path, saved: Saved) -> Study:
             remedy="say where they are with --data FILE",
         )
     study = read_study(source)
-    if study.sha256 != saved.sha256:
+    if saved.sha256 and study.sha256 != saved.sha256:
         raise InputError(
             "the file has changed since the fit", file=source, remedy="run qlvbayes fit again"
         )
     return study
-
-
-def _figures(checked: CheckedPad, folder: Path) -> list[Path]:
-    # here, so that the other commands do not wait for matplotlib
-    from qlvbayes.plots.files import save_figure
-    from qlvbayes.plots.forces import plot_forces
-    from qlvbayes.plots.residual_map import plot_residual_map
-
-    units = checked.experiment.units
-    return [
-        save_figure(plot_forces(checked.predictions, units), folder / "forces"),
-        save_figure(plot_residual_map(checked.check, units), folder / "residual_map"),
-    ]
 
 
 def _show_constants(files: list[Path]) -> None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from rich.console import Console
@@ -22,6 +23,11 @@ WIDE = 140  # columns of a table where the output is no terminal
 
 out = Console(highlight=False, width=None if sys.stdout.isatty() else WIDE)
 err = Console(stderr=True, highlight=False, width=None if sys.stderr.isatty() else 1000)
+
+
+def command_line() -> str:
+    """What was typed, so that it can be typed again."""
+    return shlex.join(["qlvbayes", *sys.argv[1:]])
 
 
 @contextmanager
@@ -46,10 +52,10 @@ def sampling(label: str) -> Iterator[Report]:
 
 
 @contextmanager
-def waiting(label: str) -> Iterator[None]:
-    """A spinner; silent where stderr is no terminal."""
+def waiting(label: str) -> Iterator[Callable[[str], None]]:
+    """A spinner, and a function that says more beside it; silent where stderr is no terminal."""
     if not err.is_terminal:
-        yield
+        yield lambda text: None
         return
-    with err.status(label):
-        yield
+    with err.status(label) as status:
+        yield lambda text: status.update(f"{label}: {text}")

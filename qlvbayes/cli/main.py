@@ -11,9 +11,11 @@ import typer
 from qlvbayes.checks import InputError
 from qlvbayes.cli.benchmark import benchmark
 from qlvbayes.cli.check import check
+from qlvbayes.cli.compare import compare_command
 from qlvbayes.cli.diagnose import diagnose_command
 from qlvbayes.cli.effects import effects
 from qlvbayes.cli.fit import fit
+from qlvbayes.cli.report import report
 from qlvbayes.cli.simulate import simulate
 from qlvbayes.cli.study import study_command
 
@@ -29,6 +31,8 @@ app.command("study")(study_command)
 app.command()(fit)
 app.command()(check)
 app.command("diagnose")(diagnose_command)
+app.command("compare")(compare_command)
+app.command()(report)
 app.command()(effects)
 app.command()(simulate)
 app.command()(benchmark)

@@ -39,6 +39,34 @@ Prior = Annotated[
 Fix = Annotated[
     list[str] | None, typer.Option(help="A fixed constant, as 'v[2]=0.14'; repeatable.")
 ]
+References = Annotated[
+    Path | None,
+    typer.Option(
+        help="Values to show beside the constants: a CSV file pad,parameter,value,unit. "
+        "Default: paper_table1.csv beside FILE, if it is there.",
+        show_default=False,
+    ),
+]
+
+
+def _use_style(context: typer.Context, file: Path | None) -> Path | None:
+    """Draw everything that the command draws in the user's own look."""
+    if file is not None:
+        # here, so that commands do not wait for matplotlib
+        from qlvbayes.plots.style import using
+
+        context.with_resource(using(file))
+    return file
+
+
+Style = Annotated[
+    Path | None,
+    typer.Option(
+        callback=_use_style,
+        help="A Matplotlib style file (.mplstyle) for the figures, over the package's own.",
+        show_default=False,
+    ),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Seed = Annotated[int, typer.Option(min=0, help="Makes a run repeat.")]
 

@@ -45,6 +45,7 @@ EFFECTS: tuple[type[AbstractEffect], ...] = (
     ForceDrift,
     ChannelLag,
 )
+"""Every effect that comes with the package."""
 
 
 def names(kinds: Sequence[type[AbstractEffect]] = EFFECTS) -> tuple[str, ...]:

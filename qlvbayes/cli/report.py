@@ -1,0 +1,23 @@
+"""``qlvbayes report``: the results of a study as one page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from qlvbayes.cli.console import out, waiting
+from qlvbayes.report.write import write_report
+
+
+def report(
+    folder: Annotated[Path, typer.Argument(help="The folder with the results.")],
+) -> None:
+    """Write OUT/report.html anew from what lies in OUT: one page that opens offline.
+
+    It says what was not done yet, and which command does it.
+    """
+    with waiting("report"):
+        path = write_report(folder)
+    out.print(f"report in {path}", markup=False, soft_wrap=True)

@@ -1,0 +1,91 @@
+"""A study as it is seen on the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from pathlib import Path
+
+from qlvbayes.checked import CheckedPad
+from qlvbayes.choices import Choices
+from qlvbayes.cli.console import err, out, sampling, waiting
+from qlvbayes.cli.diagnosis_tables import ranking_table, steps_table
+from qlvbayes.cli.tables import check_table, constants_table
+from qlvbayes.diagnosis.verdict import Diagnosis
+from qlvbayes.diagnosis.words import paragraphs
+from qlvbayes.experiment import Experiment
+from qlvbayes.inference.ensemble import Progress
+from qlvbayes.parameters import described, fields_of
+from qlvbayes.study.watcher import Watcher
+from qlvbayes.summary import Summary
+
+
+class Terminal(Watcher):
+    """Progress and notices on stderr; results on stdout, unless ``quiet``."""
+
+    def __init__(self, quiet: bool = False) -> None:
+        self.quiet = quiet
+
+    def doing(self, label: str) -> AbstractContextManager[Callable[[str], None]]:
+        """A spinner."""
+        return waiting(label)
+
+    def sampling(self, label: str) -> AbstractContextManager[Progress]:
+        """A progress bar."""
+        return sampling(label)
+
+    def notice(self, text: str) -> None:
+        """A line."""
+        err.print(f"notice: {text}", markup=False)
+
+    def starting(self, experiment: Experiment, choices: Choices) -> None:
+        """What is fitted, the noise floor, and the priors."""
+        if self.quiet:
+            return
+        tests = ", ".join(
+            f"{trial.name} ({trial.rate:.3g} {experiment.units.speed})"
+            for trial in experiment.with_role("fit")
+        )
+        floor, unit = experiment.floor, experiment.units.force
+        lines = [
+            f"pad {experiment.pad}: fitting {tests}",
+            f"  noise floor {floor.total:.3g} {unit}: white {floor.white:.3g}, "
+            f"correlated {floor.ou:.3g} over {floor.tau:.2g} s",
+        ]
+        for part in choices.build(experiment.scales):
+            lines += [f"  {name} ~ {text}" for name, text in described(fields_of(part)).items()]
+        out.print("\n".join(lines), markup=False)
+
+    def fitted(self, summary: Summary) -> None:
+        """The constants, and what speaks against the chain."""
+        if not self.quiet:
+            out.print(constants_table(summary))
+        for trouble in summary.troubles:
+            err.print(
+                f"NOT CONVERGED, pad {summary.pad}: {trouble}", style="bold red", markup=False
+            )
+
+    def checked(self, checked: CheckedPad) -> None:
+        """The errors by test and phase."""
+        if not self.quiet:
+            units = checked.experiment.units
+            out.print(check_table(checked.check, units.force, units.speed))
+
+    def diagnosed(self, found: Diagnosis, figures: Sequence[Path]) -> None:
+        """The steps, the ranking, the verdict in words."""
+        if self.quiet:
+            return
+        units = found.work.experiment.units
+        out.print(steps_table(found, units.force))
+        out.print(ranking_table(found, units.force))
+        for paragraph in paragraphs(found):
+            out.print(paragraph, markup=False, soft_wrap=not out.is_terminal)
+            out.print()
+        for warning in found.warnings:
+            err.print(f"warning: {warning}", markup=False)
+        show_figures(figures)
+
+
+def show_figures(figures: Sequence[Path]) -> None:
+    """Where they are."""
+    out.print("figures:", *(f"  {path}" for path in figures), sep="\n", markup=False)

@@ -1,0 +1,102 @@
+"""The four questions, each with an answer in a line or two."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from qlvbayes.report.boxes import besides, seen
+from qlvbayes.report.collect import PadResults, Results
+from qlvbayes.report.comparing import Comparing
+from qlvbayes.report.constants import constants_words
+from qlvbayes.report.failing import model_name, where, worst_of
+from qlvbayes.report.numbers import NBSP, joined
+
+_VERDICTS = {
+    "adequate": "nothing that these tests can show",
+    "unexplained": "something that none of the known effects explains",
+}
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One question, where its section is, and the answer in short lines."""
+
+    number: int
+    question: str
+    anchor: str
+    lines: tuple[str, ...]
+
+
+def answers(results: Results, compared: Sequence[Comparing], remedies: dict) -> tuple[Answer, ...]:
+    """In the order of the sections; what was not done names the command that does it."""
+    pads = results.pads
+    return (
+        Answer(
+            1,
+            "What are the constants, and how sure?",
+            "constants",
+            tuple(f"Pad {pad.name}: {constants_words(pad) or 'not fitted.'}" for pad in pads),
+        ),
+        Answer(2, "Do the pads differ?", "compare", _differ(results, compared, remedies)),
+        Answer(
+            3,
+            "Where does the model fail?",
+            "fails",
+            tuple(f"Pad {pad.name}: {_fails(pad, remedies)}" for pad in pads),
+        ),
+        Answer(
+            4,
+            "Which effect is missing?",
+            "effects",
+            tuple(f"Pad {pad.name}: {_missing(pad, remedies)}" for pad in pads),
+        ),
+    )
+
+
+def split_first(text: str) -> tuple[str, str]:
+    """The first sentence, and the rest; no line breaks before a per cent sign."""
+    text = text.replace(" %", f"{NBSP}%")
+    head, stop, rest = text.partition(". ")
+    return (f"{head}.", rest) if stop else (text, "")
+
+
+def _differ(results: Results, compared: Sequence[Comparing], remedies: dict) -> tuple[str, ...]:
+    if len(results.pads) < 2:
+        return ("There is only one pad here.",)
+    return tuple(found.line for found in compared) or (f"Not compared yet: {remedies['compare']}",)
+
+
+def _fails(pad: PadResults, remedies: dict) -> str:
+    check = pad.final.check
+    if check is None:
+        return f"not checked yet: {remedies['check']}"
+    worst = worst_of(check)
+    said = "nowhere beyond noise" if worst is None else _worst(worst, check, pad)
+    plain = pad.plain.check if pad.plain else None
+    if pad.final.effects and plain and (worst := worst_of(plain)):
+        return f"{model_name(pad.final)} {said}; the plain model {_worst(worst, plain, pad)}."
+    return f"{said}."
+
+
+def _worst(cell: dict, check: dict, pad: PadResults) -> str:
+    fails = sum(bool(entry.get("fails")) for entry in check["cells"])
+    place = where(cell, check["noise_N"], pad.force_unit)
+    return f"fails in {fails} of {len(check['cells'])} phases, worst in {place}"
+
+
+def _missing(pad: PadResults, remedies: dict) -> str:
+    found = pad.diagnosis
+    if found is None:
+        return f"not diagnosed yet: {remedies['diagnose']}"
+    if found["verdict"] in _VERDICTS:
+        return f"{_VERDICTS[found['verdict']]}."
+    if found["verdict"] == "ambiguous":
+        group = joined(list(found["group"]), "or")
+        return f"one of {group}{besides(found)}; these tests cannot tell which."
+    return f"{joined([_with_sight(name) for name in found['effects']])}."
+
+
+def _with_sight(name: str) -> str:
+    what = seen(name)
+    return f"{name} ({what})" if what else name

@@ -1,0 +1,166 @@
+"""The first question: the constants of each pad, and how sure they are."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from qlvbayes.report.collect import Model, PadResults
+from qlvbayes.report.numbers import DASH, NBSP, joined, number, to_sd, with_unit
+
+_INDEXED = re.compile(r"([cv])\[(\d+)\]")
+_MEANINGS = {
+    "m": "stiffness at first contact, before anything relaxes",
+    "b": "how fast stiffness grows with depth",
+    "noise.white": "noise of single samples",
+    "noise.ou": "noise that lasts from sample to sample",
+    "noise.tau": "how long it lasts",
+}
+_TOLD = 0.005  # smallest relative change that is worth a word
+
+
+@dataclass(frozen=True)
+class Value:
+    """A constant of one pad: median and 90 % interval; a dash where it has none."""
+
+    median: str
+    interval: str
+
+
+@dataclass(frozen=True)
+class Row:
+    """One constant of all pads."""
+
+    name: str
+    unit: str
+    meaning: str
+    values: tuple[Value, ...]
+
+
+@dataclass(frozen=True)
+class Shift:
+    """A constant without and with the effects that the verdict names."""
+
+    name: str
+    unit: str
+    before: str
+    after: str
+    change: str
+
+
+@dataclass(frozen=True)
+class Shifts:
+    """What leaving out the effects did to the constants of one pad."""
+
+    pad: str
+    effects: str
+    rows: tuple[Shift, ...]
+    words: str
+
+
+def constants_rows(pads: Sequence[PadResults]) -> tuple[Row, ...]:
+    """Every constant that any of the pads has: the material's, the effects', the noise's."""
+    units: dict[str, str] = {}
+    for pad in pads:
+        units |= {name: p["unit"] for name, p in _parameters(pad.final).items()}
+    names = sorted(units, key=_place)
+    return tuple(
+        Row(
+            name,
+            "" if units[name] == "1" else units[name],
+            _meaning(name),
+            tuple(_value(_parameters(pad.final).get(name)) for pad in pads),
+        )
+        for name in names
+    )
+
+
+def constants_words(pad: PadResults) -> str | None:
+    """One sentence of what is known of a pad's constants and from what."""
+    summary = pad.final.summary
+    if summary is None:
+        return None
+    said = [_in_words(name, summary["parameters"]) for name in ("m", "c[0]", "v[1]")]
+    added = f", with {joined(pad.final.effects)} in the model" if pad.final.effects else ""
+    doubt = " But the model fails (question 3): these are constants of a wrong model."
+    wrong = any(cell.get("fails") for cell in (pad.final.check or {"cells": []})["cells"])
+    return f"{'; '.join(text for text in said if text)}{added}.{doubt * wrong}"
+
+
+def shifts_of(pad: PadResults) -> Shifts | None:
+    """How the constants moved when the named effects came in; None where nothing was added."""
+    if pad.plain is None or pad.plain.effects == pad.final.effects:
+        return None
+    before, after = _parameters(pad.plain), _parameters(pad.final)
+    names = [n for n in sorted(before, key=_place) if n in after and not n.startswith("noise.")]
+    if not names:
+        return None
+    changes = {n: before[n]["median"] / after[n]["median"] - 1.0 for n in names}
+    rows = tuple(
+        Shift(
+            name,
+            "" if before[name]["unit"] == "1" else before[name]["unit"],
+            to_sd(before[name]["median"], before[name]["sd"]),
+            to_sd(after[name]["median"], after[name]["sd"]),
+            f"{100.0 * changes[name]:+.1f}{NBSP}%".replace("-", "−"),
+        )
+        for name in names
+    )
+    added = [e for e in pad.final.effects if e not in pad.plain.effects]
+    top = sorted(names, key=lambda n: -abs(changes[n]))[:2]
+    said = [
+        f"{n} {100.0 * abs(changes[n]):.0f}{NBSP}% too {'high' if changes[n] > 0 else 'low'}"
+        for n in top
+        if abs(changes[n]) > _TOLD
+    ]
+    words = f"Left out, {joined(added)} would have made {joined(said)}" if said else ""
+    few = ": the plain model was fitted to fewer tests, so that part of this is chance"
+    fewer = pad.plain.facts.get("all_tests") != pad.final.facts.get("all_tests")
+    return Shifts(pad.name, joined(added), rows, f"{words}{few * fewer}." if words else "")
+
+
+def _in_words(name: str, parameters: dict) -> str:
+    p = parameters.get(name)
+    if p is None:
+        return ""
+    if name == "c[0]":
+        middle, low, high = (f"{100.0 * x:.1f}" for x in (p["median"], *p["hdi90"]))
+        return f"{middle}{NBSP}% of the force never relaxes ({low} to {high}{NBSP}%)"
+    if name == "v[1]" and p["median"] > 0.0:
+        return f"the quickest part relaxes within {number(1.0 / p['median'], 2)}{NBSP}s (1/v[1])"
+    low, high = (to_sd(x, p["sd"]) for x in p["hdi90"])
+    text = with_unit(to_sd(p["median"], p["sd"]), p["unit"])
+    return f"{name} = {text} (90 % sure that it lies within {low} to {high})"
+
+
+def _parameters(model: Model) -> dict:
+    return model.summary["parameters"] if model.summary else {}
+
+
+def _value(parameter: dict | None) -> Value:
+    if parameter is None:
+        return Value(DASH, "")
+    sd = parameter["sd"]
+    low, high = (to_sd(x, sd) for x in parameter["hdi90"])
+    return Value(to_sd(parameter["median"], sd), f"{low} to {high}" if sd else "fixed")
+
+
+def _meaning(name: str) -> str:
+    match = _INDEXED.fullmatch(name)
+    if match and match[1] == "c":
+        index = int(match[2])
+        return f"share that relaxes at v[{index}]" if index else "share that never relaxes"
+    if match:
+        return f"rate at which c[{match[2]}] relaxes"
+    return _MEANINGS.get(name, "")
+
+
+def _place(name: str) -> tuple[int, str, int]:
+    """The paper's order: m, b, c, v; then effects; then noise."""
+    match = _INDEXED.fullmatch(name)
+    if match:
+        return ("cv".index(match[1]) + 2, "", int(match[2]))
+    if name in ("m", "b"):
+        return ("mb".index(name), "", 0)
+    return (6 if name.startswith("noise.") else 5 if "." in name else 4, "", 0)

@@ -1,0 +1,182 @@
+"""The third question: where the model fails, by test and phase."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from qlvbayes.report.collect import Model, PadResults
+from qlvbayes.report.numbers import DASH, joined, number, percent, with_unit
+
+_PHASES = {"ramp": "ramp", "hold": "hold", "unload": "unloading", "recovery": "recovery"}
+_DARKEST = 5.0  # times the noise, from where on a cell is as dark as can be
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Error over noise in one phase of one test, and how dark it is (0 to 1)."""
+
+    ratio: str
+    shade: float
+    fails: bool
+
+
+@dataclass(frozen=True)
+class TestRow:
+    """One test: its rate, its role, and a cell a phase (None where it has none)."""
+
+    test: str
+    rate: str
+    role: str
+    cells: tuple[Cell | None, ...]
+
+
+@dataclass(frozen=True)
+class Map:
+    """Error over noise of one model, test by test and phase by phase."""
+
+    title: str
+    phases: tuple[str, ...]
+    rows: tuple[TestRow, ...]
+
+
+@dataclass(frozen=True)
+class Detail:
+    """One row of the table with all numbers."""
+
+    test: str
+    phase: str
+    role: str
+    rate: str
+    n: str
+    rmse: str
+    ratio: str
+    bias: str
+    coverage: str
+    fails: bool
+
+
+@dataclass(frozen=True)
+class Failing:
+    """Where one pad's model fails: in words, as maps, in numbers."""
+
+    pad: str
+    words: tuple[str, ...]
+    maps: tuple[Map, ...]
+    details: tuple[Detail, ...]
+    noise: str
+    force_unit: str
+    speed_unit: str
+
+
+def failing_of(pad: PadResults) -> Failing | None:
+    """What the check found; None where it was not done."""
+    check = pad.final.check
+    if check is None:
+        return None
+    models = [pad.final]
+    if pad.plain and pad.plain.check and pad.plain.effects != pad.final.effects:
+        models.insert(0, pad.plain)
+    return Failing(
+        pad.name,
+        tuple(_words(model, pad) for model in reversed(models)),
+        tuple(_map(model) for model in models),
+        tuple(_detail(cell, check["noise_N"]) for cell in check["cells"]),
+        number(check["noise_N"]),
+        pad.force_unit,
+        pad.speed_unit,
+    )
+
+
+def worst_of(check: dict) -> dict | None:
+    """The cell with the largest error among those that fail."""
+    return max((c for c in check["cells"] if c.get("fails")), key=_rmse, default=None)
+
+
+def where(cell: dict, noise: float, unit: str) -> str:
+    """'the ramp of C-100, by 0.049 N (4.7 times the noise)'."""
+    return (
+        f"the {_PHASES.get(cell['phase'], cell['phase'])} of {cell['test']}, by "
+        f"{with_unit(number(cell['rmse_N'], 2), unit)} root mean square "
+        f"({number(cell['rmse_N'] / noise, 2)} times the noise)"
+    )
+
+
+def model_name(model: Model) -> str:
+    """'plain model', or 'with viscous_drag'."""
+    return f"with {' + '.join(model.effects)}" if model.effects else "plain model"
+
+
+def _rmse(cell: dict) -> float:
+    return float(cell["rmse_N"] or 0.0)
+
+
+def _words(model: Model, pad: PadResults) -> str:
+    check = model.check or {}
+    noise, cells = check["noise_N"], check["cells"]
+    name = model_name(model)
+    head = f"{name[0].upper()}{name[1:]}:"
+    fitted = {cell["test"] for cell in cells if cell["role"] == "fit"}
+    rest = {cell["test"] for cell in cells} - fitted
+    basis = f"fitted to {joined(sorted(fitted))}, the other tests predicted" * bool(fitted and rest)
+    basis = basis or ("all tests fitted" if fitted else "all tests predicted")
+    failed = [cell for cell in cells if cell.get("fails")]
+    worst = worst_of(check)
+    if worst is None:
+        largest = max(cells, key=_rmse)
+        return (
+            f"{head} no phase of any test shows structure beyond noise ({basis}). The largest "
+            f"error is in {where(largest, noise, pad.force_unit)}."
+        )
+    bias = with_unit(number(abs(worst["bias_N"]), 2), pad.force_unit)
+    side = "above" if worst["bias_N"] > 0.0 else "below"
+    return (
+        f"{head} fails in {len(failed)} of {len(cells)} phases of tests ({basis}). Worst is "
+        f"{where(worst, noise, pad.force_unit)}; the measured force lies {bias} "
+        f"{side} the model on average."
+    )
+
+
+def _map(model: Model) -> Map:
+    check = model.check or {}
+    phases = [p for p in _PHASES if any(cell["phase"] == p for cell in check["cells"])]
+    found: dict[str, dict[str, dict]] = {}
+    for cell in check["cells"]:
+        found.setdefault(cell["test"], {})[cell["phase"]] = cell
+    name = model_name(model)
+    return Map(
+        f"{name[0].upper()}{name[1:]}",
+        tuple(_PHASES[phase] for phase in phases),
+        tuple(
+            TestRow(
+                test,
+                number(next(iter(cells.values()))["rate_mm_s"]),
+                next(iter(cells.values()))["role"],
+                tuple(_cell(cells.get(phase), check["noise_N"]) for phase in phases),
+            )
+            for test, cells in found.items()
+        ),
+    )
+
+
+def _cell(cell: dict | None, noise: float) -> Cell | None:
+    if cell is None:
+        return None
+    ratio = _rmse(cell) / noise
+    shade = min(max((ratio - 1.0) / (_DARKEST - 1.0), 0.0), 1.0)
+    text = f"{ratio:.1f}" if ratio < 100.0 else f"{ratio:.0f}"
+    return Cell(text, round(shade, 2), bool(cell.get("fails")))
+
+
+def _detail(cell: dict, noise: float) -> Detail:
+    return Detail(
+        cell["test"],
+        _PHASES.get(cell["phase"], cell["phase"]),
+        "fitted" if cell["role"] == "fit" else "predicted",
+        number(cell["rate_mm_s"]),
+        str(cell["n"]),
+        number(cell["rmse_N"], zeros=True),
+        f"{_rmse(cell) / noise:.2f}",
+        number(cell["bias_N"], 2),
+        DASH if cell["coverage90"] is None else percent(cell["coverage90"]),
+        bool(cell.get("fails")),
+    )

@@ -1,0 +1,192 @@
+"""How it was done, so that it can be judged and done again."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from dataclasses import dataclass
+from pathlib import Path
+
+from qlvbayes.choices import Choices
+from qlvbayes.report.collect import PadResults, Results
+from qlvbayes.report.numbers import DASH, number, percent
+
+_LAWS = {
+    "exponential": "K(δ) = m exp(b δ)",
+    "linear": "K(δ) = m",
+    "hertz": "F(δ) = m δ^p, a power law",
+}
+_NOISES = {
+    "correlated": "white noise plus an Ornstein-Uhlenbeck process (a load cell's noise lasts from "
+    "sample to sample), whose standard deviations and correlation time are fitted with the rest",
+    "white": "independent normal noise, whose standard deviation is fitted with the rest",
+    "student-t": "independent Student-t noise, whose scale and degrees of freedom are fitted too",
+}
+
+_THRESHOLDS = {
+    "decisive": "an effect is added when its log Bayes factor is above {} and tests left out are "
+    "predicted better",
+    "apart": "two effects whose log evidence differs by less than {} are not told apart",
+    "prior_none": "the prior probability that nothing is missing is {}",
+    "false_alarms": "a right model is found to leave structure with probability {}",
+    "most": "at most {} effects are added",
+}
+
+
+@dataclass(frozen=True)
+class Basis:
+    """What one pad's numbers rest on."""
+
+    pad: str
+    fitted: str
+    sampler: str
+    noise: str
+    priors: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class Methods:
+    """Model, inference and provenance."""
+
+    law: str
+    modes: int
+    contact: str
+    noise: str
+    effects: tuple[str, ...]
+    thresholds: tuple[str, ...]
+    comparisons: str
+    bases: tuple[Basis, ...]
+    sources: tuple[tuple[str, str], ...]
+    seeds: str
+    versions: tuple[tuple[str, str], ...]
+    commands: tuple[str, ...]
+
+
+def methods_of(results: Results) -> Methods:
+    """What lies in ``posterior.nc`` and ``run.json``, as far as they are there."""
+    choices = _choices(results)
+    runs = list(results.runs.values())
+    return Methods(
+        _LAWS.get(str(choices.get("law")), str(choices.get("law", DASH))),
+        int(choices.get("modes", 2)),
+        "bonded: the specimen can pull"
+        if choices.get("bonded")
+        else "loose: the pad cannot pull, so that its force is never negative",
+        _NOISES.get(str(choices.get("noise")), str(choices.get("noise", DASH))),
+        tuple(sorted({e for pad in results.pads for e in pad.final.effects})),
+        _thresholds(runs),
+        _comparisons(results),
+        tuple(_basis(pad) for pad in results.pads),
+        tuple(sorted(_sources(results))),
+        ", ".join(sorted({str(seed) for seed in _seeds(results)})) or DASH,
+        tuple(_versions(results).items()),
+        tuple(run["command"] for run in runs) or _commands(results),
+    )
+
+
+def _thresholds(runs: list[dict]) -> tuple[str, ...]:
+    """In words; those without, by name."""
+    known: dict[str, object] = next((run["thresholds"] for run in runs if "thresholds" in run), {})
+    return tuple(
+        _THRESHOLDS.get(name, f"{name} = {{}}").format(value) for name, value in known.items()
+    )
+
+
+def _comparisons(results: Results) -> str:
+    """How pads were compared, from what the first comparison says of itself."""
+    if not results.comparisons:
+        return ""
+    content = results.comparisons[0].content
+    text = (
+        "the posterior draws of two pads are independent and are paired at random; quantities are "
+        f"equal where their ratio is within {percent(content.get('region'))} of one with a "
+        "probability of at least 95 %"
+    )
+    alarms = (content.get("omnibus") or {}).get("false_alarms")
+    if not alarms:
+        return f"{text}."
+    joint = "whether they differ at all is a joint test that equals fail in"
+    return f"{text}; {joint} {percent(alarms)} of cases."
+
+
+def source_name(results: Results) -> str | None:
+    """The measurements' file name, if all pads come from one."""
+    names = {name for name, _ in _sources(results)}
+    return names.pop() if len(names) == 1 else None
+
+
+def _choices(results: Results) -> dict:
+    for pad in results.pads:
+        if "choices" in pad.final.facts:
+            return json.loads(pad.final.facts["choices"])
+    return next((run["choices"] for run in results.runs.values()), {})
+
+
+def _sources(results: Results) -> set[tuple[str, str]]:
+    facts = [pad.final.facts for pad in results.pads]
+    found = [f for f in (*facts, *results.runs.values()) if f.get("source")]
+    return {(Path(f["source"]).name, str(f.get("sha256", ""))) for f in found}
+
+
+def _seeds(results: Results) -> set[int]:
+    facts = [pad.final.facts for pad in results.pads]
+    return {int(f["seed"]) for f in (*facts, *results.runs.values()) if "seed" in f}
+
+
+def _versions(results: Results) -> dict[str, str]:
+    found: dict[str, str] = {}
+    for pad in results.pads:
+        if "qlvbayes_version" in pad.final.facts:
+            found["qlvbayes"] = str(pad.final.facts["qlvbayes_version"])
+    for run in results.runs.values():
+        found |= run["versions"]
+    return found
+
+
+def _commands(results: Results) -> tuple[str, ...]:
+    """Where no command was noted: the one that fits with the same choices."""
+    name = source_name(results)
+    if name is None:
+        return ()
+    plain = Choices()
+    given = Choices.from_dict(_choices(results)) if _choices(results) else plain
+    words = ["qlvbayes", "fit", name, "-o", results.out.name]
+    for key in ("law", "modes", "noise"):
+        if getattr(given, key) != getattr(plain, key):
+            words += [f"--{'elastic' if key == 'law' else key}", str(getattr(given, key))]
+    for option, values in (("prior", given.priors), ("fix", given.fixed), ("add", given.effects)):
+        words += [word for value in values for word in (f"--{option}", value)]
+    return (shlex.join(words),)
+
+
+def _basis(pad: PadResults) -> Basis:
+    facts, summary = pad.final.facts, pad.final.summary
+    noise = (pad.final.check or pad.diagnosis or {}).get("noise_N")
+    return Basis(
+        pad.name,
+        ", ".join(json.loads(facts["fitted_tests"])) if "fitted_tests" in facts else DASH,
+        _sampler(facts, summary),
+        f"{number(noise)} {pad.force_unit}" if noise else DASH,
+        tuple(json.loads(facts["priors"]).items()) if "priors" in facts else (),
+    )
+
+
+def _sampler(facts: dict, summary: dict | None) -> str:
+    method = str(facts.get("method") or (summary or {}).get("sampler", DASH))
+    if "walkers" not in facts:
+        return method
+    return (
+        f"{method}: {number(facts['walkers'])} walkers, {number(facts['kept_steps'], 6)} of "
+        f"{number(facts['steps'], 6)} steps kept, autocorrelation time "
+        f"{number(facts['autocorrelation_steps'])} steps, acceptance "
+        f"{percent(facts['acceptance'])}{_quality(summary)}"
+    )
+
+
+def _quality(summary: dict | None) -> str:
+    parameters = (summary or {}).get("parameters", {}).values()
+    hats = [p["r_hat"] for p in parameters if p["r_hat"] is not None]
+    sizes = [p["ess_bulk"] for p in parameters if p["ess_bulk"] is not None]
+    if not hats or not sizes:
+        return ""
+    return f"; largest R-hat {max(hats):.3f}, smallest effective sample size {min(sizes):.0f}"

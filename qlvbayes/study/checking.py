@@ -1,0 +1,41 @@
+"""The second step: predict every test from a saved fit and leave what was found on disk."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from qlvbayes.checked import CheckedPad, check_pad
+from qlvbayes.data import Study
+from qlvbayes.files import write_json
+from qlvbayes.results import Saved
+from qlvbayes.study.curves import curves
+from qlvbayes.study.watcher import Watcher
+
+
+def check_into(
+    folder: Path, saved: Saved, study: Study, *, seed: int, watcher: Watcher
+) -> tuple[CheckedPad, list[Path]]:
+    """Check one fit; leave ``check.json``, ``curves.json`` and two figures in a folder.
+
+    Returns what was found and the figures' paths. Raises InputError on an unknown pad.
+    """
+    with watcher.doing(f"pad {saved.pad}: predicting"):
+        checked = check_pad(saved, study.pad(saved.pad), seed=seed)
+        write_json(folder / "check.json", checked.check.as_dict())
+        write_json(folder / "curves.json", curves(checked), indent=None)
+        figures = _figures(checked, folder)
+    watcher.checked(checked)
+    return checked, figures
+
+
+def _figures(checked: CheckedPad, folder: Path) -> list[Path]:
+    # here, so that the other steps do not wait for matplotlib
+    from qlvbayes.plots.files import save_figure
+    from qlvbayes.plots.forces import plot_forces
+    from qlvbayes.plots.residual_map import plot_residual_map
+
+    units = checked.experiment.units
+    return [
+        save_figure(plot_forces(checked.predictions, units), folder / "forces"),
+        save_figure(plot_residual_map(checked.check, units), folder / "residual_map"),
+    ]

@@ -1,0 +1,65 @@
+"""The third step: say which effect a pad's model lacks and leave the verdict on disk."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from qlvbayes.choices import Choices
+from qlvbayes.data import Pad
+from qlvbayes.diagnosis.diagnose import diagnose
+from qlvbayes.diagnosis.verdict import Diagnosis
+from qlvbayes.diagnosis.words import paragraphs
+from qlvbayes.experiment import prepare
+from qlvbayes.files import results_folder, write_json, write_whole
+from qlvbayes.study.watcher import Watcher
+
+
+def diagnose_into(
+    folder: Path, pad: Pad, choices: Choices, *, evidence: str, seed: int, watcher: Watcher
+) -> Diagnosis:
+    """Diagnose one pad; leave ``diagnosis.json``, ``diagnosis.txt`` and four figures in a folder.
+
+    Where the verdict is ``unexplained``, ``discrepancy.csv`` too. Raises InputError where a setting
+    cannot be used or nothing can be written.
+    """
+    with watcher.doing(f"pad {pad.name}") as tell:
+        tell("motion, phases and noise floor")
+        experiment = prepare(pad)
+        choices.build(experiment.scales)  # a setting that cannot be used leaves nothing behind
+        results_folder(folder)
+        found = diagnose(
+            experiment, choices, kinds=choices.kinds, evidence=evidence, seed=seed, tell=tell
+        )
+        if found.verdict == "unexplained":
+            tell("a discrepancy for what is left")
+            found = _with_discrepancy(found, folder)
+        tell("writing")
+        write_json(folder / "diagnosis.json", found.as_dict())
+        text = "\n\n".join(paragraphs(found)) + "\n"
+        write_whole(folder / "diagnosis.txt", text.encode())
+        figures = _figures(found, folder)
+    watcher.diagnosed(found, figures)
+    return found
+
+
+def _with_discrepancy(found: Diagnosis, folder: Path) -> Diagnosis:
+    """Fit the discrepancy of the last model and leave it sample by sample in discrepancy.csv."""
+    # here, as only this verdict needs it
+    from qlvbayes.diagnosis.discrepancy import fit_discrepancy
+
+    fitted = fit_discrepancy(found.work, found.work.path.last.point)
+    units, samples = found.work.experiment.units, found.work.samples
+    lines = [f"test,time_s,discrepancy_mean_{units.force},discrepancy_sd_{units.force}"]
+    for trial, rows, band in zip(samples.trials, samples.rows, fitted.predict(), strict=True):
+        values = zip(trial.test.time[rows], band.mean, band.sd, strict=True)
+        lines += [f"{trial.name},{t:.6g},{mean:.6g},{sd:.6g}" for t, mean, sd in values]
+    write_whole(folder / "discrepancy.csv", ("\n".join(lines) + "\n").encode())
+    return replace(found, discrepancy=fitted.sd)
+
+
+def _figures(found: Diagnosis, folder: Path) -> list[Path]:
+    # here, so that the other steps do not wait for matplotlib
+    from qlvbayes.plots.diagnosis_files import save_diagnosis_figures
+
+    return save_diagnosis_figures(found, folder)

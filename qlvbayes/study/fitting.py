@@ -1,0 +1,69 @@
+"""The first step: sample a pad's posterior and leave it on disk."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from qlvbayes.choices import Choices
+from qlvbayes.data import Pad, Study
+from qlvbayes.experiment import prepare, pulls
+from qlvbayes.files import results_folder, write_json
+from qlvbayes.fit import fit_pad
+from qlvbayes.inference.chainstore import remove_chain
+from qlvbayes.inference.ensemble import Settings
+from qlvbayes.results import save, to_arviz
+from qlvbayes.study.drawing import draw_fit
+from qlvbayes.study.watcher import Watcher
+from qlvbayes.summary import Summary, summarise
+
+
+def fit_into(
+    folder: Path,
+    pad: Pad,
+    study: Study,
+    choices: Choices,
+    *,
+    method: str,
+    all_tests: bool,
+    settings: Settings,
+    watcher: Watcher,
+    figures: bool = True,
+) -> Summary:
+    """Fit one pad; leave ``posterior.nc`` and ``summary.json`` in a folder.
+
+    figures: whether to leave pairs and programme (PNG and PDF) too. A killed run goes on where it
+    was. Raises InputError where a setting cannot be used or nothing
+    can be written.
+    """
+    with watcher.doing(f"pad {pad.name}: motion, phases and noise floor"):
+        experiment = prepare(pad, all_tests=all_tests)
+    choices.build(experiment.scales)  # a setting that cannot be used leaves nothing behind
+    results_folder(folder)
+    if pulls(experiment) and not choices.bonded:
+        watcher.notice(
+            f"pad {pad.name}: the measured force turns negative, but a loose specimen "
+            "cannot pull; if it is glued to the platen, add --bonded"
+        )
+    watcher.starting(experiment, choices)
+    chain = folder / "chain"
+    with watcher.sampling(f"pad {pad.name}: {method}") as progress:
+        found = fit_pad(
+            experiment, choices, method=method, settings=settings, folder=chain, progress=progress
+        )
+    summary = summarise(found)
+    with watcher.doing(f"pad {pad.name}: writing"):
+        tree = to_arviz(
+            found,
+            summary,
+            source=str(Path(study.source).resolve()),
+            sha256=study.sha256,
+            all_tests=all_tests,
+            seed=settings.seed,
+        )
+        save(tree, folder / "posterior.nc")
+        write_json(folder / "summary.json", summary.as_dict())
+        if figures:
+            draw_fit(folder, found, experiment)
+    remove_chain(chain)
+    watcher.fitted(summary)
+    return summary

@@ -1,0 +1,123 @@
+"""All steps of a study, from its measurements to the report."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from qlvbayes.checked import CheckedPad
+from qlvbayes.choices import Choices
+from qlvbayes.data import Pad, Study, read_study
+from qlvbayes.diagnosis.verdict import Diagnosis
+from qlvbayes.inference.ensemble import Settings
+from qlvbayes.report.write import write_report
+from qlvbayes.results import Saved, load
+from qlvbayes.study.checking import check_into
+from qlvbayes.study.comparing import compare_into, fluid_pairs, pad_pairs
+from qlvbayes.study.diagnosing import diagnose_into
+from qlvbayes.study.drawing import draw_constants, draw_forces_at_rates, references_of
+from qlvbayes.study.fitting import fit_into
+from qlvbayes.study.record import record_run
+from qlvbayes.study.watcher import Watcher
+
+_MOST_PAIRS = 6  # compared unasked
+
+
+def run_study(
+    file: str | Path | Study,
+    out: str | Path,
+    *,
+    pads: Sequence[str] = (),
+    choices: Choices | None = None,
+    settings: Settings | None = None,
+    watcher: Watcher | None = None,
+    command: str = "",
+    references: str | Path | None = None,
+) -> list[Diagnosis]:
+    """Do everything for the named pads (all by default); return their verdicts.
+
+    Leaves in ``out``: per pad the plain model's fit and check in ``<pad>/plain``, the diagnosis
+    and, with the effects that it names, the fit to all tests and its check in ``<pad>`` (the plain
+    model again where nothing is named); comparisons of the pads, or of the fluids in them, in
+    ``compare``; constants (PNG, PDF, CSV, LaTeX) and, for two pads or more, forces_at_rates of all;
+    ``run.json`` and ``report.html``.
+
+    choices: the model to start from, by default the plain one, bonded where the file holds strain
+    and stress; settings: of the sampler; watcher: is told of each step; command: noted as what
+    repeats the study; references: a CSV file (pad,parameter,value,unit) of values to show beside
+    the constants, by default paper_table1.csv beside the measurements, if it is there. Raises
+    InputError on measurements, choices or references that cannot be used.
+    """
+    study = file if isinstance(file, Study) else read_study(file)
+    out, watcher, settings = Path(out), watcher or Watcher(), settings or Settings()
+    choices = choices or Choices(bonded=study.units.bonded_default)
+    wanted = [study.pad(name) for name in pads] or list(study.pads)
+    known = references_of(study, None if references is None else Path(references))
+    done = [_one(pad, study, choices, settings, out / pad.name, watcher) for pad in wanted]
+    with watcher.doing("figures of all pads"):
+        draw_constants(out, known)
+        draw_forces_at_rates(out, [checked for _, checked in done])
+    _compare([load(out / pad.name / "posterior.nc") for pad in wanted], out, settings, watcher)
+    record_run(out, "study", command or _call(study, out), study, choices, settings.seed)
+    with watcher.doing("report"):
+        write_report(out)
+    return [found for found, _ in done]
+
+
+def _compare(pads: list[Saved], out: Path, settings: Settings, watcher: Watcher) -> None:
+    """Fluids where there are specimens of them, else every pair of a few pads."""
+    pairs = fluid_pairs(pads) or pad_pairs(pads)
+    if len(pairs) > _MOST_PAIRS:
+        watcher.notice(
+            f"{len(pads)} pads make {len(pairs)} pairs, which are not all compared here; "
+            "name those that matter: qlvbayes compare OUT --pads A,B"
+        )
+        return
+    for first, second in pairs:
+        compare_into(out, first, second, seed=settings.seed, watcher=watcher)
+
+
+def _call(study: Study, out: Path) -> str:
+    return f"qlvbayes.run_study({Path(study.source).name!r}, {out.name!r}, ...)"
+
+
+def _one(
+    pad: Pad, study: Study, choices: Choices, settings: Settings, folder: Path, watcher: Watcher
+) -> tuple[Diagnosis, CheckedPad]:
+    plain = folder / "plain"
+    _fit_and_check(pad, study, choices, settings, plain, watcher, all_tests=False, figures=False)
+    found = diagnose_into(
+        folder, pad, choices, evidence="laplace", seed=settings.seed, watcher=watcher
+    )
+    effects = (*choices.effects, *(e for e in found.effects if e not in choices.effects))
+    fuller = replace(choices, effects=effects)
+    every = bool(found.effects)
+    checked = _fit_and_check(pad, study, fuller, settings, folder, watcher, all_tests=every)
+    return found, checked
+
+
+def _fit_and_check(
+    pad: Pad,
+    study: Study,
+    choices: Choices,
+    settings: Settings,
+    folder: Path,
+    watcher: Watcher,
+    *,
+    all_tests: bool,
+    figures: bool = True,
+) -> CheckedPad:
+    fit_into(
+        folder,
+        pad,
+        study,
+        choices,
+        method="emcee",
+        all_tests=all_tests,
+        settings=settings,
+        watcher=watcher,
+        figures=figures,
+    )
+    saved = load(folder / "posterior.nc")
+    return check_into(folder, saved, study, seed=settings.seed, watcher=watcher)[0]

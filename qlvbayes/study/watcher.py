@@ -1,0 +1,49 @@
+"""Who looks on while a study runs: nobody, unless told otherwise."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import Any
+
+from qlvbayes.checked import CheckedPad
+from qlvbayes.choices import Choices
+from qlvbayes.diagnosis.verdict import Diagnosis
+from qlvbayes.experiment import Experiment
+from qlvbayes.inference.ensemble import Progress
+from qlvbayes.summary import Summary
+
+
+class Watcher:
+    """Is told of each step of a study; this one says nothing.
+
+    Override what you want to see. Nothing that is returned changes the results.
+    """
+
+    def doing(self, label: str) -> AbstractContextManager[Callable[[str], None]]:
+        """Something that takes a while; yields a function that tells more of it."""
+        return nullcontext(_unheard)
+
+    def sampling(self, label: str) -> AbstractContextManager[Progress]:
+        """A chain is about to run; yields a function of the steps done and the steps to do."""
+        return nullcontext(_unheard)
+
+    def notice(self, text: str) -> None:
+        """Something that the user should know."""
+
+    def starting(self, experiment: Experiment, choices: Choices) -> None:
+        """A pad is about to be fitted."""
+
+    def fitted(self, summary: Summary) -> None:
+        """A pad has been fitted."""
+
+    def checked(self, checked: CheckedPad) -> None:
+        """A fit has been checked."""
+
+    def diagnosed(self, found: Diagnosis, figures: Sequence[Path]) -> None:
+        """A pad has its verdict."""
+
+
+def _unheard(*words: Any) -> None:
+    """Nobody listens."""

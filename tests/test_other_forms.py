@@ -1,0 +1,151 @@
+"""Effects in another form than the list's law, and the rival that no list holds."""
+
+import numpy as np
+import pytest
+
+from qlvbayes import Test, prepare
+from qlvbayes.data import Pad
+from qlvbayes.diagnosis.diagnose import diagnose
+from qlvbayes.diagnosis.freespring import FreeSpring
+from qlvbayes.diagnosis.otherform import GradualContact, OtherForm
+from qlvbayes.diagnosis.search import plain_fit
+from qlvbayes.diagnosis.verdict import Diagnosis
+from qlvbayes.inference.gaussnewton import evaluate
+from qlvbayes.synthetic import (
+    FORMS,
+    HIDDEN,
+    NOISES,
+    OUTSIDE,
+    PAPER_RATES,
+    TABLE_1,
+    HiddenPad,
+    paper_protocol,
+    record_study,
+)
+from qlvbayes.units import PAD
+
+RATES = (0.1, 1.0, 20.0, 100.0)
+
+
+def diagnosed(*effects, rates=RATES) -> Diagnosis:
+    material = HiddenPad(TABLE_1["B"], effects)
+    programs = {f"{rate:g}": paper_protocol(rate) for rate in rates}
+    tests = record_study({"B": material}, programs, NOISES["correlated"], 0, 300)
+    found = tuple(
+        Test(t.name, t.pad, t.record.time, t.record.displacement, t.record.force, start_s=t.start_s)
+        for t in tests
+    )
+    return diagnose(prepare(Pad("B", found, PAD)))
+
+
+@pytest.fixture(scope="module")
+def levelling():
+    """A drift that levels off within the study."""
+    drift = FORMS["saturating_drift"](offset=0.15, time=400.0)
+    return diagnosed(drift, rates=PAPER_RATES)
+
+
+@pytest.fixture(scope="module")
+def contact():
+    """A second spring that is met at depth."""
+    return diagnosed(OUTSIDE["second_contact"](stiffness=0.35, depth=0.9))
+
+
+def form_of(diagnosis, effect="force_drift"):
+    step = diagnosis.work.path.steps[1]
+    return OtherForm(diagnosis.work.experiment, diagnosis.work.ensemble, step.point.subset, effect)
+
+
+def test_a_drift_that_levels_off_is_named_with_its_form(levelling):
+    assert levelling.verdict == "missing_effect"
+    assert levelling.effects == ("force_drift",)
+    last = levelling.stages[-1]
+    assert last.shape is not None
+    assert last.labels == ("force_drift (other form)",)
+    assert last.p_value > 0.003 > levelling.stages[1].p_value
+    assert last.heldout_rmse < 1.2 * levelling.noise
+
+
+def test_the_form_is_that_of_the_truth(levelling):
+    """Drift over clock t: rate t f(t) against offset (1 - e^(-t/time)), in newtons."""
+    rate = levelling.stages[-1].parameters["force_drift.rate"].mean
+    clock, factor = np.transpose(levelling.stages[-1].shape.over_clock)
+    truth = 0.15 * -np.expm1(-clock[1:] / 400.0)
+    assert np.abs(rate * clock[1:] * factor[1:] - truth).max() < 3.0 * levelling.noise
+
+
+def test_the_words_and_the_json_say_the_form(levelling):
+    from qlvbayes import paragraphs
+
+    assert "not by the list's law" in paragraphs(levelling)[0]
+    steps = levelling.as_dict()["steps"]
+    assert [step["other_form"] is None for step in steps] == [True] * (len(steps) - 1) + [False]
+    factors = [entry["factor"] for entry in steps[-1]["other_form"]["over_clock"]]
+    assert factors[0] > factors[-1] > 0.0
+
+
+def test_without_coefficients_it_is_the_lists_own_form(levelling):
+    form, step = form_of(levelling), levelling.work.path.steps[1]
+    place = np.append(step.point.theta, np.zeros(form.sds.size))
+    point = form._evaluate(place, None)
+    own = evaluate(form.ensemble, form.subset, step.point.theta)
+    np.testing.assert_allclose(point.losses, own.losses, rtol=1e-10)
+    count = own.gradient.size
+    np.testing.assert_allclose(point.gradient[:count], own.gradient, rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", [OtherForm, GradualContact, FreeSpring])
+def test_gradients_are_those_of_the_loss(levelling, kind):
+    work = levelling.work
+    if kind is FreeSpring:
+        form = FreeSpring(work.experiment, work.ensemble, work.ensemble.subset())
+        start = work.path.steps[0].point.theta
+    else:
+        form = kind(work.experiment, work.ensemble, form_of(levelling).subset, "force_drift")
+        start = work.path.steps[1].point.theta
+    rng = np.random.default_rng(0)
+    place = np.append(start, 0.3 * form.sds * rng.standard_normal(form.sds.size))
+    point = form._evaluate(place, None)
+    for k in [*range(3), *range(form.free.size - 3, form.free.size)]:
+        step = np.zeros(place.size)
+        step[form.free[k]] = 1e-5
+        slope = form._evaluate(place + step, None).loss - form._evaluate(place - step, None).loss
+        np.testing.assert_allclose(point.gradient[k], slope / 2e-5, rtol=1e-4, atol=1e-3)
+
+
+def test_a_second_contact_is_not_taken_for_an_effect_of_the_list(contact):
+    assert contact.verdict == "unexplained"
+    assert contact.effects == ()
+
+
+def test_the_free_spring_finds_the_second_contact(contact):
+    work = contact.work
+    spring = FreeSpring(work.experiment, work.ensemble, work.ensemble.subset())
+    plain = plain_fit(work.ensemble)
+    point = spring.fit(plain)
+    assert point.log_evidence > plain.log_evidence + 5.0
+    _, coefficients = spring.split(point.theta)
+    depth = np.linspace(0.0, 1.0, 33)
+    force = work.experiment.scales.force * coefficients @ spring.curves(depth, depth)
+    truth = 0.35 * np.maximum(depth * work.experiment.scales.depth - 0.9, 0.0)
+    # up to a part that the pad's own law can take
+    law = np.expm1(TABLE_1["B"].b * depth * work.experiment.scales.depth)
+    basis = np.stack([law, depth * np.exp(law)], axis=1)
+    left = [x - basis @ np.linalg.lstsq(basis, x, rcond=None)[0] for x in (force, truth)]
+    assert np.corrcoef(*left)[0, 1] > 0.9
+
+
+def test_a_listed_effect_beats_the_free_spring():
+    found = diagnosed(HIDDEN["contact_offset"](gap=0.12))
+    assert found.verdict == "missing_effect"
+    assert found.effects == ("contact_offset",)
+    assert found.spring < 0.0
+
+
+def test_a_gradual_contact_is_a_contact_of_another_form():
+    found = diagnosed(FORMS["toe"](depth=0.6))
+    assert found.effects == ("contact_offset",)
+    assert found.stages[-1].shape is not None
+    depths, factors = np.transpose(found.stages[-1].shape.over_depth)
+    assert factors[0] < 0.5 < factors[-1]
+    assert np.all(np.diff(depths) > 0.0)

@@ -1,0 +1,400 @@
+"""The report: what it says, in which order, and of results that are incomplete or hostile."""
+
+import base64
+import io
+import json
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+from types import SimpleNamespace
+
+import arviz_base
+import numpy as np
+import pytest
+from endtoend import call
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+from written_results import (
+    FIGURES,
+    NOISE,
+    check,
+    comparison,
+    curves,
+    diagnosis,
+    picture,
+    summary,
+    write,
+    write_pad,
+    write_study,
+)
+
+from qlvbayes import InputError, Settings, Watcher, write_report
+from qlvbayes.choices import Choices
+from qlvbayes.data import read_study
+from qlvbayes.report.boxes import verdict_box
+from qlvbayes.report.charts import chart_of
+from qlvbayes.report.collect import Compared, collect
+from qlvbayes.report.comparing import comparing_of
+from qlvbayes.report.figures import Embedder
+from qlvbayes.report.numbers import DASH, number, percent, to_sd
+from qlvbayes.study.record import record_run
+from qlvbayes.study.run import _compare
+
+HOSTILE = "<img src=x onerror=alert(1)>&\"'"
+
+
+class Page(HTMLParser):
+    """Elements with their attributes, and the text between them, of scripts apart."""
+
+    def __init__(self, path):
+        super().__init__()
+        self.elements, self.text, self.scripts = [], "", []
+        self._inside = ""
+        self.feed(path.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag, attrs):
+        self.elements.append((tag, dict(attrs)))
+        self._inside = tag
+
+    def handle_endtag(self, tag):
+        self._inside = ""
+        self.text += " " * (tag in ("p", "li", "td", "th", "dt", "dd", "small"))
+
+    def handle_data(self, data):
+        if self._inside == "script":
+            self.scripts.append(data)
+        elif self._inside != "style":
+            self.text += data
+
+    def of(self, tag):
+        return [attrs for name, attrs in self.elements if name == tag]
+
+    @property
+    def words(self):
+        return " ".join(self.text.split())
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory):
+    return write_study(tmp_path_factory.mktemp("results"))
+
+
+@pytest.fixture(scope="module")
+def page(out):
+    return Page(write_report(out))
+
+
+def test_the_verdict_comes_first_and_the_questions_follow_in_order(page):
+    sections = [attrs["id"] for attrs in page.of("section")]
+    assert sections == ["verdict", "constants", "compare", "fails", "effects", "methods"]
+    boxes = [attrs["class"] for attrs in page.of("article")]
+    assert boxes == ["box missing_effect", "box adequate"]
+
+
+def test_each_question_is_answered_at_the_top(page):
+    head = page.words[: page.words.index("Median, and the interval")]
+    assert "m = 0.340" in head
+    assert "B and C differ in v[1] and m." in head
+    assert "plain model fails in 1 of 8 phases, worst in the ramp of B-fast" in head
+    assert "Pad B: viscous_drag (steps of the force" in head
+    assert "Pad C: nothing that these tests can show" in head
+    assert "wrong model" not in head
+
+
+def test_errors_before_and_after_stand_beside_the_noise(out):
+    box = verdict_box(collect(out).pads[0], "")
+    texts = [bar.text.replace("\u00a0", " ") for bar in box.bars]
+    assert texts == ["0.0480 N", "0.0103 N", "0.0100 N"]
+    shares = [bar.share for bar in box.bars]
+    assert shares == pytest.approx([1.0, 0.0103 / 0.048, NOISE / 0.048])
+
+
+@pytest.mark.parametrize(
+    ("verdict", "named", "said"),
+    [
+        ("adequate", (), "Nothing is missing that these tests can show."),
+        ("missing_effect", ("friction",), "The plain model lacks one effect (probability 97 %):"),
+        ("ambiguous", ("friction", "inertia"), "cannot tell which of these it is:"),
+        ("unexplained", (), "that none of the known effects explains."),
+    ],
+)
+def test_every_verdict_has_its_line(tmp_path, verdict, named, said):
+    write(tmp_path / "B" / "diagnosis.json", diagnosis("B", verdict, named))
+    box = verdict_box(collect(tmp_path).pads[0], "")
+    assert said in box.line.replace("\u00a0", " ")
+    assert tuple(effect.name for effect in box.effects) == named
+
+
+def test_an_ambiguous_verdict_keeps_what_is_sure(tmp_path):
+    content = diagnosis("B", "ambiguous", ("friction", "inertia"))
+    write(tmp_path / "B" / "diagnosis.json", content | {"effects": ["fluid_leak", "friction"]})
+    words = Page(write_report(tmp_path)).words
+    assert "Something is missing besides fluid_leak, and these tests cannot tell" in words
+    assert "Pad B: one of friction or inertia besides fluid_leak;" in words
+
+
+@pytest.mark.parametrize(
+    ("answer", "line"),
+    [
+        ("less", "B and C differ in v[1] and m."),
+        ("equal", "No difference between B and C is shown: equal within 10\u00a0% in v[1] and m."),
+        (
+            "cannot tell",
+            "These tests cannot tell whether B and C differ: undecided in v[1] and m.",
+        ),
+    ],
+)
+def test_comparisons_are_answered_in_a_line(answer, line):
+    content = comparison("B", "C", answer) | {"differ": {"less": True, "equal": False}.get(answer)}
+    assert comparing_of(Compared(Path("B-vs-C"), content, ())).line == line
+
+
+def test_constants_stand_with_interval_and_unit(page):
+    words = page.words
+    assert "mN/mm N/mm 0.340 0.324 to 0.356" in words
+    assert "viscous_drag.eta" in words
+    # 0.37 without the effect against 0.34 with it
+    assert "m 9 % too high" in words
+
+
+def test_what_is_null_becomes_a_dash(out, page):
+    row = page.words[page.words.index("plain model + viscous_drag") :]
+    assert row.split()[4:8] == ["0.0101", "0.0103", "1.03", DASH]
+    assert "nan" not in page.words.lower()
+    assert "None" not in page.words
+
+
+def test_methods_say_how_to_repeat_it(page):
+    tail = page.words[page.words.index("How this was done") :]
+    assert "qlvbayes study data/pads.csv -o results --seed 7" in tail
+    assert "ab" * 32 in tail
+    assert "jax 0.10.2" in tail
+    assert "lognormal(0.2953, 1.609)" in tail
+    assert "log Bayes factor is above 5.0" in tail
+    assert "unheard_of = 1.5" in tail
+    assert "/somewhere" not in tail
+
+
+def test_every_figure_is_inside_with_words_for_it(out, page):
+    pictures = page.of("img")
+    drawn = 2 * len(FIGURES) + 1
+    hidden = 3  # of the pad that lacks nothing
+    assert drawn - hidden <= len(pictures) <= drawn
+    assert all(len(attrs["alt"]) > 20 for attrs in pictures)
+    assert all(attrs["src"].startswith("data:image/png;base64,") for attrs in pictures)
+    assert len(page.of("figure")) == len(page.of("figcaption")) == len(pictures)
+
+
+def test_nothing_outside_the_page_is_referred_to(out, page):
+    text = write_report(out).read_text(encoding="utf-8")
+    links = [a[k] for _, a in page.elements for k in ("src", "href", "data", "action") if k in a]
+    assert all(link.startswith(("data:", "#")) for link in links)
+    assert "url(" not in text
+    assert "@import" not in text
+    assert not page.of("iframe")
+    anchors = {attrs["id"] for _, attrs in page.elements if "id" in attrs}
+    assert {link[1:] for link in links if link.startswith("#")} <= anchors
+
+
+def test_the_same_results_give_the_same_page(out):
+    assert write_report(out).read_bytes() == write_report(str(out)).read_bytes()
+
+
+def test_a_fit_alone_says_what_was_not_done(tmp_path):
+    for pad in ("B", "C"):
+        write(tmp_path / pad / "summary.json", summary(pad))
+    words = Page(write_report(tmp_path)).words
+    out = tmp_path.name
+    for command in (f"check {out}", f"diagnose FILE -o {out}", f"compare {out}"):
+        assert f"qlvbayes {command}" in words
+    assert "0.340" in words
+
+
+def test_a_check_without_a_diagnosis_says_where_the_fit_fails(tmp_path):
+    write(tmp_path / "B" / "summary.json", summary("B"))
+    write(tmp_path / "B" / "check.json", check("B", worst=4.7))
+    words = Page(write_report(tmp_path)).words
+    assert "The fit fails in 1 of 8 phases of its tests." in words
+    assert "these are constants of a wrong model" in words
+    assert "the ramp of B-fast, by 0.047 N root mean square (4.7 times the noise)" in words
+
+
+def test_a_diagnosis_alone_is_told(tmp_path):
+    write(tmp_path / "B" / "diagnosis.json", diagnosis("B"))
+    words = Page(write_report(tmp_path)).words
+    assert "viscous_drag" in words
+    assert "No pad has been fitted yet." in words
+
+
+def test_a_chain_that_has_not_converged_is_said_in_the_box(tmp_path):
+    content = summary("B") | {"converged": False, "troubles": ["R-hat of m is 1.4"]}
+    write(tmp_path / "B" / "summary.json", content)
+    assert (
+        "The sampling has not converged: R-hat of m is 1.4." in Page(write_report(tmp_path)).words
+    )
+
+
+def test_names_are_shown_as_they_are_and_never_obeyed(tmp_path):
+    write_pad(tmp_path, "B")
+    for place in (tmp_path / "B", tmp_path / "B" / "plain"):
+        for name in ("summary", "check", "curves"):
+            file = place / f"{name}.json"
+            write(file, json.loads(file.read_text().replace('"B-fast"', json.dumps(HOSTILE))))
+    write(tmp_path / "B" / "summary.json", summary(HOSTILE, ("viscous_drag",)))
+    page = Page(write_report(tmp_path))
+    assert HOSTILE in page.text
+    assert "x" not in [attrs.get("src") for attrs in page.of("img")]
+    data = [text for text in page.scripts if text.startswith("{")]
+    assert len(data) == 1
+    assert "<" not in data[0]
+    assert json.loads(data[0])["tests"][1]["name"] == HOSTILE
+
+
+def test_a_damaged_file_is_named_and_the_old_report_stays(tmp_path):
+    write(tmp_path / "B" / "summary.json", summary("B"))
+    before = write_report(tmp_path).read_bytes()
+    (tmp_path / "B" / "check.json").write_text('{"schema": 1,')
+    status, _, err = call("report", tmp_path)
+    assert status == 2
+    assert re.fullmatch(r"qlvbayes: .*check\.json: cannot be read .*; run .*\n", err)
+    assert (tmp_path / "report.html").read_bytes() == before
+
+
+def test_a_folder_without_results_is_refused(tmp_path):
+    for folder in (tmp_path, tmp_path / "nowhere"):
+        with pytest.raises(InputError, match="no results in this folder; run qlvbayes study"):
+            write_report(folder)
+
+
+def test_the_command_says_where_the_report_is(out):
+    status, said, err = call("report", out)
+    assert (status, err) == (0, "")
+    assert Path(said.strip().removeprefix("report in ")) == out / "report.html"
+
+
+def test_the_page_stays_small_and_names_the_figures_it_leaves_out(tmp_path):
+    for pad in "ABCD":
+        write(tmp_path / pad / "summary.json", summary(pad))
+        picture(tmp_path / pad / "forces.png", (1100, 1100), noisy=True)
+    path = write_report(tmp_path)
+    assert path.stat().st_size < 5_000_000
+    words = Page(path).words
+    assert "Left out to keep this page small: D/forces.png" in words
+    assert "Left out to keep this page small: A/forces.png" not in words
+
+
+def test_a_figure_keeps_its_white_and_its_size(tmp_path):
+    shades = np.repeat(np.arange(256, dtype=np.uint8)[:, None, None], 3, axis=2)
+    pixels = np.concatenate([np.full((744, 1, 3), 255, np.uint8), shades])
+    Image.fromarray(np.repeat(pixels, 400, axis=1)).save(tmp_path / "forces.png")
+    figure = Embedder(tmp_path)(tmp_path, "forces", "pad B")
+    assert (figure.width, figure.height) == (192, 480)  # 200 dots an inch on a screen of 96
+    content = base64.b64decode(figure.source.partition(",")[2])
+    seen = np.asarray(Image.open(io.BytesIO(content)).convert("RGB")).astype(int)
+    assert np.all(seen[:744] == 255)
+    assert np.all(np.abs(seen[:, :1] - pixels) <= 16)
+
+
+def test_curves_are_drawn_as_they_were_left(out):
+    pad = collect(out).pads[0]
+    chart = chart_of(pad)
+    left = curves("B", ("viscous_drag",), NOISE)["tests"]
+    for drawn, test in zip(chart["tests"], left, strict=True):
+        assert (drawn["t"], drawn["observed"]) == (test["time_s"], test["observed_N"])
+        assert (drawn["mean"], drawn["low"]) == (test["mean_N"], test["low_N"])
+        missed = [a - b for a, b in zip(drawn["mean"], drawn["plain"], strict=True)]
+        assert max(missed) == pytest.approx(3.7 * NOISE)
+    assert chart["tests"][chart["first"]]["name"] == "B-fast"
+
+
+def test_the_plain_model_is_not_drawn_twice(out):
+    assert [test["plain"] for test in chart_of(collect(out).pads[1])["tests"]] == [None, None]
+
+
+def test_long_curves_are_thinned_but_keep_the_ends_of_phases(tmp_path):
+    write(tmp_path / "B" / "summary.json", summary("B"))
+    write(tmp_path / "B" / "curves.json", curves("B", samples=4000))
+    test = chart_of(collect(tmp_path).pads[0])["tests"][0]
+    left = curves("B", samples=4000)["tests"][0]["time_s"]
+    assert 2000 < len(test["t"]) <= 3000
+    for k in range(4):
+        assert {left[4000 * k], left[4000 * k + 3999]} <= set(test["t"])
+
+
+@given(st.floats(-1e12, 1e12), st.integers(2, 6), st.booleans())
+def test_numbers_can_be_read_back(value, digits, zeros):
+    text = number(value, digits, zeros=zeros).replace("−", "-")
+    base, _, power = text.partition(" × 10")
+    power = power.translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789"))
+    read = float(f"{base}e{power or 0}")
+    assert read == pytest.approx(value, rel=0.51 * 10.0 ** (1 - digits))
+
+
+@given(st.floats(0.0, 1.0, exclude_min=True, exclude_max=True))
+def test_no_probability_is_rounded_to_certainty(share):
+    assert percent(share).split("\u00a0")[0] not in ("0", "100")
+
+
+def test_unknown_numbers_are_dashes():
+    assert number(None) == number(float("nan")) == percent(None) == to_sd(None, None) == DASH
+    assert to_sd(0.33621, 0.0035) == "0.3362"
+
+
+def test_a_run_is_noted_step_by_step_and_a_study_replaces_them(tmp_path):
+    study = read_study(Path(__file__).parents[1] / "data" / "hidden.csv")
+    for step in ("fit", "diagnose"):
+        record_run(tmp_path, step, f"qlvbayes {step} x.csv", study, Choices(), 3)
+    runs = collect_runs(tmp_path)
+    assert {name: run["command"] for name, run in runs.items()} == {
+        "fit": "qlvbayes fit x.csv",
+        "diagnose": "qlvbayes diagnose x.csv",
+    }
+    assert runs["fit"]["sha256"] == study.sha256
+    assert runs["fit"]["versions"]["jax"]
+    assert Choices.from_dict(runs["fit"]["choices"]) == Choices()
+    study_run = replace(Choices(), modes=3)
+    record_run(tmp_path, "study", "qlvbayes study x.csv", study, study_run, 3)
+    assert list(collect_runs(tmp_path)) == ["study"]
+
+
+def collect_runs(folder):
+    return json.loads((folder / "run.json").read_text())["runs"]
+
+
+class Listener(Watcher):
+    """Keeps what it is told."""
+
+    def __init__(self):
+        self.notices = []
+
+    def notice(self, text):
+        self.notices.append(text)
+
+
+def test_many_pads_are_not_all_compared_unasked(tmp_path):
+    listener = Listener()
+    pads = [SimpleNamespace(pad=name, fluid=None) for name in "ABCDE"]
+    _compare(pads, tmp_path, Settings(), listener)
+    assert listener.notices[0].startswith("5 pads make 10 pairs")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_posterior_made_elsewhere_is_reported_from_its_draws(tmp_path):
+    rng = np.random.default_rng(3)
+    m = rng.normal(0.34, 0.01, (4, 500))
+    c = np.stack([np.full_like(m, share) for share in (0.3, 0.6, 0.1)], axis=-1)
+    v = np.stack([rng.normal(rate, 0.01 * rate, m.shape) for rate in (6.0, 0.1)], axis=-1)
+    tree = arviz_base.from_dict({"posterior": {"m": m, "b": m + 0.8, "c": c, "v": v}})
+    (tmp_path / "mine").mkdir()
+    tree.to_netcdf(tmp_path / "mine" / "posterior.nc", engine="h5netcdf")
+    pad = collect(tmp_path).pads[0]
+    found = pad.final.summary["parameters"]
+    assert (found["m"]["unit"], found["v[2]"]["unit"]) == ("N/mm", "1/s")
+    assert found["m"]["median"] == pytest.approx(np.median(m))
+    low, high = found["m"]["hdi90"]
+    assert np.mean((m >= low) & (m <= high)) == pytest.approx(0.9, abs=0.001)
+    words = Page(write_report(tmp_path)).words
+    assert "Pad mine: m = 0.340" in words
+    assert f"qlvbayes check {tmp_path.name}" in words
