@@ -71,7 +71,8 @@ def contest(ensemble: Ensemble, base: Point, effects: list[str], known: float = 
         if humps[0].loss < base.loss - _PROMISING:
             return contest(ensemble, humps[0], effects, known)
         ranked = _restarted(ensemble, base, ranked, found, _other(ensemble, base, humps))
-        ranked = _widened(ensemble, base, ranked, known - base.log_evidence - _HOPELESS)
+        best = max(known - base.log_evidence, ranked[0].log_bayes_factor)
+        ranked = _widened(ensemble, base, ranked, best - _HOPELESS)
         ranked = _sampled(ensemble, base, ranked)
     return Round(base, tuple(_best_first(ranked)))
 
@@ -143,9 +144,9 @@ def _widened(
     """
     costly = base.subset.effects & set(ensemble.costly)
     by_evidence, by_score = _WIDE_COSTLY if costly else _WIDE
-    best = [c for c in ranked[:by_evidence] if c.log_bayes_factor > hopeless]
-    rest = sorted(ranked[by_evidence:], key=lambda c: -c.score.log_bayes_factor)[:by_score]
-    chosen = {c.effect for c in best} | {c.effect for c in rest if _promises(c)}
+    hope = [c for c in ranked if c.log_bayes_factor > hopeless]
+    rest = sorted(hope[by_evidence:], key=lambda c: -c.score.log_bayes_factor)[:by_score]
+    chosen = {c.effect for c in hope[:by_evidence]} | {c.effect for c in rest if _promises(c)}
     return [_widely(ensemble, base, c) if c.effect in chosen else c for c in ranked]
 
 
