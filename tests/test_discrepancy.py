@@ -7,16 +7,10 @@ from endtoend import experiment
 
 from qlvbayes.choices import Choices
 from qlvbayes.data import Pad, Test
-from qlvbayes.diagnosis.discrepancy import (
-    Discrepancy,
-    HeldOutCoverage,
-    Inputs,
-    _averaged,
-    _Data,
-    _fit,
-    _Kernel,
-    fit_discrepancy,
-)
+from qlvbayes.diagnosis.discrepancy import Discrepancy, fit_discrepancy
+from qlvbayes.diagnosis.discrepancy.coverage import HeldOutCoverage
+from qlvbayes.diagnosis.discrepancy.noise_covariance import averaged_correlation
+from qlvbayes.diagnosis.discrepancy.process import Inputs, Kernel, Residuals, fit_scales
 from qlvbayes.diagnosis.samples import Samples
 from qlvbayes.diagnosis.search import Path, plain_fit
 from qlvbayes.diagnosis.verdict import Work
@@ -82,7 +76,7 @@ def test_averages_of_correlated_noise():
     first, last, tau = np.array([0.0, 1.0, 1.5]), np.array([0.8, 1.0, 4.0]), 0.7
     instants = [np.linspace(a, b, 801) for a, b in zip(first, last, strict=True)]
     exact = [[np.exp(-np.abs(x[:, None] - y) / tau).mean() for y in instants] for x in instants]
-    np.testing.assert_allclose(_averaged(first, last, tau), exact, rtol=3e-3)
+    np.testing.assert_allclose(averaged_correlation(first, last, tau), exact, rtol=3e-3)
 
 
 def random_inputs(rng, count, tests):
@@ -98,7 +92,7 @@ def random_inputs(rng, count, tests):
 
 def test_the_kernel_is_a_covariance():
     inputs = random_inputs(np.random.default_rng(1), 60, 4)
-    kernel = _Kernel(jnp.log(jnp.array([0.5, 0.3, 2.0, 0.4, 2.0])))
+    kernel = Kernel(jnp.log(jnp.array([0.5, 0.3, 2.0, 0.4, 2.0])))
     matrix = np.asarray(kernel(inputs, inputs))
     np.testing.assert_allclose(matrix, matrix.T)
     assert np.linalg.eigvalsh(matrix).min() > -1e-12
@@ -113,10 +107,10 @@ def test_the_sizes_come_back():
     rng = np.random.default_rng(2)
     inputs = random_inputs(rng, 300, 6)
     true = np.log([0.5, 0.1, 2.0, 0.4, 2.0])
-    matrix = np.asarray(_Kernel(jnp.asarray(true))(inputs, inputs))
+    matrix = np.asarray(Kernel(jnp.asarray(true))(inputs, inputs))
     noise = 0.05**2 * np.eye(300)
     residual = np.linalg.cholesky(matrix + noise) @ rng.standard_normal(300)
-    found = _fit(_Data(inputs, residual, noise), true + 0.5)
+    found = fit_scales(Residuals(inputs, residual, noise), true + 0.5)
     assert abs(found[0] - true[0]) < 0.7
     assert found[1] < found[0]
     assert np.all(np.abs(found[2:] - true[2:]) < 1.2)

@@ -52,8 +52,8 @@ def contact():
 
 
 def form_of(diagnosis, effect="force_drift"):
-    step = diagnosis.work.path.steps[1]
-    return OtherForm(diagnosis.work.experiment, diagnosis.work.ensemble, step.point.subset, effect)
+    work = diagnosis.work
+    return OtherForm(work.experiment, work.ensemble, work.path.last.point.subset, effect)
 
 
 def test_a_drift_that_levels_off_is_named_with_its_form(levelling):
@@ -62,7 +62,7 @@ def test_a_drift_that_levels_off_is_named_with_its_form(levelling):
     last = levelling.stages[-1]
     assert last.shape is not None
     assert last.labels == ("force_drift (other form)",)
-    assert last.p_value > 0.003 > levelling.stages[1].p_value
+    assert last.p_value > 0.003 > levelling.stages[0].p_value
     assert last.heldout_rmse < 1.2 * levelling.noise
 
 
@@ -85,10 +85,10 @@ def test_the_words_and_the_json_say_the_form(levelling):
 
 
 def test_without_coefficients_it_is_the_lists_own_form(levelling):
-    form, step = form_of(levelling), levelling.work.path.steps[1]
-    place = np.append(step.point.theta, np.zeros(form.sds.size))
-    point = form._evaluate(place, None)
-    own = evaluate(form.ensemble, form.subset, step.point.theta)
+    form = form_of(levelling)
+    theta, _ = form.split(levelling.work.path.last.point.theta)
+    point = form._evaluate(np.append(theta, np.zeros(form.sds.size)), None)
+    own = evaluate(form.ensemble, form.subset, theta)
     np.testing.assert_allclose(point.losses, own.losses, rtol=1e-10)
     count = own.gradient.size
     np.testing.assert_allclose(point.gradient[:count], own.gradient, rtol=1e-6, atol=1e-6)
@@ -102,7 +102,7 @@ def test_gradients_are_those_of_the_loss(levelling, kind):
         start = work.path.steps[0].point.theta
     else:
         form = kind(work.experiment, work.ensemble, form_of(levelling).subset, "force_drift")
-        start = work.path.steps[1].point.theta
+        start, _ = form.split(work.path.last.point.theta)
     rng = np.random.default_rng(0)
     place = np.append(start, 0.3 * form.sds * rng.standard_normal(form.sds.size))
     point = form._evaluate(place, None)
