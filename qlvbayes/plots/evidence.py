@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import isfinite
+from math import exp, isfinite
 from textwrap import fill
 from typing import Any
 
@@ -203,7 +203,7 @@ def _notes(figure: Figure, diagnosis: Diagnosis, tight: bool) -> None:
     unseen = [u.effect for u in diagnosis.not_identifiable if u.effect not in ranked]
     lines = [
         "Sorted by probability; a priori, none is likelier than any one effect. "
-        "Dotted: 150 to 1 in favour of the effect, from which it counts as decisive."
+        f"Dotted: {exp(_ODDS):.0f} to 1 for the effect, from which it counts as decisive."
     ]
     if _refused(diagnosis):
         lines += ["×: refused, predicts left-out tests no better."]
