@@ -19,6 +19,7 @@ _HOPELESS = 60.0  # at which another relaxation spectrum will not help it either
 _STARTS = 2
 _WIDE = (3, 2)  # contenders refitted from other relaxation spectra too: best by evidence, by score;
 _WIDE_COSTLY = (2, 1)  # fewer where the model runs slowly
+_QUOTED = 2
 _NEAR = 8.0  # log Bayes factor within which the best are compared more carefully
 _PROMISING = 1.0  # if the best has a log Bayes factor above this; that another hump is higher
 
@@ -93,7 +94,7 @@ def _refitted(
         point = None
         if scores[0].information == 0.0 or max(abs(s.z) for s in scores) > 1.0:
             point = refit(ensemble, base, effect, scores, best - _BEHIND)
-            log_bf = point.log_evidence - base.log_evidence
+            log_bf = max(point.log_evidence - base.log_evidence, scores[0].occam)
             best = max(best, point.log_evidence)
         contenders.append(Contender(effect, log_bf, scores[0], point))
     return _best_first(contenders)
@@ -144,7 +145,8 @@ def _widened(
     """
     costly = base.subset.effects & set(ensemble.costly)
     by_evidence, by_score = _WIDE_COSTLY if costly else _WIDE
-    hope = [c for c in ranked if c.log_bayes_factor > hopeless]
+    # the winner's and the runner-up's figures are quoted, however far apart
+    hope = [c for k, c in enumerate(ranked) if k < _QUOTED or c.log_bayes_factor > hopeless]
     rest = sorted(hope[by_evidence:], key=lambda c: -c.score.log_bayes_factor)[:by_score]
     chosen = {c.effect for c in hope[:by_evidence]} | {c.effect for c in rest if _promises(c)}
     return [_widely(ensemble, base, c) if c.effect in chosen else c for c in ranked]
@@ -160,7 +162,7 @@ def _widely(ensemble: Ensemble, base: Point, contender: Contender) -> Contender:
     point = wide_climb(ensemble, contender.point.subset, contender.point.theta)
     if point.log_evidence <= contender.point.log_evidence:
         return contender
-    gain = point.log_evidence - base.log_evidence
+    gain = max(point.log_evidence - base.log_evidence, contender.log_bayes_factor)
     return Contender(contender.effect, gain, contender.score, point)
 
 

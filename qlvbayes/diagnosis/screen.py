@@ -48,10 +48,20 @@ class Score:
         return getattr(effect, next(iter(effect.null)))
 
     @property
+    def _ratio(self) -> float:
+        """Information of the data over that of the prior."""
+        return self.information * float(self.prior.sd) ** 2
+
+    @property
+    def occam(self) -> float:
+        """What the effect loses if it stays at its null: its evidence is no lower than that."""
+        return -0.5 * math.log1p(self._ratio)
+
+    @property
     def log_bayes_factor(self) -> float:
         """Evidence for the effect against none if the force were linear in its amplitude."""
-        ratio = self.information * float(self.prior.sd) ** 2
-        log_bf = 0.5 * self.z**2 * ratio / (1.0 + ratio) - 0.5 * math.log1p(ratio)
+        ratio = self._ratio
+        log_bf = 0.5 * self.z**2 * ratio / (1.0 + ratio) + self.occam
         if isinstance(self.prior, Normal):
             return log_bf
         place = self.z * math.sqrt(ratio / (1.0 + ratio))

@@ -86,8 +86,8 @@ def fit_scales(residuals: Residuals, start: np.ndarray) -> np.ndarray:
 
 
 @jax.jit
-def conditional(log_scales: Array, residuals: Residuals, at: Inputs) -> tuple[Array, Array]:
-    """Mean (M,) in N and variance (M,) in N^2 of the discrepancy at other inputs."""
+def conditional(log_scales: Array, residuals: Residuals, at: Any) -> tuple[Array, Array]:
+    """Mean (M,) in N and variance (M,) in N^2 of the discrepancy at other Inputs."""
     process = _process(log_scales, residuals)
     cross = process.kernel(residuals.inputs, at)
     white = process.solver.solve_triangular(cross)
