@@ -10,7 +10,7 @@ from pathlib import Path
 from timing import command_s
 
 PARTS = {  # function to part
-    "plain_fit": "plain fit",
+    "plain_fits": "plain fit",
     "contest": "screen and refits of all candidates",
     "held_out": "tests left out",
     "adequacy": "adequacy",

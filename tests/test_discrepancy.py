@@ -12,7 +12,7 @@ from qlvbayes.diagnosis.discrepancy.coverage import HeldOutCoverage
 from qlvbayes.diagnosis.discrepancy.noise_covariance import averaged_correlation
 from qlvbayes.diagnosis.discrepancy.process import Inputs, Kernel, Residuals, fit_scales
 from qlvbayes.diagnosis.samples import Samples
-from qlvbayes.diagnosis.search import Path, plain_fit
+from qlvbayes.diagnosis.search import Path, plain_fits
 from qlvbayes.diagnosis.verdict import Work
 from qlvbayes.experiment import prepare
 from qlvbayes.fit import build_posterior
@@ -58,7 +58,7 @@ def fitted(experiment):
     posterior = build_posterior(experiment, Choices(), experiment.trials)
     ensemble = with_every_effect(posterior, ())
     work = Work(experiment, ensemble, Samples.of(experiment, ensemble), Path(), ())
-    return fit_discrepancy(work, plain_fit(ensemble))
+    return fit_discrepancy(work, plain_fits(ensemble)[0])
 
 
 @pytest.fixture(scope="module")

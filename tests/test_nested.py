@@ -14,7 +14,7 @@ from qlvbayes.diagnosis.contest import Round, contest, refit
 from qlvbayes.diagnosis.evidence import LaplaceCheck, laplace_check, log_densities
 from qlvbayes.diagnosis.nested_check import nested_check
 from qlvbayes.diagnosis.screen import screen
-from qlvbayes.diagnosis.search import plain_fit
+from qlvbayes.diagnosis.search import plain_fits
 from qlvbayes.effects.extra_relaxation_mode import ExtraRelaxationMode
 from qlvbayes.effects.viscous_drag import ViscousDrag
 from qlvbayes.fit import build_posterior
@@ -108,7 +108,7 @@ def ensemble():
 
 @pytest.fixture(scope="module")
 def first(ensemble):
-    return contest(ensemble, plain_fit(ensemble), ensemble.candidates)
+    return contest(ensemble, plain_fits(ensemble)[0], ensemble.candidates)
 
 
 def test_densities_are_those_of_the_smaller_posterior(ensemble, first):
@@ -133,7 +133,7 @@ def test_laplace_is_trusted_where_the_posterior_is_normal(ensemble, first):
 def test_an_idle_effect_is_told(ensemble, first):
     """Pad B has no drag: its coefficient lies against zero, wherever the optimum is."""
     scores = screen(ensemble, first.base, ["viscous_drag"])["viscous_drag"]
-    point = refit(ensemble, first.base, "viscous_drag", scores, -np.inf)
+    point = refit(ensemble, first.base, scores, -np.inf)
     reasons = laplace_check(ensemble, point).reasons
     assert any("viscous_drag" in reason for reason in reasons)
 
@@ -163,7 +163,7 @@ def test_nested_sampling_agrees_on_a_real_pad():
     trials = experiment().with_role("fit")
     posterior = build_posterior(experiment(), Choices(modes=1, noise="white"), trials)
     ensemble = with_every_effect(posterior, ())
-    point = plain_fit(ensemble)
+    point = plain_fits(ensemble)[0]
     check = laplace_check(ensemble, point)
     (found,) = nested_check(ensemble, Round(point, ()), live=40)
     assert abs(check.log_evidence - point.log_evidence) < 0.5

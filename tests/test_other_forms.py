@@ -8,7 +8,7 @@ from qlvbayes.data import Pad
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.freespring import FreeSpring
 from qlvbayes.diagnosis.otherform import GradualContact, OtherForm
-from qlvbayes.diagnosis.search import plain_fit
+from qlvbayes.diagnosis.search import plain_fits
 from qlvbayes.diagnosis.verdict import Diagnosis
 from qlvbayes.inference.gaussnewton import evaluate
 from qlvbayes.synthetic import (
@@ -121,7 +121,7 @@ def test_a_second_contact_is_not_taken_for_an_effect_of_the_list(contact):
 def test_the_free_spring_finds_the_second_contact(contact):
     work = contact.work
     spring = FreeSpring(work.experiment, work.ensemble, work.ensemble.subset())
-    plain = plain_fit(work.ensemble)
+    plain = plain_fits(work.ensemble)[0]
     point = spring.fit(plain)
     assert point.log_evidence > plain.log_evidence + 5.0
     _, coefficients = spring.split(point.theta)

@@ -379,9 +379,9 @@ def test_files_have_the_names_that_the_command_line_tells(real, tmp_path):
 
 def test_measured_sds_shape_the_noise_band(real):
     samples, floor = real.work.samples, real.work.experiment.floor
-    weight = samples.posterior.record.blocks.weight
-    posterior = eqx.tree_at(lambda p: p.record.blocks.weight, samples.posterior, 3.0 * weight)
-    work = replace(real.work, samples=replace(samples, posterior=posterior))
+    weight = samples.record.blocks.weight
+    record = eqx.tree_at(lambda r: r.blocks.weight, samples.record, 3.0 * weight)
+    work = replace(real.work, samples=replace(samples, record=record, _posteriors={}))
     shown = curves(replace(real, work=work), draws=20)
     assert shown[0].floor == pytest.approx(np.hypot(3.0 * floor.white, floor.ou))
     wider = [np.mean(c.final.high - c.final.low) for c in (shown[0], curves(real)[0])]

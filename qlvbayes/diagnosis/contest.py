@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.inference.gaussnewton import Point, climb
 from qlvbayes.inference.multistart import wide_climb, wide_climbs
 from qlvbayes.inference.subset import Ensemble
+from qlvbayes.inference.together import together
 
 _BEHIND = 15.0  # log evidence behind the best at which a contender is given up
 _HOPELESS = 60.0  # at which another relaxation spectrum will not help it either
@@ -36,10 +37,11 @@ class Contender:
 
 @dataclass(frozen=True, eq=False)
 class Round:
-    """The present model, and its contenders, best first."""
+    """The present model, its contenders, best first, and every effect's scores."""
 
     base: Point
     contenders: tuple[Contender, ...]
+    scores: dict[str, list[Score]] = field(default_factory=dict)
 
     @property
     def best(self) -> Contender | None:
@@ -58,24 +60,32 @@ class Round:
         return {name: weight / total for name, weight in weights.items()}
 
 
-def contest(ensemble: Ensemble, base: Point, effects: list[str], known: float = -math.inf) -> Round:
+def contest(
+    ensemble: Ensemble,
+    base: Point,
+    effects: list[str],
+    *,
+    known: float = -math.inf,
+    humps: list[Point] | None = None,
+) -> Round:
     """Rank effects that ``base`` lacks.
 
     Those whose score promises nothing keep the evidence of the linearised model; the others are
     refitted from the shapes that score best, unless they fall hopelessly behind on the way: behind
-    each other, and behind the log evidence ``known`` of a model with one of them.
+    each other, and behind the log evidence ``known`` of a model with one of them. humps: tops of
+    the present model's density, where they are known.
     """
     found = screen(ensemble, base, effects)
     ranked = _refitted(ensemble, base, found, known)
     if ranked and ranked[0].log_bayes_factor > _PROMISING:
-        humps = wide_climbs(ensemble, base.subset, base.theta)
+        humps = humps or wide_climbs(ensemble, base.subset, base.theta)
         if humps[0].loss < base.loss - _PROMISING:
-            return contest(ensemble, humps[0], effects, known)
+            return contest(ensemble, humps[0], effects, known=known, humps=humps)
         ranked = _restarted(ensemble, base, ranked, found, _other(ensemble, base, humps))
         best = max(known - base.log_evidence, ranked[0].log_bayes_factor)
-        ranked = _widened(ensemble, base, ranked, best - _HOPELESS)
+        ranked = _widened(ensemble, base, ranked, best)
         ranked = _sampled(ensemble, base, ranked)
-    return Round(base, tuple(_best_first(ranked)))
+    return Round(base, tuple(_best_first(ranked)), found)
 
 
 def _best_first(contenders: list[Contender]) -> list[Contender]:
@@ -85,19 +95,21 @@ def _best_first(contenders: list[Contender]) -> list[Contender]:
 def _refitted(
     ensemble: Ensemble, base: Point, found: dict[str, list[Score]], known: float
 ) -> list[Contender]:
-    """Contenders from the base, best first."""
-    contenders = []
+    """Contenders from the base, best first.
+
+    The one that scores best goes ahead of the others, which then need not climb as far.
+    """
+    order = sorted(found, key=lambda name: -found[name][0].log_bayes_factor)
+    leader = _enter(ensemble, base, found[order[0]], known - _BEHIND) if order else None
     best = max(base.log_evidence, known)
-    for effect in sorted(found, key=lambda name: -found[name][0].log_bayes_factor):
-        scores = found[effect]
-        log_bf = _averaged(scores)
-        point = None
-        if scores[0].information == 0.0 or max(abs(s.z) for s in scores) > 1.0:
-            point = refit(ensemble, base, effect, scores, best - _BEHIND)
-            log_bf = max(point.log_evidence - base.log_evidence, scores[0].occam)
-            best = max(best, point.log_evidence)
-        contenders.append(Contender(effect, log_bf, scores[0], point))
-    return _best_first(contenders)
+    if leader is not None and leader.point is not None:
+        best = max(best, leader.point.log_evidence)
+
+    def follow(effect: str) -> Contender:
+        return _enter(ensemble, base, found[effect], best - _BEHIND)
+
+    others = together(follow, order[1:])
+    return _best_first([leader, *others] if leader is not None else others)
 
 
 def _other(ensemble: Ensemble, base: Point, humps: list[Point]) -> np.ndarray:
@@ -122,21 +134,22 @@ def _restarted(
     and the way from the base is barred.
     """
     best = ranked[0].log_bayes_factor + base.log_evidence
-    found = []
-    for contender in ranked:
+
+    def restart(contender: Contender) -> Contender:
         theta = _start(ensemble, base, scores[contender.effect][0])
         theta[ensemble.plain] = other[ensemble.plain]
         subset = ensemble.subset(base.subset.effects | {contender.effect})
         point = climb(ensemble, subset, theta, worth=best - _BEHIND)
         gain = point.log_evidence - base.log_evidence
         if gain > contender.log_bayes_factor:
-            contender = replace(contender, log_bayes_factor=gain, point=point)
-        found.append(contender)
-    return _best_first(found)
+            return replace(contender, log_bayes_factor=gain, point=point)
+        return contender
+
+    return _best_first(together(restart, ranked))
 
 
 def _widened(
-    ensemble: Ensemble, base: Point, ranked: list[Contender], hopeless: float
+    ensemble: Ensemble, base: Point, ranked: list[Contender], best: float
 ) -> list[Contender]:
     """The most promising contenders refitted from other relaxation spectra too.
 
@@ -146,20 +159,28 @@ def _widened(
     costly = base.subset.effects & set(ensemble.costly)
     by_evidence, by_score = _WIDE_COSTLY if costly else _WIDE
     # the winner's and the runner-up's figures are quoted, however far apart
-    hope = [c for k, c in enumerate(ranked) if k < _QUOTED or c.log_bayes_factor > hopeless]
+    hope = [c for k, c in enumerate(ranked) if k < _QUOTED or c.log_bayes_factor > best - _HOPELESS]
     rest = sorted(hope[by_evidence:], key=lambda c: -c.score.log_bayes_factor)[:by_score]
     chosen = {c.effect for c in hope[:by_evidence]} | {c.effect for c in rest if _promises(c)}
-    return [_widely(ensemble, base, c) if c.effect in chosen else c for c in ranked]
+
+    def widely(contender: Contender) -> Contender:
+        if contender.effect not in chosen:
+            return contender
+        return _widely(ensemble, base, contender, best - _BEHIND)
+
+    return together(widely, ranked)
 
 
 def _promises(contender: Contender) -> bool:
     return contender.score.log_bayes_factor > _PROMISING
 
 
-def _widely(ensemble: Ensemble, base: Point, contender: Contender) -> Contender:
+def _widely(ensemble: Ensemble, base: Point, contender: Contender, worth: float) -> Contender:
     if contender.point is None:
         return contender
-    point = wide_climb(ensemble, contender.point.subset, contender.point.theta)
+    point = wide_climb(
+        ensemble, contender.point.subset, contender.point.theta, base.log_evidence + worth
+    )
     if point.log_evidence <= contender.point.log_evidence:
         return contender
     gain = max(point.log_evidence - base.log_evidence, contender.log_bayes_factor)
@@ -175,14 +196,14 @@ def _sampled(ensemble: Ensemble, base: Point, contenders: list[Contender]) -> li
     best = max(c.log_bayes_factor for c in contenders)
     near = [c for c in contenders if c.point is not None and c.log_bayes_factor > best - _NEAR]
     plain = laplace_check(ensemble, base).log_evidence
-    gains = {
-        c.effect: laplace_check(ensemble, c.point).log_evidence - plain
-        for c in near
-        if c.point is not None
-    }
-    return [
-        replace(c, log_bayes_factor=gains.get(c.effect, c.log_bayes_factor)) for c in contenders
-    ]
+
+    def sampled(contender: Contender) -> Contender:
+        if contender.point is None or contender not in near:
+            return contender
+        gain = laplace_check(ensemble, contender.point).log_evidence - plain
+        return replace(contender, log_bayes_factor=gain)
+
+    return together(sampled, contenders)
 
 
 def _averaged(scores: list[Score]) -> float:
@@ -191,14 +212,24 @@ def _averaged(scores: list[Score]) -> float:
     return float(np.logaddexp.reduce(values) - math.log(len(values)))
 
 
-def refit(ensemble: Ensemble, base: Point, effect: str, scores: list[Score], worth: float) -> Point:
+def _enter(ensemble: Ensemble, base: Point, scores: list[Score], worth: float) -> Contender:
+    """One effect beside the base, refitted if its scores promise anything."""
+    first = scores[0]
+    if first.information > 0.0 and max(abs(score.z) for score in scores) <= 1.0:
+        return Contender(first.effect, _averaged(scores), first, None)
+    point = refit(ensemble, base, scores, worth)
+    gain = max(point.log_evidence - base.log_evidence, first.occam)
+    return Contender(first.effect, gain, first, point)
+
+
+def refit(ensemble: Ensemble, base: Point, scores: list[Score], worth: float) -> Point:
     """The best optimum from the shapes that score best, the amplitude where its score puts it."""
-    subset = ensemble.subset(base.subset.effects | {effect})
-    points = [
-        climb(ensemble, subset, _start(ensemble, base, score), worth=worth)
-        for score in scores[:_STARTS]
-    ]
-    return max(points, key=lambda point: point.log_evidence)
+    subset = ensemble.subset(base.subset.effects | {scores[0].effect})
+
+    def rise(score: Score) -> Point:
+        return climb(ensemble, subset, _start(ensemble, base, score), worth=worth)
+
+    return max(together(rise, scores[:_STARTS]), key=lambda point: point.log_evidence)
 
 
 def _start(ensemble: Ensemble, base: Point, score: Score) -> np.ndarray:

@@ -5,19 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from scipy.special import ndtri
 
 from qlvbayes.diagnosis.search import Step
-from qlvbayes.diagnosis.verdict import Diagnosis
+from qlvbayes.diagnosis.verdict import Diagnosis, Work
 from qlvbayes.experiment import Trial
 from qlvbayes.inference.gaussnewton import Point
-from qlvbayes.inference.linearised import forces as forces_of
 from qlvbayes.inference.linearised import prior_terms
 from qlvbayes.inference.subset import Ensemble
-from qlvbayes.posterior import Posterior
-from qlvbayes.records.record import Record
 
 _BAND = (0.05, 0.95)
 _NOISES = ndtri((np.arange(20) + 0.5) / 20.0)  # noise of each draw, at even quantiles
@@ -61,7 +57,7 @@ def curves(diagnosis: Diagnosis, draws: int = 100, seed: int = 0) -> list[Curve]
     steps = work.path.steps
     plain = _bands(diagnosis, steps[0], draws, rng)
     final = _bands(diagnosis, steps[-1], draws, rng) if len(steps) > 1 else plain
-    weight = np.asarray(samples.posterior.record.blocks.weight)
+    weight = np.asarray(samples.record.blocks.weight)
     floor = np.hypot(work.experiment.floor.white * weight, work.experiment.floor.ou)
     return [
         Curve(
@@ -80,14 +76,14 @@ def curves(diagnosis: Diagnosis, draws: int = 100, seed: int = 0) -> list[Curve]
 def _bands(diagnosis: Diagnosis, step: Step, draws: int, rng: np.random.Generator) -> list[Band]:
     """One model's force at every test's samples; the first constants are the best ones."""
     work, form = diagnosis.work, step.form
-    record = work.samples.posterior.record
     places = _draw(step, draws, rng)
     constants = _constants(work.ensemble, step.point, places)
-    force, sd = _forces(work.ensemble, constants, record)
+    force = work.samples.predict(constants)
+    sd = _noise(work, constants)
     base = None if form is None else form.base(work.samples, constants)
     found = []
     for k, rows in enumerate(work.samples.rows):
-        here = force[:, k, : rows.size]
+        here = np.stack([forces[k] for forces in force])
         if form is not None and base is not None:
             trial, less = work.samples.trials[k], np.stack([forces[k] for forces in base])
             coefficients = form.split(places)[1]
@@ -114,23 +110,19 @@ def _constants(ensemble: Ensemble, point: Point, places: np.ndarray) -> np.ndarr
     """(W, P) constants of places (W, D): drawn in theta, each is where its prior allows it."""
     posterior = ensemble.posterior
     found = [
-        point.subset.nulled(np.asarray(prior_terms(posterior, jnp.asarray(theta)).constants))
+        point.subset.nulled(np.asarray(prior_terms(posterior, theta).constants))
         for theta in places[1:, : posterior.size]
     ]
     return np.stack([point.constants, *found])
 
 
-def _forces(
-    ensemble: Ensemble, constants: np.ndarray, record: Record
-) -> tuple[np.ndarray, np.ndarray]:
-    """Force and sd of the noise (W, T, B) of constants (W, P), by the cheapest part that can."""
-    part = ensemble.part(constants[0], np.zeros((1, constants.shape[1])))
-    posterior = Posterior(part.posterior.model, part.posterior.noise, record)
-    own = jnp.asarray(constants[:, part.constants])
-    weight = record.blocks.weight
-    sds = jax.vmap(lambda x: posterior.with_constants(x)[1].sample_sd(weight))(own)
-    found = np.asarray(forces_of(posterior, own))
-    return found, np.broadcast_to(np.asarray(sds), found.shape)
+def _noise(work: Work, constants: np.ndarray) -> np.ndarray:
+    """(W, T, B) sd of the noise of constants (W, P) at the samples."""
+    noise, weight = work.ensemble.posterior.noise, work.samples.record.blocks.weight
+    kind = type(noise)
+    own = constants[:, -len(noise.units) :]
+    sds = jax.vmap(lambda x: kind(*x).sample_sd(weight))(own)
+    return np.broadcast_to(np.asarray(sds), (len(constants), *weight.shape))
 
 
 def _quantiles(force: np.ndarray, sd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

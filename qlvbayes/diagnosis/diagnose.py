@@ -10,6 +10,7 @@ import numpy as np
 from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
 from qlvbayes.diagnosis.adequacy import Adequacy, adequacy
+from qlvbayes.diagnosis.ahead import compile_ahead
 from qlvbayes.diagnosis.contest import Contender
 from qlvbayes.diagnosis.design import Suggestion, suggest
 from qlvbayes.diagnosis.evidence import laplace_check
@@ -18,7 +19,6 @@ from qlvbayes.diagnosis.freespring import FreeSpring
 from qlvbayes.diagnosis.gate import bends, coincident, unseen
 from qlvbayes.diagnosis.protocol import protocol_of
 from qlvbayes.diagnosis.samples import Samples, cell_errors, rmse
-from qlvbayes.diagnosis.screen import screen
 from qlvbayes.diagnosis.search import Path, Step, Tell, search
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.swap import rivals, settle
@@ -57,12 +57,13 @@ def diagnose(
     samples = Samples.of(experiment, ensemble)
     protocol = protocol_of(experiment, bonded=choices.bonded)
     candidates = ensemble.candidates
+    tell("compiling")
+    compile_ahead(ensemble, samples)
     path = search(ensemble, samples, candidates, settings, tell)
     if adequacy(experiment, ensemble, path.last.point).p_value >= settings.false_alarms:
         settle(ensemble, samples, path, candidates, settings, tell)
     tell("testing what is left")
-    plain = path.steps[0].point
-    scores = screen(ensemble, plain, candidates)
+    plain, scores = path.rounds[0].base, path.rounds[0].scores
     adequacies = [adequacy(experiment, ensemble, step.point) for step in path.steps]
     alike = _alike(experiment, ensemble, path, settings)
     group = tuple(contender.effect for contender in alike)
@@ -179,7 +180,7 @@ def _spring(experiment: Experiment, ensemble: Ensemble, path: Path) -> float | N
 def _verdict(
     path: Path, last: Adequacy, group: tuple[str, ...], spring: float | None, settings: Settings
 ) -> str:
-    if last.p_value < settings.false_alarms or (spring or 0.0) > settings.apart:
+    if last.p_value < settings.false_alarms or (spring or 0.0) > settings.spring:
         return "unexplained"
     if not path.last.effects:
         return "adequate"

@@ -21,10 +21,12 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_t
 
 from qlvbayes.inference.gaussnewton import Point
+from qlvbayes.inference.linearised import compiled
 from qlvbayes.inference.subset import Ensemble, Place
 from qlvbayes.posterior import Posterior, is_prior
 from qlvbayes.priors import AbstractPrior, Dirichlet, HalfNormal
 
+DRAWS = 200
 _TAIL = 5.0  # degrees of freedom of the draws
 _TOGETHER = 25  # draws computed at once
 _FEW = 0.1  # of the draws, that are worth too little
@@ -51,7 +53,7 @@ class LaplaceCheck:
 
 
 def laplace_check(
-    ensemble: Ensemble, point: Point, *, draws: int = 200, seed: int = 0
+    ensemble: Ensemble, point: Point, *, draws: int = DRAWS, seed: int = 0
 ) -> LaplaceCheck:
     """Sample about an optimum and look at its covariance."""
     free = point.subset.theta
@@ -145,23 +147,23 @@ def _name(ensemble: Ensemble, place: Place) -> str:
 def log_densities(ensemble: Ensemble, point: Point, thetas: np.ndarray) -> np.ndarray:
     """(N,) log densities of the point's subset at thetas (N, D), on the smallest part."""
     whole = ensemble.posterior
-    priors, constants = _priors(whole, jnp.asarray(thetas))
+    log_priors, constants = priors(whole, thetas)
     nulled = point.subset.nulled(np.asarray(constants))
     effects = point.subset.effects
     part = next(part for part in ensemble.parts if effects <= part.effects)
-    likelihoods = _likelihoods(part.posterior, jnp.asarray(nulled[:, part.constants]))
-    found = np.asarray(likelihoods) + np.asarray(priors)[:, point.subset.priors].sum(axis=1)
-    return np.where(np.isfinite(found), found, -np.inf)
+    found = likelihoods(part.posterior, nulled[:, part.constants])
+    total = np.asarray(found) + np.asarray(log_priors)[:, point.subset.priors].sum(axis=1)
+    return np.where(np.isfinite(total), total, -np.inf)
 
 
-@jax.jit
-def _priors(posterior: Posterior, thetas: Array) -> tuple[Array, Array]:
+@compiled
+def priors(posterior: Posterior, thetas: Array) -> tuple[Array, Array]:
     """(N, L) log densities of the priors and (N, P) constants."""
     return jax.vmap(lambda x: (posterior.log_priors(x), posterior.constants(x)))(thetas)
 
 
-@jax.jit
-def _likelihoods(posterior: Posterior, constants: Array) -> Array:
+@compiled
+def likelihoods(posterior: Posterior, constants: Array) -> Array:
     """(N,) log likelihoods of constants (N, P)."""
 
     def one(x: Array) -> Array:

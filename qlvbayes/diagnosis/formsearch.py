@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from qlvbayes.effects.contact_offset import ContactOffset
 from qlvbayes.experiment import Experiment
 from qlvbayes.inference.gaussnewton import Point
 from qlvbayes.inference.subset import Ensemble
+from qlvbayes.inference.together import together
 
 _FIRST = 3  # contenders of the first round that are tried
 Model = tuple[tuple[str, ...], Point]  # its effects, its optimum
@@ -56,9 +58,8 @@ def other_forms(
     ]
     turns = [*sorted(steps, key=_count), *others]
     for effects, point in turns:
-        tried = [
-            _try(form, effects, point) for form in _forms(experiment, ensemble, effects, point)
-        ]
+        forms = _forms(experiment, ensemble, effects, point)
+        tried = together(partial(_try, effects=effects, point=point), forms)
         good = [f for f in tried if _stands(f, settings) and f.point.log_evidence > least]
         if good:
             return sorted(good, key=lambda found: -found.point.log_evidence)

@@ -6,7 +6,6 @@ from abc import abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 
-import jax.numpy as jnp
 import numpy as np
 from numpy.polynomial import legendre
 from scipy.stats import norm
@@ -82,7 +81,7 @@ class AbstractFreeForm:
         """Density and its derivatives; tests count by ``weight`` (T,)."""
         posterior, free = self.ensemble.posterior, self.subset.theta
         theta, coefficients = self.split(place)
-        terms = linearised.prior_terms(posterior, jnp.asarray(theta))
+        terms = linearised.prior_terms(posterior, theta)
         constants = self.subset.nulled(np.asarray(terms.constants))
         slopes = np.asarray(terms.slopes)[:, free] * np.isnan(self.subset.null)[:, None]
         predicted, own = self.combine(constants, slopes.T, coefficients)

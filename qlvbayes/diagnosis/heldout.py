@@ -11,6 +11,7 @@ from qlvbayes.diagnosis.otherform import OtherForm
 from qlvbayes.diagnosis.samples import Samples, rmse
 from qlvbayes.inference.gaussnewton import Point, climb
 from qlvbayes.inference.subset import Ensemble
+from qlvbayes.inference.together import together
 
 _STEPS = 12
 
@@ -58,7 +59,7 @@ def _left_out(
     predict: Callable[[list[Point]], list[list[np.ndarray]]],
 ) -> HeldOut:
     count = len(samples.trials)
-    points = [refit(1.0 - row) for row in np.eye(count)] if count > 1 else [point]
+    points = together(refit, 1.0 - np.eye(count)) if count > 1 else [point]
     predicted = predict(points)
     residuals = [
         observed - forces[k]

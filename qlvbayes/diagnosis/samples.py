@@ -2,30 +2,32 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-import jax.numpy as jnp
 import numpy as np
 
 from qlvbayes.experiment import Experiment, Trial
-from qlvbayes.inference.linearised import forces
-from qlvbayes.inference.subset import Ensemble
+from qlvbayes.inference.linearised import force
+from qlvbayes.inference.subset import Ensemble, Part
 from qlvbayes.kinematics.phases import KINDS
 from qlvbayes.posterior import Posterior
 from qlvbayes.predict import thinned_record
 from qlvbayes.records.batching import batch
+from qlvbayes.records.record import Record
 
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Samples of every trial, at most 300 a phase, and the posterior that predicts them.
+    """Samples of every trial, at most 300 a phase, and the models that predict them.
 
-    rows: which samples of each trial.
+    rows: which samples of each trial; record: their times, along a leading axis.
     """
 
     trials: tuple[Trial, ...]
     rows: tuple[np.ndarray, ...]
-    posterior: Posterior
+    record: Record
+    ensemble: Ensemble
+    _posteriors: dict[Part, Posterior] = field(default_factory=dict)
 
     @classmethod
     def of(cls, experiment: Experiment, ensemble: Ensemble) -> Samples:
@@ -33,13 +35,23 @@ class Samples:
         rows, records = zip(
             *(thinned_record(experiment, trial) for trial in experiment.trials), strict=True
         )
-        whole = ensemble.posterior
-        return cls(experiment.trials, rows, Posterior(whole.model, whole.noise, batch(records)))
+        return cls(experiment.trials, rows, batch(records), ensemble)
 
     def predict(self, constants: np.ndarray) -> list[list[np.ndarray]]:
         """Force of constants (W, P) at each trial's samples: [W][T] arrays (n,)."""
-        found = np.asarray(forces(self.posterior, jnp.asarray(constants)))
-        return [[row[k, : r.size] for k, r in enumerate(self.rows)] for row in found]
+        return [self.predict_with(self.ensemble.part(row), row) for row in constants]
+
+    def predict_with(self, part: Part, constants: np.ndarray) -> list[np.ndarray]:
+        """Force of constants (P,) at each trial's samples, by a part that holds what is at work."""
+        forces = np.asarray(force(self._posterior(part), constants[part.constants]))
+        return [forces[k, : rows.size] for k, rows in enumerate(self.rows)]
+
+    def _posterior(self, part: Part) -> Posterior:
+        """A part over the samples."""
+        if part not in self._posteriors:
+            whole = part.posterior
+            self._posteriors[part] = Posterior(whole.model, whole.noise, self.record)
+        return self._posteriors[part]
 
     @property
     def observed(self) -> list[np.ndarray]:

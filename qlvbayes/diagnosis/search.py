@@ -13,7 +13,7 @@ from qlvbayes.diagnosis.otherform import OtherForm
 from qlvbayes.diagnosis.samples import Samples, rmse
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.inference.gaussnewton import Point
-from qlvbayes.inference.multistart import wide_climb
+from qlvbayes.inference.multistart import wide_climb, wide_climbs
 from qlvbayes.inference.subset import Ensemble
 
 _NO_WORSE = 1.02  # held-out errors may rise by chance, not by a swelling noise model,
@@ -61,9 +61,9 @@ class Path:
         return self.steps[-1]
 
 
-def plain_fit(ensemble: Ensemble) -> Point:
-    """Highest point of the model without effects, from several draws of its prior."""
-    return wide_climb(ensemble, ensemble.subset(), ensemble.centre)
+def plain_fits(ensemble: Ensemble) -> list[Point]:
+    """Tops of the model without effects, from several draws of its prior, the highest first."""
+    return wide_climbs(ensemble, ensemble.subset(), ensemble.centre)
 
 
 def search(
@@ -76,14 +76,16 @@ def search(
     """Add the best confirmed effect until none is decisive."""
     path = Path()
     tell("fitting the plain model")
-    path.steps.append(step_at(ensemble, samples, (), plain_fit(ensemble)))
+    plain = plain_fits(ensemble)
+    path.steps.append(step_at(ensemble, samples, (), plain[0]))
     while True:
         present = path.last
         if len(present.effects) >= settings.most:
             return path
         tell(f"ranking what {' + '.join(('QLV', *present.effects))} may lack")
         left = [name for name in candidates if name not in present.effects]
-        path.rounds.append(contest(ensemble, present.point, left))
+        humps = None if path.rounds else plain
+        path.rounds.append(contest(ensemble, present.point, left, humps=humps))
         confirmed = _confirmed(ensemble, samples, path, settings)
         if confirmed is None:
             return path

@@ -7,21 +7,19 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import cast
 
-import jax.numpy as jnp
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from qlvbayes.inference import linearised
-from qlvbayes.inference.subset import Ensemble, Subset
+from qlvbayes.inference.subset import Ensemble, Part, Subset
 from qlvbayes.noise import AbstractGaussian, AbstractNoise
 
-_CHUNK = 10  # directions along which the model is run at once
-_ROUND = 16  # directions come in multiples of this, so that few sizes are compiled
+CHUNK = 10  # directions along which the model is run at once
+ROUND = 16  # directions come in multiples of this, so that few sizes are compiled
 _ENOUGH = 5e-3  # expected rise of the log density below which the climb ends
 _CREEP = 0.02  # rise of the log density in a step on a ridge at which the climb ends
 _STEPS = 30
-_PATIENCE = 5  # steps before a climb may be given up
-_HOPE = 5.0  # a step may bring so many times what the quadratic promises
+_HOPE = {2: 20.0, 5: 5.0}  # from which step on it may bring how many times what it promises
 _FARTHEST = 3.0  # longest step in a unit of theta
 
 
@@ -66,7 +64,7 @@ def evaluate(
 ) -> Point:
     """Density and its derivatives over the free numbers; tests count by ``weight`` (T,)."""
     posterior = ensemble.posterior
-    terms = linearised.prior_terms(posterior, jnp.asarray(theta))
+    terms = linearised.prior_terms(posterior, theta)
     constants = subset.nulled(np.asarray(terms.constants))
     slopes = np.asarray(terms.slopes)[:, subset.theta] * np.isnan(subset.null)[:, None]
     judged = judge(ensemble, constants, slopes.T)
@@ -104,26 +102,28 @@ def predict_along(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Block means (T, B) and their slopes (K, T, B) along directions (K, P).
 
-    Only directions that move the model are run, ten at a time.
+    Only directions that move the model are run, ten at a time, each on the cheapest part.
     """
-    part = ensemble.part(constants, directions)
-    at = jnp.asarray(constants[part.constants])
-    own = directions[:, part.constants]
     noise = len(ensemble.posterior.noise.units)
-    moving = np.flatnonzero(own[:, :-noise].any(axis=1))
+    moving = np.flatnonzero(directions[:, :-noise].any(axis=1))
+    groups: dict[Part, list[int]] = {} if moving.size else {ensemble.part(constants): []}
+    for row in moving.tolist():
+        groups.setdefault(ensemble.part(constants, directions[row]), []).append(row)
     slopes = np.zeros((len(directions), *ensemble.posterior.record.blocks.force.shape))
-    for first in range(0, max(moving.size, 1), _CHUNK):
-        rows = moving[first : first + _CHUNK]
-        some = np.zeros((_CHUNK, own.shape[1]))
-        some[: rows.size] = own[rows]
-        predicted, found = linearised.predictions_along(part.posterior, at, jnp.asarray(some))
-        slopes[rows] = np.asarray(found)[: rows.size]
+    for part, rows in groups.items():
+        for first in range(0, max(len(rows), 1), CHUNK):
+            some = rows[first : first + CHUNK]
+            along = np.zeros((CHUNK, part.constants.size))
+            along[: len(some)] = directions[some][:, part.constants]
+            at = constants[part.constants]
+            predicted, found = linearised.predictions_along(part.posterior, at, along)
+            slopes[some] = np.asarray(found)[: len(some)]
     return np.asarray(predicted), slopes
 
 
 def pad_directions(directions: np.ndarray) -> np.ndarray:
     """(K, P) filled up with zero rows to a multiple of 16."""
-    missing = -len(directions) % _ROUND
+    missing = -len(directions) % ROUND
     return np.concatenate([directions, np.zeros((missing, directions.shape[1]))])
 
 
@@ -172,11 +172,12 @@ def ascend(
     """
     point = at(start)
     damping = 1e-3
+    hopes = _HOPE.items()
     for k in range(steps):
         step, promise = _step(point, damping)
         if promise < _ENOUGH and damping <= 1.0:
             break
-        if k >= _PATIENCE and point.log_evidence + _HOPE * promise < worth:
+        if any(k >= least and point.log_evidence + hope * promise < worth for least, hope in hopes):
             break
         moved = point.theta.copy()
         moved[free] += step

@@ -6,16 +6,19 @@ free constants.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from qlvbayes.model import Model
 from qlvbayes.noise import AbstractGaussian
 from qlvbayes.posterior import Posterior
 from qlvbayes.records.record import Blocks, Record
+
+# what LLVM's costly passes would gain in speed cannot be measured; they take a third of the time
+compiled = partial(jax.jit, compiler_options={"xla_llvm_disable_expensive_passes": True})
 
 
 class PriorTerms(NamedTuple):
@@ -31,7 +34,7 @@ class PriorTerms(NamedTuple):
     hessian: Array
 
 
-@jax.jit
+@compiled
 def prior_terms(posterior: Posterior, theta: Array) -> PriorTerms:
     """Constants and priors at theta; no forward model is run."""
 
@@ -48,7 +51,7 @@ def prior_terms(posterior: Posterior, theta: Array) -> PriorTerms:
     )
 
 
-@jax.jit
+@compiled
 def predictions_along(
     posterior: Posterior, constants: Array, directions: Array
 ) -> tuple[Array, Array]:
@@ -71,7 +74,7 @@ class LikelihoodTerms(NamedTuple):
     information: Array
 
 
-@jax.jit
+@compiled
 def likelihood_terms(
     noise: AbstractGaussian,
     noise_slopes: AbstractGaussian,
@@ -112,7 +115,7 @@ def likelihood_terms(
 _LOG_2PI = 1.8378770664093453
 
 
-@jax.jit
+@compiled
 def whitened(noise: AbstractGaussian, record: Record, vectors: Array) -> Array:
     """Vectors (M, T, B) filtered to innovations over their sds: unit white noise if they are it."""
 
@@ -123,12 +126,7 @@ def whitened(noise: AbstractGaussian, record: Record, vectors: Array) -> Array:
     return jax.vmap(one)(vectors)
 
 
-@jax.jit
-def forces(posterior: Posterior, constants: Array) -> Array:
-    """(W, T, B) block means of constants (W, P), one after the other."""
-
-    def one(x: Array) -> Array:
-        model: Model = posterior.with_constants(x)[0]
-        return posterior.predict_with(model)
-
-    return jax.lax.map(one, constants)
+@compiled
+def force(posterior: Posterior, constants: Array) -> Array:
+    """(T, B) block means of constants (P,)."""
+    return posterior.predict_with(posterior.with_constants(constants)[0])

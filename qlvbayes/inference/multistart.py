@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from qlvbayes.inference.gaussnewton import Point, climb
 from qlvbayes.inference.subset import Ensemble, Subset
+from qlvbayes.inference.together import together
 
 _STARTS = 6
 _FIRST_STEPS = 10
@@ -13,25 +16,38 @@ _KEPT = 3  # that are followed to the top
 _SAME = 0.4  # of the numbers of the relaxation, within which two places are one hump
 
 
-def wide_climb(ensemble: Ensemble, subset: Subset, theta: np.ndarray) -> Point:
+def wide_climb(
+    ensemble: Ensemble, subset: Subset, theta: np.ndarray, worth: float = -math.inf
+) -> Point:
     """Highest point found from theta and from draws of the plain constants' priors."""
-    return wide_climbs(ensemble, subset, theta)[0]
+    return wide_climbs(ensemble, subset, theta, worth)[0]
 
 
-def wide_climbs(ensemble: Ensemble, subset: Subset, theta: np.ndarray) -> list[Point]:
+def wide_climbs(
+    ensemble: Ensemble, subset: Subset, theta: np.ndarray, worth: float = -math.inf
+) -> list[Point]:
     """Tops of the humps found from theta and from draws of the plain constants' priors, best first.
 
     The effects' numbers begin where theta has them, the noise at its prior's centre: a model that
-    has settled on a wrong spectrum does not leave it when an effect is added.
+    has settled on a wrong spectrum does not leave it when an effect is added. Climbs that do not
+    promise to reach the log evidence ``worth`` are given up on their way.
     """
     plain = ensemble.plain
-    thetas = np.tile(theta, (_STARTS, 1))
-    thetas[1, plain] = ensemble.centre[plain]
-    thetas[2:, plain] = ensemble.draw(_STARTS - 2)[:, plain]
+    places = np.stack([theta, ensemble.centre, *ensemble.draw(_STARTS - 2)])[:, plain]
+    if np.array_equal(places[0], places[1]):
+        places = places[1:]
+    thetas = np.tile(theta, (len(places), 1))
+    thetas[:, plain] = places
     thetas[:, ensemble.noise] = ensemble.centre[ensemble.noise]
-    rough = [climb(ensemble, subset, start, steps=_FIRST_STEPS) for start in thetas]
-    tops = [climb(ensemble, subset, point.theta) for point in _humps(ensemble, rough)[:_KEPT]]
-    return _humps(ensemble, tops)
+
+    def rise(start: np.ndarray) -> Point:
+        return climb(ensemble, subset, start, steps=_FIRST_STEPS, worth=worth)
+
+    def finish(point: Point) -> Point:
+        return climb(ensemble, subset, point.theta, worth=worth)
+
+    rough = together(rise, thetas)
+    return _humps(ensemble, together(finish, _humps(ensemble, rough)[:_KEPT]))
 
 
 def _humps(ensemble: Ensemble, points: list[Point]) -> list[Point]:

@@ -142,21 +142,30 @@ class Ensemble:
         return self._draws[:count]
 
     @cached_property
+    def usual_parts(self) -> list[Part]:
+        """Without effects, with one costly effect, and with all others: the cheapest first."""
+        light = frozenset(e.name for e in self.effects if e.name not in self.costly)
+        sets = [frozenset(), *map(frozenset, self._costly), light]
+        return [Part.of(self, self.own | names) for names in sets]
+
+    @cached_property
     def parts(self) -> list[Part]:
         """Models of some of the effects, the cheapest first."""
-        every = [effect.name for effect in self.effects]
-        light = [name for name in every if name not in self.costly]
-        alone = [[name] for name in every if name in self.costly]
-        sets = [[], *alone, light, *(light + costly for costly in alone), every]
-        return [Part.of(self, self.own | frozenset(names)) for names in sets]
+        light = self.usual_parts[-1].effects
+        every = frozenset(effect.name for effect in self.effects)
+        sets = [*(light | set(names) for names in self._costly), every]
+        return [*self.usual_parts, *(Part.of(self, names) for names in sets)]
 
-    def part(self, constants: np.ndarray, directions: np.ndarray) -> Part:
-        """The cheapest part that holds every effect at work in constants (P,) or directions."""
-        moving = np.atleast_1d(directions.any(axis=0))
+    @property
+    def _costly(self) -> list[list[str]]:
+        return [[effect.name] for effect in self.effects if effect.name in self.costly]
+
+    def part(self, constants: np.ndarray, direction: np.ndarray | None = None) -> Part:
+        """The cheapest part that holds every effect at work in constants (P,) or a direction."""
         working = {
             effect
             for effect, place, value in self._nulls
-            if moving[place] or constants[place] != value
+            if constants[place] != value or (direction is not None and direction[place])
         }
         return next(part for part in self.parts if working <= part.effects)
 

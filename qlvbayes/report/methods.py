@@ -27,6 +27,8 @@ _THRESHOLDS = {
     "decisive": "an effect is added when its log Bayes factor is above {} and tests left out are "
     "predicted better",
     "apart": "two effects whose log evidence differs by less than {} are not told apart",
+    "spring": "the verdict is unexplained where a spring of free form beats the effects found by a "
+    "log evidence of {}",
     "prior_none": "the prior probability that nothing is missing is {}",
     "false_alarms": "a right model is found to leave structure with probability {}",
     "most": "at most {} effects are added",

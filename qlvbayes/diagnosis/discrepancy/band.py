@@ -26,7 +26,7 @@ def band_of(
     samples = work.samples
     trial, rows = samples.trials[k], samples.rows[k]
     at = inputs_at(work.experiment, trial, k, trial.test.time[rows], force)
-    width = samples.posterior.record.blocks.force.shape[1]  # one size for all trials
+    width = samples.record.blocks.force.shape[1]  # one size for all trials
     full = Inputs(*(np.pad(x, (0, width - x.size), mode="edge") for x in at))
     mean, variance = conditional(log_scales, residuals, full)
     return Band(np.asarray(mean)[: rows.size], np.sqrt(np.asarray(variance)[: rows.size]))

@@ -66,8 +66,8 @@ def _left_out(work: Work, whole: Point, log_scales: np.ndarray, k: int) -> tuple
 def _noise_sds(work: Work, point: Point, k: int) -> tuple[np.ndarray, np.ndarray]:
     """Sds (n,) of trial k's samples by the floor and by the fitted noise (N)."""
     samples, floor = work.samples, work.experiment.floor
-    weight = np.asarray(samples.posterior.record.blocks.weight)[k, : samples.rows[k].size]
-    noise = samples.posterior.with_constants(jnp.asarray(point.constants))[1]
+    weight = np.asarray(samples.record.blocks.weight)[k, : samples.rows[k].size]
+    noise = samples.ensemble.posterior.with_constants(jnp.asarray(point.constants))[1]
     return np.hypot(floor.white * weight, floor.ou), np.asarray(
         noise.sample_sd(jnp.asarray(weight))
     )
