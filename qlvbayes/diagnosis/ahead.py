@@ -24,7 +24,6 @@ def compile_ahead(ensemble: Ensemble, samples: Samples) -> None:
     """Run each function once; a few milliseconds where a pad of the same shape came before."""
     posterior, centre = ensemble.posterior, ensemble.centre
     constants = np.full(len(ensemble.names), 0.5)  # the values do not matter
-    plain, light = ensemble.usual_parts[0], ensemble.usual_parts[-1]
     nothing = np.zeros((ROUND, *posterior.record.blocks.force.shape))
     noise, _ = noise_along(posterior.noise, constants, np.zeros((ROUND, constants.size)))
 
@@ -47,7 +46,7 @@ def compile_ahead(ensemble: Ensemble, samples: Samples) -> None:
     jobs: list[Callable[[], object]] = [
         *(partial(predict, part) for part in reversed(ensemble.usual_parts)),
         partial(prior_terms, posterior, centre),
-        *(partial(work, part) for work in (draw, sample) for part in (light, plain)),
+        *(partial(work, part) for work in (draw, sample) for part in ensemble.usual_parts[:1]),
         partial(priors, posterior, np.tile(centre, (DRAWS, 1))),
         *(partial(judge, chunks) for chunks in (1, 2)),
         partial(whitened, noise, posterior.record, nothing),

@@ -11,17 +11,18 @@ import numpy as np
 from qlvbayes.diagnosis.adequacy import Adequacy, adequacy_along
 from qlvbayes.diagnosis.heldout import form_held_out
 from qlvbayes.diagnosis.otherform import GradualContact, OtherForm
-from qlvbayes.diagnosis.samples import Samples
+from qlvbayes.diagnosis.samples import Samples, rmse
 from qlvbayes.diagnosis.search import Path, Step
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.effects.contact_offset import ContactOffset
 from qlvbayes.experiment import Experiment
-from qlvbayes.inference.gaussnewton import Point
+from qlvbayes.inference.gaussnewton import Point, climb
 from qlvbayes.inference.subset import Ensemble
 from qlvbayes.inference.together import together
 
 _FIRST = 3  # contenders of the first round that are tried
 Model = tuple[tuple[str, ...], Point]  # its effects, its optimum
+_SHARE = 0.5  # of what an effect explains in another form, that the list's form must explain
 _LEAST = -0.1  # factor below which the effect would turn into its opposite
 
 
@@ -40,7 +41,7 @@ class Found:
 
 
 def other_forms(
-    experiment: Experiment, ensemble: Ensemble, path: Path, sound: bool, settings: Settings
+    experiment: Experiment, samples: Samples, path: Path, sound: bool, settings: Settings
 ) -> list[Found]:
     """One model with one of its effects in another form, each that is adequate, best first.
 
@@ -49,6 +50,7 @@ def other_forms(
     Where the last step is ``sound``, only steps with fewer effects are tried, and they must beat
     it.
     """
+    ensemble = samples.ensemble
     least = path.last.point.log_evidence + settings.decisive if sound else -np.inf
     steps = [(step.effects, step.point) for step in path.steps[1 : -1 if sound else None]]
     others: list[Model] = [
@@ -61,6 +63,7 @@ def other_forms(
         forms = _forms(experiment, ensemble, effects, point)
         tried = together(partial(_try, effects=effects, point=point), forms)
         good = [f for f in tried if _stands(f, settings) and f.point.log_evidence > least]
+        good = [f for f in good if _resembles(f, samples)]
         if good:
             return sorted(good, key=lambda found: -found.point.log_evidence)
     return []
@@ -99,9 +102,25 @@ def _stands(found: Found, settings: Settings) -> bool:
     )
 
 
+def _resembles(found: Found, samples: Samples) -> bool:
+    """Whether the list's form explains most of what the other form does.
+
+    Otherwise the effect is but a carrier for a factor that could stand for anything.
+    """
+    ensemble, before = found.form.ensemble, found.before
+    rest = ensemble.subset(before.subset.effects - {found.form.effect})
+    without = climb(ensemble, rest, before.theta)
+    bare, listed = (rmse(samples.residuals(p.constants)) ** 2 for p in (without, before))
+    other = rmse(_residuals(found, samples)) ** 2
+    return bool(bare - listed > _SHARE * (bare - other))
+
+
 def step_of(found: Found, samples: Samples) -> Step:
     """The model as a step, with its error on tests left out."""
-    predicted = found.form.predict(samples, [found.point])[0]
-    residuals = [one - two for one, two in zip(samples.observed, predicted, strict=True)]
     held = form_held_out(found.form, samples, found.point)
-    return Step(found.effects, found.point, residuals, held, found.form)
+    return Step(found.effects, found.point, _residuals(found, samples), held, found.form)
+
+
+def _residuals(found: Found, samples: Samples) -> list[np.ndarray]:
+    predicted = found.form.predict(samples, [found.point])[0]
+    return [one - two for one, two in zip(samples.observed, predicted, strict=True)]

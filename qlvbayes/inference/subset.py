@@ -143,22 +143,29 @@ class Ensemble:
 
     @cached_property
     def usual_parts(self) -> list[Part]:
-        """Without effects, with one costly effect, and with all others: the cheapest first."""
-        light = frozenset(e.name for e in self.effects if e.name not in self.costly)
-        sets = [frozenset(), *map(frozenset, self._costly), light]
-        return [Part.of(self, self.own | names) for names in sets]
+        """Without effects, with either half of those that are not costly, with a costly one."""
+        return [self._part(names) for names in ([], *self._halves, *self._costly)]
 
     @cached_property
     def parts(self) -> list[Part]:
         """Models of some of the effects, the cheapest first."""
-        light = self.usual_parts[-1].effects
-        every = frozenset(effect.name for effect in self.effects)
-        sets = [*(light | set(names) for names in self._costly), every]
-        return [*self.usual_parts, *(Part.of(self, names) for names in sets)]
+        light = [name for half in self._halves for name in half]
+        sets = [light, *(some + one for some in (*self._halves, light) for one in self._costly)]
+        every = [effect.name for effect in self.effects]
+        return [*self.usual_parts, *map(self._part, (*sets, every))]
+
+    @property
+    def _halves(self) -> list[list[str]]:
+        """Effects that are not costly: a model of half of them runs in little more than half."""
+        light = [effect.name for effect in self.effects if effect.name not in self.costly]
+        return [light[: len(light) // 2], light[len(light) // 2 :]]
 
     @property
     def _costly(self) -> list[list[str]]:
         return [[effect.name] for effect in self.effects if effect.name in self.costly]
+
+    def _part(self, names: list[str]) -> Part:
+        return Part.of(self, self.own | frozenset(names))
 
     def part(self, constants: np.ndarray, direction: np.ndarray | None = None) -> Part:
         """The cheapest part that holds every effect at work in constants (P,) or a direction."""
