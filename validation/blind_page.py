@@ -52,8 +52,8 @@ _NOTES = """## How to read it
 - *calibration error*: of the probability of the first-ranked hypothesis, nothing or one effect
   hidden, ten bins, all studies.
 - A program that stopped with an error counts as a wrong verdict.
-- The diagnosis and its thresholds were made with studies of seeds 1 to 7, 11 and 21. Those of any other
-  seed are pads that it had never met, of kinds that it had.
+- The diagnosis and its thresholds were made with studies of seeds 1 to 7, 11 and 21. Those of any
+  other seed are pads that it had never met, of kinds that it had.
 - Noise is normal here and contact loose; the law beneath the effects is the fitted one.
 """
 
