@@ -1,16 +1,20 @@
 """Effects in another form than the list's law, and the rival that no list holds."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from qlvbayes import Test, prepare
 from qlvbayes.data import Pad
 from qlvbayes.diagnosis.diagnose import diagnose
+from qlvbayes.diagnosis.formsearch import Found, resembles
 from qlvbayes.diagnosis.freespring import FreeSpring
 from qlvbayes.diagnosis.otherform import GradualContact, OtherForm
 from qlvbayes.diagnosis.search import plain_fits
+from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.verdict import Diagnosis
-from qlvbayes.inference.gaussnewton import evaluate
+from qlvbayes.inference.gaussnewton import climb, evaluate
 from qlvbayes.synthetic import (
     FORMS,
     HIDDEN,
@@ -82,6 +86,26 @@ def test_the_words_and_the_json_say_the_form(levelling):
     assert [step["other_form"] is None for step in steps] == [True] * (len(steps) - 1) + [False]
     factors = [entry["factor"] for entry in steps[-1]["other_form"]["over_clock"]]
     assert factors[0] > factors[-1] > 0.0
+
+
+def test_an_effect_that_only_carries_the_factor_is_not_named(levelling):
+    """The same model, had the list's form explained next to nothing."""
+    work, settings = levelling.work, Settings()
+    step = work.path.last
+    theta, _ = form_of(levelling).split(step.point.theta)
+    with_it = evaluate(work.ensemble, step.point.subset, theta)
+    listed = climb(work.ensemble, with_it.subset, theta)
+    found = Found(step.form, step.effects, listed, step.point, work.adequacies[-1])
+    assert resembles(found, work.samples, settings)
+    plain = work.path.steps[0].point
+    faint = plain.theta.copy()
+    drift = work.ensemble.names.index("force_drift.rate")
+    constants = plain.constants.copy()
+    constants[drift] = 1e-3 * listed.constants[drift]
+    own = list(work.ensemble.fields("force_drift")[0].theta)
+    faint[own] = work.ensemble.posterior.unconstrain(constants)[own]
+    idle = evaluate(work.ensemble, with_it.subset, faint)
+    assert not resembles(replace(found, before=idle), work.samples, settings)
 
 
 def test_without_coefficients_it_is_the_lists_own_form(levelling):

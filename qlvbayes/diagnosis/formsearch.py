@@ -22,7 +22,6 @@ from qlvbayes.inference.together import together
 
 _FIRST = 3  # contenders of the first round that are tried
 Model = tuple[tuple[str, ...], Point]  # its effects, its optimum
-_SHARE = 0.5  # of what an effect explains in another form, that the list's form must explain
 _LEAST = -0.1  # factor below which the effect would turn into its opposite
 
 
@@ -63,7 +62,7 @@ def other_forms(
         forms = _forms(experiment, ensemble, effects, point)
         tried = together(partial(_try, effects=effects, point=point), forms)
         good = [f for f in tried if _stands(f, settings) and f.point.log_evidence > least]
-        good = [f for f in good if _resembles(f, samples)]
+        good = [f for f in good if resembles(f, samples, settings)]
         if good:
             return sorted(good, key=lambda found: -found.point.log_evidence)
     return []
@@ -102,7 +101,7 @@ def _stands(found: Found, settings: Settings) -> bool:
     )
 
 
-def _resembles(found: Found, samples: Samples) -> bool:
+def resembles(found: Found, samples: Samples, settings: Settings) -> bool:
     """Whether the list's form explains most of what the other form does.
 
     Otherwise the effect is but a carrier for a factor that could stand for anything.
@@ -112,7 +111,7 @@ def _resembles(found: Found, samples: Samples) -> bool:
     without = climb(ensemble, rest, before.theta)
     bare, listed = (rmse(samples.residuals(p.constants)) ** 2 for p in (without, before))
     other = rmse(_residuals(found, samples)) ** 2
-    return bool(bare - listed > _SHARE * (bare - other))
+    return bool(bare - listed > settings.likeness * (bare - other))
 
 
 def step_of(found: Found, samples: Samples) -> Step:

@@ -27,6 +27,8 @@ _THRESHOLDS = {
     "decisive": "an effect is added when its log Bayes factor is above {} and tests left out are "
     "predicted better",
     "apart": "two effects whose log evidence differs by less than {} are not told apart",
+    "likeness": "an effect is named in a form of its own only if the list's form explains {} of "
+    "the sum of squares that the other form explains",
     "spring": "the verdict is unexplained where a spring of free form beats the effects found by a "
     "log evidence of {}",
     "prior_none": "the prior probability that nothing is missing is {}",
