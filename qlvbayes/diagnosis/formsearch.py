@@ -50,7 +50,7 @@ def other_forms(
     it.
     """
     ensemble = samples.ensemble
-    least = path.last.point.log_evidence + settings.decisive if sound else -np.inf
+    least = path.last.point.log_evidence + settings.further if sound else -np.inf
     steps = [(step.effects, step.point) for step in path.steps[1 : -1 if sound else None]]
     others: list[Model] = [
         ((contender.effect,), contender.point)
@@ -96,7 +96,7 @@ def _stands(found: Found, settings: Settings) -> bool:
     real = np.asarray(found.form.ensemble.posterior.record.blocks.real)
     return bool(
         found.adequacy.p_value >= settings.false_alarms
-        and found.point.log_evidence > found.before.log_evidence + settings.decisive
+        and found.point.log_evidence > found.before.log_evidence + settings.further
         and factor[real].min() > _LEAST
     )
 

@@ -104,8 +104,9 @@ def step_at(ensemble: Ensemble, samples: Samples, effects: tuple[str, ...], poin
 def _confirmed(ensemble: Ensemble, samples: Samples, path: Path, settings: Settings) -> Step | None:
     """The best contender that evidence and held-out tests both accept."""
     present = path.last
+    least = settings.further if present.effects else settings.decisive
     for contender in path.rounds[-1].contenders[:3]:
-        if contender.log_bayes_factor < settings.decisive or contender.point is None:
+        if contender.log_bayes_factor < least or contender.point is None:
             return None
         effects = (*present.effects, contender.effect)
         step = step_at(ensemble, samples, effects, contender.point)

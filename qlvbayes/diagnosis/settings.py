@@ -9,10 +9,12 @@ from dataclasses import dataclass
 class Settings:
     """How sure the diagnosis must be.
 
-    decisive: log Bayes factor by which an effect must beat the model without it (4, that is 55 to
-    1, as the best of 18 candidates has chances that a single one has not);
+    decisive: log Bayes factor by which the first effect must beat the plain model (3, that is 20 to
+    1, "strong" in Kass & Raftery 1995, doi:10.1080/01621459.1995.10476572); further: by which each
+    further one must (4, that is 55 to 1, as every round gives chance another chance), or a form of
+    its own;
     apart: by which the best must beat another effect to be told from it (1.1, that is 3 to 1, where
-    positive evidence begins: Kass & Raftery 1995, doi:10.1080/01621459.1995.10476572);
+    positive evidence begins);
     spring: by which a spring of free form must beat the effects found, to stand for what no list
     holds; likeness: share of what an effect explains in a form of its own (sum of squares) that the
     list's form must explain; prior_none: prior probability that nothing is missing (the candidates
@@ -20,7 +22,8 @@ class Settings:
     at most.
     """
 
-    decisive: float = 4.0
+    decisive: float = 3.0
+    further: float = 4.0
     apart: float = 1.1
     spring: float = 2.3
     likeness: float = 0.5

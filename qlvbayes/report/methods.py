@@ -24,8 +24,9 @@ _NOISES = {
 }
 
 _THRESHOLDS = {
-    "decisive": "an effect is added when its log Bayes factor is above {} and tests left out are "
-    "predicted better",
+    "decisive": "a first effect is added when its log Bayes factor is above {} and tests left out "
+    "are predicted better",
+    "further": "a further one, or a form of its own, when its log Bayes factor is above {}",
     "apart": "two effects whose log evidence differs by less than {} are not told apart",
     "likeness": "an effect is named in a form of its own only if the list's form explains {} of "
     "the sum of squares that the other form explains",
