@@ -14,7 +14,7 @@ from qlvbayes.report.numbers import DASH, number, percent
 _LAWS = {
     "exponential": "K(δ) = m exp(b δ)",
     "linear": "K(δ) = m",
-    "hertz": "F(δ) = m δ^p, a power law",
+    "hertz": "F(δ) = m δ^n, a power law",
 }
 _NOISES = {
     "correlated": "white noise plus an Ornstein-Uhlenbeck process (a load cell's noise lasts from "
