@@ -43,7 +43,7 @@ def environment():
 def qlvbayes(*words):
     """Run the command in a process of its own; stdout and stderr are pipes."""
     line = [str(COMMAND), *map(str, words)]
-    return subprocess.run(line, capture_output=True, text=True, timeout=300, env=environment())
+    return subprocess.run(line, capture_output=True, text=True, timeout=900, env=environment())
 
 
 def call(*words):

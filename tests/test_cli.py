@@ -166,7 +166,7 @@ def test_a_reader_that_has_gone_sees_no_traceback(tmp_path):
     os.close(read_end)
     line = [COMMAND, "fit", PADS, "-o", tmp_path, *QUICK, "--json"]
     process = subprocess.run(
-        line, stdout=write_end, stderr=subprocess.PIPE, timeout=300, env=environment()
+        line, stdout=write_end, stderr=subprocess.PIPE, timeout=900, env=environment()
     )
     os.close(write_end)
     assert process.returncode == 1

@@ -177,7 +177,7 @@ def test_a_full_disk_leaves_no_half_written_results(tmp_path):
     # files of at most 1 MB: as on a full disk, a write comes to an end in the middle
     limited = ["sh", "-c", 'ulimit -f 1000; exec "$0" "$@"', COMMAND]
     line = [*limited, "fit", PADS, "-o", tmp_path, *QUICK]
-    process = subprocess.run(line, capture_output=True, text=True, timeout=300, env=environment())
+    process = subprocess.run(line, capture_output=True, text=True, timeout=900, env=environment())
     assert process.returncode == 2
     assert one_line(process.stderr).startswith(f"{tmp_path / 'B' / 'posterior.nc'}: ")
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == []

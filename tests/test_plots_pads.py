@@ -71,7 +71,7 @@ def table(pads="ABC", **changes):
     return constants_table(summaries, {("A", "m"): Reference(1.05, "N/mm")} | changes)
 
 
-def posterior(modes=2, law="exponential", seed=1):
+def posterior(modes=2, law="exponential", seed=1, effects=()):
     """Draws in which m and b are correlated by -0.9 and the shares c sum to 1."""
     rng = np.random.default_rng(seed)
     m, other = rng.standard_normal((2, 4000))
@@ -81,10 +81,15 @@ def posterior(modes=2, law="exponential", seed=1):
     shares = rng.dirichlet(400.0 * np.arange(1.0, modes + 2.0), 4000)
     names |= {f"c[{k}]": shares[:, k] for k in range(modes + 1)}
     names |= {f"v[{k}]": 6.0 / k + 0.1 * rng.standard_normal(4000) for k in range(1, modes + 1)}
+    named = {"viscous_drag": ("eta",), "strain_dependent_strength": ("beta",),
+             "squeeze_film": ("eta", "h")}  # fmt: skip
+    constants = [f"{effect}.{name}" for effect in effects for name in named[effect]]
+    names |= {name: 0.00171 + 1e-4 * rng.standard_normal(4000) for name in constants}
     names |= {"noise.white": np.full(4000, 0.01)}
     return Saved(
         "B", tuple(names), np.stack(list(names.values()), axis=-1)[None],
-        Choices(modes=modes, law=law, noise="white"), "emcee", "", "", False, (),
+        Choices(modes=modes, law=law, noise="white", effects=tuple(effects)), "emcee", "", "",
+        False, (),
     )  # fmt: skip
 
 
@@ -121,6 +126,12 @@ DRAWN = {
     "pairs of three modes": lambda width: plot_pairs(posterior(3), width=width),
     "pairs of a linear law": lambda width: plot_pairs(posterior(2, "linear"), width=width),
     "pairs of one mode": lambda width: plot_pairs(posterior(1), width=width),
+    "pairs with an effect": lambda width: plot_pairs(
+        posterior(effects=("squeeze_film",)), width=width
+    ),
+    "pairs with a long name": lambda width: plot_pairs(
+        posterior(effects=("strain_dependent_strength",)), width=width
+    ),
     "contrasts": lambda width: plot_contrasts(comparison(), width=width),
 }
 

@@ -76,7 +76,7 @@ def test_a_density_over_two_numbers_integrates_to_one(prior):
     assert plane_integral(prior) == pytest.approx(1.0, abs=1e-5)
 
 
-@pytest.mark.parametrize(("prior", "reference"), SCALARS, ids=repr)
+@pytest.mark.parametrize(("prior", "reference"), SCALARS, ids=[repr(p) for p, _ in SCALARS])
 def test_scalar_densities_and_draws_are_scipys(prior, reference):
     values = reference.ppf(np.linspace(0.001, 0.999, 30))
     assert np.allclose(prior.log_density(values), reference.logpdf(values), rtol=1e-12, atol=1e-12)

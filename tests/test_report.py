@@ -23,6 +23,7 @@ from written_results import (
     comparison,
     curves,
     diagnosis,
+    facts,
     picture,
     summary,
     write,
@@ -33,11 +34,13 @@ from written_results import (
 from qlvbayes import InputError, Settings, Watcher, write_report
 from qlvbayes.choices import Choices
 from qlvbayes.data import read_study
+from qlvbayes.elastic import Exponential, HertzPower, Linear
 from qlvbayes.report.boxes import verdict_box
 from qlvbayes.report.charts import chart_of
 from qlvbayes.report.collect import Compared, collect
 from qlvbayes.report.comparing import comparing_of
 from qlvbayes.report.figures import Embedder
+from qlvbayes.report.methods import methods_of
 from qlvbayes.report.numbers import DASH, number, percent, to_sd
 from qlvbayes.study.record import record_run
 from qlvbayes.study.run import _compare
@@ -196,6 +199,16 @@ def test_nothing_outside_the_page_is_referred_to(out, page):
     assert not page.of("iframe")
     anchors = {attrs["id"] for _, attrs in page.elements if "id" in attrs}
     assert {link[1:] for link in links if link.startswith("#")} <= anchors
+
+
+@pytest.mark.parametrize(
+    ("word", "law"), [("exponential", Exponential), ("linear", Linear), ("hertz", HertzPower)]
+)
+def test_the_elastic_law_is_written_with_its_own_constants(tmp_path, word, law):
+    facts(tmp_path / "B" / "posterior.nc", choices=json.dumps({"law": word}))
+    write(tmp_path / "B" / "summary.json", summary("B"))
+    formula = methods_of(collect(tmp_path)).law.partition(" = ")[2].partition(",")[0]
+    assert set(re.findall(r"[a-z]", formula.replace("exp", ""))) == set(law.units)
 
 
 def test_the_same_results_give_the_same_page(out):

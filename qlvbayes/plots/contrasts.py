@@ -26,6 +26,7 @@ from qlvbayes.plots.style import (
 
 _ROW, _ROW_TIGHT, _FRAME = 4.6, 7.2, 34.0  # mm
 _BESIDE = 4.0, 62.0  # points right of the axes where the answer and the probability begin
+_FIRST = 8  # characters of the first's name above its answers
 _NUMBER = re.compile(r"(\d) ")  # before its unit
 _HALF_LINE = 0.2  # of a row: in one column answer and probability stand one below the other
 _NAME_TIGHT, _TITLE, _TITLE_TIGHT = 20, 100, 46  # characters a line
@@ -58,7 +59,7 @@ def plot_contrasts(comparison: Comparison, *, width: float = DOUBLE) -> Axes:
             if isinstance(row, Contrast):
                 _draw(axis, place, row, (low, high), tight)
         _scale(axis, low, high, comparison, tight)
-        _label(axis, rows, tight)
+        _label(axis, rows, shortened(comparison.names[0], _FIRST), tight)
         _words(figure, comparison, tight)
     return axis
 
@@ -148,7 +149,7 @@ def _ticks(low: float, high: float, spread: float) -> list[float]:
     return sorted(kept)
 
 
-def _label(axis: Axes, rows: Sequence[Contrast | str], tight: bool) -> None:
+def _label(axis: Axes, rows: Sequence[Contrast | str], first: str, tight: bool) -> None:
     names = [row if isinstance(row, str) else _name(row, tight) for row in rows]
     axis.set_yticks(range(len(rows)), names)
     for tick, row in zip(axis.get_yticklabels(), rows, strict=True):
@@ -156,7 +157,7 @@ def _label(axis: Axes, rows: Sequence[Contrast | str], tight: bool) -> None:
     axis.set_ylim(len(rows) - 0.4, -0.6)
     axis.tick_params(axis="y", length=0)
     axis.spines["left"].set_visible(False)
-    heads = ("first is,\nP(greater)",) if tight else ("first is", "P(greater)")
+    heads = (f"{first} is,\nP(greater)",) if tight else (f"{first} is", "P(greater)")
     for text, points in zip(heads, _BESIDE, strict=False):
         axis.annotate(
             text, (1.0, 1.0), xycoords="axes fraction", xytext=(points, 2.0),

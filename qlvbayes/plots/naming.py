@@ -47,14 +47,37 @@ def parameter_label(name: str, unit: str = "1") -> str:
     return quantity(text, unit)
 
 
+def parameter_lines(name: str, unit: str, most: int) -> str:
+    """A constant and its unit in lines of at most so many characters, where words allow it."""
+    *effect, constant = parameter_label(name).split("\n")
+    words = [*_words("".join(effect)), constant]
+    return "\n".join(_lines(words if unit == "1" else [*words, f"({unit})"], most))
+
+
 def broken(name: str, most: int) -> str:
     """Divide a long name at its underscores, to fit in a narrow place."""
-    lines = [""]
-    for word in name.replace("_", "_ ").split():
-        if lines[-1] and len(lines[-1]) + len(word) > most:
-            lines.append("")
-        lines[-1] += word
-    return "\n".join(lines)
+    return "\n".join(_lines(_words(name), most))
+
+
+def _words(name: str) -> list[str]:
+    return name.replace("_", "_ ").split()
+
+
+def _lines(words: Sequence[str], most: int) -> list[str]:
+    """Fill lines with words; no space stands behind an underscore."""
+    lines = [words[0]]
+    for word in words[1:]:
+        longer = lines[-1] + " " * (not lines[-1].endswith("_")) + word
+        if _seen(longer) > most:
+            lines.append(word)
+        else:
+            lines[-1] = longer
+    return lines
+
+
+def _seen(text: str) -> int:
+    """Characters that are seen of a text with formulas."""
+    return len(re.sub(r"\$\\mathit\{(\w)\}(?:_\{(\d+)\})?\$", r"\1\2", text))
 
 
 def three(value: float) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,18 +16,20 @@ from matplotlib.ticker import FixedLocator, MaxNLocator, StrMethodFormatter
 from qlvbayes.drawn import described_fields
 from qlvbayes.fit import Fit
 from qlvbayes.plots.density import draw_curve, draw_regions, limits
-from qlvbayes.plots.naming import parameter_label
+from qlvbayes.plots.naming import parameter_label, parameter_lines
 from qlvbayes.plots.style import BLACK, DOUBLE, MM, colours, narrow, shortened, style
 from qlvbayes.plots.ternary import draw_ternary
 from qlvbayes.results import Saved
 
-_LEFT, _RIGHT, _BOTTOM = 15.0, 3.0, 11.0  # mm around the panels
+_LEFT, _RIGHT, _BOTTOM = 13.0, 3.0, 8.0  # mm around the panels, without the labels' lines
 _TOP, _TOP_TIGHT = 12.0, 26.0  # mm
 _ROW, _ROW_TIGHT = 19.0, 14.0  # mm
+_BARS_LEFT, _BARS_BELOW = 15.0, 5.5  # mm beside bars of shares, for the labels of their axes
 _GAP = 0.1  # of a panel, between two
 _DIGIT, _LINE, _ROOM = 1.3, 2.6, 1.6  # mm: of a number, its height, and between two
 _INSIDE = 0.12  # of an axis, at either end, where no number stands
-_LABEL = 12.0  # mm, from the axis to the middle of its label
+_LABEL = 11.3  # mm, from an upright axis to its label
+_TEXT, _LETTER = 3.0, 1.45  # mm: height of a label's line, and width of its letters
 _PLAIN = StrMethodFormatter("{x:.6g}")
 _MOST = 4000  # draws that are looked at, evenly out of all
 
@@ -46,7 +48,7 @@ def plot_pairs(fit: Fit | Saved, *, width: float = DOUBLE) -> list[Axes]:
     shares = [name for name in draws if name.startswith("c[")]
     others = [name for name in draws if name not in shares]
     with style():
-        page = _Page.of(width, len(others), len(shares))
+        page = _Page.of(width, others, shares, units)
         figure, grid = page.begin()
         panels = _panels(figure, grid, [*others, *shares], others)
         spans = {name: limits(values) for name, values in draws.items()}
@@ -65,12 +67,14 @@ def plot_pairs(fit: Fit | Saved, *, width: float = DOUBLE) -> list[Axes]:
 
 @dataclass(frozen=True)
 class _Page:
-    """Sizes in mm: the figure, its top margin, rows and columns; the corner's first row and column.
+    """Sizes in mm: the figure, its margins, rows and columns; the corner's first row and column.
 
     The corner takes ``deep`` rows from the top of the page and all columns from ``first`` on.
     """
 
     width: float
+    left: float
+    bottom: float
     top: float
     row: float
     rows: int
@@ -79,40 +83,59 @@ class _Page:
     deep: int
 
     @classmethod
-    def of(cls, width: float, others: int, shares: int) -> _Page:
-        tight, rows = narrow(width), max(others + shares, 2)
-        extra = 2 if shares and others < (2 if tight else 4) else 0
-        deep = 2 if extra else 1 if tight else others // 2
+    def of(
+        cls, width: float, others: Sequence[str], shares: Sequence[str], units: dict[str, str]
+    ) -> _Page:
+        tight, count = narrow(width), len(others)
+        extra = 2 if shares and count < (2 if tight else 4) else 0
+        deep = 2 if extra else 1 if tight else count // 2
         top, row = (_TOP_TIGHT, _ROW_TIGHT) if tight else (_TOP, _ROW)
-        columns = max(others + extra, 1)
-        return cls(width, top, row, rows, columns, others if extra else deep, deep)
+        rows, columns = max(count + len(shares), 2), max(count + extra, 1)
+        page = cls(width, _LEFT, _BOTTOM, top, row, rows, columns, count if extra else deep, deep)
+        page = replace(
+            page, left=_LEFT + _room([page.upright(n, units) for n in (*others, *shares)])
+        )
+        return replace(page, bottom=_BOTTOM + _room([page.level(n, units) for n in others]))
+
+    def upright(self, name: str, units: dict[str, str]) -> str:
+        """Label of a row."""
+        return parameter_lines(name, units[name], int(self.row / _LETTER))
+
+    def level(self, name: str, units: dict[str, str]) -> str:
+        """Label of a column; in a narrow one without the effect, which the rows name."""
+        short = name.rpartition(".")[2] if narrow(self.width) else name
+        return parameter_lines(short, units[name], int(self.cell / _LETTER))
 
     @property
     def height(self) -> float:
-        return self.top + self.row * self.rows + _BOTTOM
+        return self.top + self.row * self.rows + self.bottom
 
     @property
     def cell(self) -> float:
         """Width of a panel."""
-        return (self.width - _LEFT - _RIGHT) / (self.columns + _GAP * (self.columns - 1))
+        return (self.width - self.left - _RIGHT) / (self.columns + _GAP * (self.columns - 1))
 
     def begin(self) -> tuple[Figure, GridSpec]:
         figure = Figure((self.width * MM, self.height * MM))
         grid = GridSpec(
-            self.rows, self.columns, figure, left=_LEFT / self.width,
-            right=1.0 - _RIGHT / self.width, bottom=_BOTTOM / self.height,
+            self.rows, self.columns, figure, left=self.left / self.width,
+            right=1.0 - _RIGHT / self.width, bottom=self.bottom / self.height,
             top=1.0 - self.top / self.height, wspace=_GAP, hspace=_GAP,
         )  # fmt: skip
         return figure, grid
 
     def corner(self, *, margin: bool) -> tuple[float, float, float, float]:
         """Left, bottom, width and height as shares of the page; margin: for labels of an axis."""
-        left = _LEFT + self.first * (1.0 + _GAP) * self.cell + margin * _LEFT
-        bottom = self.height - self.top - self.row * self.deep + margin * 0.5 * _BOTTOM
+        left = self.left + self.first * (1.0 + _GAP) * self.cell + margin * _BARS_LEFT
+        bottom = self.height - self.top - self.row * self.deep + margin * _BARS_BELOW
         wide, high = self.width - _RIGHT - left, self.height - 2.0 - bottom
         return (
             left / self.width, bottom / self.height, wide / self.width, high / self.height,
         )  # fmt: skip
+
+
+def _room(labels: Sequence[str]) -> float:
+    return _TEXT * max((label.count("\n") + 1 for label in labels), default=1)
 
 
 def _draws(fit: Fit | Saved) -> dict[str, np.ndarray]:
@@ -179,9 +202,9 @@ def _label(
                 FixedLocator(_numbers(spans[below], page.row, across=False))
             )
         if lowest:
-            axis.set_xlabel(parameter_label(along, units[along]))
+            axis.set_xlabel(page.level(along, units))
         if leftmost:
-            axis.set_ylabel(parameter_label(below, units[below]), va="center")
+            axis.set_ylabel(page.upright(below, units), va="bottom")
             axis.yaxis.set_label_coords(-_LABEL / page.cell, 0.5)
         elif below == first:
             axis.set_ylabel("density")

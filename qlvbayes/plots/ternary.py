@@ -17,6 +17,7 @@ _CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [0.5, _HEIGHT]])  # all of share 0,
 _MARGIN = 0.12  # of the enlarged triangle, around the draws
 _WHOLE = 0.24  # of the enlarged triangle: the small copy of the whole one
 _WHOLE_AT = (1.11, _HEIGHT - 0.18)
+_DIGIT = 4.5  # points, of a number
 _AROUND = ((-0.36, 1.36), (-0.27, 0.93))
 
 
@@ -79,7 +80,8 @@ def _grid(axis: Axes, window: _Window, k: int, ticks: int) -> None:
             ha=turn[2], va=turn[3], gid=f"c[{k}]",
         )  # fmt: skip
     middle = 0.5 * (_CORNERS[k] + _CORNERS[begin])
-    away = {0: (-34.0, 4.0), 1: (0.0, -17.0), 2: (34.0, 4.0)}[k]
+    beside = _DIGIT * max(len(f"{number:.6g}") for number in numbers) + 14.0
+    away = {0: (-beside, 4.0), 1: (0.0, -17.0), 2: (beside, 4.0)}[k]
     axis.annotate(
         rf"$\mathit{{c}}_{{{k}}}$", middle, xytext=away, textcoords="offset points",
         ha="center", va="center",

@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from qlvbayes.report.boxes import seen
 from qlvbayes.report.collect import Model, PadResults
 from qlvbayes.report.numbers import DASH, NBSP, joined, number, to_sd, with_unit
 
@@ -13,9 +14,12 @@ _INDEXED = re.compile(r"([cv])\[(\d+)\]")
 _MEANINGS = {
     "m": "stiffness at first contact, before anything relaxes",
     "b": "how fast stiffness grows with depth",
+    "n": "the force grows with this power of depth",
     "noise.white": "noise of single samples",
     "noise.ou": "noise that lasts from sample to sample",
     "noise.tau": "how long it lasts",
+    "noise.scale": "width of the noise",
+    "noise.nu": "degrees of freedom: the fewer, the more outliers",
 }
 _TOLD = 0.005  # smallest relative change that is worth a word
 
@@ -69,7 +73,7 @@ def constants_rows(pads: Sequence[PadResults]) -> tuple[Row, ...]:
         Row(
             name,
             "" if units[name] == "1" else units[name],
-            _meaning(name),
+            _meaning(name, power="n" in units),
             tuple(_value(_parameters(pad.final).get(name)) for pad in pads),
         )
         for name in names
@@ -146,14 +150,17 @@ def _value(parameter: dict | None) -> Value:
     return Value(to_sd(parameter["median"], sd), f"{low} to {high}" if sd else "fixed")
 
 
-def _meaning(name: str) -> str:
+def _meaning(name: str, *, power: bool) -> str:
+    """In words; power: under a power law, whose m is a force."""
+    if name == "m" and power:
+        return "force at a depth of 1, before anything relaxes"
     match = _INDEXED.fullmatch(name)
     if match and match[1] == "c":
         index = int(match[2])
         return f"share that relaxes at v[{index}]" if index else "share that never relaxes"
     if match:
         return f"rate at which c[{match[2]}] relaxes"
-    return _MEANINGS.get(name, "")
+    return _MEANINGS.get(name) or seen(name.partition(".")[0])
 
 
 def _place(name: str) -> tuple[int, str, int]:

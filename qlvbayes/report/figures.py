@@ -23,8 +23,8 @@ _SAID = {
     ),
     "constants": (
         "Every constant of all pads with its 90 % interval.",
-        "Intervals of two pads that do not overlap: the pads differ in that constant. Marks beside "
-        "them are reference values, where some are known.",
+        "Where the intervals of two pads do not overlap, the pads differ in that constant. Open "
+        "diamonds are reference values, where some are known.",
     ),
     "pairs": (
         "Joint posterior of the constants of {of}, two at a time.",

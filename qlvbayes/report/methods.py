@@ -9,12 +9,12 @@ from pathlib import Path
 
 from qlvbayes.choices import Choices
 from qlvbayes.report.collect import PadResults, Results
-from qlvbayes.report.numbers import DASH, number, percent
+from qlvbayes.report.numbers import DASH, number, percent, with_unit
 
 _LAWS = {
     "exponential": "K(δ) = m exp(b δ)",
     "linear": "K(δ) = m",
-    "hertz": "F(δ) = m δ^p, a power law",
+    "hertz": "F(δ) = m δ^n, a power law",
 }
 _NOISES = {
     "correlated": "white noise plus an Ornstein-Uhlenbeck process (a load cell's noise lasts from "
@@ -105,7 +105,7 @@ def _comparisons(results: Results) -> str:
     text = (
         "the posterior draws of two pads are independent and are paired at random; quantities are "
         f"equal where their ratio is within {percent(content.get('region'))} of one with a "
-        "probability of at least 95 %"
+        f"probability of at least {percent(0.95)}"
     )
     alarms = (content.get("omnibus") or {}).get("false_alarms")
     if not alarms:
@@ -171,7 +171,7 @@ def _basis(pad: PadResults) -> Basis:
         pad.name,
         ", ".join(json.loads(facts["fitted_tests"])) if "fitted_tests" in facts else DASH,
         _sampler(facts, summary),
-        f"{number(noise)} {pad.force_unit}" if noise else DASH,
+        with_unit(number(noise), pad.force_unit) if noise else DASH,
         tuple(json.loads(facts["priors"]).items()) if "priors" in facts else (),
     )
 
