@@ -48,4 +48,4 @@ def ranking_table(found: Diagnosis, unit: str) -> Table:
 
 
 def _constant(name: str, e: Estimate) -> str:
-    return f"{name} = {e.mean:.3g} +- {e.sd:.1g}{'' if e.unit == '1' else ' ' + e.unit}"
+    return f"{name} = {e}"

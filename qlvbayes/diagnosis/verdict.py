@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +26,15 @@ class Estimate:
     unit: str
     mean: float
     sd: float
+
+    def __str__(self) -> str:
+        """``0.001672 +- 0.000090 N s/mm``: both to the sd's second digit, at most six decimals."""
+        places = 1 - math.floor(math.log10(self.sd)) if self.sd > 0.0 else 3
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        if places > 6:
+            return f"{self.mean:.3g} +- {self.sd:.1g}{unit}"
+        places = max(places, 0)
+        return f"{self.mean:.{places}f} +- {self.sd:.{places}f}{unit}"
 
 
 @dataclass(frozen=True)

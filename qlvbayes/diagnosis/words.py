@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from qlvbayes.diagnosis.gate import Bend
 from qlvbayes.diagnosis.samples import CellError
-from qlvbayes.diagnosis.verdict import Diagnosis, Estimate, Ranked, Stage
+from qlvbayes.diagnosis.verdict import Diagnosis, Ranked, Stage
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.units import UnitSystem
 
@@ -39,7 +39,8 @@ def _units(diagnosis: Diagnosis) -> UnitSystem:
 def _adequate(d: Diagnosis) -> str:
     unit, stage = _units(d).force, d.stages[0]
     none = next(r for r in d.ranking if r.effect == "none")
-    best = next((r for r in d.ranking if r.effect != "none"), None)
+    hidden = {unseen.effect for unseen in d.not_identifiable}
+    best = next((r for r in d.ranking if r.effect not in {"none", *hidden}), None)
     text = (
         f"Pad {d.pad}: nothing is missing that these tests can show. The model leaves "
         f"{stage.rmse:.3g} {unit}, the noise floor is {d.noise:.3g} {unit}; no phase of any test "
@@ -48,7 +49,8 @@ def _adequate(d: Diagnosis) -> str:
     if best is not None:
         text += (
             f" Probability that nothing of the list is missing: {_percent(none.probability)}; "
-            f"the likeliest effect is {best.effect} with {_percent(best.probability)}."
+            f"of the effects that they could show, {best.effect} is the likeliest "
+            f"({_percent(best.probability)})."
         )
     return text
 
@@ -217,12 +219,8 @@ def _bend(d: Diagnosis, bend: Bend) -> str:
 
 def _with_value(d: Diagnosis, effect: str, stage: Stage) -> str:
     own = {n: e for n, e in stage.parameters.items() if n.startswith(f"{effect}.")}
-    values = ", ".join(f"{name.partition('.')[2]} = {_size(e)}" for name, e in own.items())
+    values = ", ".join(f"{name.partition('.')[2]} = {e}" for name, e in own.items())
     return f"{effect} ({values})" if values else effect
-
-
-def _size(e: Estimate) -> str:
-    return f"{e.mean:.3g} +- {e.sd:.1g}{'' if e.unit == '1' else ' ' + e.unit}"
 
 
 def _effect(d: Diagnosis, name: str) -> AbstractEffect:
