@@ -35,6 +35,9 @@ that had been simulated, the other tests predicted. All fits count, converged or
 A 90 % credible interval should hold the truth nine times out of ten; asked for is a share between
 {low:.0%} and {high:.0%} for every constant of the pad.
 
+The comparison of two pads is validated on [its own page](pairs.md), the diagnosis on
+[another](blind_studies.md).
+
 {verdict}
 
 | | |
