@@ -8,6 +8,10 @@ from pathlib import Path
 import jax
 
 
+_MAPPINGS = Path("/proc/self/maps")
+_MANY = 20_000  # of the 65 530 that Linux allows a process; LLVM stops it beyond
+
+
 def cache_folder() -> Path:
     """Where compiled functions are kept: ``$QLVBAYES_CACHE``, or the user's cache folder."""
     chosen = os.environ.get("QLVBAYES_CACHE")
@@ -32,3 +36,14 @@ def configure() -> None:
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", 0)
+
+
+def forget_compiled() -> None:
+    """Drop compiled functions where they take many of the memory mappings a process may have.
+
+    Each takes some; pads of many shapes leave thousands. Those needed again come from the cache.
+    """
+    if not _MAPPINGS.exists():  # not Linux: no such limit
+        return
+    if _MAPPINGS.read_text().count("\n") > _MANY:
+        jax.clear_caches()

@@ -1,13 +1,11 @@
 """Double precision and the compile cache for every test, and the paper's pads as models."""
 
 import os
-from pathlib import Path
 
-import jax
 import jax.numpy as jnp
 import pytest
 
-from qlvbayes.runtime import cache_folder, configure
+from qlvbayes.runtime import cache_folder, configure, forget_compiled
 
 if worker := os.environ.get("PYTEST_XDIST_WORKER"):
     # its commands inherit it: JAX does not guard a cache against two processes that write
@@ -19,16 +17,11 @@ from qlvbayes.model import Model  # noqa: E402
 from qlvbayes.relaxation import Prony  # noqa: E402
 from qlvbayes.synthetic import TABLE_1  # noqa: E402
 
-MAPPINGS = Path("/proc/self/maps")
-MANY = 20_000  # of the 65 530 that Linux allows a process
-
 
 @pytest.fixture(scope="module", autouse=True)
 def _forget_compiled():
-    """Drop compiled functions after a module that leaves many: each takes some mappings."""
     yield
-    if not MAPPINGS.exists() or MAPPINGS.read_text().count("\n") > MANY:
-        jax.clear_caches()
+    forget_compiled()
 
 
 @pytest.fixture(scope="session")

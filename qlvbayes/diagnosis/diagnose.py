@@ -30,6 +30,7 @@ from qlvbayes.inference.gaussnewton import Point
 from qlvbayes.inference.subset import Ensemble, with_every_effect
 from qlvbayes.noise import AbstractGaussian
 from qlvbayes.posterior import Posterior
+from qlvbayes.runtime import forget_compiled
 
 EVIDENCES = ("laplace", "nested")
 COSTLY = ("frame_compliance", "channel_lag")  # they run the law beneath several times
@@ -53,6 +54,7 @@ def diagnose(
     """
     settings = settings or Settings()
     choices = choices or Choices()
+    forget_compiled()
     ensemble = _ensemble(experiment, choices, kinds)
     samples = Samples.of(experiment, ensemble)
     protocol = protocol_of(experiment, bonded=choices.bonded)
