@@ -7,7 +7,6 @@ from pathlib import Path
 
 import jax
 
-
 _MAPPINGS = Path("/proc/self/maps")
 _MANY = 20_000  # of the 65 530 that Linux allows a process; LLVM stops it beyond
 
