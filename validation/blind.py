@@ -56,6 +56,7 @@ def _options() -> argparse.Namespace:
     )
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "docs" / "blind_studies.md")
     parser.add_argument("--kept", type=Path, help="file of finished studies, whatever their code")
+    parser.add_argument("--note", default="", help="a sentence for the page")
     parser.add_argument("--part", type=int, help=argparse.SUPPRESS)  # what a worker does
     return parser.parse_args()
 
@@ -88,7 +89,7 @@ def _write(report: Report, origin: Origin, options: argparse.Namespace) -> None:
     pictures = options.output.parent / "pictures"
     pictures.mkdir(parents=True, exist_ok=True)
     picture = save_figure(plot_benchmark(report), pictures / options.output.stem)
-    text = blind_page(report, origin, f"pictures/{picture.name}")
+    text = blind_page(report, origin, f"pictures/{picture.name}", options.note)
     write_whole(options.output, text.encode())
     write_json(options.output.with_suffix(".json"), report.as_dict())
     print(options.output)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from textwrap import fill
 
@@ -58,11 +59,12 @@ _NOTES = """## How to read it
 """
 
 
-def blind_page(report: Report, origin: Origin, picture: str) -> str:
+def blind_page(report: Report, origin: Origin, picture: str, note: str = "") -> str:
     """Markdown."""
     rows = levels(report)
     parts = [
         _wrapped(_head(report, rows, origin)),
+        *([fill(note, 100) + "\n"] if note else []),
         _levels_table(rows),
         f"![confusion matrix, reliability, errors on left-out tests]({picture})\n",
         _rates_table(report),
@@ -89,7 +91,10 @@ def _head(report: Report, rows: Sequence[Level], origin: Origin) -> str:
 
 
 def _codes(report: Report) -> str:
-    return ", ".join(sorted({case["code"] for case in report.cases}))
+    count = Counter(case["code"] for case in report.cases)
+    if len(count) == 1:
+        return next(iter(count))
+    return ", ".join(f"{code} ({n} studies)" for code, n in count.most_common())
 
 
 def _wrapped(text: str) -> str:
