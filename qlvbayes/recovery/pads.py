@@ -12,16 +12,16 @@ import numpy as np
 from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect
-from qlvbayes.inference import compiled
+from qlvbayes.inference import compiled, linearised
 from qlvbayes.inference.gaussnewton import Point, climb, noise_along, predict_along
 from qlvbayes.inference.subset import Ensemble, Subset, with_every_effect
 from qlvbayes.posterior import Posterior, draw_prior, is_prior
 from qlvbayes.priors import HalfNormal
 from qlvbayes.recovery.bench import bench
 from qlvbayes.recovery.clouds import Cloud
-from qlvbayes.recovery.sampled import TOGETHER, Sample, sample
+from qlvbayes.recovery.sampled import Sample, sample
 
-_STARTS = 2  # besides the priors' centre
+_STARTS = 2  # prior draws that are climbed from besides the priors' centre
 _FIRST_STEPS = 8
 _HOPE = 30.0  # in log density behind the best, on the way up
 _WORTH = 8.0  # at the top
@@ -30,11 +30,10 @@ _SAME = 1.0  # posterior sd within which two tops are one
 
 @dataclass(frozen=True, eq=False)
 class Pads:
-    """An ensemble with one of its effects on, and prior draws (200, D) to choose starts from."""
+    """Pads with this effect; the others of the ensemble are at their nulls."""
 
     effect: AbstractEffect
     whole: Ensemble
-    guesses: np.ndarray
 
     @cached_property
     def subset(self) -> Subset:
@@ -65,15 +64,14 @@ class Pads:
         """Of one pad: truth (C,), posterior quantiles (len(shares), C), effective draws ()."""
         rng = np.random.default_rng([seed, zlib.crc32(self.effect.name.encode()), k])
         theta = self._whole(draw_prior(self._alone, rng))
-        constants = self.subset.nulled(
-            np.asarray(compiled.constants(self.whole.posterior, theta[None])[0])
-        )
+        terms = linearised.prior_terms(self.whole.posterior, theta)
+        constants = self.subset.nulled(np.asarray(terms.constants))
         found = self._fitted(self._tested(constants, rng), rng)
         return constants[list(self.constants.values())], found.quantiles(shares), found.worth
 
     def _whole(self, free: np.ndarray) -> np.ndarray:
         """Theta (..., D) of the whole from the free numbers (..., F)."""
-        found = np.tile(np.median(self.guesses, axis=0), (*free.shape[:-1], 1))
+        found = np.tile(self.whole.centre, (*free.shape[:-1], 1))
         found[..., self.subset.theta] = free
         return found
 
@@ -87,7 +85,7 @@ class Pads:
         key = jax.random.key(int(rng.integers(2**31)))
         errors = np.asarray(compiled.noise_draws(noise, blocks, key[None])[0])
         record = replace(posterior.record, blocks=replace(blocks, force=forces + errors))
-        return Ensemble(Posterior(posterior.model, posterior.noise, record))
+        return self.whole.with_record(record)
 
     def _fitted(self, tested: Ensemble, rng: np.random.Generator) -> Sample:
         """Climb to the tops and sample about them."""
@@ -98,23 +96,15 @@ class Pads:
             total = np.asarray(logs)[:, [*self.subset.priors, -1]].sum(axis=1)
             return np.where(np.isfinite(total), total, -np.inf), np.asarray(constants)[:, places]
 
-        logs, _ = judge(self.guesses[:, free])
-        best = self.guesses[np.argsort(-logs)[:_STARTS], :]
-        starts = self._whole(np.vstack([np.median(self.guesses, axis=0), best])[:, free])
+        starts = [self.whole.centre, *self.whole.draw(_STARTS)]
         tops = _tops(tested, self.subset, starts)
         clouds = [Cloud.about(top.theta[free], top.covariance, self._linear) for top in tops]
         return sample(judge, clouds, rng)
 
 
-def guesses(ensemble: Ensemble) -> np.ndarray:
-    """(200, D) draws from the priors."""
-    rng = np.random.default_rng(0)
-    return np.stack([draw_prior(ensemble.posterior, rng) for _ in range(TOGETHER)])
-
-
 @jax.jit
 def _judged(posterior: Posterior, thetas: Array, null: Array) -> tuple[Array, Array]:
-    """(N, L + 1) log priors and, last, log likelihoods; (N, P) constants, where off at null (P,)."""
+    """(N, L + 1) log priors and, last, log likelihood; (N, P) constants, at null (P,) if off."""
 
     def one(theta: Array) -> tuple[Array, Array]:
         constants = jnp.where(jnp.isnan(null), posterior.constants(theta), null)
@@ -127,7 +117,7 @@ def _judged(posterior: Posterior, thetas: Array, null: Array) -> tuple[Array, Ar
     return jax.vmap(one)(thetas)
 
 
-def _tops(ensemble: Ensemble, subset: Subset, starts: np.ndarray) -> list[Point]:
+def _tops(ensemble: Ensemble, subset: Subset, starts: list[np.ndarray]) -> list[Point]:
     """Tops that matter, highest first."""
     rough = [climb(ensemble, subset, start, steps=_FIRST_STEPS) for start in starts]
     tops = [climb(ensemble, subset, point.theta) for point in _distinct(rough, _HOPE)]

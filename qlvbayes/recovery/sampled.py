@@ -44,7 +44,8 @@ class Sample:
     def quantiles(self, shares: tuple[float, ...]) -> np.ndarray:
         """(len(shares), C) quantiles of each constant."""
         kept = self.weights > 0.0
-        return np.array([_quantiles(x, self.weights[kept], shares) for x in self.constants[kept].T]).T
+        columns, weights = self.constants[kept].T, self.weights[kept]
+        return np.array([_quantiles(column, weights, shares) for column in columns]).T
 
 
 def sample(judge: Judge, clouds: list[Cloud], rng: np.random.Generator) -> Sample:
