@@ -13,19 +13,14 @@ from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.inference import compiled, linearised
-from qlvbayes.inference.gaussnewton import Point, climb, noise_along, predict_along
+from qlvbayes.inference.gaussnewton import noise_along, predict_along
 from qlvbayes.inference.subset import Ensemble, Subset, with_every_effect
 from qlvbayes.posterior import Posterior, draw_prior, is_prior
 from qlvbayes.priors import HalfNormal
 from qlvbayes.recovery.bench import bench
 from qlvbayes.recovery.clouds import Cloud
+from qlvbayes.recovery.humps import starts, tops
 from qlvbayes.recovery.sampled import Sample, sample
-
-_STARTS = 2  # prior draws that are climbed from besides the priors' centre
-_FIRST_STEPS = 8
-_HOPE = 30.0  # in log density behind the best, on the way up
-_WORTH = 8.0  # at the top
-_SAME = 1.0  # posterior sd within which two tops are one
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +55,9 @@ class Pads:
         found = [np.full(x.size, isinstance(x, HalfNormal)) for x in leaves if is_prior(x)]
         return np.concatenate(found)[self.subset.theta]
 
-    def recovered(self, seed: int, k: int, shares: tuple[float, ...]) -> tuple[np.ndarray, ...]:
+    def recovered(
+        self, seed: int, k: int, shares: tuple[float, ...]
+    ) -> tuple[np.ndarray, np.ndarray, float]:
         """Of one pad: truth (C,), posterior quantiles (len(shares), C), effective draws ()."""
         rng = np.random.default_rng([seed, zlib.crc32(self.effect.name.encode()), k])
         theta = self._whole(draw_prior(self._alone, rng))
@@ -96,9 +93,8 @@ class Pads:
             total = np.asarray(logs)[:, [*self.subset.priors, -1]].sum(axis=1)
             return np.where(np.isfinite(total), total, -np.inf), np.asarray(constants)[:, places]
 
-        starts = [self.whole.centre, *self.whole.draw(_STARTS)]
-        tops = _tops(tested, self.subset, starts)
-        clouds = [Cloud.about(top.theta[free], top.covariance, self._linear) for top in tops]
+        found = tops(tested, self.subset, starts(self.whole, self.effect.name))
+        clouds = [Cloud.about(top.theta[free], top.covariance, self._linear) for top in found]
         return sample(judge, clouds, rng)
 
 
@@ -115,26 +111,3 @@ def _judged(posterior: Posterior, thetas: Array, null: Array) -> tuple[Array, Ar
         return jnp.append(posterior.log_priors(theta), likelihood), constants
 
     return jax.vmap(one)(thetas)
-
-
-def _tops(ensemble: Ensemble, subset: Subset, starts: list[np.ndarray]) -> list[Point]:
-    """Tops that matter, highest first."""
-    rough = [climb(ensemble, subset, start, steps=_FIRST_STEPS) for start in starts]
-    tops = [climb(ensemble, subset, point.theta) for point in _distinct(rough, _HOPE)]
-    return _distinct(tops, _WORTH)
-
-
-def _distinct(points: list[Point], behind: float) -> list[Point]:
-    """One of those that lie close to each other, unless too far below the highest."""
-    found: list[Point] = []
-    for point in sorted(points, key=lambda point: point.loss):
-        if found and point.loss > found[0].loss + behind:
-            break
-        if all(_apart(point, other) for other in found):
-            found.append(point)
-    return found
-
-
-def _apart(point: Point, other: Point) -> bool:
-    sds = np.sqrt(np.diag(other.covariance))
-    return bool(np.max(np.abs(point.theta - other.theta)[point.subset.theta] / sds) > _SAME)
