@@ -1,8 +1,9 @@
 """Student-t clouds that a posterior is sampled from.
 
-A half-normal number y = log A is drawn as A itself: the force is linear in an amplitude, so that
-its posterior is nearly a normal cut off at A = 0, and the ridge along which the other constants
-make up for it is straight in A and bent in log A.
+A half-normal number y = log A is drawn as A too: the force is linear in an amplitude, so that its
+posterior is nearly a normal cut off at A = 0, and the ridge along which the other constants make up
+for it is straight in A and bent in log A. Where a factor and a rate trade off, it is straight in
+log A instead.
 """
 
 from __future__ import annotations

@@ -5,49 +5,56 @@ from __future__ import annotations
 import numpy as np
 
 from qlvbayes.inference.gaussnewton import Point, climb
-from qlvbayes.inference.subset import Ensemble, Subset
+from qlvbayes.inference.subset import Ensemble, Place, Subset
 
-_ACROSS = (0.125, 0.375, 0.625, 0.875)  # quantiles of each shape's prior
-_LARGE = 0.9  # of the amplitude's
-_FIRST_STEPS = 8
-_HOPE = 50.0  # in log density behind the best, on the way up
-_WORTH = 8.0  # at the top
+_LARGE = 1.0  # quantile of the amplitude's prior draws: the largest
+_ACROSS = (0.125, 0.375, 0.625, 0.875)  # and of each shape's
+_WORTH = 8.0  # in log density behind the best
 _SAME = 1.0  # posterior sd within which two tops are one
 
 
-def starts(ensemble: Ensemble, effect: str) -> list[np.ndarray]:
-    """Places (D,) to climb from: the priors' centre, a large amplitude, each shape's whole prior.
+def tops(ensemble: Ensemble, subset: Subset, effect: str) -> list[Point]:
+    """Tops that matter, highest first, climbed to from two amplitudes and from other shapes.
 
-    A shape is a constant besides the amplitude, such as a rate: the likelihood has a hump for each
-    rate of the pad with which it may be confused. From too small an amplitude the way up may be
-    barred, as where a pad lets go before it pulls.
+    From too small an amplitude the way up may be barred, as where a pad lets go before it pulls. A
+    shape is a constant besides the amplitude, such as a rate: the likelihood has a hump for each
+    rate of the pad with which it may be confused. There the climbs begin with the plain constants
+    already found.
     """
-    found = [ensemble.centre]
+    amplitude, *shapes = _fields(ensemble, effect)
+    large = _moved(ensemble.centre, amplitude, ensemble.quantile(amplitude, _LARGE))
+    found = [climb(ensemble, subset, theta) for theta in (ensemble.centre, large)]
+    best = min(found, key=lambda point: point.loss).theta
+    for field in (amplitude, *shapes):
+        best = _moved(best, field, ensemble.centre[list(field.theta)])
+    for shape in shapes:
+        for share in _ACROSS:
+            theta = _moved(best, shape, ensemble.quantile(shape, share))
+            found.append(climb(ensemble, subset, theta))
+    return _distinct(found)
+
+
+def _fields(ensemble: Ensemble, effect: str) -> list[Place]:
+    """Free fields of the effect, its amplitude first."""
     amplitude = ensemble.amplitude(effect)
-    for place in ensemble.fields(effect):
-        if not place.theta:
-            continue
-        for share in [_LARGE] if place.constants.start == amplitude else _ACROSS:
-            theta = ensemble.centre.copy()
-            theta[list(place.theta)] = ensemble.quantile(place, share)
-            found.append(theta)
+    free = [field for field in ensemble.fields(effect) if field.theta]
+    return sorted(free, key=lambda field: field.constants.start != amplitude)
+
+
+def _moved(theta: np.ndarray, field: Place, numbers: np.ndarray) -> np.ndarray:
+    """Theta (D,) with other numbers in one field."""
+    found = theta.copy()
+    found[list(field.theta)] = numbers
     return found
 
 
-def tops(ensemble: Ensemble, subset: Subset, places: list[np.ndarray]) -> list[Point]:
-    """Tops that matter, highest first, climbed to from these places."""
-    rough = [climb(ensemble, subset, place, steps=_FIRST_STEPS) for place in places]
-    found = [climb(ensemble, subset, point.theta) for point in _distinct(rough, _HOPE)]
-    return _distinct(found, _WORTH)
-
-
-def _distinct(points: list[Point], behind: float) -> list[Point]:
+def _distinct(points: list[Point]) -> list[Point]:
     """One of those that lie close to each other, unless too far below the highest."""
     found: list[Point] = []
     for point in sorted(points, key=lambda point: point.loss):
         if not np.isfinite(point.log_evidence):  # on a plateau
             continue
-        if found and point.loss > found[0].loss + behind:
+        if found and point.loss > found[0].loss + _WORTH:
             break
         if all(_apart(point, other) for other in found):
             found.append(point)

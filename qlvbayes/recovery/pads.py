@@ -19,7 +19,7 @@ from qlvbayes.posterior import Posterior, draw_prior, is_prior
 from qlvbayes.priors import HalfNormal
 from qlvbayes.recovery.bench import bench
 from qlvbayes.recovery.clouds import Cloud
-from qlvbayes.recovery.humps import starts, tops
+from qlvbayes.recovery.humps import tops
 from qlvbayes.recovery.sampled import Sample, sample
 
 
@@ -93,8 +93,12 @@ class Pads:
             total = np.asarray(logs)[:, [*self.subset.priors, -1]].sum(axis=1)
             return np.where(np.isfinite(total), total, -np.inf), np.asarray(constants)[:, places]
 
-        found = tops(tested, self.subset, starts(self.whole, self.effect.name))
-        clouds = [Cloud.about(top.theta[free], top.covariance, self._linear) for top in found]
+        found = tops(tested, self.subset, self.effect.name)
+        clouds = [
+            Cloud.about(top.theta[free], top.covariance, linear)
+            for top in found
+            for linear in (self._linear, np.zeros_like(self._linear))
+        ]
         return sample(judge, clouds, rng)
 
 

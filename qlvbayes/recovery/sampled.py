@@ -21,7 +21,7 @@ from qlvbayes.recovery.clouds import Cloud
 TOGETHER = 200
 """Draws a round."""
 
-_ROUNDS = 6
+_ROUNDS = 12
 _WORTH = 100.0  # effective draws that do
 _LEAST = 25.0  # effective draws behind a covariance, however uneven the weights
 
@@ -49,9 +49,8 @@ class Sample:
 
 
 def sample(judge: Judge, clouds: list[Cloud], rng: np.random.Generator) -> Sample:
-    """Sample a posterior from clouds about its tops and from those that follow."""
-    sizes = [len(part) for part in np.array_split(np.arange(TOGETHER), len(clouds))]
-    fresh = list(zip(clouds, sizes, strict=True))
+    """Sample a posterior from clouds about its tops, two kinds of each, and those that follow."""
+    fresh = _shared(clouds)
     used, draws, found = [], [], []
     for _ in range(_ROUNDS):
         used += fresh
@@ -61,7 +60,7 @@ def sample(judge: Judge, clouds: list[Cloud], rng: np.random.Generator) -> Sampl
         weights = _weights(np.concatenate(draws), logs, used)
         if _worth(weights) >= _WORTH:
             break
-        fresh = [(_after(clouds[0], np.concatenate(draws), weights), TOGETHER)]
+        fresh = _after(clouds[:2], np.concatenate(draws), weights)
     return Sample(np.concatenate([constants for _, constants in found]), weights)
 
 
@@ -74,14 +73,20 @@ def _weights(draws: np.ndarray, logs: np.ndarray, used: list[tuple[Cloud, int]])
     return np.exp(found - logsumexp(found))
 
 
-def _after(cloud: Cloud, draws: np.ndarray, weights: np.ndarray) -> Cloud:
-    """The cloud with the draws' mean and covariance; one-sided weights are evened out."""
+def _shared(clouds: list[Cloud]) -> list[tuple[Cloud, int]]:
+    """The clouds, and how many of a round's draws each gives."""
+    shares = np.array_split(np.arange(TOGETHER), len(clouds))
+    return [(cloud, share.size) for cloud, share in zip(clouds, shares, strict=True)]
+
+
+def _after(kinds: list[Cloud], draws: np.ndarray, weights: np.ndarray) -> list[tuple[Cloud, int]]:
+    """Clouds with the draws' mean and covariance; one-sided weights are evened out."""
     real = weights > 0.0
     draws, weights = draws[real], weights[real]
     while _worth(weights) < min(_LEAST, 0.5 * weights.size):
         weights = np.sqrt(weights)
         weights /= weights.sum()
-    return cloud.like(draws, weights)
+    return _shared([kind.like(draws, weights) for kind in kinds])
 
 
 def _worth(weights: np.ndarray) -> float:
