@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 
 from qlvbayes.inference.gaussnewton import Point, climb
@@ -13,13 +15,21 @@ _WORTH = 8.0  # in log density behind the best
 _SAME = 1.0  # posterior sd within which two tops are one
 
 
-def tops(ensemble: Ensemble, subset: Subset, effect: str) -> list[Point]:
-    """Tops that matter, highest first, climbed to from two amplitudes and from other shapes.
+@dataclass(frozen=True, eq=False)
+class Slice:
+    """Top (Point, over all numbers but a shape's) with the shape held, and those (F,) held."""
+
+    top: Point
+    held: np.ndarray
+
+
+def tops(ensemble: Ensemble, subset: Subset, effect: str) -> tuple[list[Point], list[Slice]]:
+    """Tops that matter, highest first, and slices through the posterior that do.
 
     From too small an amplitude the way up may be barred, as where a pad lets go before it pulls. A
     shape is a constant besides the amplitude, such as a rate: the likelihood has a hump for each
-    rate of the pad with which it may be confused. There the climbs begin with the plain constants
-    already found.
+    rate of the pad with which it may be confused, and where the amplitude may be zero the posterior
+    has an arm along the whole of the shape's prior.
     """
     amplitude, *shapes = _fields(ensemble, effect)
     large = _moved(ensemble.centre, amplitude, ensemble.quantile(amplitude, _LARGE))
@@ -27,11 +37,16 @@ def tops(ensemble: Ensemble, subset: Subset, effect: str) -> list[Point]:
     best = min(found, key=lambda point: point.loss).theta
     for field in (amplitude, *shapes):
         best = _moved(best, field, ensemble.centre[list(field.theta)])
+    slices = []
     for shape in shapes:
+        held = np.isin(subset.theta, shape.theta)
+        sliced = replace(subset, theta=subset.theta[~held])
         for share in _ACROSS:
-            theta = _moved(best, shape, ensemble.quantile(shape, share))
-            found.append(climb(ensemble, subset, theta))
-    return _distinct(found)
+            start = _moved(best, shape, ensemble.quantile(shape, share))
+            slices.append(Slice(climb(ensemble, sliced, start), held))
+            found.append(climb(ensemble, subset, slices[-1].top.theta))
+    kept = _distinct(found)
+    return kept, [s for s in slices if s.top.loss < kept[0].loss + _WORTH]
 
 
 def _fields(ensemble: Ensemble, effect: str) -> list[Place]:

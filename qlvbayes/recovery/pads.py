@@ -22,6 +22,8 @@ from qlvbayes.recovery.clouds import Cloud
 from qlvbayes.recovery.humps import tops
 from qlvbayes.recovery.sampled import Sample, sample
 
+_BETWEEN = 0.8  # sd that fills the gap between two slices of a shape
+
 
 @dataclass(frozen=True, eq=False)
 class Pads:
@@ -93,12 +95,16 @@ class Pads:
             total = np.asarray(logs)[:, [*self.subset.priors, -1]].sum(axis=1)
             return np.where(np.isfinite(total), total, -np.inf), np.asarray(constants)[:, places]
 
-        found = tops(tested, self.subset, self.effect.name)
+        found, slices = tops(tested, self.subset, self.effect.name)
         clouds = [
             Cloud.about(top.theta[free], top.covariance, linear)
             for top in found
             for linear in (self._linear, np.zeros_like(self._linear))
         ]
+        for one in slices:
+            covariance = np.eye(free.size) * _BETWEEN**2
+            covariance[np.ix_(~one.held, ~one.held)] = one.top.covariance
+            clouds.append(Cloud.about(one.top.theta[free], covariance, self._linear))
         return sample(judge, clouds, rng)
 
 

@@ -50,7 +50,7 @@ class Sample:
 
 def sample(judge: Judge, clouds: list[Cloud], rng: np.random.Generator) -> Sample:
     """Sample a posterior from clouds about its tops, two kinds of each, and those that follow."""
-    fresh = _shared(clouds)
+    fresh = _shared(clouds, TOGETHER)
     used, draws, found = [], [], []
     for _ in range(_ROUNDS):
         used += fresh
@@ -60,7 +60,8 @@ def sample(judge: Judge, clouds: list[Cloud], rng: np.random.Generator) -> Sampl
         weights = _weights(np.concatenate(draws), logs, used)
         if _worth(weights) >= _WORTH:
             break
-        fresh = _after(clouds[:2], np.concatenate(draws), weights)
+        after = _after(clouds[:2], np.concatenate(draws), weights)
+        fresh = _shared(after, TOGETHER // 2) + _shared(clouds, TOGETHER // 2)
     return Sample(np.concatenate([constants for _, constants in found]), weights)
 
 
@@ -73,20 +74,20 @@ def _weights(draws: np.ndarray, logs: np.ndarray, used: list[tuple[Cloud, int]])
     return np.exp(found - logsumexp(found))
 
 
-def _shared(clouds: list[Cloud]) -> list[tuple[Cloud, int]]:
-    """The clouds, and how many of a round's draws each gives."""
-    shares = np.array_split(np.arange(TOGETHER), len(clouds))
-    return [(cloud, share.size) for cloud, share in zip(clouds, shares, strict=True)]
+def _shared(clouds: list[Cloud], count: int) -> list[tuple[Cloud, int]]:
+    """The clouds, and how many draws each gives."""
+    shares = np.array_split(np.arange(count), len(clouds))
+    return [(cloud, share.size) for cloud, share in zip(clouds, shares, strict=True) if share.size]
 
 
-def _after(kinds: list[Cloud], draws: np.ndarray, weights: np.ndarray) -> list[tuple[Cloud, int]]:
+def _after(kinds: list[Cloud], draws: np.ndarray, weights: np.ndarray) -> list[Cloud]:
     """Clouds with the draws' mean and covariance; one-sided weights are evened out."""
     real = weights > 0.0
     draws, weights = draws[real], weights[real]
     while _worth(weights) < min(_LEAST, 0.5 * weights.size):
         weights = np.sqrt(weights)
         weights /= weights.sum()
-    return _shared([kind.like(draws, weights) for kind in kinds])
+    return [kind.like(draws, weights) for kind in kinds]
 
 
 def _worth(weights: np.ndarray) -> float:
