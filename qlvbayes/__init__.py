@@ -33,6 +33,7 @@ from qlvbayes.priors import (
     Ordered,
     Uniform,
 )
+from qlvbayes.recovery.rate import Recovery, recovery_rate
 from qlvbayes.relaxation import Prony
 from qlvbayes.report.write import write_report
 from qlvbayes.residuals import Check, check

@@ -35,7 +35,7 @@ LAYERS = [
     ["elsewhere"],
     # inference and what is made of it
     ["inference"],
-    ["fit"],
+    ["fit", "recovery"],
     ["summary", "predict"],
     ["results", "residuals", "diagnosis", "constants_table"],
     ["checked", "compare"],

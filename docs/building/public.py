@@ -13,7 +13,7 @@ SECTIONS = {
     "model": ("model", "motion", "elastic", "relaxation", "law", "noise", "scales", "priors"),
     "fitting": ("choices", "fit", "inference", "summary", "predict", "residuals", "results"),
     "diagnosis": ("diagnosis",),
-    "effects": ("effects",),
+    "effects": ("effects", "recovery"),
     "comparison": ("compare", "constants_table"),
     "study": ("study", "report"),
     "other": (),

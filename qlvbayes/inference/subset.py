@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import jax
@@ -11,6 +11,7 @@ import numpy as np
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.parameters import names, unit_kinds
 from qlvbayes.posterior import Posterior, draw_prior, is_prior, value_shape
+from qlvbayes.records.record import Record
 
 _DRAWS = 25
 
@@ -176,6 +177,14 @@ class Ensemble:
         }
         return next(part for part in self.parts if working <= part.effects)
 
+    def with_record(self, record: Record) -> Ensemble:
+        """The same effects beside other tests; what does not hang on them is not found again."""
+        whole = self.posterior
+        other = replace(self, posterior=Posterior(whole.model, whole.noise, record))
+        parts = [part.with_record(record) for part in self.parts]
+        vars(other).update({**vars(self), "posterior": other.posterior, "parts": parts})
+        return other
+
     def subset(self, effects: frozenset[str] | tuple[str, ...] = ()) -> Subset:
         """The posterior with these effects on."""
         key = frozenset(effects) | self.own
@@ -203,6 +212,11 @@ class Part:
         posterior = Posterior(model, whole.noise, whole.record)
         places = [ensemble.names.index(name) for name in names(posterior)]
         return cls(effects, posterior, np.array(places))
+
+    def with_record(self, record: Record) -> Part:
+        """The same part beside other tests."""
+        own = self.posterior
+        return replace(self, posterior=Posterior(own.model, own.noise, record))
 
 
 @dataclass(frozen=True, eq=False)
