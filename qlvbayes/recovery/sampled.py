@@ -21,7 +21,7 @@ from qlvbayes.recovery.clouds import Cloud
 TOGETHER = 200
 """Draws a round."""
 
-_ROUNDS = 12
+_ROUNDS = 30
 _WORTH = 100.0  # effective draws that do
 _LEAST = 25.0  # effective draws behind a covariance, however uneven the weights
 
