@@ -37,7 +37,7 @@ def against_lfilter():
     pad = TABLE_1["B"]
     constants = (pad.m, pad.b, np.array(pad.c), np.array(pad.v))
     zero = jnp.zeros_like(depth)
-    motion = Motion(jnp.asarray(time), jnp.asarray(depth), zero, zero)
+    motion = Motion(jnp.asarray(time), jnp.asarray(depth), zero, zero, jnp.zeros(len(depth)))
     model = pad_model()
     ours, rival = call_ms(force, model, motion), call_ms(lfilter_force, constants, time, depth)
     # where contact is lost the pad cannot pull, which the rival's bare law does not know
@@ -58,5 +58,6 @@ def growth():
 if __name__ == "__main__":
     count = int(sys.argv[1])
     t = jnp.arange(count)[None] * 1e-3
-    one = Motion(t, 0.8 * (1.0 - jnp.cos(t)), jnp.zeros_like(t), jnp.zeros_like(t))
+    zero = jnp.zeros_like(t)
+    one = Motion(t, 0.8 * (1.0 - jnp.cos(t)), zero, zero, jnp.zeros(1))
     print(call_ms(force, pad_model(), one, repeats=5), peak_mb())
