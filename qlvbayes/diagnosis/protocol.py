@@ -13,12 +13,19 @@ _NEARLY = 0.02  # of the depth, or of the peak force: nearer to zero counts as h
 def protocol_of(experiment: Experiment, *, bonded: bool) -> Protocol:
     """Read off the tests' phases, motion and forces."""
     return Protocol(
-        unloads=any(p.kind == "unload" for t in experiment.trials for p in t.phases),
+        unloads=any(_unloads(experiment, trial) for trial in experiment.trials),
         returns=any(_returns(experiment, trial) for trial in experiment.trials),
         tests=len(experiment.trials),
         bonded=bonded,
         curved=experiment.scales.acceleration > 0.0,
     )
+
+
+def _unloads(experiment: Experiment, trial: Trial) -> bool:
+    """Whether a phase moves back by more than the fitted motion may ripple."""
+    ends = [(p.start, p.stop) for p in trial.phases if p.kind == "unload"]
+    way = [-np.diff(trial.trajectory.displacement(np.array(pair)))[0] for pair in ends]
+    return any(back > _NEARLY * experiment.scales.depth for back in way)
 
 
 def _returns(experiment: Experiment, trial: Trial) -> bool:
