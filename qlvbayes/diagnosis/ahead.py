@@ -23,6 +23,7 @@ from qlvbayes.inference.together import together
 def compile_ahead(ensemble: Ensemble, samples: Samples) -> None:
     """Run each function once; a few milliseconds where a pad of the same shape came before."""
     posterior, centre = ensemble.posterior, ensemble.centre
+    plain = ensemble.usual_parts[0]
     constants = np.full(len(ensemble.names), 0.5)  # the values do not matter
     nothing = np.zeros((ROUND, *posterior.record.blocks.force.shape))
     noise, _ = noise_along(posterior.noise, constants, np.zeros((ROUND, constants.size)))
@@ -37,16 +38,11 @@ def compile_ahead(ensemble: Ensemble, samples: Samples) -> None:
         terms = noise_along(posterior.noise, constants, still)
         return likelihood_terms(*terms, posterior.record, nothing[0], slopes)
 
-    def draw(part: Part) -> object:
-        return likelihoods(part.posterior, np.tile(constants[part.constants], (DRAWS, 1)))
-
-    def sample(part: Part) -> object:
-        return samples.predict_with(part, constants)
-
     jobs: list[Callable[[], object]] = [
         *(partial(predict, part) for part in reversed(ensemble.usual_parts)),
         partial(prior_terms, posterior, centre),
-        *(partial(work, part) for work in (draw, sample) for part in ensemble.usual_parts[:1]),
+        partial(likelihoods, plain.posterior, np.tile(constants[plain.constants], (DRAWS, 1))),
+        partial(samples.predict_with, plain, constants),
         partial(priors, posterior, np.tile(centre, (DRAWS, 1))),
         *(partial(judge, chunks) for chunks in (1, 2)),
         partial(whitened, noise, posterior.record, nothing),

@@ -99,17 +99,18 @@ def _refitted(
 
     The one that scores best goes ahead of the others, which then need not climb as far.
     """
-    order = sorted(found, key=lambda name: -found[name][0].log_bayes_factor)
-    leader = _enter(ensemble, base, found[order[0]], known - _BEHIND) if order else None
+    if not found:
+        return []
+    first, *others = sorted(found.values(), key=lambda scores: -scores[0].log_bayes_factor)
+    leader = _enter(ensemble, base, first, known - _BEHIND)
     best = max(base.log_evidence, known)
-    if leader is not None and leader.point is not None:
+    if leader.point is not None:
         best = max(best, leader.point.log_evidence)
 
-    def follow(effect: str) -> Contender:
-        return _enter(ensemble, base, found[effect], best - _BEHIND)
+    def follow(scores: list[Score]) -> Contender:
+        return _enter(ensemble, base, scores, best - _BEHIND)
 
-    others = together(follow, order[1:])
-    return _best_first([leader, *others] if leader is not None else others)
+    return _best_first([leader, *together(follow, others)])
 
 
 def _other(ensemble: Ensemble, base: Point, humps: list[Point]) -> np.ndarray:

@@ -20,10 +20,9 @@ from qlvbayes.data import Test
 from qlvbayes.experiment import Experiment
 from qlvbayes.inference.gaussnewton import Point, noise_along, pad_directions, predict_along
 from qlvbayes.inference.linearised import whitened
-from qlvbayes.inference.subset import Ensemble, with_every_effect
+from qlvbayes.inference.subset import Ensemble
 from qlvbayes.kinematics.phases import find_phases
 from qlvbayes.kinematics.programme import Stroke, planned
-from qlvbayes.posterior import Posterior
 from qlvbayes.records.batching import batch
 from qlvbayes.records.record import Record
 from qlvbayes.records.reduction import reduce_test
@@ -52,7 +51,7 @@ def suggest(experiment: Experiment, ensemble: Ensemble, points: list[Point]) -> 
     """Practicable tests, best first; the evidence is that between the two nearest explanations."""
     plans = _candidates(experiment)
     record = batch([_record(experiment, plan) for plan in plans])
-    future = _on(ensemble, record)
+    future = ensemble.with_record(record)
     worth = np.full(len(plans), np.inf)
     for a in points:
         for b in points:
@@ -117,12 +116,6 @@ def _times(knots: np.ndarray, shortest: float) -> np.ndarray:
         for a, b in pairwise(knots)
     ]
     return np.unique(np.concatenate([[0.0], *stretches]))
-
-
-def _on(ensemble: Ensemble, record: Record) -> Ensemble:
-    """The same models on other tests."""
-    whole = ensemble.posterior
-    return with_every_effect(Posterior(whole.model, whole.noise, record), (), ensemble.costly)
 
 
 def _evidence(future: Ensemble, a: Point, b: Point) -> np.ndarray:

@@ -49,8 +49,7 @@ class Samples:
     def _posterior(self, part: Part) -> Posterior:
         """A part over the samples."""
         if part not in self._posteriors:
-            whole = part.posterior
-            self._posteriors[part] = Posterior(whole.model, whole.noise, self.record)
+            self._posteriors[part] = part.with_record(self.record).posterior
         return self._posteriors[part]
 
     @property
