@@ -13,14 +13,16 @@ from qlvbayes.benchmark import run as running
 from qlvbayes.benchmark.case import run_case
 from qlvbayes.benchmark.confusion import Confusion
 from qlvbayes.benchmark.constants import constants
-from qlvbayes.benchmark.detect import SEEN, expected_evidence
+from qlvbayes.benchmark.detect import SEEN, Expected, expected
 from qlvbayes.benchmark.keeping import Kept, code_digest
+from qlvbayes.benchmark.modes import named_as_fitted
 from qlvbayes.benchmark.plan import KINDS, Plan, family
 from qlvbayes.benchmark.rate import Rate
 from qlvbayes.benchmark.reliability import Reliability
 from qlvbayes.benchmark.report import Report
 from qlvbayes.benchmark.run import run_studies
 from qlvbayes.benchmark.scores import (
+    ceiling,
     heldout,
     is_right,
     is_right_or_grouped,
@@ -30,6 +32,7 @@ from qlvbayes.benchmark.scores import (
 from qlvbayes.benchmark.study import SIZES, make_study
 from qlvbayes.checks import InputError
 from qlvbayes.cli.benchmark import benchmark, constants_table, rates_table
+from qlvbayes.effects.force_offset import ForceOffset
 from qlvbayes.experiment import prepare
 from qlvbayes.plots.benchmark import plot_benchmark
 from qlvbayes.plots.files import figure_of
@@ -181,13 +184,32 @@ def test_a_mixed_study_goes_back_to_zero_twice():
 
 
 def test_expected_evidence_is_that_of_the_part_that_constants_cannot_take(study):
-    (name, value), *rest = expected_evidence(study, prepare(study.pad)).items()
+    ((name, found),) = expected(study, prepare(study.pad)).items()
     assert name == "force_offset"
-    assert not rest
+    value = found.evidence
     assert value > SEEN
     # all of it, in white noise alone, would be more than what is left in noise of both kinds
     rows = sum(test.time.size for test in study.pad.tests)
     assert value < rows * (study.effects[0].offset / study.noise.white) ** 2
+
+
+def test_the_price_is_that_of_a_normal_posterior_in_its_prior(study):
+    """One amplitude, known to a/chi, in a normal prior: the integral of likelihood and prior."""
+    experiment = prepare(study.pad)
+    ((_, found),) = expected(study, experiment).items()
+    a, prior = study.effects[0].offset, ForceOffset.default(experiment.scales).offset
+    sd = abs(a) / np.sqrt(found.chi2)
+    x = np.linspace(a - 9.0 * sd, a + 9.0 * sd, 2001)
+    density = np.exp(-0.5 * ((x - a) / sd) ** 2 + np.asarray(prior.log_density(x)))
+    assert found.price == pytest.approx(-2.0 * np.log(np.trapezoid(density, x)), abs=0.1)
+
+
+def test_the_chance_is_that_of_noise_on_the_square_root():
+    found = Expected(chi2=20.0, price=5.0)
+    z = np.sqrt(20.0) + np.random.default_rng(0).standard_normal(100_000)
+    share = np.mean((z > 0.0) & (z**2 - 5.0 >= 6.0))
+    assert found.evidence == 15.0
+    assert found.chance(6.0) == pytest.approx(share, abs=0.005)
 
 
 def test_a_program_that_stops_is_kept_as_a_failure(monkeypatch):
@@ -363,6 +385,39 @@ def test_coverage_of_the_constants_before_and_after():
     assert found["m"].after == Rate(1, 2)
     assert found["m"].off_before == pytest.approx(5.0)
     assert found["all"].after == Rate(1, 2)
+
+
+def relaxation(c, v, shares, rates, t):
+    """A pad's modes and an extra one."""
+    own = shares[0] + sum(s * np.exp(-r * t) for s, r in zip(shares[1:], rates, strict=True))
+    return (1.0 - c) * own + c * np.exp(-v * t)
+
+
+@pytest.mark.parametrize(("v", "fitted"), [(2.0, (9.0, 2.1, 0.3)), (0.1, (11.0, 0.1, 0.4))])
+def test_modes_that_changed_names_are_the_same_relaxation(v, fitted):
+    truth = {"m": 0.2, "c[0]": 0.5, "c[1]": 0.3, "c[2]": 0.2, "v[1]": 10.0, "v[2]": 0.4}
+    hidden = {"c": 0.1, "v": v}
+    rates = {"v[1]": fitted[0], "v[2]": fitted[1], "extra_relaxation_mode.v": fitted[2]}
+    found = named_as_fitted(truth, hidden, rates)
+    assert (found["m"], found["v[1]"], found["v[2]"]) == (0.2, 10.0, v)
+    t = np.linspace(0.0, 20.0, 50)
+    before = relaxation(0.1, v, (0.5, 0.3, 0.2), (10.0, 0.4), t)
+    shares = [found[f"c[{k}]"] for k in range(3)]
+    assert sum(shares) == pytest.approx(1.0)
+    extra = 0.2 * 0.9  # the pad's slow mode has become the extra one
+    np.testing.assert_allclose(relaxation(extra, 0.4, shares, (10.0, v), t), before)
+
+
+def test_modes_that_kept_their_names_keep_their_values():
+    truth = {"c[0]": 0.5, "c[1]": 0.3, "c[2]": 0.2, "v[1]": 10.0, "v[2]": 0.4}
+    fitted = {"v[1]": 9.0, "v[2]": 0.5, "extra_relaxation_mode.v": 1.5}
+    assert named_as_fitted(truth, {"c": 0.1, "v": 2.0}, fitted) == pytest.approx(truth)
+
+
+def test_the_ceiling_is_the_mean_chance_of_single_effects_that_could_be_seen():
+    cases = [case() | {"chance": {"viscous_drag": p}} for p in (0.9, 1.0)]
+    assert ceiling([*cases, nothing(), case(seen=False)]) == pytest.approx(0.95)
+    assert ceiling([nothing()]) is None
 
 
 def test_left_out_tests_before_and_after():

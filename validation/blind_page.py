@@ -14,6 +14,7 @@ from qlvbayes.benchmark.plan import KINDS
 from qlvbayes.benchmark.report import Report
 from qlvbayes.benchmark.scores import LARGEST_GROUP, QUESTIONS, is_right_or_grouped
 from qlvbayes.benchmark.study import NOISE_FACTOR, NOISE_TIME, RETRACTIONS, ROWS, SIZES
+from qlvbayes.diagnosis.settings import Settings
 
 _MOST_MISSES = 60  # listed one by one, at most
 
@@ -44,6 +45,10 @@ take, promise 2 ln(Bayes factor) > {seen:g}; the diagnosis plays no part in that
 | time | {seconds} s for a diagnosis (median) |
 """
 
+_CEILING = """Of single effects that could be seen, noise alone keeps some below the log Bayes
+factor of {least:g} from which an effect is named. A diagnosis that never errs would name
+{share:.1f} %."""
+
 _NOTES = """## How to read it
 
 - Standard errors are binomial, of the share seen, shrunk off 0 and 1. *In doubt*: a bound is within
@@ -53,8 +58,10 @@ _NOTES = """## How to read it
 - *calibration error*: of the probability of the first-ranked hypothesis, nothing or one effect
   hidden, ten bins, all studies.
 - A program that stopped with an error counts as a wrong verdict.
-- The diagnosis and its thresholds were made with studies of seeds 1 to 7, 11 and 21. Those of any
-  other seed are pads that it had never met, of kinds that it had.
+- The diagnosis and its thresholds were made with studies of seeds 1 to 7, 11, 21 and 22. Those of
+  any other seed are pads that it had never met, of kinds that it had.
+- Where the hidden effect is an extra relaxation mode, the fit may call one of the pad's own modes
+  the extra one; the true constants are then taken under the fit's names.
 - Noise is normal here and contact loose; the law beneath the effects is the fitted one.
 """
 
@@ -129,6 +136,8 @@ def _rates_table(report: Report) -> str:
     for question in QUESTIONS:
         seen, every = (report.rates[question.name][which] for which in ("seen", "all"))
         lines.append(f"| {question.words} | {seen} | {seen.n} | {every} | {every.n} |")
+    if report.ceiling is not None:
+        lines += ["", _CEILING.format(share=100.0 * report.ceiling, least=Settings().decisive)]
     lines += ["", "Error on left-out tests over the noise floor (median):\n"]
     lines += ["| hidden | plain model | last model | n |", "|---|---|---|---|"]
     for kind, found in report.heldout.items():

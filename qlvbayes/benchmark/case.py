@@ -5,12 +5,13 @@ from __future__ import annotations
 import time
 from dataclasses import asdict
 
-from qlvbayes.benchmark.detect import SEEN, expected_evidence
+from qlvbayes.benchmark.detect import SEEN, expected
 from qlvbayes.benchmark.plan import Plan, family
 from qlvbayes.benchmark.rate import Case
 from qlvbayes.benchmark.study import Study, make_study, true_noise, true_values
 from qlvbayes.choices import Choices
 from qlvbayes.diagnosis.diagnose import diagnose
+from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.verdict import Diagnosis, Stage
 from qlvbayes.experiment import prepare
 
@@ -38,8 +39,11 @@ def _fill(case: Case, study: Study) -> None:
     case |= _truth(study)
     begun = time.perf_counter()
     experiment = prepare(study.pad)
-    case["evidence"] = expected_evidence(study, experiment)
+    effects = expected(study, experiment)
+    case["evidence"] = {name: effect.evidence for name, effect in effects.items()}
     case["seen"] = all(value > SEEN for value in case["evidence"].values())
+    least = 2.0 * Settings().decisive
+    case["chance"] = {name: effect.chance(least) for name, effect in effects.items()}
     between = time.perf_counter()
     case |= _verdict(diagnose(experiment, Choices(noise=study.fitted)))
     case["seconds"] = {"detect": between - begun, "diagnose": time.perf_counter() - between}

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from qlvbayes.benchmark.modes import EXTRA, named_as_fitted
 from qlvbayes.benchmark.rate import Case, Rate
 
 HALF_WIDTH = 1.645  # sds, of a 90 % interval
@@ -51,10 +52,18 @@ def _names(cases: Sequence[Case]) -> list[str]:
 
 def _off(case: Case, name: str) -> tuple[float, float]:
     """abs(mean - truth)/sd of the plain model and of the last one."""
-    truth = case["constants"][name]
-    found = [case["stages"][k]["parameters"][name] for k in (0, -1)]
-    before, after = (abs(mean - truth) / sd if sd > 0.0 else np.inf for mean, sd in found)
-    return before, after
+    first, last = case["stages"][0], case["stages"][-1]
+    return _off_at(case, first, name), _off_at(case, last, name)
+
+
+def _off_at(case: Case, stage: Mapping, name: str) -> float:
+    found = stage["parameters"]
+    truth = case["constants"]
+    if EXTRA in stage["effects"] and case["names"] == [EXTRA]:
+        means = {key: mean for key, (mean, _) in found.items()}
+        truth = named_as_fitted(truth, case["hidden"][0]["parameters"], means)
+    mean, sd = found[name]
+    return abs(mean - truth[name]) / sd if sd > 0.0 else np.inf
 
 
 def _constant(name: str, off: np.ndarray) -> Constant:

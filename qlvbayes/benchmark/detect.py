@@ -7,24 +7,29 @@ to them with the noise held at its true sds; its leftover, whitened by that nois
 .. math:: \chi^2 = \sum_k e_k^2 / S_k,
 
 the part of the pattern that no change of the constants takes, which is the expected gain of
-2 ln(likelihood) if the effect is added. With k constants of the effect, the prior volume over the
-posterior volume is about (1 + chi^2)^{k/2} (an amplitude a of prior sd a is found to within
-a/sqrt(1 + chi^2)), so that
+2 ln(likelihood) if the effect is added. The price is the share of the prior that is left: an
+amplitude a with prior density p is found to within a/chi, its k - 1 other constants to about 1/chi
+of their priors, so that
 
-.. math:: E[2 \ln BF] = \chi^2 - k \ln(1 + \chi^2).
+.. math:: E[2 \ln BF] = \chi^2 + \ln(2 \pi p^2(a) a^2 / \chi^2) - (k - 1) \ln \chi^2.
 
-For effects that are not of the list in this form k is 1. Of two effects, each is taken as missing
-from a model that has the other.
+An effect that is not of the list in this form has no prior; its price is that of one constant with
+a at one prior sd, :math:`\ln \chi^2`. Of two effects, each is taken as missing from a model that
+has the other. (1 + chi^2 stands for chi^2 in the logarithms.)
+
+The noise decides what a study gets of it: its own 2 ln BF has z^2 in place of chi^2, z normal about
+chi with sd 1. The chance that it passes a threshold bounds what any diagnosis can reach.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import log1p
+from math import log, log1p, pi, sqrt
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from scipy.stats import norm
 
 from qlvbayes.benchmark.study import Study, true_noise, true_values
 from qlvbayes.choices import Choices
@@ -41,17 +46,46 @@ from qlvbayes.synthetic import HIDDEN, Effect
 SEEN = 10.0  # expected 2 ln(Bayes factor) from which an effect counts as one that could be seen
 
 
-def expected_evidence(study: Study, experiment: Experiment) -> dict[str, float]:
-    """Expected 2 ln(Bayes factor) of each hidden effect against the model without it."""
+@dataclass(frozen=True)
+class Expected:
+    """Of one hidden effect, what noise and the pad's constants leave, and the price of its own."""
+
+    chi2: float
+    price: float
+
+    @property
+    def evidence(self) -> float:
+        """Expected 2 ln(Bayes factor) against the model without the effect."""
+        return self.chi2 - self.price
+
+    def chance(self, least: float) -> float:
+        """Probability that a study's own 2 ln(Bayes factor) is at least this."""
+        return float(norm.cdf(sqrt(self.chi2) - sqrt(max(least + self.price, 0.0))))
+
+
+def expected(study: Study, experiment: Experiment) -> dict[str, Expected]:
+    """Each hidden effect, of a model that has all others."""
     whole = study.forces(study.effects)
+    ensemble = _ensemble(study, experiment)
     found = {}
     for effect in study.effects:
         others = tuple(other for other in study.effects if other is not effect)
         pattern = [a - b for a, b in zip(whole, study.forces(others), strict=True)]
         chi2 = leftover(study, experiment, others, pattern)
-        constants = len(effect.parameters) if effect.name in HIDDEN else 1
-        found[effect.name] = chi2 - constants * log1p(chi2)
+        found[effect.name] = Expected(chi2, _price(ensemble, effect, chi2))
     return found
+
+
+def _price(ensemble: Ensemble, effect: Effect, chi2: float) -> float:
+    """2 ln of how much of the prior the data rule out."""
+    if effect.name not in HIDDEN:
+        return log1p(chi2)
+    listed = ensemble.effect(effect.name)
+    amplitude = next(iter(listed.null))
+    size = effect.parameters[amplitude]
+    density = float(getattr(listed, amplitude).log_density(size))
+    one = log1p(chi2) - log(2.0 * pi * size**2) - 2.0 * density
+    return one + (len(effect.parameters) - 1) * log1p(chi2)
 
 
 def leftover(

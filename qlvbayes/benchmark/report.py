@@ -12,7 +12,7 @@ from qlvbayes.benchmark.constants import Constant, constants
 from qlvbayes.benchmark.plan import Plan
 from qlvbayes.benchmark.rate import Case, Rate
 from qlvbayes.benchmark.reliability import Reliability
-from qlvbayes.benchmark.scores import could_be_seen, heldout, rates
+from qlvbayes.benchmark.scores import ceiling, could_be_seen, heldout, rates
 
 _SHORT = ("index", "kind", "names", "protocol", "seen", "verdict", "effects", "group")
 
@@ -22,7 +22,7 @@ class Report:
     """What the studies of a plan say about the diagnosis.
 
     rates: [question][all, seen]; heldout: [kind]; reliability: over all studies, and seen: over
-    those that could be seen.
+    those that could be seen; ceiling: what the noise lets any diagnosis name of single effects.
     """
 
     plan: Plan
@@ -33,6 +33,7 @@ class Report:
     reliability_seen: Reliability
     heldout: dict[str, dict[str, float | int | None]]
     constants: dict[str, Constant]
+    ceiling: float | None
 
     @classmethod
     def of(cls, plan: Plan, cases: Sequence[Case]) -> Report:
@@ -47,6 +48,7 @@ class Report:
             Reliability.of(seen),
             heldout(cases),
             constants(cases),
+            ceiling(cases),
         )
 
     @property
@@ -73,6 +75,7 @@ class Report:
                 "all": self.reliability.as_dict(),
                 "seen": self.reliability_seen.as_dict(),
             },
+            "single_ceiling": self.ceiling,
             "heldout_over_noise": self.heldout,
             "constants": {name: found.as_dict() for name, found in self.constants.items()},
             "cases": [{key: case[key] for key in _SHORT} for case in self.cases],

@@ -111,6 +111,15 @@ def rates(cases: Sequence[Case]) -> dict[str, dict[str, Rate]]:
     }
 
 
+def ceiling(cases: Sequence[Case]) -> float | None:
+    """Share of single effects that could be seen whose evidence the noise lets pass, expected.
+
+    What a diagnosis that never errs would name. None without such studies.
+    """
+    some = [c for c in could_be_seen(cases) if c["kind"] == "single" and "chance" in c]
+    return float(np.mean([min(c["chance"].values()) for c in some])) if some else None
+
+
 def heldout(cases: Sequence[Case]) -> dict[str, dict[str, float | int | None]]:
     """Median error on left-out tests over the noise floor, by kind: plain model and last one.
 
