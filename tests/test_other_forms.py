@@ -96,7 +96,7 @@ def test_an_effect_that_only_carries_the_factor_is_not_named(levelling):
     with_it = evaluate(work.ensemble, step.point.subset, theta)
     listed = climb(work.ensemble, with_it.subset, theta)
     found = Found(step.form, step.effects, listed, step.point, work.adequacies[-1])
-    assert resembles(found, work.samples, settings)
+    assert resembles(found, settings)
     plain = work.path.steps[0].point
     faint = plain.theta.copy()
     drift = work.ensemble.names.index("force_drift.rate")
@@ -105,7 +105,7 @@ def test_an_effect_that_only_carries_the_factor_is_not_named(levelling):
     own = list(work.ensemble.fields("force_drift")[0].theta)
     faint[own] = work.ensemble.posterior.unconstrain(constants)[own]
     idle = evaluate(work.ensemble, with_it.subset, faint)
-    assert not resembles(replace(found, before=idle), work.samples, settings)
+    assert not resembles(replace(found, before=idle), settings)
 
 
 def test_without_coefficients_it_is_the_lists_own_form(levelling):

@@ -28,7 +28,7 @@ from qlvbayes.experiment import Experiment, Trial
 from qlvbayes.inference.gaussnewton import Point, pad_directions, predict_along
 from qlvbayes.inference.linearised import whitened
 from qlvbayes.inference.subset import Ensemble
-from qlvbayes.noise import Correlated
+from qlvbayes.noise import AbstractGaussian, Correlated
 from qlvbayes.records.record import Blocks, Record
 
 _ORDERS = 4
@@ -85,7 +85,9 @@ def adequacy_along(
     residual = np.asarray(record.blocks.force) - predicted
     cells, curves = _curves(experiment.trials, record.blocks)
     noise = allowed_noise(ensemble, point, experiment)
-    r, J, B = (_whitened(noise, record, vectors) for vectors in (residual[None], slopes, curves))
+    r, J, B = (
+        whitened_vectors(noise, record, vectors) for vectors in (residual[None], slopes, curves)
+    )
     left = B - (B @ J.T) @ np.linalg.solve(_information(J, point), J)
     score, spread = left @ r[0], left @ B.T
     freedom = floor_freedom(experiment)
@@ -137,8 +139,8 @@ def floor_freedom(experiment: Experiment) -> float:
     return float(max(sum(t.test.time.size for t in experiment.trials) / 2, 5))
 
 
-def _whitened(noise: Correlated, record: Record, vectors: np.ndarray) -> np.ndarray:
-    """(M, T*B) vectors filtered by the floor, sixteen at a time."""
+def whitened_vectors(noise: AbstractGaussian, record: Record, vectors: np.ndarray) -> np.ndarray:
+    """(M, T*B) vectors (M, T, B) filtered to unit white noise if they are it, 16 at a time."""
     out = []
     for first in range(0, len(vectors), 16):
         some = vectors[first : first + 16]

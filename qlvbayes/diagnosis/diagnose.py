@@ -73,7 +73,7 @@ def diagnose(
     forms = other_forms(experiment, samples, path, sound, settings)
     if forms:
         tell("trying other forms of the effects")
-        alike, group = [], (forms[0].form.effect,)
+        alike, group = [], tuple(dict.fromkeys(found.form.effect for found in forms))
         path, adequacies = _in_other_form(path, adequacies, forms[0], samples)
     spring = _spring(experiment, ensemble, path)
     verdict = _verdict(path, adequacies[-1], group, spring, settings)

@@ -4,24 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
-from qlvbayes.diagnosis.adequacy import Adequacy, adequacy_along
+from qlvbayes.diagnosis.adequacy import Adequacy, adequacy_along, whitened_vectors
 from qlvbayes.diagnosis.heldout import form_held_out
 from qlvbayes.diagnosis.otherform import GradualContact, OtherForm
-from qlvbayes.diagnosis.samples import Samples, rmse
+from qlvbayes.diagnosis.samples import Samples
 from qlvbayes.diagnosis.search import Path, Step
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.effects.contact_offset import ContactOffset
 from qlvbayes.experiment import Experiment
-from qlvbayes.inference.gaussnewton import Point, climb
+from qlvbayes.inference.gaussnewton import Point, climb, noise_along, predict_along
 from qlvbayes.inference.subset import Ensemble
 from qlvbayes.inference.together import together
 
 _FIRST = 3  # contenders of the first round that are tried
 Model = tuple[tuple[str, ...], Point]  # its effects, its optimum
+Attempt = tuple[OtherForm, tuple[str, ...], Point]
 _LEAST = -0.1  # factor below which the effect would turn into its opposite
 
 
@@ -42,41 +42,57 @@ class Found:
 def other_forms(
     experiment: Experiment, samples: Samples, path: Path, sound: bool, settings: Settings
 ) -> list[Found]:
-    """One model with one of its effects in another form, each that is adequate, best first.
+    """Models with one of their effects in another form, each adequate and about as likely.
 
-    Tried are the steps on the way, the fewest effects first, then the best other contenders of the
-    first round: the first that will do is taken, as an effect free in its form can imitate others.
-    Where the last step is ``sound``, only steps with fewer effects are tried, and they must beat
-    it.
+    Best first. Tried are the steps on the way, the fewest effects first, then the best other
+    contenders of the first round, side by side: the first turn of which one will do is taken, as an
+    effect free in its form can imitate others. Where the last step is ``sound``, only steps with
+    fewer effects are tried, and they must beat it.
     """
     ensemble = samples.ensemble
     least = path.last.point.log_evidence + settings.further if sound else -np.inf
-    steps = [(step.effects, step.point) for step in path.steps[1 : -1 if sound else None]]
+
+    def attempt(attempt: Attempt) -> Found | None:
+        found = _try(*attempt)
+        better = _stands(found, settings) and found.point.log_evidence > least
+        return found if better and resembles(found, settings) else None
+
+    for models in _turns(path, sound):
+        forms = [form for model in models for form in _forms(experiment, ensemble, *model)]
+        good = [found for found in together(attempt, forms) if found is not None]
+        if good:
+            best = max(found.point.log_evidence for found in good)
+            near = [f for f in good if f.point.log_evidence > best - settings.apart]
+            return sorted(near, key=lambda found: -found.point.log_evidence)
+    return []
+
+
+def _turns(path: Path, sound: bool) -> list[list[Model]]:
+    """Models that are tried together, one list after the other."""
+    found = path.steps[1 : -1 if sound else None]
+    steps: list[Model] = sorted(((step.effects, step.point) for step in found), key=_count)
+    if sound:
+        return [[step] for step in steps]
     others: list[Model] = [
         ((contender.effect,), contender.point)
-        for contender in path.rounds[0].contenders[: 0 if sound else _FIRST]
+        for contender in path.rounds[0].contenders[:_FIRST]
         if contender.point is not None and (contender.effect,) not in [e for e, _ in steps]
     ]
-    turns = [*sorted(steps, key=_count), *others]
-    for effects, point in turns:
-        forms = _forms(experiment, ensemble, effects, point)
-        tried = together(partial(_try, effects=effects, point=point), forms)
-        good = [f for f in tried if _stands(f, settings) and f.point.log_evidence > least]
-        good = [f for f in good if resembles(f, samples, settings)]
-        if good:
-            return sorted(good, key=lambda found: -found.point.log_evidence)
-    return []
+    return [*([step] for step in steps), others]
 
 
 def _forms(
     experiment: Experiment, ensemble: Ensemble, effects: tuple[str, ...], point: Point
-) -> Iterator[OtherForm]:
+) -> Iterator[Attempt]:
     """Each effect of a model in another form."""
     for effect in effects:
-        yield OtherForm(experiment, ensemble, point.subset, effect)
+        if not ensemble.effect(effect).reshapes:
+            continue
+        yield OtherForm(experiment, ensemble, point.subset, effect), effects, point
         if effect == ContactOffset.name:
             rest = tuple(name for name in effects if name != effect)
-            yield GradualContact(experiment, ensemble, ensemble.subset(rest), effect)
+            form = GradualContact(experiment, ensemble, ensemble.subset(rest), effect)
+            yield form, effects, point
 
 
 def _count(model: Model) -> int:
@@ -101,16 +117,22 @@ def _stands(found: Found, settings: Settings) -> bool:
     )
 
 
-def resembles(found: Found, samples: Samples, settings: Settings) -> bool:
+def resembles(found: Found, settings: Settings) -> bool:
     """Whether the list's form explains most of what the other form does.
 
-    Otherwise the effect is but a carrier for a factor that could stand for anything.
+    Otherwise the effect is but a carrier for a factor that could stand for anything. Explained is
+    what the sum of squares falls by, whitened by the noise that the other form leaves.
     """
     ensemble, before = found.form.ensemble, found.before
     rest = ensemble.subset(before.subset.effects - {found.form.effect})
     without = climb(ensemble, rest, before.theta)
-    bare, listed = (rmse(samples.residuals(p.constants)) ** 2 for p in (without, before))
-    other = rmse(_residuals(found, samples)) ** 2
+    still = np.zeros((1, before.constants.size))
+    models = [predict_along(ensemble, p.constants, still)[0] for p in (without, before)]
+    predicted = np.stack([*models, found.form.along(found.point)[0]])
+    record = ensemble.posterior.record
+    noise, _ = noise_along(ensemble.posterior.noise, found.point.constants, still)
+    left = whitened_vectors(noise, record, np.asarray(record.blocks.force) - predicted)
+    bare, listed, other = np.sum(left**2, axis=1)
     return bool(bare - listed > settings.likeness * (bare - other))
 
 

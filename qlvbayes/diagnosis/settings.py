@@ -16,10 +16,10 @@ class Settings:
     apart: by which the best must beat another effect to be told from it (1.1, that is 3 to 1, where
     positive evidence begins);
     spring: by which a spring of free form must beat the effects found, to stand for what no list
-    holds; likeness: share of what an effect explains in a form of its own (sum of squares) that the
-    list's form must explain; prior_none: prior probability that nothing is missing (the candidates
-    share the rest alike); false_alarms: of the adequacy test over all cells of a pad; most: effects
-    at most.
+    holds; likeness: share of what an effect explains in a form of its own (whitened sum of squares)
+    that the list's form must explain; prior_none: prior probability that nothing is missing (the
+    candidates share the rest alike); false_alarms: of the adequacy test over all cells of a pad;
+    most: effects at most.
     """
 
     decisive: float = 3.0

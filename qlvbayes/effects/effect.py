@@ -50,7 +50,8 @@ class AbstractEffect(eqx.Module):
     (constants are called ``name.field``); ``level`` and, within it, ``rank`` say where it nests;
     ``units`` names the kind of unit of each constant (`units.UnitSystem.of`); ``null`` gives the
     constants, each with its value, at which the effect vanishes exactly (the first is its
-    amplitude); ``law``, ``seen``, ``reference``: for people, in one line each.
+    amplitude); ``law``, ``seen``, ``reference``: for people, in one line each; ``reshapes``:
+    whether it is still this effect if its size changes with depth or with the clock.
     """
 
     name: eqx.AbstractClassVar[str]
@@ -61,6 +62,7 @@ class AbstractEffect(eqx.Module):
     seen: eqx.AbstractClassVar[str]
     reference: eqx.AbstractClassVar[str]
     rank: ClassVar[int] = 0
+    reshapes: ClassVar[bool] = True
 
     @property
     def prefix(self) -> str:
