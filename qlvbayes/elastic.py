@@ -103,7 +103,7 @@ class HertzPower(AbstractElastic):
 
     m: Any
     n: Any
-    units: ClassVar[dict[str, str]] = {"m": "stiffness", "n": "fraction"}
+    units: ClassVar[dict[str, str]] = {"m": "power_stiffness", "n": "fraction"}
 
     def force(self, depth: Array) -> Array:
         """F_e = m depth^n, odd in depth."""

@@ -32,6 +32,11 @@ class UnitSystem:
         return self.force if self.dimensionless else f"{self.force}/{self.displacement}"
 
     @property
+    def power_stiffness(self) -> str:
+        """Unit of the factor of a power law with exponent n."""
+        return self.force if self.dimensionless else f"{self.force}/{self.displacement}^n"
+
+    @property
     def exponent(self) -> str:
         """Unit of b."""
         return "1" if self.dimensionless else f"1/{self.displacement}"

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from qlvbayes.elastic import HertzPower
 from qlvbayes.units import PAD, STRAIN, SUFFIXES, column_name
 
 
@@ -10,6 +11,11 @@ def test_pad_units_are_those_of_the_paper():
     units = (PAD.displacement, PAD.force, PAD.stiffness, PAD.exponent, PAD.rate, PAD.speed)
     assert units == ("mm", "N", "N/mm", "1/mm", "1/s", "mm/s")
     assert not PAD.bonded_default
+
+
+def test_the_factor_of_a_power_law_carries_the_power():
+    assert PAD.of(HertzPower.units["m"]) == "N/mm^n"
+    assert STRAIN.of(HertzPower.units["m"]) == "kPa"
 
 
 def test_strain_has_a_modulus_in_kilopascal_and_a_dimensionless_exponent():
