@@ -29,6 +29,7 @@ from math import log, log1p, pi, sqrt
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 from scipy.stats import norm
 
 from qlvbayes.benchmark.study import Study, true_noise, true_values
@@ -71,7 +72,8 @@ def expected(study: Study, experiment: Experiment) -> dict[str, Expected]:
     for effect in study.effects:
         others = tuple(other for other in study.effects if other is not effect)
         pattern = [a - b for a, b in zip(whole, study.forces(others), strict=True)]
-        chi2 = leftover(study, experiment, others, pattern)
+        shape = _record(experiment, pattern).blocks.force
+        chi2 = _leftover(ensemble, _Truth.of(study, ensemble, others), shape)
         found[effect.name] = Expected(chi2, _price(ensemble, effect, chi2))
     return found
 
@@ -88,21 +90,13 @@ def _price(ensemble: Ensemble, effect: Effect, chi2: float) -> float:
     return one + (len(effect.parameters) - 1) * log1p(chi2)
 
 
-def leftover(
-    study: Study, experiment: Experiment, others: tuple[Effect, ...], pattern: list[np.ndarray]
-) -> float:
-    """Whitened sum of squares that the model with ``others`` leaves of a pattern (N; tests, n)."""
-    ensemble = _ensemble(study, experiment)
-    truth = _Truth.of(study, ensemble, others)
+def _leftover(ensemble: Ensemble, truth: _Truth, shape: Array) -> float:
+    """Whitened sum of squares that a model leaves of a pattern's block means (N; tests, blocks)."""
     record = ensemble.posterior.record
-    shape = _record(experiment, pattern).blocks.force
     data = jnp.asarray(_predict(ensemble, truth.constants)) + shape
-    record = eqx.tree_at(lambda r: r.blocks.force, record, data)
-    ensemble = Ensemble(
-        Posterior(ensemble.posterior.model, ensemble.posterior.noise, record), ensemble.costly
-    )
-    point = climb(ensemble, truth.subset, truth.theta)
-    residual = data - jnp.asarray(_predict(ensemble, point.constants))
+    tested = ensemble.with_record(eqx.tree_at(lambda r: r.blocks.force, record, data))
+    point = climb(tested, truth.subset, truth.theta)
+    residual = data - jnp.asarray(_predict(tested, point.constants))
     noise = type(ensemble.posterior.noise)(*map(jnp.asarray, truth.noise))
     return float(jnp.sum(whitened(noise, record, residual[None]) ** 2))
 
