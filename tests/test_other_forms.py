@@ -8,10 +8,10 @@ import pytest
 from qlvbayes import Test, prepare
 from qlvbayes.data import Pad
 from qlvbayes.diagnosis.diagnose import diagnose
-from qlvbayes.diagnosis.formsearch import Found, resembles
+from qlvbayes.diagnosis.formsearch import Found, _forms, other_forms, resembles
 from qlvbayes.diagnosis.freespring import FreeSpring
 from qlvbayes.diagnosis.otherform import GradualContact, OtherForm
-from qlvbayes.diagnosis.search import plain_fits
+from qlvbayes.diagnosis.search import Path, plain_fits
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.verdict import Diagnosis
 from qlvbayes.inference.gaussnewton import climb, evaluate
@@ -106,6 +106,26 @@ def test_an_effect_that_only_carries_the_factor_is_not_named(levelling):
     faint[own] = work.ensemble.posterior.unconstrain(constants)[own]
     idle = evaluate(work.ensemble, with_it.subset, faint)
     assert not resembles(replace(found, before=idle), settings)
+
+
+def test_an_offset_has_no_other_form(levelling):
+    """One that changes with the clock is a drift."""
+    work = levelling.work
+    effects = ("force_drift", "force_offset")
+    tried = _forms(work.experiment, work.ensemble, effects, work.path.last.point)
+    assert [form.effect for form, *_ in tried] == ["force_drift"]
+
+
+def test_unconfirmed_contenders_are_weighed_side_by_side(levelling):
+    """No step on the way: a drift levels off, whatever stands first in the first round."""
+    work = levelling.work
+    first = work.path.rounds[0]
+    refitted = [c for c in first.contenders if c.point is not None]
+    assert len(refitted) > 1
+    for contenders in (refitted[:2], refitted[1::-1]):
+        path = Path(work.path.steps[:1], [replace(first, contenders=tuple(contenders))])
+        found = other_forms(work.experiment, work.samples, path, False, Settings())
+        assert {one.form.effect for one in found} == {"force_drift"}
 
 
 def test_without_coefficients_it_is_the_lists_own_form(levelling):
