@@ -27,6 +27,7 @@ from qlvbayes.benchmark.scores import (
     is_right,
     is_right_or_grouped,
     names_family,
+    promised,
     rates,
 )
 from qlvbayes.benchmark.study import SIZES, make_study
@@ -418,6 +419,15 @@ def test_the_ceiling_is_the_mean_chance_of_single_effects_that_could_be_seen():
     cases = [case() | {"chance": {"viscous_drag": p}} for p in (0.9, 1.0)]
     assert ceiling([*cases, nothing(), case(seen=False)]) == pytest.approx(0.95)
     assert ceiling([nothing()]) is None
+
+
+def test_the_ranking_is_scored_whatever_the_verdict():
+    missed = case(verdict="adequate", effects=(), first="none", probability=0.6)
+    missed["probabilities"] = {"none": 0.6, "viscous_drag": 0.3, "inertia": 0.1}
+    found = rates([case(), missed])
+    assert found["single_first"]["seen"] == Rate(1, 2)
+    assert found["single_high"]["seen"] == Rate(2, 2)
+    assert promised([case(), missed]) == pytest.approx(0.75)
 
 
 def test_left_out_tests_before_and_after():

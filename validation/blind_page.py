@@ -45,9 +45,10 @@ take, promise 2 ln(Bayes factor) > {seen:g}; the diagnosis plays no part in that
 | time | {seconds} s for a diagnosis (median) |
 """
 
-_CEILING = """Of single effects that could be seen, noise alone keeps some below the log Bayes
-factor of {least:g} from which an effect is named. A diagnosis that never errs would name
-{share:.1f} %."""
+_LIMITS = """What can be had of single effects that could be seen: noise alone keeps some below the
+log Bayes factor of {least:g} from which an effect is named, and a diagnosis that never errs would
+name {share:.1f} %. Naming whatever is ranked first would be right in {promised:.1f} %, by the
+probabilities' own promise."""
 
 _NOTES = """## How to read it
 
@@ -136,8 +137,7 @@ def _rates_table(report: Report) -> str:
     for question in QUESTIONS:
         seen, every = (report.rates[question.name][which] for which in ("seen", "all"))
         lines.append(f"| {question.words} | {seen} | {seen.n} | {every} | {every.n} |")
-    if report.ceiling is not None:
-        lines += ["", _CEILING.format(share=100.0 * report.ceiling, least=Settings().decisive)]
+    lines += _limits(report)
     lines += ["", "Error on left-out tests over the noise floor (median):\n"]
     lines += ["| hidden | plain model | last model | n |", "|---|---|---|---|"]
     for kind, found in report.heldout.items():
@@ -145,6 +145,13 @@ def _rates_table(report: Report) -> str:
             row = f"{found['plain']:.2f} | {found['final']:.2f} | {found['n']}"
             lines.append(f"| {kind} | {row} |")
     return "\n".join([*lines, ""])
+
+
+def _limits(report: Report) -> list[str]:
+    if report.ceiling is None or report.promised is None:
+        return []
+    shares = {"share": 100.0 * report.ceiling, "promised": 100.0 * report.promised}
+    return ["", _LIMITS.format(least=Settings().decisive, **shares)]
 
 
 def _constants_table(report: Report) -> str:

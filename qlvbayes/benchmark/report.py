@@ -12,7 +12,7 @@ from qlvbayes.benchmark.constants import Constant, constants
 from qlvbayes.benchmark.plan import Plan
 from qlvbayes.benchmark.rate import Case, Rate
 from qlvbayes.benchmark.reliability import Reliability
-from qlvbayes.benchmark.scores import ceiling, could_be_seen, heldout, rates
+from qlvbayes.benchmark.scores import ceiling, could_be_seen, heldout, promised, rates
 
 _SHORT = ("index", "kind", "names", "protocol", "seen", "verdict", "effects", "group")
 
@@ -22,7 +22,8 @@ class Report:
     """What the studies of a plan say about the diagnosis.
 
     rates: [question][all, seen]; heldout: [kind]; reliability: over all studies, and seen: over
-    those that could be seen; ceiling: what the noise lets any diagnosis name of single effects.
+    those that could be seen; ceiling: what the noise lets any diagnosis name of single effects;
+    promised: mean probability of the first-ranked hypothesis there.
     """
 
     plan: Plan
@@ -34,6 +35,7 @@ class Report:
     heldout: dict[str, dict[str, float | int | None]]
     constants: dict[str, Constant]
     ceiling: float | None
+    promised: float | None
 
     @classmethod
     def of(cls, plan: Plan, cases: Sequence[Case]) -> Report:
@@ -49,6 +51,7 @@ class Report:
             heldout(cases),
             constants(cases),
             ceiling(cases),
+            promised(cases),
         )
 
     @property
@@ -76,6 +79,7 @@ class Report:
                 "seen": self.reliability_seen.as_dict(),
             },
             "single_ceiling": self.ceiling,
+            "single_promised": self.promised,
             "heldout_over_noise": self.heldout,
             "constants": {name: found.as_dict() for name, found in self.constants.items()},
             "cases": [{key: case[key] for key in _SHORT} for case in self.cases],

@@ -31,6 +31,21 @@ def is_right_or_grouped(case: Case) -> bool:
     return len(rivals) <= LARGEST_GROUP and set(case["names"]) in readings
 
 
+def ranks_first(case: Case) -> bool:
+    """The first round gives the hidden effect the highest probability, whatever the verdict."""
+    return case["names"] == _ranked(case)[:1]
+
+
+def ranks_high(case: Case) -> bool:
+    """The hidden effect is among the three likeliest hypotheses of the first round."""
+    return case["names"][0] in _ranked(case)[:LARGEST_GROUP]
+
+
+def _ranked(case: Case) -> list[str]:
+    found = case.get("probabilities", {})
+    return sorted(found, key=lambda name: -found[name])
+
+
 def names_family(case: Case) -> bool:
     """An effect of the hidden form's family is named, alone or among at most three rivals."""
     if case["verdict"] not in ("missing_effect", "ambiguous"):
@@ -76,6 +91,8 @@ QUESTIONS = (
         "single_right_or_group", ("single",), is_right_or_grouped,
         "one effect: named, or among at most three",
     ),
+    Question("single_first", ("single",), ranks_first, "one effect: ranked first"),
+    Question("single_high", ("single",), ranks_high, "one effect: ranked among the first three"),
     Question("double_both", ("double",), is_right, "two effects: both named"),
     Question(
         "double_both_or_group", ("double",), is_right_or_grouped,
@@ -116,8 +133,23 @@ def ceiling(cases: Sequence[Case]) -> float | None:
 
     What a diagnosis that never errs would name. None without such studies.
     """
-    some = [c for c in could_be_seen(cases) if c["kind"] == "single" and "chance" in c]
-    return float(np.mean([min(c["chance"].values()) for c in some])) if some else None
+    return _mean([min(c["chance"].values()) for c in _single(cases) if "chance" in c])
+
+
+def promised(cases: Sequence[Case]) -> float | None:
+    """Mean probability of the first-ranked hypothesis where a single effect could be seen.
+
+    What the probabilities themselves say that naming the likeliest would be right in.
+    """
+    return _mean([max(c["probabilities"].values()) for c in _single(cases) if "probabilities" in c])
+
+
+def _single(cases: Sequence[Case]) -> list[Case]:
+    return [c for c in could_be_seen(cases) if c["kind"] == "single"]
+
+
+def _mean(values: Sequence[float]) -> float | None:
+    return float(np.mean(values)) if values else None
 
 
 def heldout(cases: Sequence[Case]) -> dict[str, dict[str, float | int | None]]:
