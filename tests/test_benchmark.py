@@ -388,6 +388,12 @@ def test_coverage_of_the_constants_before_and_after():
     assert found["all"].after == Rate(1, 2)
 
 
+def test_constants_of_rivals_are_scored_by_their_average():
+    off = case(verdict="ambiguous", m=TRUE_M + 0.03)
+    assert constants([off])["m"].after == Rate(0, 1)
+    assert constants([off | {"found": {"m": [TRUE_M + 0.02, 0.02]}}])["m"].after == Rate(1, 1)
+
+
 def relaxation(c, v, shares, rates, t):
     """A pad's modes and an extra one."""
     own = shares[0] + sum(s * np.exp(-r * t) for s, r in zip(shares[1:], rates, strict=True))

@@ -12,7 +12,7 @@ from qlvbayes.benchmark.study import Study, make_study, true_noise, true_values
 from qlvbayes.choices import Choices
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.settings import Settings
-from qlvbayes.diagnosis.verdict import Diagnosis, Stage
+from qlvbayes.diagnosis.verdict import Diagnosis, Estimate, Stage
 from qlvbayes.experiment import prepare
 
 FAILED = "failed"  # in place of a verdict, where the program stopped
@@ -70,6 +70,7 @@ def _verdict(found: Diagnosis) -> dict:
         "probabilities": {ranked.effect: ranked.probability for ranked in found.ranking},
         "refused": [list(pair) for pair in found.refused],
         "stages": [_stage(stage) for stage in found.stages],
+        "found": _pairs(found.constants),
     }
 
 
@@ -79,5 +80,10 @@ def _stage(stage: Stage) -> dict:
         "rmse": stage.rmse,
         "heldout_rmse": stage.heldout_rmse,
         "p_value": stage.p_value,
-        "parameters": {name: [e.mean, e.sd] for name, e in stage.parameters.items()},
+        "parameters": _pairs(stage.parameters),
     }
+
+
+def _pairs(found: dict[str, Estimate]) -> dict[str, list[float]]:
+    """Mean and sd by name."""
+    return {name: [e.mean, e.sd] for name, e in found.items()}

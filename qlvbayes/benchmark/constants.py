@@ -53,15 +53,21 @@ def _names(cases: Sequence[Case]) -> list[str]:
 def _off(case: Case, name: str) -> tuple[float, float]:
     """abs(mean - truth)/sd of the plain model and of the last one."""
     first, last = case["stages"][0], case["stages"][-1]
-    return _off_at(case, first, name), _off_at(case, last, name)
+    averaged = case.get("found", last["parameters"])
+    before = _off_at(case["constants"], first["parameters"], name)
+    return before, _off_at(_renamed(case, last), averaged, name)
 
 
-def _off_at(case: Case, stage: Mapping, name: str) -> float:
-    found = stage["parameters"]
-    truth = case["constants"]
-    if EXTRA in stage["effects"] and case["names"] == [EXTRA]:
-        means = {key: mean for key, (mean, _) in found.items()}
-        truth = named_as_fitted(truth, case["hidden"][0]["parameters"], means)
+def _renamed(case: Case, stage: Mapping) -> Mapping[str, float]:
+    """The true constants, modes under the names of the fit."""
+    truth: Mapping[str, float] = case["constants"]
+    if EXTRA not in stage["effects"] or case["names"] != [EXTRA]:
+        return truth
+    means = {key: mean for key, (mean, _) in stage["parameters"].items()}
+    return named_as_fitted(truth, case["hidden"][0]["parameters"], means)
+
+
+def _off_at(truth: Mapping[str, float], found: Mapping, name: str) -> float:
     mean, sd = found[name]
     return abs(mean - truth[name]) / sd if sd > 0.0 else np.inf
 

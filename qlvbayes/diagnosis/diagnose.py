@@ -11,6 +11,7 @@ from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
 from qlvbayes.diagnosis.adequacy import Adequacy, adequacy
 from qlvbayes.diagnosis.ahead import compile_ahead
+from qlvbayes.diagnosis.averaging import averaged
 from qlvbayes.diagnosis.contest import Contender
 from qlvbayes.diagnosis.design import Suggestion, suggest
 from qlvbayes.diagnosis.evidence import laplace_check
@@ -97,6 +98,7 @@ def diagnose(
         work=work,
         nested=sampled,
         spring=spring,
+        constants=_constants(work, alike if verdict == "ambiguous" else []),
     )
 
 
@@ -218,6 +220,17 @@ def _stage(work: Work, k: int, settings: Settings) -> Stage:
         parameters=_estimates(work, step.point, _is_of_pad),
         shape=step.form.shape(step.point) if step.form else None,
     )
+
+
+def _constants(work: Work, alike: list[Contender]) -> dict[str, Estimate]:
+    """The plain model's, by the last model; averaged where several effects are alike."""
+    found = [(c.log_bayes_factor, c.point) for c in alike if c.point is not None]
+    logs, points = zip(*(found or [(0.0, work.path.last.point)]), strict=True)
+    return averaged(logs, [_estimates(work, point, _is_plain) for point in points])
+
+
+def _is_plain(name: str) -> bool:
+    return "." not in name
 
 
 def _starts(prefix: str, name: str) -> bool:

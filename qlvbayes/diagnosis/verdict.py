@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -102,7 +102,8 @@ class Diagnosis:
     ``unexplained``; noise: the floor's sd (N), measured without the model; nested: evidence by
     nested sampling, where it was asked for; discrepancy: typical size (N) of the Gaussian-process
     discrepancy where structure is left; spring: log Bayes factor of a spring of free form, which no
-    list holds, against the effects found.
+    list holds, against the effects found; constants: the plain model's, by the last model, averaged
+    by evidence over the group where it is ``ambiguous``.
     """
 
     pad: str
@@ -122,6 +123,7 @@ class Diagnosis:
     nested: tuple[Sampled, ...] = ()
     discrepancy: float | None = None
     spring: float | None = None
+    constants: dict[str, Estimate] = field(default_factory=dict)
 
     @property
     def tried(self) -> tuple[str, ...]:
@@ -148,6 +150,7 @@ class Diagnosis:
             "verdict": self.verdict,
             "effects": list(self.effects),
             "group": list(self.group),
+            "constants": _parameters(self.constants),
             "steps": [_stage(stage) for stage in self.stages],
             "ranking": [_ranked(ranked) for ranked in self.ranking],
             "not_identifiable": [

@@ -75,7 +75,8 @@ def _ambiguous(d: Diagnosis) -> str:
         f"Pad {d.pad}: something is missing{besides}, and these tests cannot tell which of "
         f"{_joined(list(d.group), 'or')} it is: each explains them about equally well. With the "
         f"first the error on tests left out falls from {first.heldout_rmse:.3g} to "
-        f"{last.heldout_rmse:.3g} {unit} (noise floor {d.noise:.3g} {unit})."
+        f"{last.heldout_rmse:.3g} {unit} (noise floor {d.noise:.3g} {unit}). Allowing for each of "
+        f"them, {_joined([f'{name} = {e}' for name, e in d.constants.items()])}."
     )
 
 

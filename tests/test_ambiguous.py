@@ -1,0 +1,70 @@
+"""Where several effects explain the tests alike, the constants allow for each of them."""
+
+import numpy as np
+import pytest
+
+from qlvbayes import Test, prepare
+from qlvbayes.data import Pad
+from qlvbayes.diagnosis.averaging import averaged
+from qlvbayes.diagnosis.diagnose import diagnose
+from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.verdict import Estimate
+from qlvbayes.diagnosis.words import paragraphs
+from qlvbayes.synthetic import HIDDEN, NOISES, TABLE_1, HiddenPad, paper_protocol, record_study
+from qlvbayes.units import PAD
+
+
+@pytest.fixture(scope="module")
+def either():
+    """A drag seen at nearly one speed, by someone who wants more than 20 000 to 1 to be sure."""
+    pad = HiddenPad(TABLE_1["B"], (HIDDEN["viscous_drag"](eta=0.003),))
+    programs = {f"{rate:g}": paper_protocol(rate) for rate in (20.0, 30.0)}
+    tests = tuple(
+        Test(t.name, t.pad, t.record.time, t.record.displacement, t.record.force, start_s=t.start_s)
+        for t in record_study({"B": pad}, programs, NOISES["correlated"], 0, 300)
+    )
+    return diagnose(prepare(Pad("B", tests, PAD)), settings=Settings(apart=10.0))
+
+
+def test_the_average_has_the_moments_of_the_mixture():
+    rng = np.random.default_rng(0)
+    logs = np.array([-1000.0, -1001.0])
+    found = [{"m": Estimate("N/mm", 1.0, 0.1)}, {"m": Estimate("N/mm", 2.0, 0.3)}]
+    weights = np.array([1.0, np.exp(-1.0)]) / (1.0 + np.exp(-1.0))
+    which = rng.choice(2, 400_000, p=weights)
+    draws = rng.normal(np.array([1.0, 2.0])[which], np.array([0.1, 0.3])[which])
+    mixed = averaged(logs, found)["m"]
+    assert mixed.unit == "N/mm"
+    assert mixed.mean == pytest.approx(draws.mean(), abs=0.005)
+    assert mixed.sd == pytest.approx(draws.std(), abs=0.005)
+
+
+def test_one_explanation_is_its_own_average():
+    alone = {"m": Estimate("N/mm", 0.3, 0.01), "b": Estimate("1/mm", 1.1, 0.02)}
+    found = averaged([-50.0], [alone])
+    assert {n: (e.mean, e.sd) for n, e in found.items()} == {
+        n: (e.mean, pytest.approx(e.sd)) for n, e in alone.items()
+    }
+
+
+def test_rivals_make_the_verdict_ambiguous_and_a_further_test_is_suggested(either):
+    assert either.verdict == "ambiguous"
+    assert {"viscous_drag", "power_law_drag"} <= set(either.group)
+    assert either.suggestions
+    assert either.suggestions[0].evidence > 0.0
+
+
+def test_constants_lie_between_the_rivals_and_are_less_sure(either):
+    last = either.stages[-1].parameters
+    assert set(either.constants) == {name for name in last if "." not in name}
+    weights = [np.exp(r.log_bayes_factor) for r in either.ranking if r.effect in either.group]
+    for name, found in either.constants.items():
+        # of one explanation alone, the share of its weight is the least that its variance keeps
+        assert found.sd >= last[name].sd * np.sqrt(max(weights) / sum(weights)) * 0.99
+
+
+def test_words_and_json_give_the_averaged_constants(either):
+    first = paragraphs(either)[0]
+    m = either.constants["m"]
+    assert f"Allowing for each of them, m = {m}" in first
+    assert either.as_dict()["constants"]["m"] == {"unit": "N/mm", "mean": m.mean, "sd": m.sd}
