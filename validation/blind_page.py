@@ -58,8 +58,8 @@ _NOTES = """## How to read it
   is `ambiguous` and lists the truth.
 - *calibration error*: of the probability of the first-ranked hypothesis, nothing or one effect
   hidden, ten bins, all studies.
-- Effects hidden here are at least 2 % of the peak, and the priors hold smaller ones as likely: where
-  `none` ranks first it is right more often than its probability says.
+- Effects hidden here are at least 2 % of the peak, and the priors hold smaller ones as likely:
+  where `none` ranks first it is right more often than its probability says.
 - The constants of an `ambiguous` verdict are averages over its effects.
 - A program that stopped with an error counts as a wrong verdict.
 - The diagnosis and its thresholds were made with studies of seeds 1 to 7, 11, 21 and 22. Those of
