@@ -98,6 +98,19 @@ def _add(
     found[pad, parameter] = Reference(value, unit)
 
 
+def that_fit(references: References, contents: Iterable[Mapping]) -> References:
+    """Those in the unit of the constant, which another elastic law may give another one.
+
+    contents: of ``summary.json``, a pad each.
+    """
+    units = {
+        (str(content["pad"]), name): found["unit"]
+        for content in contents
+        for name, found in content["parameters"].items()
+    }
+    return {at: known for at, known in references.items() if units.get(at) in (None, known.unit)}
+
+
 def constants_table(
     summaries: Iterable[Summary | Mapping], references: References | None = None
 ) -> list[Entry]:

@@ -221,6 +221,7 @@ def test_method_is_named_in_the_summary(tmp_path, method):
 
 def test_noise_law_and_modes_make_the_constants(tmp_path):
     found = parameters_after(tmp_path / "1", *QUICK, "--elastic", "hertz", "--modes", "1")
+    assert found["m"]["unit"] == "N/mm^n"
     assert list(found) == ["m", "n", "c[0]", "c[1]", "v[1]", "noise.white"]
     found = parameters_after(tmp_path / "2", *QUICK, "--elastic", "linear", "--modes", "3")
     assert list(found)[:5] == ["m", "c[0]", "c[1]", "c[2]", "c[3]"]

@@ -14,6 +14,7 @@ from qlvbayes.constants_table import (
     constants_table,
     read_references,
     rounded,
+    that_fit,
     write_constants,
 )
 from qlvbayes.synthetic import TABLE_1
@@ -115,6 +116,13 @@ def test_missing_references_and_other_units_are_refused(tmp_path):
     wrong = {("B_1", "m"): Reference(340.0, "N/m")}
     with pytest.raises(InputError, match=r"in N/m; give it in N/mm"):
         constants_table([SUMMARY], wrong)
+
+
+def test_references_of_another_elastic_law_are_left_out():
+    """The factor of a power law is no stiffness: its unit tells."""
+    known = {("B_1", "m"): Reference(0.34, "N/mm^n"), ("other", "m"): Reference(9.0, "N/mm")}
+    assert list(that_fit(known, [SUMMARY])) == [("other", "m")]
+    assert that_fit(KNOWN, [SUMMARY]) == KNOWN
 
 
 def test_names_are_quoted_in_csv():

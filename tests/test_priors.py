@@ -150,6 +150,13 @@ def test_rates_fall_whatever_the_numbers(prior):
         assert np.all(rates > 0.0)
 
 
+def test_a_log_normal_has_no_density_at_zero():
+    """Far in the tail of an ordered pair a rate underflows; there is no nan there."""
+    assert RATE.log_density(0.0) == -jnp.inf
+    _, density = Ordered((RATE, RATE)).constrain(jnp.array([2.0, 8.0]))
+    assert density == -jnp.inf
+
+
 def test_ordered_draws_have_the_moments_of_the_density():
     """Of two alike normals the larger has mean mu + sd/sqrt(pi): here in the logarithm."""
     prior = Ordered((RATE, RATE))

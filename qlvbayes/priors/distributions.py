@@ -120,9 +120,11 @@ class LogNormal(AbstractPositivePrior):
     word: ClassVar[str] = "lognormal"
 
     def log_density(self, value: ArrayLike) -> Array:
-        """Log density of the log-normal."""
-        log_value = jnp.log(value)
-        return jss.norm.logpdf(log_value, self.log_median, self.log_sd) - log_value
+        """Log density of the log-normal; minus infinity at zero, its limit."""
+        positive = jnp.asarray(value) > 0.0
+        log_value = jnp.log(jnp.where(positive, value, 1.0))
+        density = jss.norm.logpdf(log_value, self.log_median, self.log_sd) - log_value
+        return jnp.where(positive, density, -jnp.inf)
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
         """One value."""

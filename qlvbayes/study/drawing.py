@@ -7,10 +7,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from qlvbayes.checked import CheckedPad
-from qlvbayes.constants_table import constants_table, read_references, write_constants
+from qlvbayes.constants_table import (
+    constants_table,
+    read_references,
+    that_fit,
+    write_constants,
+)
 from qlvbayes.data import Study
 from qlvbayes.experiment import Experiment
 from qlvbayes.fit import Fit
@@ -30,19 +36,27 @@ def draw_fit(folder: Path, found: Fit, experiment: Experiment) -> list[Path]:
     ]
 
 
-def references_of(study: Study, given: Path | None) -> Path | None:
+@dataclass(frozen=True)
+class Known:
+    """A file of reference values, and whether it was asked for: then all of it must be usable."""
+
+    file: Path
+    asked: bool
+
+
+def references_of(study: Study, given: Path | None) -> Known | None:
     """The file of reference values: what is given, else paper_table1.csv beside the measurements.
 
     None where there is none. Raises InputError where a given file cannot be used.
     """
     if given is not None:
         read_references(given)
-        return given
+        return Known(given, asked=True)
     beside = Path(study.source).with_name(REFERENCES)
-    return beside if beside.is_file() else None
+    return Known(beside, asked=False) if beside.is_file() else None
 
 
-def draw_constants(out: Path, references: Path | None) -> list[Path]:
+def draw_constants(out: Path, references: Known | None) -> list[Path]:
     """Leave the constants of all pads in ``out`` as figure, constants.csv and constants.tex.
 
     Returns the images. Raises InputError where the references cannot be used.
@@ -52,10 +66,11 @@ def draw_constants(out: Path, references: Path | None) -> list[Path]:
 
     files = sorted(out.glob("*/summary.json"))
     summaries = [json.loads(file.read_text(encoding="utf-8")) for file in files]
-    known = read_references(references) if references else None
-    entries = constants_table(summaries, known)
+    known = read_references(references.file) if references else {}
+    usable = known if references and references.asked else that_fit(known, summaries)
+    entries = constants_table(summaries, usable)
     write_constants(out, entries)
-    label = f"reference ({references.name})" if references else "reference"
+    label = f"reference ({references.file.name})" if references else "reference"
     return [save_figure(plot_constants(entries, reference=label), out / "constants")]
 
 
