@@ -93,36 +93,41 @@ class Ordered(AbstractPrior):
 
     def constrain(self, y: Array) -> tuple[Array, Array]:
         """(r,) rates, falling, and the log density over y."""
-        values: list[Array] = []
+        logs: list[Array] = []  # they stay finite where a rate overflows
         total = -self.log_normaliser
         taken = 0
         for place, member in enumerate(self.members):
             if isinstance(member, AbstractPrior):
-                low, high = self._bounds(place, values)
+                low, high = self._bounds(place, logs)
                 log_value, log_volume = to_between(y[taken], low, high)
-                value = jnp.exp(log_value)
-                total = total + member.log_density(value) + log_value + log_volume
+                density = member.log_density(jnp.exp(log_value))
+                total = total + density + log_value + log_volume
                 taken += 1
             else:
-                value = member
-            values.append(value)
-        return jnp.stack(values), total
+                log_value = jnp.log(member)
+            logs.append(log_value)
+        return self._rates(logs), total
+
+    def _rates(self, logs: list[Array]) -> Array:
+        """(r,) rates of their logarithms; a fixed one to its last digit."""
+        pairs = zip(self.members, logs, strict=True)
+        return jnp.stack([jnp.exp(y) if isinstance(x, AbstractPrior) else x for x, y in pairs])
 
     def unconstrain(self, value: ArrayLike) -> Array:
         """Numbers whose rates are ``value`` (falling)."""
-        rates = list(jnp.asarray(value, dtype=float))
+        logs = list(jnp.log(jnp.asarray(value, dtype=float)))
         numbers = [
-            from_between(jnp.log(rates[place]), *self._bounds(place, rates[:place]))
+            from_between(logs[place], *self._bounds(place, logs[:place]))
             for place, member in enumerate(self.members)
             if isinstance(member, AbstractPrior)
         ]
         return jnp.stack(numbers) if numbers else jnp.zeros(0)
 
     def _bounds(self, place: int, before: list[Array]) -> tuple[Array | None, Array | None]:
-        """Logs of the next fixed rate below and of the rate just above; None where absent."""
+        """Logs of the next fixed rate below and, the last of those before, just above, or None."""
         below = [x for x in self.members[place + 1 :] if not isinstance(x, AbstractPrior)]
         low = jnp.log(below[0]) if below else None
-        return low, (jnp.log(before[-1]) if before else None)
+        return low, (before[-1] if before else None)
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
         """(r,) rates, falling, by rejection."""
