@@ -72,8 +72,10 @@ def diagnose(
     group = tuple(contender.effect for contender in alike)
     sound = adequacies[-1].p_value >= settings.false_alarms
     forms = other_forms(experiment, samples, path, sound, settings)
+    explanations = [(c.log_bayes_factor, c.point) for c in alike if c.point is not None]
     if forms:
         tell("trying other forms of the effects")
+        explanations = [(f.point.log_evidence, f.point) for f in forms]
         alike, group = [], tuple(dict.fromkeys(found.form.effect for found in forms))
         path, adequacies = _in_other_form(path, adequacies, forms[0], samples)
     spring = _spring(experiment, ensemble, path)
@@ -98,7 +100,7 @@ def diagnose(
         work=work,
         nested=sampled,
         spring=spring,
-        constants=_constants(work, alike if verdict == "ambiguous" else []),
+        constants=_constants(work, explanations if verdict == "ambiguous" else []),
     )
 
 
@@ -222,10 +224,9 @@ def _stage(work: Work, k: int, settings: Settings) -> Stage:
     )
 
 
-def _constants(work: Work, alike: list[Contender]) -> dict[str, Estimate]:
-    """The plain model's, by the last model; averaged where several effects are alike."""
-    found = [(c.log_bayes_factor, c.point) for c in alike if c.point is not None]
-    logs, points = zip(*(found or [(0.0, work.path.last.point)]), strict=True)
+def _constants(work: Work, alike: list[tuple[float, Point]]) -> dict[str, Estimate]:
+    """The plain model's, by the last model; averaged where several (evidence, fit) are alike."""
+    logs, points = zip(*(alike or [(0.0, work.path.last.point)]), strict=True)
     return averaged(logs, [_estimates(work, point, _is_plain) for point in points])
 
 
