@@ -3,15 +3,14 @@
 import numpy as np
 import pytest
 
-from qlvbayes import Test, prepare
-from qlvbayes.data import Pad
+from qlvbayes import prepare
+from qlvbayes.benchmark.study import measured
 from qlvbayes.diagnosis.averaging import averaged
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.verdict import Estimate
 from qlvbayes.diagnosis.words import paragraphs
 from qlvbayes.synthetic import HIDDEN, NOISES, TABLE_1, HiddenPad, paper_protocol, record_study
-from qlvbayes.units import PAD
 
 
 @pytest.fixture(scope="module")
@@ -19,11 +18,8 @@ def either():
     """A drag seen at nearly one speed, by someone who wants more than 20 000 to 1 to be sure."""
     pad = HiddenPad(TABLE_1["B"], (HIDDEN["viscous_drag"](eta=0.003),))
     programs = {f"{rate:g}": paper_protocol(rate) for rate in (20.0, 30.0)}
-    tests = tuple(
-        Test(t.name, t.pad, t.record.time, t.record.displacement, t.record.force, start_s=t.start_s)
-        for t in record_study({"B": pad}, programs, NOISES["correlated"], 0, 300)
-    )
-    return diagnose(prepare(Pad("B", tests, PAD)), settings=Settings(apart=10.0))
+    tests = record_study({"B": pad}, programs, NOISES["correlated"], 0, 300)
+    return diagnose(prepare(measured(tests, "B")), settings=Settings(apart=10.0))
 
 
 def test_the_average_has_the_moments_of_the_mixture():

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from qlvbayes import Test, prepare
+from qlvbayes import prepare
+from qlvbayes.benchmark.study import measured
 from qlvbayes.choices import Choices
 from qlvbayes.data import Pad
 from qlvbayes.diagnosis.design import suggest
@@ -34,11 +35,8 @@ def ramps(seed, names, later=0.0):
     """Ramps of 20 mm/s with holds, of a pad whose force is offset."""
     pad = HiddenPad(TABLE_1["B"], (HIDDEN["force_offset"](offset=OFFSET),))
     programs = {name: paper_protocol(20.0) for name in names}
-    found = record_study({"B": pad}, programs, NOISES["white"], seed, 300)
-    return tuple(
-        Test(t.name, t.pad, t.record.time, t.record.displacement, t.record.force, start_s=later)
-        for t in found
-    )
+    found = measured(record_study({"B": pad}, programs, NOISES["white"], seed, 300), "B")
+    return tuple(replace(test, start_s=later) for test in found.tests)
 
 
 def fitted(tests):

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from qlvbayes import Choices, InputError, Test, prepare
-from qlvbayes.data import Pad
+from qlvbayes import Choices, InputError, prepare
+from qlvbayes.benchmark.study import measured as as_read
 from qlvbayes.diagnosis.adequacy import adequacy
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.words import paragraphs
@@ -21,7 +21,6 @@ from qlvbayes.synthetic import (
     paper_protocol,
     record_study,
 )
-from qlvbayes.units import PAD
 
 RATES = (0.1, 1.0, 20.0, 100.0)
 
@@ -31,11 +30,7 @@ def measured(effects=(), pad="B", seed=0, protocol=paper_protocol, rates=RATES):
     material = HiddenPad(TABLE_1[pad], tuple(effects))
     programs = {f"{rate:g}": protocol(rate) for rate in rates}
     tests = record_study({pad: material}, programs, NOISES["correlated"], seed, 300)
-    found = tuple(
-        Test(t.name, t.pad, t.record.time, t.record.displacement, t.record.force, start_s=t.start_s)
-        for t in tests
-    )
-    return prepare(Pad(pad, found, PAD))
+    return prepare(as_read(tests, pad))
 
 
 @pytest.fixture(scope="module")

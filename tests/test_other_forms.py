@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from qlvbayes import Test, prepare
-from qlvbayes.data import Pad
+from qlvbayes import prepare
+from qlvbayes.benchmark.study import measured
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.formsearch import Found, _forms, other_forms, resembles
 from qlvbayes.diagnosis.freespring import FreeSpring
@@ -26,7 +26,6 @@ from qlvbayes.synthetic import (
     paper_protocol,
     record_study,
 )
-from qlvbayes.units import PAD
 
 RATES = (0.1, 1.0, 20.0, 100.0)
 
@@ -35,11 +34,7 @@ def diagnosed(*effects, rates=RATES) -> Diagnosis:
     material = HiddenPad(TABLE_1["B"], effects)
     programs = {f"{rate:g}": paper_protocol(rate) for rate in rates}
     tests = record_study({"B": material}, programs, NOISES["correlated"], 0, 300)
-    found = tuple(
-        Test(t.name, t.pad, t.record.time, t.record.displacement, t.record.force, start_s=t.start_s)
-        for t in tests
-    )
-    return diagnose(prepare(Pad("B", found, PAD)))
+    return diagnose(prepare(measured(tests, "B")))
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +119,7 @@ def test_unconfirmed_contenders_are_weighed_side_by_side(levelling):
     assert len(refitted) > 1
     for contenders in (refitted[:2], refitted[1::-1]):
         path = Path(work.path.steps[:1], [replace(first, contenders=tuple(contenders))])
-        found = other_forms(work.experiment, work.samples, path, False, Settings())
+        found = other_forms(work.experiment, work.ensemble, path, False, Settings())
         assert {one.form.effect for one in found} == {"force_drift"}
 
 

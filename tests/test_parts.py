@@ -1,5 +1,7 @@
 """Parts of an ensemble: whichever is run, the force and its slopes are the same."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from endtoend import experiment
@@ -54,3 +56,12 @@ def test_parts_agree_with_the_whole(ensemble):
         np.testing.assert_allclose(
             slopes[first : first + CHUNK], np.asarray(along)[: len(rows)], atol=1e-9 * scale
         )
+
+
+def test_beside_other_tests_every_part_has_them(ensemble):
+    assert ensemble.usual_parts  # found before the tests are changed
+    blocks = ensemble.posterior.record.blocks
+    record = replace(ensemble.posterior.record, blocks=replace(blocks, force=2.0 * blocks.force))
+    other = ensemble.with_record(record)
+    for beside in (other, *other.parts, *other.usual_parts):
+        np.testing.assert_array_equal(beside.posterior.record.blocks.force, record.blocks.force)

@@ -16,16 +16,14 @@ from itertools import pairwise
 import jax.numpy as jnp
 import numpy as np
 
-from qlvbayes.data import Test
 from qlvbayes.experiment import Experiment
 from qlvbayes.inference.gaussnewton import Point, noise_along, pad_directions, predict_along
 from qlvbayes.inference.linearised import whitened
 from qlvbayes.inference.subset import Ensemble
-from qlvbayes.kinematics.phases import find_phases
 from qlvbayes.kinematics.programme import Stroke, planned
 from qlvbayes.records.batching import batch
 from qlvbayes.records.record import Record
-from qlvbayes.records.reduction import reduce_test
+from qlvbayes.records.reduction import planned_record
 
 _HOLD = 30.0  # s
 _PER_STRETCH = 60  # samples between two kinks, evenly spaced in the logarithm of time
@@ -104,9 +102,7 @@ def _record(experiment: Experiment, plan: _Candidate) -> Record:
     acceleration = scales.acceleration or scales.speed / (10.0 * scales.shortest)
     trajectory = planned(plan.strokes, acceleration)
     time = _times(trajectory.knots, scales.shortest)
-    test = Test("new", experiment.pad, time, trajectory.displacement(time), np.zeros(time.size))
-    start = scales.clock + plan.delay
-    return reduce_test(test, trajectory, find_phases(trajectory), start=start)
+    return planned_record(trajectory, time, start=scales.clock + plan.delay)
 
 
 def _times(knots: np.ndarray, shortest: float) -> np.ndarray:

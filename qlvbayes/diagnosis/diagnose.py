@@ -71,7 +71,7 @@ def diagnose(
     alike = _alike(experiment, ensemble, path, settings)
     group = tuple(contender.effect for contender in alike)
     sound = adequacies[-1].p_value >= settings.false_alarms
-    forms = other_forms(experiment, samples, path, sound, settings)
+    forms = other_forms(experiment, ensemble, path, sound, settings)
     explanations = [(c.log_bayes_factor, c.point) for c in alike if c.point is not None]
     if forms:
         tell("trying other forms of the effects")

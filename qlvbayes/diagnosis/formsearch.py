@@ -21,7 +21,7 @@ from qlvbayes.inference.together import together
 
 _FIRST = 3  # contenders of the first round that are tried
 Model = tuple[tuple[str, ...], Point]  # its effects, its optimum
-Attempt = tuple[OtherForm, tuple[str, ...], Point]
+Attempt = tuple[OtherForm, tuple[str, ...], Point]  # and what it starts from
 _LEAST = -0.1  # factor below which the effect would turn into its opposite
 
 
@@ -40,7 +40,7 @@ class Found:
 
 
 def other_forms(
-    experiment: Experiment, samples: Samples, path: Path, sound: bool, settings: Settings
+    experiment: Experiment, ensemble: Ensemble, path: Path, sound: bool, settings: Settings
 ) -> list[Found]:
     """Models with one of their effects in another form, each adequate and about as likely.
 
@@ -49,17 +49,16 @@ def other_forms(
     effect free in its form can imitate others. Where the last step is ``sound``, only steps with
     fewer effects are tried, and they must beat it.
     """
-    ensemble = samples.ensemble
     least = path.last.point.log_evidence + settings.further if sound else -np.inf
 
-    def attempt(attempt: Attempt) -> Found | None:
-        found = _try(*attempt)
+    def attempt(one: Attempt) -> Found | None:
+        found = _try(*one)
         better = _stands(found, settings) and found.point.log_evidence > least
         return found if better and resembles(found, settings) else None
 
     for models in _turns(path, sound):
-        forms = [form for model in models for form in _forms(experiment, ensemble, *model)]
-        good = [found for found in together(attempt, forms) if found is not None]
+        attempts = [one for model in models for one in _forms(experiment, ensemble, *model)]
+        good = [found for found in together(attempt, attempts) if found is not None]
         if good:
             best = max(found.point.log_evidence for found in good)
             near = [f for f in good if f.point.log_evidence > best - settings.apart]

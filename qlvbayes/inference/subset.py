@@ -143,17 +143,21 @@ class Ensemble:
         return self._draws[:count]
 
     @cached_property
-    def usual_parts(self) -> list[Part]:
-        """Without effects, with either half of those that are not costly, with a costly one."""
-        return [self._part(names) for names in ([], *self._halves, *self._costly)]
-
-    @cached_property
     def parts(self) -> list[Part]:
         """Models of some of the effects, the cheapest first."""
         light = [name for half in self._halves for name in half]
-        sets = [light, *(some + one for some in (*self._halves, light) for one in self._costly)]
+        pairs = (some + one for some in (*self._halves, light) for one in self._costly)
         every = [effect.name for effect in self.effects]
-        return [*self.usual_parts, *map(self._part, (*sets, every))]
+        return [self._part(names) for names in (*self._usual, light, *pairs, every)]
+
+    @property
+    def usual_parts(self) -> list[Part]:
+        """Without effects, with either half of those that are not costly, with a costly one."""
+        return self.parts[: len(self._usual)]
+
+    @property
+    def _usual(self) -> list[list[str]]:
+        return [[], *self._halves, *self._costly]
 
     @property
     def _halves(self) -> list[list[str]]:

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from qlvbayes.data import Test
-from qlvbayes.kinematics.phases import Phase
+from qlvbayes.kinematics.phases import Phase, find_phases
 from qlvbayes.kinematics.trajectory import Trajectory
 from qlvbayes.motion import Motion
 from qlvbayes.records.record import Blocks, Record
@@ -133,6 +133,14 @@ def reduce_test(
     grid = _grid(trajectory, np.unique(nodes), test.time[0])
     motion = _motion(trajectory, grid, test.time[0], start)
     return Record(motion, jnp.asarray(np.searchsorted(grid, nodes).T), averaged)
+
+
+def planned_record(
+    trajectory: Trajectory, time: np.ndarray, *, start: float, blocks: bool = True
+) -> Record:
+    """The record of a test that is not done yet, whose force is 0; see ``reduce_test``."""
+    test = Test("", "", time, trajectory.displacement(time), np.zeros_like(time))
+    return reduce_test(test, trajectory, find_phases(trajectory), start=start, blocks=blocks)
 
 
 def _motion(trajectory: Trajectory, grid: np.ndarray, first: float, start: float) -> Motion:

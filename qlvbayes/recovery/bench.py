@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 
-from qlvbayes.data import Test
 from qlvbayes.defaults import default_noise
 from qlvbayes.effects.effect import Protocol
 from qlvbayes.elastic import Exponential
-from qlvbayes.kinematics.phases import Phase, find_phases
 from qlvbayes.kinematics.programme import Stroke, planned
 from qlvbayes.kinematics.trajectory import Trajectory
 from qlvbayes.model import Model
@@ -20,7 +17,7 @@ from qlvbayes.posterior import Posterior
 from qlvbayes.priors import Dirichlet, Ordered
 from qlvbayes.records.batching import batch
 from qlvbayes.records.record import Record
-from qlvbayes.records.reduction import reduce_test
+from qlvbayes.records.reduction import planned_record
 from qlvbayes.relaxation import Prony
 from qlvbayes.scales import Scales, lognormal
 
@@ -77,13 +74,10 @@ def _path(rate: float, back: float) -> Trajectory:
 
 
 def _record(path: Trajectory, start: float) -> Record:
-    phases = find_phases(path)
-    time = _times(path, phases)
-    test = Test("", "", time, path.displacement(time), np.zeros_like(time))
-    return reduce_test(test, path, phases, start=start, blocks=False)
+    return planned_record(path, _times(path), start=start, blocks=False)
 
 
-def _times(path: Trajectory, phases: Sequence[Phase]) -> np.ndarray:
+def _times(path: Trajectory) -> np.ndarray:
     """Few samples, each a block by itself: even ones on the move, ever fewer in a hold."""
     moving = (np.arange(_MOVING) + 0.5) / _MOVING
     resting = np.geomspace(_SOONEST / _HOLD, 1.0, _RESTING)
