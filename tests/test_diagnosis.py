@@ -1,13 +1,14 @@
 """The diagnosis against pads of which the hidden effect is known."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from qlvbayes import Choices, InputError, prepare
 from qlvbayes.benchmark.study import measured as as_read
-from qlvbayes.diagnosis.adequacy import adequacy
+from qlvbayes.diagnosis.adequacy import Adequacy, CellTest, adequacy, swollen
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.words import paragraphs
 from qlvbayes.inference.gaussnewton import climb, evaluate
@@ -144,9 +145,38 @@ def test_adequacy_p_values_are_uniform_under_a_right_model(plain):
     assert below <= 6  # binomial: more than 6 of 20 has probability 0.002
 
 
-def _plain_point(experiment, work):
-    from dataclasses import replace
+@pytest.mark.parametrize(("factor", "low", "high"), [(0.5, 1.0, 1.0), (2.0, 0.0, 1e-6)])
+def test_noise_larger_than_the_rests_show_is_told(plain, factor, low, high):
+    """Smaller noise does not speak: structure can only add to it."""
+    work, last = plain.work, plain.work.path.last.point
+    constants = last.constants.copy()
+    constants[-3:-1] *= factor
+    p = swollen(work.ensemble, replace(last, constants=constants), work.experiment)
+    assert low <= p <= high
 
+
+def test_noise_of_a_right_model_is_that_of_the_rests(plain):
+    """One in ten is below a tenth, at most: the fit and the rests see the same noise."""
+    p_values = []
+    for seed in range(20):
+        experiment = measured(seed=200 + seed)
+        ensemble, point = _plain_point(experiment, plain.work)
+        p_values.append(swollen(ensemble, point, experiment))
+    assert sum(p < 0.1 for p in p_values) <= 6  # binomial: more has probability 0.002
+
+
+def test_cells_and_noise_together_alarm_as_often_as_they_say():
+    rng = np.random.default_rng(0)
+    found = [
+        Adequacy(tuple(CellTest("B", "hold", 0.0, 4, p) for p in cells), noise).p_value
+        for cells, noise in zip(rng.random((20_000, 12)), rng.random(20_000), strict=True)
+    ]
+    for level in (0.003, 0.05):
+        share, error = np.mean(np.array(found) < level), np.sqrt(level / len(found))
+        assert 0.5 * level < share < level + 3.0 * error
+
+
+def _plain_point(experiment, work):
     whole = work.ensemble
     record = experiment.record(experiment.trials)
     other = replace(

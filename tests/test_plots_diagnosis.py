@@ -45,7 +45,8 @@ def cells(tests, ratio):
 def stage(effects, tests, ratio, failing=()):
     p = 1e-9 if failing else 0.5
     errors = ratio * NOISE, 1.2 * ratio * NOISE
-    return Stage(tuple(effects), *errors, -1.0, p, cells(tests, ratio), tuple(failing), {})
+    found = cells(tests, ratio)
+    return Stage(tuple(effects), *errors, -1.0, p, 1.0, not failing, found, tuple(failing), {})
 
 
 def ranking(best):

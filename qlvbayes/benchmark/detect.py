@@ -8,8 +8,8 @@ to them with the noise held at its true sds; its leftover, whitened by that nois
 
 the part of the pattern that no change of the constants takes, which is the expected gain of
 2 ln(likelihood) if the effect is added. The price is the share of the prior that is left: an
-amplitude a with prior density p is found to within a/chi, its k - 1 other constants to about 1/chi
-of their priors, so that
+amplitude a with prior density p (`qlvbayes.diagnosis.noticeable`) is found to within a/chi, its
+k - 1 other constants to about 1/chi of their priors, so that
 
 .. math:: E[2 \ln BF] = \chi^2 + \ln(2 \pi p^2(a) a^2 / \chi^2) - (k - 1) \ln \chi^2.
 
@@ -35,6 +35,7 @@ from scipy.stats import norm
 from qlvbayes.benchmark.study import Study, true_noise, true_values
 from qlvbayes.choices import Choices
 from qlvbayes.diagnosis.diagnose import COSTLY
+from qlvbayes.diagnosis.noticeable import log_density
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.experiment import Experiment
 from qlvbayes.inference.gaussnewton import climb, pad_directions, predict_along
@@ -85,7 +86,7 @@ def _price(ensemble: Ensemble, effect: Effect, chi2: float) -> float:
     listed = ensemble.effect(effect.name)
     amplitude = next(iter(listed.null))
     size = effect.parameters[amplitude]
-    density = float(getattr(listed, amplitude).log_density(size))
+    density = log_density(getattr(listed, amplitude), size)
     one = log1p(chi2) - log(2.0 * pi * size**2) - 2.0 * density
     return one + (len(effect.parameters) - 1) * log1p(chi2)
 

@@ -11,6 +11,12 @@ has an F distribution with q and nu degrees of freedom, nu those of the floor's 
 noise is the fit's only as far as the rests alone, without any model, allow it (99.9 % by their
 restricted likelihood) and with no memory longer than a twentieth of a rest, which they could not
 tell from a trend: it cannot swallow structure by swelling.
+
+Where the fit needs more noise than the floor, that speaks too: the rests lose so much likelihood
+under it that a chi^2 with three degrees of freedom gives p_n. With p_c of the cells (the smallest,
+Sidak's correction for their number) and p_f of both by Fisher's method,
+
+.. math:: p = 2 \min(p_c, p_f), \quad p_f = P(\chi^2_4 > -2 \ln p_c - 2 \ln p_n)
 """
 
 from __future__ import annotations
@@ -21,7 +27,7 @@ from dataclasses import dataclass
 import jax.numpy as jnp
 import numpy as np
 from numpy.polynomial import legendre
-from scipy.stats import chi2
+from scipy.stats import chi2, combine_pvalues
 from scipy.stats import f as fisher
 
 from qlvbayes.experiment import Experiment, Trial
@@ -36,6 +42,7 @@ _ALLOWED = 0.5 * float(chi2.ppf(0.999, 3))  # log-likelihood of the rests that n
 _TRIES = 21
 _MEMORY = 0.05  # longest correlation time over a rest
 _LEAST = 1e-12
+_LEAST_P = 1e-300
 _FEWEST = 3  # blocks a curve, at least
 
 
@@ -52,10 +59,23 @@ class CellTest:
 
 @dataclass(frozen=True)
 class Adequacy:
-    """All cells. p_value: of the smallest, corrected for their number (Sidak)."""
+    """All cells, and the noise that the fit needs; see the module for the p-values."""
 
     cells: tuple[CellTest, ...]
-    p_value: float
+    noise_p_value: float
+
+    @property
+    def cells_p_value(self) -> float:
+        """Of the smallest, corrected for their number."""
+        smallest = self.worst.p_value
+        return float(-np.expm1(len(self.cells) * np.log1p(-smallest))) if smallest < 1.0 else 1.0
+
+    @property
+    def p_value(self) -> float:
+        """Of cells and noise."""
+        cells = self.cells_p_value
+        both = float(combine_pvalues([max(p, _LEAST_P) for p in (cells, self.noise_p_value)])[1])
+        return min(2.0 * min(cells, both), 1.0)
 
     @property
     def worst(self) -> CellTest:
@@ -96,14 +116,22 @@ def adequacy_along(
         statistic, rank = _quadratic(score[rows], spread[np.ix_(rows, rows)])
         p = float(fisher.sf(statistic / max(rank, 1), max(rank, 1), freedom)) if rank else 1.0
         tests.append(CellTest(cell[0], cell[1], cell[2], rank, p))
-    smallest = min(test.p_value for test in tests)
-    return Adequacy(
-        tuple(tests), float(-np.expm1(len(tests) * np.log1p(-smallest))) if smallest < 1.0 else 1.0
-    )
+    return Adequacy(tuple(tests), swollen(ensemble, point, experiment))
 
 
-def allowed_noise(ensemble: Ensemble, point: Point, experiment: Experiment) -> Correlated:
-    """The fitted noise, drawn towards the floor until the rests allow it."""
+def swollen(ensemble: Ensemble, point: Point, experiment: Experiment) -> float:
+    """P-value of the rests under the fitted noise; 1 where that is no larger than the floor."""
+    floor, (fitted, measured) = experiment.floor, _noises(ensemble, point, experiment)
+    is_white = len(ensemble.posterior.noise.units) == 1  # on demand, whatever the rests say
+    if is_white or np.hypot(*fitted[:2]) <= np.hypot(*measured[:2]):
+        return 1.0
+    return float(chi2.sf(2.0 * max(floor.surprise(*fitted), 0.0), fitted.size))
+
+
+def _noises(
+    ensemble: Ensemble, point: Point, experiment: Experiment
+) -> tuple[np.ndarray, np.ndarray]:
+    """(3,) white sd, correlated sd and correlation time: fitted, and measured at rest."""
     floor = experiment.floor
     count = len(ensemble.posterior.noise.units)
     fitted = point.constants[-count:].copy()
@@ -112,7 +140,12 @@ def allowed_noise(ensemble: Ensemble, point: Point, experiment: Experiment) -> C
         fitted = np.array([fitted[0], 0.0, floor.tau])
         measured[:2] = floor.total, 0.0
     fitted[2] = min(fitted[2], max(floor.tau, _MEMORY * float(np.median(resting(experiment)))))
-    measured, fitted = np.maximum(measured, _LEAST), np.maximum(fitted, _LEAST)
+    return np.maximum(fitted, _LEAST), np.maximum(measured, _LEAST)
+
+
+def allowed_noise(ensemble: Ensemble, point: Point, experiment: Experiment) -> Correlated:
+    """The fitted noise, drawn towards the floor until the rests allow it."""
+    floor, (fitted, measured) = experiment.floor, _noises(ensemble, point, experiment)
     for share in np.linspace(0.0, 1.0, _TRIES):
         tried = fitted ** (1.0 - share) * measured**share
         if floor.surprise(*tried) <= _ALLOWED:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from qlvbayes.diagnosis.evidence import laplace_check
+from qlvbayes.diagnosis.noticeable import log_noticeable
 from qlvbayes.diagnosis.screen import Score, screen
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.inference.gaussnewton import Point, climb
@@ -85,7 +86,23 @@ def contest(
         best = max(known - base.log_evidence, ranked[0].log_bayes_factor)
         ranked = _widened(ensemble, base, ranked, best)
         ranked = _sampled(ensemble, base, ranked)
+    ranked = [weighed(ensemble, contender) for contender in ranked]
     return Round(base, tuple(_best_first(ranked)), found)
+
+
+def weighed(ensemble: Ensemble, contender: Contender) -> Contender:
+    """The contender, its Bayes factor that of an effect large enough to matter."""
+    score, point = contender.score, contender.point
+    mean, sd = score.posterior if point is None else _amplitude(ensemble, contender.effect, point)
+    gain = contender.log_bayes_factor + log_noticeable(score.prior, mean, sd)
+    return replace(contender, log_bayes_factor=gain)
+
+
+def _amplitude(ensemble: Ensemble, effect: str, point: Point) -> tuple[float, float]:
+    """Mean and sd of an effect's amplitude at an optimum."""
+    place = ensemble.amplitude(effect)
+    variance = point.constants_covariance[place, place]
+    return float(point.constants[place]), math.sqrt(max(float(variance), 0.0))
 
 
 def _best_first(contenders: list[Contender]) -> list[Contender]:

@@ -210,13 +210,15 @@ def _suggestions(
 
 def _stage(work: Work, k: int, settings: Settings) -> Stage:
     step, tested = work.path.steps[k], work.adequacies[k]
-    level = settings.false_alarms / len(tested.cells)
+    level = 0.5 * settings.false_alarms / len(tested.cells)  # the other half is the noise's
     return Stage(
         effects=step.effects,
         rmse=step.rmse,
         heldout_rmse=step.heldout.rmse,
         log_evidence=float(step.point.log_evidence),
         p_value=tested.p_value,
+        noise_p_value=tested.noise_p_value,
+        sound=tested.p_value >= settings.false_alarms,
         cells=tuple(cell_errors(work.samples, step.residuals)),
         failing=tuple((c.test, c.phase) for c in tested.cells if c.p_value < level),
         parameters=_estimates(work, step.point, _is_of_pad),

@@ -53,6 +53,12 @@ class Score:
         return self.information * float(self.prior.sd) ** 2
 
     @property
+    def posterior(self) -> tuple[float, float]:
+        """Mean and sd of the amplitude if the force were linear in it."""
+        precision = self.information + 1.0 / float(self.prior.sd) ** 2
+        return self.amplitude * self.information / precision, 1.0 / math.sqrt(precision)
+
+    @property
     def occam(self) -> float:
         """What the effect loses if it stays at its null: its evidence is no lower than that."""
         return -0.5 * math.log1p(self._ratio)

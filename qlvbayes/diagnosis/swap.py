@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from qlvbayes.diagnosis.contest import Contender, Round, contest
+from qlvbayes.diagnosis.contest import Contender, Round, contest, weighed
 from qlvbayes.diagnosis.samples import Samples
 from qlvbayes.diagnosis.search import Path, Step, Tell, confirms, step_at
 from qlvbayes.diagnosis.settings import Settings
@@ -28,7 +28,7 @@ def settle(
     ``path.places`` the round held over each effect's place.
     """
     if len(path.last.effects) == 1:
-        path.places = {path.last.effects[0]: _with_last(path)}
+        path.places = {path.last.effects[0]: _with_last(ensemble, path)}
     if len(path.last.effects) < 2:
         return
     for _ in range(_TURNS):
@@ -45,17 +45,19 @@ def settle(
         path.steps.append(better)
 
 
-def _with_last(path: Path) -> Round:
+def _with_last(ensemble: Ensemble, path: Path) -> Round:
     """The first round, with the only effect at the last step's optimum."""
     first, last = path.rounds[0], path.last
     gain = last.point.log_evidence - first.base.log_evidence
-    contenders = [
-        replace(c, point=last.point, log_bayes_factor=max(gain, c.log_bayes_factor))
-        if c.effect == last.effects[0] and len(path.steps) > 2
-        else c
-        for c in first.contenders
-    ]
-    return replace(first, contenders=tuple(contenders))
+
+    def at_last(contender: Contender) -> Contender:
+        if contender.effect != last.effects[0] or len(path.steps) <= 2:
+            return contender
+        later = weighed(ensemble, replace(contender, point=last.point, log_bayes_factor=gain))
+        best = max(later.log_bayes_factor, contender.log_bayes_factor)
+        return replace(later, log_bayes_factor=best)
+
+    return replace(first, contenders=tuple(map(at_last, first.contenders)))
 
 
 def _round_over(ensemble: Ensemble, path: Path, effect: str, candidates: list[str]) -> Round:

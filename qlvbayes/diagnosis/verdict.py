@@ -57,8 +57,9 @@ class Stage:
     """A model on the way to the verdict and what it leaves.
 
     rmse, heldout_rmse: over all samples (N), fitted and with each test left out in turn; p_value:
-    of the adequacy test over all cells; cells: errors by test and phase; shape: of the effect that
-    has another form than the list's.
+    of the adequacy test, noise_p_value: of its part that looks at the noise; cells: errors by test
+    and phase; sound: whether the test is passed; shape: of the effect that has another form than
+    the list's.
     """
 
     effects: tuple[str, ...]
@@ -66,6 +67,8 @@ class Stage:
     heldout_rmse: float
     log_evidence: float
     p_value: float
+    noise_p_value: float
+    sound: bool
     cells: tuple[CellError, ...]
     failing: tuple[tuple[str, str], ...]
     parameters: dict[str, Estimate]
@@ -213,6 +216,7 @@ def _stage(stage: Stage) -> dict:
         "heldout_rmse_N": stage.heldout_rmse,
         "log_evidence": _finite(stage.log_evidence),
         "adequacy_p_value": stage.p_value,
+        "noise_p_value": stage.noise_p_value,
         "failing": [{"test": test, "phase": phase} for test, phase in stage.failing],
         "cells": [
             {

@@ -82,7 +82,7 @@ def _ambiguous(d: Diagnosis) -> str:
 
 def _unexplained(d: Diagnosis) -> str:
     unit, last = _units(d).force, d.stages[-1]
-    if not last.failing and d.spring is not None:
+    if last.sound and d.spring is not None:
         return (
             f"Pad {d.pad}: unexplained. {_joined(list(last.effects))} would leave nothing "
             "structured, but a spring of free form beside the pad, a force that depends on depth "
@@ -97,6 +97,8 @@ def _unexplained(d: Diagnosis) -> str:
     cells = list(dict.fromkeys(f"{_PHASE[phase]} of {test}" for test, phase in last.failing))
     more = f" and {len(cells) - _MOST_CELLS} more" if len(cells) > _MOST_CELLS else ""
     where = f", in the {_joined(cells[:_MOST_CELLS])}{more}" if cells else ""
+    if last.noise_p_value < last.p_value:
+        where += "; the fit takes it for noise that the rests between motions do not have"
     return (
         f"Pad {d.pad}: unexplained.{tried} structure remains beyond the noise floor of "
         f"{d.noise:.3g} {unit} ({_p(last.p_value)}){where}. The largest error left is "
