@@ -376,6 +376,13 @@ def test_probabilities_that_keep_their_promise_have_no_calibration_error():
     assert Reliability.of([case(kind="outside", names=("slip",))]).error is None
 
 
+def test_chance_alone_makes_a_calibration_error():
+    """The mean of |binomial / n - p|, nearly that of a normal."""
+    found = Reliability.of([case(probability=0.75)] * 100)
+    assert found.by_chance == pytest.approx(np.sqrt(2.0 / np.pi * 0.75 * 0.25 / 100), rel=0.1)
+    assert Reliability.of([case(probability=1.0)]).by_chance == 0.0
+
+
 def test_a_probability_of_one_falls_into_the_last_bin():
     (last,) = Reliability.of([case(probability=1.0)]).bins
     assert last.high == 1.0

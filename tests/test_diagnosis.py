@@ -145,12 +145,15 @@ def test_adequacy_p_values_are_uniform_under_a_right_model(plain):
     assert below <= 6  # binomial: more than 6 of 20 has probability 0.002
 
 
-@pytest.mark.parametrize(("factor", "low", "high"), [(0.5, 1.0, 1.0), (2.0, 0.0, 1e-6)])
-def test_noise_larger_than_the_rests_show_is_told(plain, factor, low, high):
-    """Smaller noise does not speak: structure can only add to it."""
+@pytest.mark.parametrize(
+    ("white", "ou", "low", "high"),
+    [(1.0, 0.5, 1.0, 1.0), (2.0, 0.5, 1.0, 1.0), (1.0, 2.0, 0.0, 1e-6)],
+)
+def test_correlated_noise_larger_than_the_rests_show_is_told(plain, white, ou, low, high):
+    """Smaller noise does not speak, as structure can only add to it, and white noise never."""
     work, last = plain.work, plain.work.path.last.point
     constants = last.constants.copy()
-    constants[-3:-1] *= factor
+    constants[-3:-1] *= white, ou
     p = swollen(work.ensemble, replace(last, constants=constants), work.experiment)
     assert low <= p <= high
 

@@ -57,9 +57,8 @@ _NOTES = """## How to read it
 - *named* means named without a rival and with nothing besides. *Among at most {group}*: the verdict
   is `ambiguous` and lists the truth.
 - *calibration error*: of the probability of the first-ranked hypothesis, nothing or one effect
-  hidden, ten bins, all studies.
-- Effects hidden here are at least 2 % of the peak, and the priors hold smaller ones as likely:
-  where `none` ranks first it is right more often than its probability says.
+  hidden, ten bins, all studies. Probabilities that are exactly right would show {chance} on as
+  many, by chance.
 - The constants of an `ambiguous` verdict are averages over its effects.
 - A program that stopped with an error counts as a wrong verdict.
 - The diagnosis and its thresholds were made with studies of seeds 1 to 7, 11 and 21 to 23. Those of
@@ -81,7 +80,7 @@ def blind_page(report: Report, origin: Origin, picture: str, note: str = "") -> 
         _rates_table(report),
         _constants_table(report),
         _misses(report),
-        _NOTES.format(group=LARGEST_GROUP),
+        _NOTES.format(group=LARGEST_GROUP, chance=_by_chance(report)),
     ]
     return "\n".join(parts)
 
@@ -99,6 +98,11 @@ def _head(report: Report, rows: Sequence[Level], origin: Origin) -> str:
         studies=len(report.cases), visible=sum(case["seen"] for case in report.cases),
         seconds="-" if report.seconds is None else f"{report.seconds:.1f}",
     )  # fmt: skip
+
+
+def _by_chance(report: Report) -> str:
+    found = report.reliability.by_chance
+    return "-" if found is None else f"{found:.3f}"
 
 
 def _codes(report: Report) -> str:

@@ -5,7 +5,8 @@ hypothesis against how often it is the true one. The expected calibration error 
 
 .. math:: \sum_b \frac{n_b}{n} |\bar p_b - s_b|
 
-over ten bins of equal width, with mean probability p_b and share right s_b.
+over ten bins of equal width, with mean probability p_b and share right s_b. Of few studies chance
+alone makes some: what probabilities that are exactly right would show on as many is given with it.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import numpy as np
 from qlvbayes.benchmark.rate import Case, Rate
 
 BINS = 10
+_REPEATS = 1000
 
 
 @dataclass(frozen=True)
@@ -32,11 +34,15 @@ class Bin:
 
 @dataclass(frozen=True)
 class Reliability:
-    """Bins that are not empty, and the expected calibration error (None of no studies)."""
+    """Bins that are not empty, and the expected calibration error (None of no studies).
+
+    by_chance: the mean error if the probabilities were exactly right.
+    """
 
     n: int
     bins: tuple[Bin, ...]
     error: float | None
+    by_chance: float | None
 
     @classmethod
     def of(cls, cases: Sequence[Case]) -> Reliability:
@@ -48,19 +54,34 @@ class Reliability:
                 if case["kind"] in ("none", "single") and "probabilities" in case
             ]
         ).reshape(-1, 2)
-        place = np.minimum((pairs[:, 0] * BINS).astype(int), BINS - 1)
+        probability, right = pairs.T
+        place = np.minimum((probability * BINS).astype(int), BINS - 1)
         bins = []
         for k in np.unique(place).tolist():
-            probability, right = pairs[place == k].T
-            rate = Rate(int(right.sum()), right.size)
-            bins.append(Bin(k / BINS, (k + 1) / BINS, float(probability.mean()), rate))
-        gaps = [b.right.n * abs(b.probability - b.right.hits / b.right.n) for b in bins]
-        return cls(len(pairs), tuple(bins), sum(gaps) / len(pairs) if bins else None)
+            some = place == k
+            rate = Rate(int(right[some].sum()), int(some.sum()))
+            bins.append(Bin(k / BINS, (k + 1) / BINS, float(probability[some].mean()), rate))
+        if not bins:
+            return cls(0, (), None, None)
+        drawn = np.random.default_rng(0).random((_REPEATS, right.size)) < probability
+        by_chance = np.mean([_error(probability, one, place) for one in drawn])
+        return cls(len(pairs), tuple(bins), _error(probability, right, place), float(by_chance))
 
     def as_dict(self) -> dict:
         """For JSON."""
         bins = [asdict(b) | {"right": b.right.as_dict()} for b in self.bins]
-        return {"n": self.n, "expected_calibration_error": self.error, "bins": bins}
+        return {
+            "n": self.n,
+            "expected_calibration_error": self.error,
+            "by_chance": self.by_chance,
+            "bins": bins,
+        }
+
+
+def _error(probability: np.ndarray, right: np.ndarray, place: np.ndarray) -> float:
+    """Expected calibration error of studies in bins ``place``."""
+    gaps = np.bincount(place, probability - right)
+    return float(np.abs(gaps).sum() / right.size)
 
 
 def first_ranked(case: Case) -> tuple[float, bool]:

@@ -12,9 +12,10 @@ noise is the fit's only as far as the rests alone, without any model, allow it (
 restricted likelihood) and with no memory longer than a twentieth of a rest, which they could not
 tell from a trend: it cannot swallow structure by swelling.
 
-Where the fit needs more noise than the floor, that speaks too: the rests lose so much likelihood
-under it that a chi^2 with three degrees of freedom gives p_n. With p_c of the cells (the smallest,
-Sidak's correction for their number) and p_f of both by Fisher's method,
+Where the fit needs more correlated noise than the floor has, that speaks too: with its sd and
+correlation time the rests lose so much likelihood that a chi^2 with two degrees of freedom gives
+p_n (white noise may well grow while the platen moves: no structure looks like it). With p_c of the
+cells (the smallest, Sidak's correction for their number) and p_f of both by Fisher's method,
 
 .. math:: p = 2 \min(p_c, p_f), \quad p_f = P(\chi^2_4 > -2 \ln p_c - 2 \ln p_n)
 """
@@ -120,12 +121,13 @@ def adequacy_along(
 
 
 def swollen(ensemble: Ensemble, point: Point, experiment: Experiment) -> float:
-    """P-value of the rests under the fitted noise; 1 where that is no larger than the floor."""
-    floor, (fitted, measured) = experiment.floor, _noises(ensemble, point, experiment)
+    """P-value of the rests under the fit's correlated noise; 1 where that is below the floor's."""
+    fitted, measured = _noises(ensemble, point, experiment)
     is_white = len(ensemble.posterior.noise.units) == 1  # on demand, whatever the rests say
-    if is_white or np.hypot(*fitted[:2]) <= np.hypot(*measured[:2]):
+    if is_white or fitted[1] <= measured[1]:
         return 1.0
-    return float(chi2.sf(2.0 * max(floor.surprise(*fitted), 0.0), fitted.size))
+    lost = experiment.floor.surprise(measured[0], *fitted[1:])
+    return float(chi2.sf(2.0 * max(lost, 0.0), 2))
 
 
 def _noises(
