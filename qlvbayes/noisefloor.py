@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 _MOST_HOLDS = 12
 _BURST, _SPREAD = 150, 150  # samples in a row; samples over the whole hold
 _FEWEST_SAMPLES = 24
+_CONTACT = 0.02  # of the largest force: below, contact may be lost
 _TREND_RATIOS = (2.0, 1.4)  # between neighbouring relaxation times of the trend
 _QUIET = 1e-3  # of the force range: below, the coarser trend would leave more than the noise
 _TAUS = 9
@@ -127,6 +128,7 @@ def _rests(tests: Sequence[Record], phases: Sequence[Sequence[Phase]]) -> list[_
             if phase.kind not in ("hold", "recovery"):
                 continue
             inside = np.flatnonzero((test.time > phase.start) & (test.time <= phase.stop))
+            inside = inside[_regained(test.force, inside) :]
             # The kinks may be misplaced by a few samples.
             margin = min(5, inside.size // 8)
             inside = inside[margin : inside.size - margin]
@@ -136,6 +138,15 @@ def _rests(tests: Sequence[Record], phases: Sequence[Sequence[Phase]]) -> list[_
         ranked += [(turn, -size, rest) for turn, (size, rest) in enumerate(of_test)]
     ranked.sort(key=lambda item: item[:2])
     return [rest for _, _, rest in ranked[:_MOST_HOLDS]]
+
+
+def _regained(force: Array, inside: NDArray[np.intp]) -> int:
+    """First reading of a rest after which a pad that had lost contact is pressed again; 0 if none.
+
+    Until then it reads zero; a trend with a kink would be taken for noise.
+    """
+    free = np.flatnonzero(force[inside] < _CONTACT * np.abs(force).max(initial=0.0))
+    return 0 if free.size == 0 or free[-1] == inside.size - 1 else int(free[-1]) + 1
 
 
 def _stuck(force: Array) -> bool:

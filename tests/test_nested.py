@@ -1,5 +1,7 @@
 """Nested sampling and importance sampling against evidences that are known."""
 
+from dataclasses import replace
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -128,6 +130,14 @@ def test_laplace_is_trusted_where_the_posterior_is_normal(ensemble, first):
     assert abs(check.log_evidence - first.base.log_evidence) < 3.0 * check.error + 0.3
     other = laplace_check(ensemble, first.base, seed=1)
     assert abs(other.log_evidence - check.log_evidence) < 4.0 * np.hypot(other.error, check.error)
+
+
+def test_a_direction_that_nothing_holds_does_not_stop_the_sampling(ensemble, first):
+    """Its covariance has a condition number at which a Cholesky factor is refused."""
+    values, vectors = np.linalg.eigh(first.base.curvature)
+    values[0] = 1e-14 * values[-1]
+    flat = replace(first.base, curvature=(vectors * values) @ vectors.T)
+    assert np.isfinite(laplace_check(ensemble, flat).log_evidence)
 
 
 def test_an_idle_effect_is_told(ensemble, first):

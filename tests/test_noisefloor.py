@@ -24,7 +24,7 @@ TIME = np.arange(0.0, 60.0, 1e-3)
 def relaxation(t, drift=0.0):
     loaded = 0.5 + 0.4 * np.exp(-6.215 * t) + 0.5 * np.exp(-0.14 * t)
     after = t - 30.0
-    rise = 0.2 - 0.1 * np.exp(-6.215 * after.clip(0)) - 0.1 * np.exp(-0.14 * after.clip(0))
+    rise = 0.3 - 0.1 * np.exp(-6.215 * after.clip(0)) - 0.1 * np.exp(-0.14 * after.clip(0))
     return np.where(t < 30.0, loaded, rise) + drift * t
 
 
@@ -94,6 +94,25 @@ def test_thinned_records():
     white, _, _, total = draws(20, 4, rows=thinned()).T
     assert_centred(white, WHITE, 0.03)
     assert_centred(total, np.hypot(WHITE, OU), 0.10)
+
+
+def pressed_again(rng):
+    """The force stays at zero for the first 0.2 s of the recovery: the pad has left the platen."""
+    after = (TIME - 30.0).clip(0.0)
+    rise = 1.2 - 2.0 * np.exp(-2.76 * after) - 0.4 * np.exp(-0.055 * after)
+    force = np.where(TIME < 30.0, relaxation(TIME), np.maximum(rise, 0.0))
+    force = force + WHITE * rng.normal(size=TIME.size) + correlated(TIME.size, OU, TAU, rng)
+    early = np.geomspace(1, 29_990, 140).astype(int)
+    rows = np.unique(np.concatenate([early, 30_000 + early]))
+    return Record(TIME[rows], force[rows])
+
+
+def test_a_kink_where_contact_is_regained_is_no_noise():
+    """The likelihood that the true noise loses is half a chi^2 with three degrees of freedom."""
+    rng = np.random.default_rng(6)
+    floors = [measure([pressed_again(rng) for _ in range(6)], [PHASES] * 6) for _ in range(20)]
+    lost = np.array([floor.surprise(WHITE, OU, TAU) for floor in floors])
+    assert lost.mean() < 1.5 + 3.0 * np.sqrt(1.5 / lost.size)
 
 
 def test_one_test_alone():

@@ -28,6 +28,8 @@ from qlvbayes.priors import AbstractPrior, Dirichlet, HalfNormal
 
 DRAWS = 200
 _TAIL = 5.0  # degrees of freedom of the draws
+_WIDEST = 10.0  # sd of the draws along any direction of theta
+_NARROWEST = 1e-9  # of the widest variance
 _TOGETHER = 25  # draws computed at once
 _FEW = 0.1  # of the draws, that are worth too little
 _APART = 1.0  # error of Laplace's log evidence
@@ -57,7 +59,7 @@ def laplace_check(
 ) -> LaplaceCheck:
     """Sample about an optimum and look at its covariance."""
     free = point.subset.theta
-    around = multivariate_t(point.theta[free], point.covariance, df=_TAIL, seed=seed)
+    around = multivariate_t(point.theta[free], _spread(point.covariance), df=_TAIL, seed=seed)
     places = around.rvs(draws).reshape(draws, free.size)
     thetas = np.tile(point.theta, (draws, 1))
     thetas[:, free] = places
@@ -74,6 +76,13 @@ def laplace_check(
             *_ridges(ensemble, point),
         ),
     )
+
+
+def _spread(covariance: np.ndarray) -> np.ndarray:
+    """The covariance, no direction wider than theta has room for or too narrow to compute with."""
+    values, vectors = np.linalg.eigh(covariance)
+    widest = min(float(values[-1]), _WIDEST**2)
+    return (vectors * np.clip(values, _NARROWEST * widest, widest)) @ vectors.T
 
 
 def _shape(effective: float, draws: int, excess: float) -> list[str]:
