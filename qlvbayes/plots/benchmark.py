@@ -131,15 +131,17 @@ def _draw_reliability(axis: Axes, reliability: Reliability) -> None:
         )  # fmt: skip
         for b in reliability.bins:
             place = (b.probability, b.right.hits / b.right.n)
+            offset = (5, -9) if place[1] > 0.1 else (5, 3)
             axis.annotate(
-                str(b.right.n), place, (5, -9), textcoords="offset points", fontsize=_SMALL
+                str(b.right.n), place, offset, textcoords="offset points", fontsize=_SMALL
             )
     axis.set(xlim=(0, 1), ylim=(0, 1.05), aspect="equal")
     axis.set_xlabel("probability of the first-ranked hypothesis")
     axis.set_ylabel("share in which it is true")
-    axis.set_title("nothing or one effect hidden", loc="left")
+    title = "nothing or one effect hidden"
     if reliability.error is not None:
-        axis.text(0.97, 0.04, f"calibration error {reliability.error:.3f}", ha="right")
+        title += f"\ncalibration error {reliability.error:.3f}"
+    axis.set_title(title, loc="left")
 
 
 def _bar(rate: Rate) -> tuple[float, float]:
