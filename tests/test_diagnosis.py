@@ -105,6 +105,17 @@ def test_the_words_say_verdict_place_and_size(drag, outside, plain):
     assert "nothing is missing that these tests can show" in paragraphs(plain)[0]
 
 
+def test_the_words_say_where_structure_was_taken_for_noise(outside):
+    last = outside.stages[-1]
+    swallowed = replace(last, failing=(), p_value=1e-3, noise_p_value=1e-4)
+    found = replace(outside, stages=(*outside.stages[:-1], swallowed))
+    assert "takes it for noise that the rests" in paragraphs(found)[0]
+    assert (
+        "takes it for noise"
+        not in paragraphs(replace(found, stages=(replace(swallowed, p_value=1e-6),)))[0]
+    )
+
+
 def test_adhesion_shows_only_where_the_platen_retracts():
     """A ramp and hold that never unloads cannot show softening, set or adhesion."""
     experiment = measured(protocol=lambda rate: paper_protocol(rate)[:2], rates=(1.0, 100.0))
