@@ -4,11 +4,11 @@ What Bayes factors weigh against "nothing is missing" is an effect whose amplitu
 
 .. math:: p(a) \propto \pi(a) \left(1 - e^{-a^2 / 2 t^2}\right),
 
-with :math:`\pi` its own normal or half-normal prior of sd s and t = s/5: as that sd stands for 5 %
-of the peak force, a contribution of 1 %. Without the bracket the commonest effect would be none at
-all, and tests that rule out all but nothing would hardly speak for "nothing" (Johnson & Rossell
-2010, doi:10.1111/j.1467-9868.2009.00730.x). With E the mean over posterior or prior of the bracket,
-the Bayes factor changes by
+pi its own normal or half-normal prior of sd s and t = s/5: as that sd stands for 5 % of the peak
+force, a contribution of 1 %. Without the bracket the commonest effect would be none at all, and
+tests that rule out all but nothing would hardly speak for "nothing" (Johnson & Rossell 2010,
+doi:10.1111/j.1467-9868.2009.00730.x). With E the mean over posterior or prior of the bracket, the
+Bayes factor changes by
 
 .. math:: \frac{E[1 - e^{-a^2 / 2 t^2} \mid data]}{E[1 - e^{-a^2 / 2 t^2}]}
 
