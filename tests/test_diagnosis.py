@@ -191,12 +191,7 @@ def test_cells_and_noise_together_alarm_as_often_as_they_say():
 
 
 def _plain_point(experiment, work):
-    whole = work.ensemble
-    record = experiment.record(experiment.trials)
-    other = replace(
-        whole, posterior=type(whole.posterior)(whole.posterior.model, whole.posterior.noise, record)
-    )
-    other = type(whole)(other.posterior, whole.costly, whole.own)
+    other = work.ensemble.with_record(experiment.record(experiment.trials))
     return other, climb(other, other.subset(), work.path.steps[0].point.theta)
 
 

@@ -35,10 +35,10 @@ def correlated(n, sd, tau, rng):
     return lfilter([1.0], [1.0, -a], kicks)
 
 
-def pad(rng, white=WHITE, ou=OU, tau=TAU, drift=0.0, rows=None, tests=6):
+def pad(rng, white=WHITE, ou=OU, tau=TAU, drift=0.0, rows=None, tests=6, law=relaxation):
     records = []
     for _ in range(tests):
-        force = relaxation(TIME, drift) + white * rng.normal(size=TIME.size)
+        force = law(TIME, drift) + white * rng.normal(size=TIME.size)
         if ou > 0.0:
             force += correlated(TIME.size, ou, tau, rng)
         pick = slice(None) if rows is None else rows
@@ -96,21 +96,19 @@ def test_thinned_records():
     assert_centred(total, np.hypot(WHITE, OU), 0.10)
 
 
-def pressed_again(rng):
+def pressed_again(t, drift):
     """The force stays at zero for the first 0.2 s of the recovery: the pad has left the platen."""
-    after = (TIME - 30.0).clip(0.0)
+    after = (t - 30.0).clip(0.0)
     rise = 1.2 - 2.0 * np.exp(-2.76 * after) - 0.4 * np.exp(-0.055 * after)
-    force = np.where(TIME < 30.0, relaxation(TIME), np.maximum(rise, 0.0))
-    force = force + WHITE * rng.normal(size=TIME.size) + correlated(TIME.size, OU, TAU, rng)
-    early = np.geomspace(1, 29_990, 140).astype(int)
-    rows = np.unique(np.concatenate([early, 30_000 + early]))
-    return Record(TIME[rows], force[rows])
+    return np.where(t < 30.0, relaxation(t, drift), np.maximum(rise, 0.0))
 
 
 def test_a_kink_where_contact_is_regained_is_no_noise():
     """The likelihood that the true noise loses is half a chi^2 with three degrees of freedom."""
     rng = np.random.default_rng(6)
-    floors = [measure([pressed_again(rng) for _ in range(6)], [PHASES] * 6) for _ in range(20)]
+    early = np.geomspace(1, 29_990, 140).astype(int)
+    rows = np.unique(np.concatenate([early, 30_000 + early]))
+    floors = [measure(*pad(rng, rows=rows, law=pressed_again)) for _ in range(20)]
     lost = np.array([floor.surprise(WHITE, OU, TAU) for floor in floors])
     assert lost.mean() < 1.5 + 3.0 * np.sqrt(1.5 / lost.size)
 

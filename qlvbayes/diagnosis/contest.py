@@ -93,16 +93,15 @@ def contest(
 def weighed(ensemble: Ensemble, contender: Contender) -> Contender:
     """The contender, its Bayes factor that of an effect large enough to matter."""
     score, point = contender.score, contender.point
-    mean, sd = score.posterior if point is None else _amplitude(ensemble, contender.effect, point)
+    place = ensemble.amplitude(contender.effect)
+    found = (
+        (point.constants[place], point.constants_sds[place])
+        if point is not None
+        else score.posterior
+    )
+    mean, sd = map(float, found)
     gain = contender.log_bayes_factor + log_noticeable(score.prior, mean, sd)
     return replace(contender, log_bayes_factor=gain)
-
-
-def _amplitude(ensemble: Ensemble, effect: str, point: Point) -> tuple[float, float]:
-    """Mean and sd of an effect's amplitude at an optimum."""
-    place = ensemble.amplitude(effect)
-    variance = point.constants_covariance[place, place]
-    return float(point.constants[place]), math.sqrt(max(float(variance), 0.0))
 
 
 def _best_first(contenders: list[Contender]) -> list[Contender]:

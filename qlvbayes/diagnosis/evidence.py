@@ -119,7 +119,7 @@ def _at_zero(point: Point, k: int, prior: AbstractPrior) -> bool:
     if not isinstance(prior, HalfNormal | Dirichlet):
         return False
     size = float(prior.sd) if isinstance(prior, HalfNormal) else 1.0
-    value, error = point.constants[k], math.sqrt(max(point.constants_covariance[k, k], 0.0))
+    value, error = point.constants[k], point.constants_sds[k]
     return bool(0.0 < value < min(_NEAR * error, _SMALL * size))
 
 

@@ -23,8 +23,9 @@ import math
 from scipy.stats import norm
 
 from qlvbayes.priors import HalfNormal, Normal
+from qlvbayes.scales import SHARE
 
-_LEAST = 0.2  # t, in sds of the amplitude's prior
+_LEAST = 0.01  # of the peak force, a contribution that begins to matter
 _EXACT = 1e-9  # of t: sd of an amplitude that is known exactly
 _FAR = 1e3  # sds below zero, from which it makes no difference
 _ROUNDING = 1e-12
@@ -33,7 +34,7 @@ _ROUNDING = 1e-12
 def log_noticeable(prior: HalfNormal | Normal, mean: float, sd: float) -> float:
     """Log of the ratio above for a posterior N(mean, sd^2) of an amplitude."""
     size = float(prior.sd)
-    t = _LEAST * size
+    t = _LEAST / SHARE * size
     found = _kept(mean, sd, t, isinstance(prior, HalfNormal))
     before = 1.0 - t / math.hypot(t, size)
     return math.log(max(found, _ROUNDING)) - math.log(before)

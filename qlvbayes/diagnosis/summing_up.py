@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
-import numpy as np
-
 from qlvbayes.diagnosis.averaging import averaged
 from qlvbayes.diagnosis.contest import Contender
 from qlvbayes.diagnosis.design import Suggestion, suggest
@@ -147,7 +145,7 @@ def _estimates(work: Work, point: Point, wanted: Callable[[str], bool]) -> dict[
     """Constants that are on at a point, by Laplace's approximation."""
     ensemble = work.ensemble
     kinds = ensemble.unit_kinds
-    sds = np.sqrt(np.maximum(np.diag(point.constants_covariance), 0.0))
+    sds = point.constants_sds
     return {
         ensemble.names[k]: Estimate(
             work.experiment.units.of(kinds[k]), float(point.constants[k]), float(sds[k])

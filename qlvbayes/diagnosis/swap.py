@@ -48,10 +48,12 @@ def settle(
 def _with_last(ensemble: Ensemble, path: Path) -> Round:
     """The first round, with the only effect at the last step's optimum."""
     first, last = path.rounds[0], path.last
+    if len(path.steps) <= 2:
+        return first
     gain = last.point.log_evidence - first.base.log_evidence
 
     def at_last(contender: Contender) -> Contender:
-        if contender.effect != last.effects[0] or len(path.steps) <= 2:
+        if contender.effect != last.effects[0]:
             return contender
         later = weighed(ensemble, replace(contender, point=last.point, log_bayes_factor=gain))
         best = max(later.log_bayes_factor, contender.log_bayes_factor)

@@ -58,6 +58,11 @@ class Point:
         """(P, P) over all constants; 0 where fixed."""
         return self.slopes @ self.covariance @ self.slopes.T
 
+    @property
+    def constants_sds(self) -> np.ndarray:
+        """(P,) of all constants; 0 where fixed."""
+        return np.sqrt(np.maximum(np.diag(self.constants_covariance), 0.0))
+
 
 def evaluate(
     ensemble: Ensemble, subset: Subset, theta: np.ndarray, weight: np.ndarray | None = None
