@@ -60,6 +60,10 @@ class Round:
         total = sum(weights.values())
         return {name: weight / total for name, weight in weights.items()}
 
+    def lacking(self, settings: Settings) -> float:
+        """Posterior probability that something is missing, if ``none`` or a contender is true."""
+        return 1.0 - self.probabilities(settings)["none"]
+
 
 def contest(
     ensemble: Ensemble,

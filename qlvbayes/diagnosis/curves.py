@@ -87,8 +87,8 @@ def _bands(diagnosis: Diagnosis, step: Step, draws: int, rng: np.random.Generato
         if form is not None and base is not None:
             trial, less = work.samples.trials[k], np.stack([forces[k] for forces in base])
             coefficients = form.split(places)[1]
-            here = less + (here - less) * form.trial_factor(
-                trial, trial.test.time[rows], coefficients
+            here = less + (here - less) * form.at_samples(
+                trial, trial.test.time[rows], less, coefficients
             )
         low, high = _quantiles(here[1:], sd[1:, k, : rows.size])
         found.append(Band(here[0], low, high))

@@ -9,11 +9,11 @@ import numpy as np
 
 from qlvbayes.diagnosis.adequacy import Adequacy, adequacy_along, whitened_vectors
 from qlvbayes.diagnosis.heldout import form_held_out
-from qlvbayes.diagnosis.otherform import GradualContact, OtherForm
+from qlvbayes.diagnosis.otherform import OtherForm
+from qlvbayes.diagnosis.ownforms import OWN_FORMS
 from qlvbayes.diagnosis.samples import Samples
 from qlvbayes.diagnosis.search import Path, Step
 from qlvbayes.diagnosis.settings import Settings
-from qlvbayes.effects.contact_offset import ContactOffset
 from qlvbayes.experiment import Experiment
 from qlvbayes.inference.gaussnewton import Point, climb, noise_along, predict_along
 from qlvbayes.inference.subset import Ensemble
@@ -70,12 +70,15 @@ def _turns(path: Path, sound: bool) -> list[list[Model]]:
     """Models that are tried together, one list after the other."""
     found = path.steps[1 : -1 if sound else None]
     steps: list[Model] = sorted(((step.effects, step.point) for step in found), key=_count)
+    known = [effects for effects, _ in steps]
+    first = path.rounds[0].contenders
     if sound:
-        return [[step] for step in steps]
+        refused = {name for name, _ in path.refused} if not path.last.effects else set()
+        first = tuple(contender for contender in first if contender.effect in refused)
     others: list[Model] = [
         ((contender.effect,), contender.point)
-        for contender in path.rounds[0].contenders[:_FIRST]
-        if contender.point is not None and (contender.effect,) not in [e for e, _ in steps]
+        for contender in first[:_FIRST]
+        if contender.point is not None and (contender.effect,) not in known
     ]
     return [*([step] for step in steps), others]
 
@@ -83,15 +86,15 @@ def _turns(path: Path, sound: bool) -> list[list[Model]]:
 def _forms(
     experiment: Experiment, ensemble: Ensemble, effects: tuple[str, ...], point: Point
 ) -> Iterator[Attempt]:
-    """Each effect of a model in another form."""
+    """Each effect of a model in another form, and in that which it is known for."""
     for effect in effects:
         if not ensemble.effect(effect).reshapes:
             continue
         yield OtherForm(experiment, ensemble, point.subset, effect), effects, point
-        if effect == ContactOffset.name:
-            rest = tuple(name for name in effects if name != effect)
-            form = GradualContact(experiment, ensemble, ensemble.subset(rest), effect)
-            yield form, effects, point
+        if effect in OWN_FORMS:
+            own, rest = OWN_FORMS[effect], tuple(name for name in effects if name != effect)
+            subset = ensemble.subset(rest) if own.replaces else point.subset
+            yield own(experiment, ensemble, subset, effect), effects, point
 
 
 def _count(model: Model) -> int:
@@ -106,22 +109,21 @@ def _try(form: OtherForm, effects: tuple[str, ...], point: Point) -> Found:
 
 def _stands(found: Found, settings: Settings) -> bool:
     """Adequate, decisively better than the list's form, and nowhere turned into its opposite."""
-    _, coefficients = found.form.split(found.point.theta)
-    factor = 1.0 + np.tensordot(coefficients, found.form.at_blocks, 1)
-    real = np.asarray(found.form.ensemble.posterior.record.blocks.real)
     return bool(
         found.adequacy.p_value >= settings.false_alarms
         and found.point.log_evidence > found.before.log_evidence + settings.further
-        and factor[real].min() > _LEAST
+        and found.form.least(found.point) > _LEAST
     )
 
 
 def resembles(found: Found, settings: Settings) -> bool:
-    """Whether the list's form explains most of what the other form does.
+    """Whether an effect in another form is still itself: known for it, or mostly the list's.
 
-    Otherwise the effect is but a carrier for a factor that could stand for anything. Explained is
-    what the sum of squares falls by, whitened by the noise that the other form leaves.
+    Otherwise it is but a carrier for a factor that could stand for anything. Explained is what the
+    sum of squares falls by, whitened by the noise that the other form leaves.
     """
+    if found.form.is_typical(found.point):
+        return True
     ensemble, before = found.form.ensemble, found.before
     rest = ensemble.subset(before.subset.effects - {found.form.effect})
     without = climb(ensemble, rest, before.theta)

@@ -124,3 +124,11 @@ def polynomials(x: np.ndarray, orders: int) -> np.ndarray:
     """(orders, ...) Legendre polynomials of order 1 and up over x from 0 to 1."""
     x = np.clip(x, 0.0, 1.0)
     return np.stack([legendre.legval(2.0 * x - 1.0, row) for row in np.eye(orders + 1)[1:]])
+
+
+def slopes_of_polynomials(x: np.ndarray, orders: int) -> np.ndarray:
+    """(orders, ...) their slopes, 0 outside of 0 to 1."""
+    inside = (x >= 0.0) & (x <= 1.0)
+    rows = np.eye(orders + 1)[1:]
+    slopes = [2.0 * legendre.legval(2.0 * x - 1.0, legendre.legder(row)) for row in rows]
+    return np.stack(slopes) * inside

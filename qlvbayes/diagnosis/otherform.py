@@ -10,6 +10,7 @@ grows with depth or a drift that levels off is then still a drag or a drift.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -19,20 +20,21 @@ from qlvbayes.experiment import Trial
 from qlvbayes.inference.gaussnewton import Point, predict_along
 
 _ORDERS = 3
-_CONTACT_ORDERS = 5
-_SD = 0.7  # of the first coefficient's prior; the k-th has one k-th of it
+SD = 0.7  # of the first coefficient's prior; the k-th has one k-th of it
 
 
 @dataclass(frozen=True)
 class Shape:
     """What an effect is multiplied by.
 
-    over_depth: (depth in mm, factor) at mid-clock; over_clock: (clock in s, factor) at mid-depth.
+    over_depth: (depth in mm, factor) at mid-clock; over_clock: (clock in s, factor) at mid-depth;
+    over_force: (force beneath in N, factor). Empty where the form knows no such change.
     """
 
     effect: str
-    over_depth: tuple[tuple[float, float], ...]
-    over_clock: tuple[tuple[float, float], ...]
+    over_depth: tuple[tuple[float, float], ...] = ()
+    over_clock: tuple[tuple[float, float], ...] = ()
+    over_force: tuple[tuple[float, float], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,11 +42,12 @@ class OtherForm(AbstractFreeForm):
     """One effect of a model, free to change its form; see the module."""
 
     effect: str
+    replaces: ClassVar[bool] = False  # the list's law: the subset does not hold the effect
 
     @property
     def sds(self) -> np.ndarray:
         """(6,) of the coefficients' priors, depth first."""
-        return np.tile(_SD / np.arange(1, _ORDERS + 1), 2)
+        return np.tile(SD / np.arange(1, _ORDERS + 1), 2)
 
     def curves(self, depth: np.ndarray, clock: np.ndarray) -> np.ndarray:
         """(6, ...) polynomials of depth, then of the clock."""
@@ -76,10 +79,22 @@ class OtherForm(AbstractFreeForm):
         curves = self.curves(depth / scales.depth, clock / scales.clock)
         return 1.0 + np.tensordot(coefficients, curves, 1)
 
-    def trial_factor(self, trial: Trial, time: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
-        """The factor (..., N) at times of one trial."""
+    def at_samples(
+        self, trial: Trial, time: np.ndarray, base: np.ndarray, coefficients: np.ndarray
+    ) -> np.ndarray:
+        """The factor (..., N) at times (N,) of one trial, where the force beneath is base."""
         clock = trial.test.start_s - self.experiment.clock_zero + time
         return self.factor(trial.trajectory.displacement(time), clock, coefficients)
+
+    def least(self, point: Point) -> float:
+        """The smallest factor at any block."""
+        _, coefficients = self.split(point.theta)
+        factor = 1.0 + np.tensordot(coefficients, self.at_blocks, 1)
+        return float(factor[np.asarray(self.ensemble.posterior.record.blocks.real)].min())
+
+    def is_typical(self, point: Point) -> bool:
+        """Whether the change is one that the effect is known for, however large."""
+        return False
 
     def predict(self, samples: Samples, points: list[Point]) -> list[list[np.ndarray]]:
         """Force of some points at each trial's samples: [W][T] arrays (n,)."""
@@ -89,8 +104,8 @@ class OtherForm(AbstractFreeForm):
         for point, with_it, without in zip(points, full, base, strict=True):
             _, coefficients = self.split(point.theta)
             factors = [
-                self.trial_factor(trial, trial.test.time[rows], coefficients)
-                for trial, rows in zip(samples.trials, samples.rows, strict=True)
+                self.at_samples(trial, trial.test.time[rows], beneath, coefficients)
+                for trial, rows, beneath in zip(samples.trials, samples.rows, without, strict=True)
             ]
             found.append(
                 [b + (f - b) * x for f, b, x in zip(with_it, without, factors, strict=True)]
@@ -109,34 +124,9 @@ class OtherForm(AbstractFreeForm):
         depth, clock = scales.depth * share, scales.clock * share
         over_depth = self.factor(depth, scales.clock * middle, coefficients)
         over_clock = self.factor(scales.depth * middle, clock, coefficients)
-        return Shape(
-            self.effect,
-            tuple(zip(depth.tolist(), over_depth.tolist(), strict=True)),
-            tuple(zip(clock.tolist(), over_clock.tolist(), strict=True)),
-        )
+        return Shape(self.effect, pairs(depth, over_depth), pairs(clock, over_clock))
 
 
-@dataclass(frozen=True, eq=False)
-class GradualContact(OtherForm):
-    """Contact that builds up over depth instead of at one: the whole force times a factor."""
-
-    @property
-    def sds(self) -> np.ndarray:
-        """(5,) of the coefficients' priors."""
-        return _SD / np.arange(1, _CONTACT_ORDERS + 1)
-
-    def curves(self, depth: np.ndarray, clock: np.ndarray) -> np.ndarray:
-        """(5, ...) polynomials of depth; the clock has no part in it."""
-        return polynomials(depth, _CONTACT_ORDERS)
-
-    def combine(
-        self, constants: np.ndarray, directions: np.ndarray, coefficients: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """The plain model times the factor."""
-        full, slopes = predict_along(self.ensemble, constants, directions)
-        factor = 1.0 + np.tensordot(coefficients, self.at_blocks, 1)
-        return full * factor, np.concatenate([slopes * factor, full * self.at_blocks])
-
-    def base(self, samples: Samples, constants: np.ndarray) -> list[list[np.ndarray]]:
-        """Nothing."""
-        return [[np.zeros(rows.size) for rows in samples.rows] for _ in constants]
+def pairs(x: np.ndarray, factor: np.ndarray) -> tuple[tuple[float, float], ...]:
+    """Each x with its factor."""
+    return tuple(zip(x.tolist(), factor.tolist(), strict=True))

@@ -4,28 +4,34 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import jax.numpy as jnp
 import numpy as np
 
 from qlvbayes.experiment import Experiment, Trial
 from qlvbayes.inference.linearised import force
 from qlvbayes.inference.subset import Ensemble, Part
 from qlvbayes.kinematics.phases import KINDS
+from qlvbayes.noise import Correlated
 from qlvbayes.posterior import Posterior
 from qlvbayes.predict import thinned_record
 from qlvbayes.records.batching import batch
 from qlvbayes.records.record import Record
+
+_LEAST = 1e-12  # N, sd of a part of the noise that is not there
 
 
 @dataclass(frozen=True, eq=False)
 class Samples:
     """Samples of every trial, at most 300 a phase, and the models that predict them.
 
-    rows: which samples of each trial; record: their times, along a leading axis.
+    rows: which samples of each trial; record: their times, along a leading axis; noise: as measured
+    at rest, without a model.
     """
 
     trials: tuple[Trial, ...]
     rows: tuple[np.ndarray, ...]
     record: Record
+    noise: Correlated
     ensemble: Ensemble
     _posteriors: dict[Part, Posterior] = field(default_factory=dict)
 
@@ -35,7 +41,9 @@ class Samples:
         rows, records = zip(
             *(thinned_record(experiment, trial) for trial in experiment.trials), strict=True
         )
-        return cls(experiment.trials, rows, batch(records), ensemble)
+        floor = experiment.floor
+        noise = Correlated(*map(jnp.asarray, (floor.white, max(floor.ou, _LEAST), floor.tau)))
+        return cls(experiment.trials, rows, batch(records), noise, ensemble)
 
     def predict(self, constants: np.ndarray) -> list[list[np.ndarray]]:
         """Force of constants (W, P) at each trial's samples: [W][T] arrays (n,)."""

@@ -16,9 +16,6 @@ from qlvbayes.inference.gaussnewton import Point
 from qlvbayes.inference.multistart import wide_climb, wide_climbs
 from qlvbayes.inference.subset import Ensemble
 
-_NO_WORSE = 1.02  # held-out errors may rise by chance, not by a swelling noise model,
-_MUCH = 20.0  # unless the left-out tests are predicted better by this much in log density
-
 Tell = Callable[[str], None]
 
 
@@ -105,6 +102,8 @@ def _confirmed(ensemble: Ensemble, samples: Samples, path: Path, settings: Setti
     """The best contender that evidence and held-out tests both accept."""
     present = path.last
     least = settings.further if present.effects else settings.decisive
+    if not present.effects and path.rounds[0].lacking(settings) < settings.lacking:
+        return None
     for contender in path.rounds[-1].contenders[:3]:
         if contender.log_bayes_factor < least or contender.point is None:
             return None
@@ -117,10 +116,12 @@ def _confirmed(ensemble: Ensemble, samples: Samples, path: Path, settings: Setti
 
 
 def confirms(step: Step, before: Step) -> bool:
-    """Whether left-out tests are predicted better than by the model before."""
-    gain = step.heldout.score - before.heldout.score
-    no_worse = step.heldout.rmse < _NO_WORSE * before.heldout.rmse
-    return gain > _MUCH or (gain > 0.0 and no_worse)
+    """Whether left-out tests are predicted better than by the model before.
+
+    Their log density must rise, and not by noise that swells: their weighed error must fall.
+    """
+    after, first = step.heldout, before.heldout
+    return after.score > first.score and after.weighed < first.weighed
 
 
 def _without_useless(ensemble: Ensemble, samples: Samples, step: Step, settings: Settings) -> Step:

@@ -10,7 +10,8 @@ class Settings:
     """How sure the diagnosis must be.
 
     decisive: log Bayes factor by which the first effect must beat the plain model (3, that is 20 to
-    1, "strong" in Kass & Raftery 1995, doi:10.1080/01621459.1995.10476572); further: by which each
+    1, "strong" in Kass & Raftery 1995, doi:10.1080/01621459.1995.10476572); lacking: probability
+    that something is missing, all candidates together, that it takes too; further: by which each
     further one must (4, that is 55 to 1, as every round gives chance another chance), or a form of
     its own;
     apart: by which the best must beat another effect to be told from it (1.1, that is 3 to 1, where
@@ -23,6 +24,7 @@ class Settings:
     """
 
     decisive: float = 3.0
+    lacking: float = 0.75
     further: float = 4.0
     apart: float = 1.1
     spring: float = 2.3

@@ -86,7 +86,7 @@ def _better(
 
 
 def rivals(path: Path, settings: Settings) -> tuple[Contender, ...]:
-    """The place with the most contenders within ``apart`` of its holder; the holder first."""
+    """The place where most contenders are not told ``apart`` from its holder; the holder first."""
     if not path.places:
         return ()
     near = [_near(found, effect, settings) for effect, found in path.places.items()]
@@ -100,6 +100,6 @@ def _near(found: Round, effect: str, settings: Settings) -> tuple[Contender, ...
         for c in found.contenders
         if c.effect != effect
         and c.point is not None
-        and abs(holder.log_bayes_factor - c.log_bayes_factor) < settings.apart
+        and holder.log_bayes_factor - c.log_bayes_factor < settings.apart
     ]
     return (holder, *near)

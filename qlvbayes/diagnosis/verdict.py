@@ -239,6 +239,7 @@ def _shape(shape: Shape) -> dict:
         "effect": shape.effect,
         "over_depth": [{"depth": x, "factor": y} for x, y in shape.over_depth],
         "over_clock": [{"clock_s": x, "factor": y} for x, y in shape.over_clock],
+        "over_force": [{"force_N": x, "factor": y} for x, y in shape.over_force],
     }
 
 

@@ -131,17 +131,21 @@ def _own_form(d: Diagnosis) -> str:
     if shape is None:
         return ""
     spread = {
-        "depth": [factor for _, factor in shape.over_depth],
-        "clock": [factor for _, factor in shape.over_clock],
+        ("no depth", "full depth"): shape.over_depth,
+        ("the first test", "the last"): shape.over_clock,
+        ("no force", "the largest force"): shape.over_force,
     }
-    over = max(spread, key=lambda name: max(spread[name]) - min(spread[name]))
-    first, last = spread[over][0], spread[over][-1]
-    ends = ("no depth", "full depth") if over == "depth" else ("the first test", "the last")
+    ends, values = max(spread.items(), key=lambda item: _range([y for _, y in item[1]]))
+    first, last = values[0][1], values[-1][1]
     return (
         f"But not by the list's law: what {shape.effect} adds must be taken times {first:.2g} at "
         f"{ends[0]} and {last:.2g} at {ends[1]} (other_form in diagnosis.json); the constants "
         "below are those of the law so changed, and an effect of your own would do it justice. "
     )
+
+
+def _range(values: list[float]) -> float:
+    return max(values, default=0.0) - min(values, default=0.0)
 
 
 def _sureness(d: Diagnosis) -> str:

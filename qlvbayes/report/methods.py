@@ -26,6 +26,7 @@ _NOISES = {
 _THRESHOLDS = {
     "decisive": "a first effect is added when its log Bayes factor is above {} and tests left out "
     "are predicted better",
+    "lacking": "and only where something of the list is missing with probability {} or more",
     "further": "a further one, or a form of its own, when its log Bayes factor is above {}",
     "apart": "two effects whose log evidence differs by less than {} are not told apart",
     "likeness": "an effect is named in a form of its own only if the list's form explains {} of "

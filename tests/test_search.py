@@ -1,0 +1,59 @@
+"""When an effect is added, and which stand beside it, on rounds and errors made by hand."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from qlvbayes.diagnosis.contest import Contender, Round
+from qlvbayes.diagnosis.heldout import HeldOut
+from qlvbayes.diagnosis.search import Path, _confirmed, confirms
+from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.swap import rivals
+
+
+def contenders(gains: dict[str, float]) -> Round:
+    found = tuple(Contender(name, gain, None, SimpleNamespace()) for name, gain in gains.items())
+    return Round(None, found)
+
+
+def step(score, weighed, effects=()):
+    return SimpleNamespace(heldout=HeldOut(1.0, weighed, score, ()), effects=effects)
+
+
+@pytest.mark.parametrize(
+    ("score", "weighed", "accepted"),
+    [(5.0, 0.9, True), (5.0, 1.1, False), (-5.0, 0.9, False), (-5.0, 1.1, False)],
+)
+def test_left_out_tests_must_be_nearer_and_likelier(score, weighed, accepted):
+    """A noise model that swells makes far tests likelier; it brings none nearer."""
+    assert confirms(step(score, weighed), step(0.0, 1.0)) == accepted
+
+
+def test_the_probability_that_something_lacks_is_that_of_all_effects():
+    settings = Settings()
+    found = contenders({"a": 3.2, "b": 1.0, "c": -2.0, "d": -4.0})
+    probabilities = found.probabilities(settings)
+    assert sum(probabilities.values()) == pytest.approx(1.0)
+    effects = sum(p for name, p in probabilities.items() if name != "none")
+    assert found.lacking(settings) == pytest.approx(effects)
+    factors = np.exp([3.2, 1.0, -2.0, -4.0]).mean()  # prior: nothing as likely as all together
+    assert found.lacking(settings) == pytest.approx(factors / (1.0 + factors))
+
+
+@pytest.mark.parametrize("others", [0, 17])
+def test_one_effect_among_many_needs_more_evidence(others, monkeypatch):
+    """20 to 1 for one of 18 that are all as likely beforehand is not 3 to 1 that any is missing."""
+    gains = {"friction": 3.2} | {f"other {k}": -3.0 for k in range(others)}
+    path = Path([step(0.0, 1.0)], [contenders(gains)])
+    better = step(9.0, 0.5, ("friction",))
+    monkeypatch.setattr("qlvbayes.diagnosis.search.step_at", lambda *given: better)
+    found = _confirmed(None, None, path, Settings())
+    assert found is (None if others else better)
+
+
+def test_a_better_one_that_was_refused_stays_a_rival():
+    """Left-out tests can veto a name, not make another one sure."""
+    path = Path([step(0.0, 1.0), step(1.0, 0.9, ("second",))])
+    path.places = {"second": contenders({"first": 9.0, "second": 6.0, "third": 5.5, "last": 4.0})}
+    assert [c.effect for c in rivals(path, Settings())] == ["second", "first", "third"]
