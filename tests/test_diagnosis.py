@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from qlvbayes import Choices, InputError, prepare
 from qlvbayes.benchmark.study import measured as as_read
@@ -179,15 +180,28 @@ def test_noise_of_a_right_model_is_that_of_the_rests(plain):
     assert sum(p < 0.1 for p in p_values) <= 6  # binomial: more has probability 0.002
 
 
+def adequacies(statistics, noise):
+    """From each cell's chi^2 of four curves and the p-value of the noise."""
+    for cells, p_n in zip(statistics, noise, strict=True):
+        tests = tuple(CellTest("B", "hold", 0.0, 4, p) for p in chi2.sf(cells, 4))
+        yield Adequacy(tests, float(chi2.sf(cells.sum(), 4 * cells.size)), p_n)
+
+
 def test_cells_and_noise_together_alarm_as_often_as_they_say():
     rng = np.random.default_rng(0)
-    found = [
-        Adequacy(tuple(CellTest("B", "hold", 0.0, 4, p) for p in cells), noise).p_value
-        for cells, noise in zip(rng.random((20_000, 12)), rng.random(20_000), strict=True)
-    ]
+    found = [a.p_value for a in adequacies(rng.chisquare(4, (20_000, 12)), rng.random(20_000))]
     for level in (0.003, 0.05):
         share, error = np.mean(np.array(found) < level), np.sqrt(level / len(found))
-        assert 0.5 * level < share < level + 3.0 * error
+        assert 0.4 * level < share < level + 3.0 * error
+
+
+def test_what_is_spread_thinly_is_seen_by_all_cells_together():
+    rng = np.random.default_rng(0)
+    thin = rng.noncentral_chisquare(4, 6.0, (500, 24))  # 144 in all, no cell much
+    found = list(adequacies(thin, np.ones(500)))
+    alarms = np.mean([a.p_value < 0.003 for a in found])
+    alone = np.mean([len(a.cells) * a.worst.p_value < 0.003 for a in found])
+    assert alarms > 0.95 > 0.7 > alone
 
 
 def _plain_point(experiment, work):

@@ -7,17 +7,20 @@ tried, and the generalised least-squares statistic
 .. math:: s^T V^{-1} s / q, \quad s = B^T \Sigma^{-1} r, \quad
           V = B^T \Sigma^{-1} B - B^T \Sigma^{-1} J A^{-1} J^T \Sigma^{-1} B
 
-has an F distribution with q and nu degrees of freedom, nu those of the floor's own estimate. The
+has an F distribution with q and nu degrees of freedom, nu those of the floor's own estimate; so
+has that of all cells' curves together, which sees what is spread thinly. The
 noise is the fit's only as far as the rests alone, without any model, allow it (99.9 % by their
 restricted likelihood) and with no memory longer than a twentieth of a rest, which they could not
 tell from a trend: it cannot swallow structure by swelling.
 
 Where the fit needs more correlated noise than the floor has, that speaks too: with its sd and
 correlation time the rests lose so much likelihood that a chi^2 with two degrees of freedom gives
-p_n (white noise may well grow while the platen moves: no structure looks like it). With p_c of the
-cells (the smallest, Sidak's correction for their number) and p_f of both by Fisher's method,
+p_n (white noise may well grow while the platen moves: no structure looks like it). With p_1 of the
+worst cell (Sidak's correction for their number), p_a of all together and p_f of cells and noise by
+Fisher's method,
 
-.. math:: p = 2 \min(p_c, p_f), \quad p_f = P(\chi^2_4 > -2 \ln p_c - 2 \ln p_n)
+.. math:: p = 2 \min(p_c, p_f), \quad p_c = 2 \min(p_1, p_a), \quad
+          p_f = P(\chi^2_4 > -2 \ln p_c - 2 \ln p_n)
 """
 
 from __future__ import annotations
@@ -60,16 +63,18 @@ class CellTest:
 
 @dataclass(frozen=True)
 class Adequacy:
-    """All cells, and the noise that the fit needs; see the module for the p-values."""
+    """Each cell, all together, and the noise that the fit needs; the module has the p-values."""
 
     cells: tuple[CellTest, ...]
+    joint_p_value: float
     noise_p_value: float
 
     @property
     def cells_p_value(self) -> float:
-        """Of the smallest, corrected for their number."""
+        """Of the worst cell, corrected for their number, and of all together."""
         smallest = self.worst.p_value
-        return float(-np.expm1(len(self.cells) * np.log1p(-smallest))) if smallest < 1.0 else 1.0
+        worst = float(-np.expm1(len(self.cells) * np.log1p(-smallest))) if smallest < 1.0 else 1.0
+        return min(2.0 * min(worst, self.joint_p_value), 1.0)
 
     @property
     def p_value(self) -> float:
@@ -114,10 +119,10 @@ def adequacy_along(
     freedom = floor_freedom(experiment)
     tests = []
     for cell, rows in cells:
-        statistic, rank = _quadratic(score[rows], spread[np.ix_(rows, rows)])
-        p = float(fisher.sf(statistic / max(rank, 1), max(rank, 1), freedom)) if rank else 1.0
+        p, rank = _p_value(score[rows], spread[np.ix_(rows, rows)], freedom)
         tests.append(CellTest(cell[0], cell[1], cell[2], rank, p))
-    return Adequacy(tuple(tests), swollen(ensemble, point, experiment))
+    joint, _ = _p_value(score, spread, freedom)
+    return Adequacy(tuple(tests), joint, swollen(ensemble, point, experiment))
 
 
 def swollen(ensemble: Ensemble, point: Point, experiment: Experiment) -> float:
@@ -215,6 +220,12 @@ def _curves(
                 rows.append(curve)
             cells.append(((trial.name, phase.kind, phase.start), list(range(begin, len(rows)))))
     return cells, np.array(rows)
+
+
+def _p_value(score: np.ndarray, spread: np.ndarray, freedom: float) -> tuple[float, int]:
+    """Of some curves' statistic, and how many of them the constants leave."""
+    statistic, rank = _quadratic(score, spread)
+    return (float(fisher.sf(statistic / rank, rank, freedom)) if rank else 1.0), rank
 
 
 def _quadratic(score: np.ndarray, spread: np.ndarray) -> tuple[float, int]:
