@@ -13,7 +13,7 @@ from scipy.stats import kstest, multivariate_normal
 
 from qlvbayes.choices import Choices
 from qlvbayes.diagnosis.contest import Round, contest, refit
-from qlvbayes.diagnosis.evidence import LaplaceCheck, laplace_check, log_densities
+from qlvbayes.diagnosis.evidence import LaplaceCheck, laplace_check, log_densities, sampled_evidence
 from qlvbayes.diagnosis.nested_check import nested_check
 from qlvbayes.diagnosis.screen import screen
 from qlvbayes.diagnosis.search import plain_fits
@@ -138,6 +138,18 @@ def test_a_direction_that_nothing_holds_does_not_stop_the_sampling(ensemble, fir
     values[0] = 1e-14 * values[-1]
     flat = replace(first.base, curvature=(vectors * values) @ vectors.T)
     assert np.isfinite(laplace_check(ensemble, flat).log_evidence)
+
+
+@pytest.mark.parametrize(
+    ("sampled", "worth", "taken"),
+    [(5.0, 100.0, 5.0), (5.0, 1.0, 0.0), (-5.0, 100.0, -5.0), (-5.0, 1.0, -5.0)],
+)
+def test_one_far_draw_does_not_raise_the_evidence(first, monkeypatch, sampled, worth, taken):
+    """Sampled evidence above Laplace's needs draws that are worth something."""
+    laplace = first.base.log_evidence
+    known = LaplaceCheck(laplace + sampled, 1.0, worth, ())
+    monkeypatch.setattr("qlvbayes.diagnosis.evidence.laplace_check", lambda *given: known)
+    assert sampled_evidence(None, first.base) == pytest.approx(laplace + taken)
 
 
 def test_an_idle_effect_is_told(ensemble, first):

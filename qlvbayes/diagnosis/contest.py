@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from qlvbayes.diagnosis.evidence import laplace_check
+from qlvbayes.diagnosis.evidence import sampled_evidence
 from qlvbayes.diagnosis.noticeable import log_noticeable
 from qlvbayes.diagnosis.screen import Score, screen
 from qlvbayes.diagnosis.settings import Settings
@@ -216,12 +216,12 @@ def _sampled(ensemble: Ensemble, base: Point, contenders: list[Contender]) -> li
     """
     best = max(c.log_bayes_factor for c in contenders)
     near = [c for c in contenders if c.point is not None and c.log_bayes_factor > best - _NEAR]
-    plain = laplace_check(ensemble, base).log_evidence
+    plain = sampled_evidence(ensemble, base)
 
     def sampled(contender: Contender) -> Contender:
         if contender.point is None or contender not in near:
             return contender
-        gain = laplace_check(ensemble, contender.point).log_evidence - plain
+        gain = sampled_evidence(ensemble, contender.point) - plain
         return replace(contender, log_bayes_factor=gain)
 
     return together(sampled, contenders)

@@ -5,7 +5,8 @@ doi:10.2307/1913710):
 
 .. math:: Z = E_q[w], \quad w = L(\theta) \pi(\theta) / q(\theta)
 
-The effective number of draws is (sum w)^2 / sum w^2.
+The effective number of draws is (sum w)^2 / sum w^2. Where they are worth less than a tenth of
+their number, the lower of this evidence and Laplace's is taken.
 """
 
 from __future__ import annotations
@@ -76,6 +77,17 @@ def laplace_check(
             *_ridges(ensemble, point),
         ),
     )
+
+
+def sampled_evidence(ensemble: Ensemble, point: Point) -> float:
+    """Log evidence by importance sampling, or Laplace's if the draws are worth little and say more.
+
+    They are worth little where one far out outweighs all others: then they say too much by chance.
+    """
+    found = laplace_check(ensemble, point)
+    if found.effective_draws < _FEW * DRAWS:
+        return min(found.log_evidence, point.log_evidence)
+    return found.log_evidence
 
 
 def _spread(covariance: np.ndarray) -> np.ndarray:
