@@ -61,7 +61,7 @@ _NOTES = """## How to read it
   many, by chance.
 - The constants of an `ambiguous` verdict are averages over its effects.
 - A program that stopped with an error counts as a wrong verdict.
-- The diagnosis and its thresholds were made with studies of seeds 1 to 7, 11 and 21 to 26. Those of
+- The diagnosis and its thresholds were made with studies of seeds 1 to 7, 11 and 21 to 27. Those of
   any other seed are pads that it had never met, of kinds that it had.
 - Where the hidden effect is an extra relaxation mode, the fit may call one of the pad's own modes
   the extra one; the true constants are then taken under the fit's names.

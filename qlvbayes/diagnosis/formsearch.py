@@ -22,7 +22,7 @@ from qlvbayes.inference.together import together
 _FIRST = 3  # contenders of the first round that are tried
 Model = tuple[tuple[str, ...], Point]  # its effects, its optimum
 Attempt = tuple[OtherForm, tuple[str, ...], Point]  # and what it starts from
-_LEAST = -0.1  # factor below which the effect would turn into its opposite
+_LEAST = -0.1  # of the largest factor: below, the effect would turn into its opposite
 
 
 @dataclass(frozen=True, eq=False)

@@ -87,10 +87,11 @@ class OtherForm(AbstractFreeForm):
         return self.factor(trial.trajectory.displacement(time), clock, coefficients)
 
     def least(self, point: Point) -> float:
-        """The smallest factor at any block."""
+        """The smallest factor at any block over the largest."""
         _, coefficients = self.split(point.theta)
         factor = 1.0 + np.tensordot(coefficients, self.at_blocks, 1)
-        return float(factor[np.asarray(self.ensemble.posterior.record.blocks.real)].min())
+        factor = factor[np.asarray(self.ensemble.posterior.record.blocks.real)]
+        return float(factor.min() / np.abs(factor).max())
 
     def is_typical(self, point: Point) -> bool:
         """Whether the change is one that the effect is known for, however large."""

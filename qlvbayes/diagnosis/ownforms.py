@@ -127,8 +127,9 @@ class WithForce(OtherForm):
         return 1.0 + np.einsum("...k,k...n->...n", coefficients, curves)
 
     def least(self, point: Point) -> float:
-        """The smallest factor at any force."""
-        return float(self._over_force(point).min())
+        """The smallest factor at any force over the largest."""
+        factor = self._over_force(point)
+        return float(factor.min() / np.abs(factor).max())
 
     def is_typical(self, point: Point) -> bool:
         """It grows with the force."""

@@ -16,6 +16,8 @@ from qlvbayes.inference.gaussnewton import Point
 from qlvbayes.inference.multistart import wide_climb, wide_climbs
 from qlvbayes.inference.subset import Ensemble
 
+_MUCH = 20.0  # log density: the error may rise while another effect is missing that hid behind one
+
 Tell = Callable[[str], None]
 
 
@@ -118,10 +120,12 @@ def _confirmed(ensemble: Ensemble, samples: Samples, path: Path, settings: Setti
 def confirms(step: Step, before: Step) -> bool:
     """Whether left-out tests are predicted better than by the model before.
 
-    Their log density must rise, and not by noise that swells: their weighed error must fall.
+    Their log density must rise, and not by noise that swells: their weighed error must fall, unless
+    the rise is more than such noise makes.
     """
     after, first = step.heldout, before.heldout
-    return after.score > first.score and after.weighed < first.weighed
+    gain = after.score - first.score
+    return gain > _MUCH or (gain > 0.0 and after.weighed < first.weighed)
 
 
 def _without_useless(ensemble: Ensemble, samples: Samples, step: Step, settings: Settings) -> Step:
