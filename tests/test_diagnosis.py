@@ -106,6 +106,19 @@ def test_the_words_say_verdict_place_and_size(drag, outside, plain):
     assert "nothing is missing that these tests can show" in paragraphs(plain)[0]
 
 
+def test_the_words_do_not_call_a_doubtful_nothing_sure(plain):
+    ranking = [replace(r, probability=0.3) if r.effect == "none" else r for r in plain.ranking]
+    doubtful = replace(plain, ranking=tuple(ranking))
+    assert "although something may be missing" in paragraphs(doubtful)[0]
+
+
+def test_an_error_that_rose_is_not_said_to_fall(drag):
+    first, *others = drag.stages
+    nearer = replace(first, heldout_rmse=0.5 * others[-1].heldout_rmse)
+    assert "falls from" in paragraphs(drag)[0]
+    assert "falls from" not in paragraphs(replace(drag, stages=(nearer, *others)))[0]
+
+
 def test_the_words_say_where_structure_was_taken_for_noise(outside):
     last = outside.stages[-1]
     swallowed = replace(last, failing=(), p_value=1e-3, noise_p_value=1e-4)

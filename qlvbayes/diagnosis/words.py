@@ -11,6 +11,9 @@ from qlvbayes.units import UnitSystem
 _PHASE = {"ramp": "ramp", "hold": "hold", "unload": "unloading", "recovery": "recovery"}
 _MOST_BENDS = 3
 _MOST_CELLS = 4
+_LIKELY = 0.5  # probability of nothing, from which the text says so without ifs
+_NOTHING = "nothing is missing that these tests can show"
+_MAYBE = "nothing is named, although something may be missing"
 
 
 def paragraphs(diagnosis: Diagnosis) -> list[str]:
@@ -42,7 +45,7 @@ def _adequate(d: Diagnosis) -> str:
     hidden = {unseen.effect for unseen in d.not_identifiable}
     best = next((r for r in d.ranking if r.effect not in {"none", *hidden}), None)
     text = (
-        f"Pad {d.pad}: nothing is missing that these tests can show. The model leaves "
+        f"Pad {d.pad}: {_NOTHING if none.probability >= _LIKELY else _MAYBE}. The model leaves "
         f"{stage.rmse:.3g} {unit}, the noise floor is {d.noise:.3g} {unit}; no phase of any test "
         f"shows structure ({_p(stage.p_value)})."
     )
@@ -56,27 +59,37 @@ def _adequate(d: Diagnosis) -> str:
 
 
 def _missing(d: Diagnosis) -> str:
-    unit, first, last = _units(d).force, d.stages[0], d.stages[-1]
+    unit, last = _units(d).force, d.stages[-1]
     named = _joined([_with_value(d, effect, last) for effect in d.effects])
     seen = " ".join(f"{_effect(d, e).seen[0].upper()}{_effect(d, e).seen[1:]}." for e in d.effects)
     return (
         f"Pad {d.pad}: missing {'effect' if len(d.effects) == 1 else 'effects'}: {named}. {seen} "
-        f"{_own_form(d)}{_sureness(d)} With it the error on tests left out falls from "
-        f"{first.heldout_rmse:.3g} to {last.heldout_rmse:.3g} {unit} (noise floor {d.noise:.3g} "
-        f"{unit}), and no phase of any test shows structure any more ({_p(last.p_value)})."
+        f"{_own_form(d)}{_sureness(d)} With it the error on tests left out {_change(d)} (noise "
+        f"floor {d.noise:.3g} {unit}), and no phase of any test shows structure any more "
+        f"({_p(last.p_value)})."
     )
 
 
 def _ambiguous(d: Diagnosis) -> str:
-    unit, first, last = _units(d).force, d.stages[0], d.stages[-1]
-    before = d.effects[:-1]
+    unit = _units(d).force
+    before, constants = d.effects[:-1], [f"{name} = {e}" for name, e in d.constants.items()]
     besides = f" besides {_joined(list(before))}" if before else ""
     return (
         f"Pad {d.pad}: something is missing{besides}, and these tests cannot tell which of "
         f"{_joined(list(d.group), 'or')} it is: each explains them about equally well. With the "
-        f"first the error on tests left out falls from {first.heldout_rmse:.3g} to "
-        f"{last.heldout_rmse:.3g} {unit} (noise floor {d.noise:.3g} {unit}). Allowing for each of "
-        f"them, {_joined([f'{name} = {e}' for name, e in d.constants.items()])}."
+        f"first the error on tests left out {_change(d)} (noise floor {d.noise:.3g} {unit}). "
+        f"Allowing for each of them, {_joined(constants)}."
+    )
+
+
+def _change(d: Diagnosis) -> str:
+    """What the effects do to the error on tests left out."""
+    first, last = d.stages[0].heldout_rmse, d.stages[-1].heldout_rmse
+    if last < first:
+        return f"falls from {first:.3g} to {last:.3g} {_units(d).force}"
+    return (
+        f"goes from {first:.3g} to {last:.3g} {_units(d).force}, yet they are predicted better if "
+        "noise that lasts from sample to sample is allowed for"
     )
 
 

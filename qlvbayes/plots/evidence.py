@@ -29,7 +29,7 @@ from qlvbayes.plots.style import (
 _ROW, _FRAME = 4.8, 40.0  # mm, a bar and what is around them
 _LINEAR = 10.0  # the axis is linear up to here and logarithmic beyond
 _MUCH = 30.0  # largest value that is drawn on a linear axis
-_ODDS = Settings().decisive
+_ODDS, _LACKING = Settings().decisive, Settings().lacking
 _BESIDE = (36.0, 82.0)  # points right of the axes where the two columns of text end
 _NOTE, _NOTE_TIGHT = 125, 56  # characters a line
 _TIGHT_FRAME = 24.0  # mm, of labels and legend in one column
@@ -203,7 +203,8 @@ def _notes(figure: Figure, diagnosis: Diagnosis, tight: bool) -> None:
     unseen = [u.effect for u in diagnosis.not_identifiable if u.effect not in ranked]
     lines = [
         "Sorted by probability; a priori, none is likelier than any one effect. "
-        f"Dotted: {exp(_ODDS):.0f} to 1 for the effect, from which it counts as decisive."
+        f"Dotted: {exp(_ODDS):.0f} to 1 for the effect, from which it counts as decisive where "
+        f"something is missing with a probability of {_LACKING:g} or more."
     ]
     if _refused(diagnosis):
         lines += ["×: refused, predicts left-out tests no better."]
