@@ -1,5 +1,6 @@
 """The results file: ArviZ's groups, units, likelihood, predictions, and the way back."""
 
+import importlib
 import json
 import warnings
 from dataclasses import replace
@@ -20,11 +21,20 @@ from qlvbayes.records.reduction import clear_of_kinks
 from qlvbayes.results import load, save, to_arviz
 from qlvbayes.summary import summarise
 
-with warnings.catch_warnings():
-    warnings.simplefilter("ignore")  # arviz 0.23 announces on import that 1.0 will differ
-    import arviz
-
 GROUPS = {"posterior", "posterior_predictive", "log_likelihood", "observed_data", "constant_data"}
+
+
+@pytest.fixture(scope="module")
+def arviz(tmp_path_factory):
+    """Give ArviZ imported as its users do, with a cache of its own.
+
+    On import 0.23 announces that 1.0 will differ, and keeps in the cache that it did: two
+    processes that import it at once trip over that file.
+    """
+    with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings():
+        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("arviz")))
+        warnings.simplefilter("ignore")
+        return importlib.import_module("arviz")
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +53,7 @@ def tree(file):
     return xarray.load_datatree(file, engine="h5netcdf")
 
 
-def test_arviz_opens_the_file(file):
+def test_arviz_opens_the_file(arviz, file):
     data = arviz.from_netcdf(file)
     groups = data.groups() if callable(data.groups) else data.groups
     assert {name.strip("/") for name in groups} - {""} == GROUPS
@@ -222,7 +232,7 @@ def test_a_fluid_and_what_the_tests_cover_travel_with_the_results(file, tmp_path
     assert load(tmp_path / "posterior.nc").fluid == "oil"
 
 
-def test_the_posterior_alone_written_by_arviz_is_still_understood(file, tmp_path):
+def test_the_posterior_alone_written_by_arviz_is_still_understood(arviz, file, tmp_path):
     """ArviZ reads our file; its posterior, written again without our notes, names its model."""
     ours = load(file)
     posterior = arviz.from_netcdf(file)["posterior"]
