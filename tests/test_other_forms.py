@@ -8,10 +8,11 @@ import pytest
 from qlvbayes import prepare
 from qlvbayes.benchmark.study import measured
 from qlvbayes.diagnosis.diagnose import diagnose
-from qlvbayes.diagnosis.formsearch import Found, _forms, other_forms, resembles
+from qlvbayes.diagnosis.forms.otherform import OtherForm
+from qlvbayes.diagnosis.forms.ownforms import GradualContact, LevellingOff, WithForce
+from qlvbayes.diagnosis.forms.search import Found, other_forms, resembles
+from qlvbayes.diagnosis.forms.turns import _forms
 from qlvbayes.diagnosis.freespring import FreeSpring
-from qlvbayes.diagnosis.otherform import OtherForm
-from qlvbayes.diagnosis.ownforms import GradualContact, LevellingOff, WithForce
 from qlvbayes.diagnosis.search import Path, plain_fits
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.verdict import Diagnosis
@@ -31,8 +32,8 @@ from qlvbayes.synthetic import (
 RATES = (0.1, 1.0, 20.0, 100.0)
 
 
-def diagnosed(*effects, rates=RATES) -> Diagnosis:
-    material = HiddenPad(TABLE_1["B"], effects)
+def diagnosed(*effects, rates=RATES, pad="B") -> Diagnosis:
+    material = HiddenPad(TABLE_1[pad], effects)
     programs = {f"{rate:g}": paper_protocol(rate) for rate in rates}
     tests = record_study({"B": material}, programs, NOISES["correlated"], 0, 300)
     return diagnose(prepare(measured(tests, "B")))
@@ -121,7 +122,9 @@ def test_unconfirmed_contenders_are_weighed_side_by_side(levelling):
     assert len(refitted) > 1
     for contenders in (refitted[:2], refitted[1::-1]):
         path = Path(work.path.steps[:1], [replace(first, contenders=tuple(contenders))])
-        found = other_forms(work.experiment, work.ensemble, path, False, Settings())
+        _, found = other_forms(
+            work.experiment, work.ensemble, work.samples, path, False, Settings()
+        )
         assert {one.form.effect for one in found} == {"force_drift"}
 
 

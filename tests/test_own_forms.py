@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from test_other_forms import diagnosed
 
-from qlvbayes.diagnosis.ownforms import LevellingOff, WithForce
+from qlvbayes.diagnosis.forms.ownforms import LevellingOff, StiffeningFrame, WithForce
 from qlvbayes.diagnosis.words import paragraphs
 from qlvbayes.synthetic import FORMS, PAPER_RATES
 
@@ -23,6 +23,13 @@ def leak():
 def coulomb():
     """Friction in proportion to the pressing force."""
     return diagnosed(FORMS["coulomb_friction"](mu=0.12, reach=0.03))
+
+
+@pytest.fixture(scope="module")
+def frame():
+    """A frame of which every newton more takes less."""
+    bending = FORMS["bending_frame"](compliance=0.5, force=0.3)
+    return diagnosed(bending, rates=PAPER_RATES, pad="C")
 
 
 def with_sum(diagnosis, kind, target):
@@ -102,3 +109,30 @@ def test_a_factor_that_falls_with_force_is_not_typical(coulomb):
     assert step.form.is_typical(step.point)
     falling = replace(step.point, theta=np.append(theta, [-1.0, *np.zeros(coefficients.size - 1)]))
     assert not step.form.is_typical(falling)
+
+
+def test_a_frame_that_stiffens_is_named_though_the_constants_hide_it(frame):
+    listed = {ranked.effect: ranked.log_bayes_factor for ranked in frame.ranking}
+    assert listed["frame_compliance"] < 3.0
+    assert frame.verdict == "missing_effect"
+    assert frame.effects == ("frame_compliance",)
+    assert isinstance(frame.work.path.last.form, StiffeningFrame)
+    last = frame.stages[-1]
+    assert last.p_value > 0.003
+    assert last.heldout_rmse < frame.stages[0].heldout_rmse
+    assert "at no force" in paragraphs(frame)[0]
+
+
+def test_its_factor_falls_with_the_force(frame):
+    _, factor = np.transpose(frame.stages[-1].shape.over_force)
+    assert np.all(np.diff(factor) < 0.0)
+    assert factor[-1] > 0.0
+
+
+def test_a_frame_that_softens_is_not_typical(frame):
+    step = frame.work.path.last
+    theta, coefficients = step.form.split(step.point.theta)
+    assert step.form.is_typical(step.point)
+    for first in (0.5, -1.1):  # grows with the force; below 0 at the peak
+        values = [first, *np.zeros(coefficients.size - 1)]
+        assert not step.form.is_typical(replace(step.point, theta=np.append(theta, values)))

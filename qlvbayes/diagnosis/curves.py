@@ -78,18 +78,15 @@ def _bands(diagnosis: Diagnosis, step: Step, draws: int, rng: np.random.Generato
     work, form = diagnosis.work, step.form
     places = _draw(step, draws, rng)
     constants = _constants(work.ensemble, step.point, places)
-    force = work.samples.predict(constants)
+    force = (
+        work.samples.predict(constants)
+        if form is None
+        else form.predict(work.samples, constants, form.split(places)[1])
+    )
     sd = _noise(work, constants)
-    base = None if form is None else form.base(work.samples, constants)
     found = []
     for k, rows in enumerate(work.samples.rows):
         here = np.stack([forces[k] for forces in force])
-        if form is not None and base is not None:
-            trial, less = work.samples.trials[k], np.stack([forces[k] for forces in base])
-            coefficients = form.split(places)[1]
-            here = less + (here - less) * form.at_samples(
-                trial, trial.test.time[rows], less, coefficients
-            )
         low, high = _quantiles(here[1:], sd[1:, k, : rows.size])
         found.append(Band(here[0], low, high))
     return found

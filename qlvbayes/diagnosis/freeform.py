@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
@@ -53,11 +54,21 @@ class AbstractFreeForm:
         size = self.ensemble.posterior.size
         return place[..., :size], place[..., size:]
 
-    def fit(self, point: Point, weight: np.ndarray | None = None, steps: int = 30) -> Point:
-        """The highest point, from a fit without the curves or with them."""
+    def fit(
+        self,
+        point: Point,
+        weight: np.ndarray | None = None,
+        steps: int = 30,
+        worth: float = -math.inf,
+    ) -> Point:
+        """The highest point, from a fit without the curves or with them; see ``ascend``."""
         start = np.zeros(self.ensemble.posterior.size + self.sds.size)
         start[: point.theta.size] = point.theta
-        return ascend(lambda place: self._evaluate(place, weight), start, self.free, steps)
+
+        def at(place: np.ndarray) -> Point:
+            return self._evaluate(place, weight)
+
+        return ascend(at, start, self.free, steps, worth)
 
     @cached_property
     def at_blocks(self) -> np.ndarray:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import jax.numpy as jnp
 import numpy as np
 
-from qlvbayes.diagnosis.otherform import OtherForm
+from qlvbayes.diagnosis.forms.otherform import AbstractOtherForm
 from qlvbayes.diagnosis.samples import Samples, rmse
 from qlvbayes.inference.gaussnewton import Point, climb
 from qlvbayes.inference.linearised import whitened
@@ -49,14 +49,15 @@ def held_out(ensemble: Ensemble, samples: Samples, point: Point) -> HeldOut:
     return _left_out(samples, point, refit, predict)
 
 
-def form_held_out(form: OtherForm, samples: Samples, point: Point) -> HeldOut:
+def form_held_out(form: AbstractOtherForm, samples: Samples, point: Point) -> HeldOut:
     """The same of an effect in another form."""
 
     def refit(weight: np.ndarray) -> Point:
         return form.fit(point, weight, _STEPS)
 
     def predict(points: list[Point]) -> list[list[np.ndarray]]:
-        return form.predict(samples, points)
+        constants = np.stack([p.constants for p in points])
+        return form.predict(samples, constants, np.stack([form.split(p.theta)[1] for p in points]))
 
     return _left_out(samples, point, refit, predict)
 

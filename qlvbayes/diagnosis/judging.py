@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 from qlvbayes.diagnosis.adequacy import Adequacy, adequacy
 from qlvbayes.diagnosis.contest import Contender
-from qlvbayes.diagnosis.formsearch import Found, other_forms, step_of
+from qlvbayes.diagnosis.forms.search import other_forms
 from qlvbayes.diagnosis.freespring import FreeSpring
 from qlvbayes.diagnosis.samples import Samples
-from qlvbayes.diagnosis.search import Path, Tell
+from qlvbayes.diagnosis.search import Path, Step, Tell
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.swap import rivals
 from qlvbayes.diagnosis.verdict import Work
@@ -48,12 +48,12 @@ def judged(
     group = tuple(contender.effect for contender in alike)
     explanations = [(c.log_bayes_factor, c.point) for c in alike if c.point is not None]
     sound = adequacies[-1].p_value >= settings.false_alarms
-    forms = other_forms(experiment, ensemble, path, sound, settings)
-    if forms:
-        tell("trying other forms of the effects")
+    tell("trying other forms of the effects")
+    step, forms = other_forms(experiment, ensemble, samples, path, sound, settings)
+    if step is not None:
         alike, group = [], tuple(dict.fromkeys(found.form.effect for found in forms))
         explanations = [(found.point.log_evidence, found.point) for found in forms]
-        path, adequacies = _in_other_form(path, adequacies, forms[0], samples)
+        path, adequacies = _in_other_form(path, adequacies, step, forms[0].adequacy)
     spring = _spring(experiment, ensemble, path)
     verdict = _verdict(path, adequacies[-1], group, spring, settings)
     work = Work(experiment, ensemble, samples, path, tuple(adequacies))
@@ -77,15 +77,15 @@ def _alike(
 
 
 def _in_other_form(
-    path: Path, adequacies: list[Adequacy], found: Found, samples: Samples
+    path: Path, adequacies: list[Adequacy], last: Step, adequate: Adequacy
 ) -> tuple[Path, list[Adequacy]]:
     """The way to a model with an effect in another form."""
     kept = 1
     for k, step in enumerate(path.steps):
-        if set(step.effects) <= set(found.effects):
+        if set(step.effects) <= set(last.effects):
             kept = k + 1
-    steps = [*path.steps[:kept], step_of(found, samples)]
-    return Path(steps, path.rounds[:kept], path.refused), [*adequacies[:kept], found.adequacy]
+    steps = [*path.steps[:kept], last]
+    return Path(steps, path.rounds[:kept], path.refused), [*adequacies[:kept], adequate]
 
 
 def _spring(experiment: Experiment, ensemble: Ensemble, path: Path) -> float | None:

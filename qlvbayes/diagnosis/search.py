@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from qlvbayes.diagnosis.contest import Round, contest
+from qlvbayes.diagnosis.forms.otherform import AbstractOtherForm
 from qlvbayes.diagnosis.heldout import HeldOut, held_out
-from qlvbayes.diagnosis.otherform import OtherForm
 from qlvbayes.diagnosis.samples import Samples, rmse
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.inference.gaussnewton import Point
@@ -33,7 +33,7 @@ class Step:
     point: Point
     residuals: list[np.ndarray]
     heldout: HeldOut
-    form: OtherForm | None = None
+    form: AbstractOtherForm | None = None
 
     @property
     def rmse(self) -> float:

@@ -24,7 +24,7 @@ class Settings:
     """
 
     decisive: float = 3.0
-    lacking: float = 0.75
+    lacking: float = 0.6
     further: float = 4.0
     apart: float = 1.1
     spring: float = 2.3

@@ -9,8 +9,8 @@ import numpy as np
 
 from qlvbayes.diagnosis.adequacy import Adequacy
 from qlvbayes.diagnosis.design import Suggestion
+from qlvbayes.diagnosis.forms.otherform import Shape
 from qlvbayes.diagnosis.gate import Bend, Unseen
-from qlvbayes.diagnosis.otherform import Shape
 from qlvbayes.diagnosis.samples import CellError, Samples
 from qlvbayes.diagnosis.search import Path
 from qlvbayes.experiment import Experiment
@@ -240,6 +240,7 @@ def _shape(shape: Shape) -> dict:
         "over_depth": [{"depth": x, "factor": y} for x, y in shape.over_depth],
         "over_clock": [{"clock_s": x, "factor": y} for x, y in shape.over_clock],
         "over_force": [{"force_N": x, "factor": y} for x, y in shape.over_force],
+        "over_pressure": [{"pressure_N": x, "factor": y} for x, y in shape.over_pressure],
     }
 
 

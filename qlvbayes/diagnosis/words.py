@@ -143,16 +143,18 @@ def _own_form(d: Diagnosis) -> str:
     shape = d.stages[-1].shape
     if shape is None:
         return ""
+    adds, drains = f"what {shape.effect} adds", "the rate at which the pressure drains"
     spread = {
-        ("no depth", "full depth"): shape.over_depth,
-        ("the first test", "the last"): shape.over_clock,
-        ("no force", "the largest force"): shape.over_force,
+        (adds, "no depth", "full depth"): shape.over_depth,
+        (adds, "the first test", "the last"): shape.over_clock,
+        (adds, "no force", "the largest force"): shape.over_force,
+        (drains, "a fifth of its largest value", "the largest"): shape.over_pressure,
     }
-    ends, values = max(spread.items(), key=lambda item: _range([y for _, y in item[1]]))
+    what, values = max(spread.items(), key=lambda item: _range([y for _, y in item[1]]))
     first, last = values[0][1], values[-1][1]
     return (
-        f"But not by the list's law: what {shape.effect} adds must be taken times {first:.2g} at "
-        f"{ends[0]} and {last:.2g} at {ends[1]} (other_form in diagnosis.json); the constants "
+        f"But not by the list's law: {what[0]} must be taken times {first:.2g} at "
+        f"{what[1]} and {last:.2g} at {what[2]} (other_form in diagnosis.json); the constants "
         "below are those of the law so changed, and an effect of your own would do it justice. "
     )
 
@@ -162,14 +164,26 @@ def _range(values: list[float]) -> float:
 
 
 def _sureness(d: Diagnosis) -> str:
-    """Of the first effect, from the first round."""
-    named = {r.effect: r for r in d.ranking}
-    likely = [named[e].probability for e in d.effects if e in named]
+    """Of the first effect, from the first round; of a form of its own, against the list's."""
     if len(d.effects) == 1:
-        return f"Probability {_percent(likely[0])} among nothing and the effects of the list."
+        listed = next(r for r in d.ranking if r.effect == d.effects[0])
+        if d.stages[-1].shape is None:
+            return (
+                f"Probability {_percent(listed.probability)} among nothing and the list's effects."
+            )
+        by_law = listed.log_bayes_factor
+        return (
+            f"So changed its log Bayes factor against the plain model is {_gain(d):.3g}, by the "
+            f"list's law {f'{by_law:.3g}' if by_law > 0.0 else 'below 0'}."
+        )
     gains = [b.log_evidence - a.log_evidence for a, b in zip(d.stages, d.stages[1:], strict=False)]
     said = _joined([f"{gain:.3g}" for gain in gains])
     return f"Each step raised the log evidence decisively (by {said})."
+
+
+def _gain(d: Diagnosis) -> float:
+    """Log evidence of the last model above the plain one's."""
+    return d.stages[-1].log_evidence - d.stages[0].log_evidence
 
 
 def _runner_up(d: Diagnosis) -> list[str]:
@@ -180,10 +194,12 @@ def _runner_up(d: Diagnosis) -> list[str]:
     if not best or first is None:
         return []
     rival: Ranked = max(best, key=lambda r: r.log_bayes_factor)
-    unit, gap = _units(d).force, first.log_bayes_factor - rival.log_bayes_factor
+    own = len(d.effects) == 1 and d.stages[-1].shape is not None
+    rmse, gain = (d.stages[-1].rmse, _gain(d)) if own else (first.rmse, first.log_bayes_factor)
+    unit, gap = _units(d).force, gain - rival.log_bayes_factor
     text = (
         f"Runner-up: {rival.effect}. It leaves {rival.rmse:.3g} {unit} where {first.effect} leaves "
-        f"{first.rmse:.3g} {unit}"
+        f"{rmse:.3g} {unit}"
     )
     if gap > 0.0:
         return [f"{text}, and the evidence is against it by a log Bayes factor of {gap:.3g}."]

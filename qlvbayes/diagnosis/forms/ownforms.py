@@ -7,25 +7,30 @@ its logarithm,
 .. math:: F = F_0 + (F_1 - F_0) \Big(1 + \frac{s}{y} \sum_{k=0}^5 a_k P_k(s)\Big), \quad
           s = \ln(1 + y/e) / \ln(1 + 1/e), \quad e = 0.05.
 
-Friction that grows with the pressing force: a factor over the force beneath, F_0 over its peak.
+Friction that grows with the pressing force, and a frame that stiffens: a factor over the force
+beneath, F_0 over its peak.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
+from qlvbayes.diagnosis.forms.drainage import PowerDrainage
+from qlvbayes.diagnosis.forms.otherform import SD, AbstractOtherForm, OtherForm, Shape, pairs
 from qlvbayes.diagnosis.freeform import polynomials, slopes_of_polynomials
-from qlvbayes.diagnosis.otherform import SD, OtherForm, Shape, pairs
 from qlvbayes.diagnosis.samples import Samples
 from qlvbayes.effects.contact_offset import ContactOffset
 from qlvbayes.effects.fluid_leak import FluidLeak
+from qlvbayes.effects.fluid_pressure import FluidPressure
 from qlvbayes.effects.force_drift import ForceDrift
+from qlvbayes.effects.frame_compliance import FrameCompliance
 from qlvbayes.effects.friction import Friction
 from qlvbayes.experiment import Trial
-from qlvbayes.inference.gaussnewton import Point, predict_along
+from qlvbayes.inference.gaussnewton import Point
 
 _CONTACT_ORDERS = 5
 _CLOCK_ORDERS = 6
@@ -53,13 +58,12 @@ class GradualContact(OtherForm):
         """(5, ...) polynomials of depth; the clock has no part in it."""
         return polynomials(depth, _CONTACT_ORDERS)
 
-    def combine(
-        self, constants: np.ndarray, directions: np.ndarray, coefficients: np.ndarray
+    def beneath(
+        self, constants: np.ndarray, directions: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """The plain model times the factor."""
-        full, slopes = predict_along(self.ensemble, constants, directions)
-        factor = 1.0 + np.tensordot(coefficients, self.at_blocks, 1)
-        return full * factor, np.concatenate([slopes * factor, full * self.at_blocks])
+        """Nothing: the factor is the whole force's."""
+        shape = self.ensemble.posterior.record.blocks.force.shape
+        return np.zeros(shape), np.zeros((len(directions), *shape))
 
     def base(self, samples: Samples, constants: np.ndarray) -> list[list[np.ndarray]]:
         """Nothing."""
@@ -102,54 +106,54 @@ class WithForce(OtherForm):
         """(3,) of the coefficients' priors."""
         return SD / np.arange(1, _FORCE_ORDERS + 1)
 
-    def combine(
-        self, constants: np.ndarray, directions: np.ndarray, coefficients: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """As of any other form; the factor too changes with the constants."""
-        off = self.without(constants)
-        moving = np.where(off == constants, directions, 0.0)  # at its null the effect stays there
-        full, slopes = predict_along(self.ensemble, constants, directions)
-        base, base_slopes = predict_along(self.ensemble, off, moving)
+    def over(self, base: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(3, T, B) polynomials of the force, and their slopes."""
         peak = self.experiment.scales.force
-        curves = polynomials(base / peak, _FORCE_ORDERS)
         steep = slopes_of_polynomials(base / peak, _FORCE_ORDERS) / peak
-        factor = 1.0 + np.tensordot(coefficients, curves, 1)
-        added = full - base
-        own = base_slopes * (1.0 + added * np.tensordot(coefficients, steep, 1))
-        own += (slopes - base_slopes) * factor
-        return base + added * factor, np.concatenate([own, added * curves])
+        return polynomials(base / peak, _FORCE_ORDERS), steep
 
     def at_samples(
         self, trial: Trial, time: np.ndarray, base: np.ndarray, coefficients: np.ndarray
     ) -> np.ndarray:
-        """The factor (..., N) where the force beneath is base (..., N)."""
+        """The factor (N,) where the force beneath is base (N,)."""
         curves = polynomials(base / self.experiment.scales.force, _FORCE_ORDERS)
-        return 1.0 + np.einsum("...k,k...n->...n", coefficients, curves)
+        return 1.0 + coefficients @ curves
 
-    def least(self, point: Point) -> float:
-        """The smallest factor at any force over the largest."""
-        factor = self._over_force(point)
-        return float(factor.min() / np.abs(factor).max())
+    def factors(self, point: Point) -> np.ndarray:
+        """(201,) from no force to the peak."""
+        _, coefficients = self.split(point.theta)
+        return 1.0 + coefficients @ polynomials(_GRID, _FORCE_ORDERS)
 
     def is_typical(self, point: Point) -> bool:
         """It grows with the force."""
-        factor = self._over_force(point)
+        factor = self.factors(point)
         below = np.maximum.accumulate(factor) - factor
         return bool(below.max() < _BELOW * factor.max())
 
     def shape(self, point: Point) -> Shape:
         """The fitted factor at five forces."""
         forces = self.experiment.scales.force * np.linspace(0.0, 1.0, 5)
-        return Shape(self.effect, over_force=pairs(forces, self._over_force(point)[::50]))
-
-    def _over_force(self, point: Point) -> np.ndarray:
-        _, coefficients = self.split(point.theta)
-        return 1.0 + np.tensordot(coefficients, polynomials(_GRID, _FORCE_ORDERS), 1)
+        return Shape(self.effect, over_force=pairs(forces, self.factors(point)[::50]))
 
 
-OWN_FORMS: dict[str, type[OtherForm]] = {
+@dataclass(frozen=True, eq=False)
+class StiffeningFrame(WithForce):
+    """A frame that gives way less and less: its part in the constants hides the list's law."""
+
+    share: ClassVar[float] = -math.inf
+
+    def is_typical(self, point: Point) -> bool:
+        """The factor falls with the force, and the frame always gives way."""
+        factor = self.factors(point)
+        above = factor - np.minimum.accumulate(factor)
+        return bool(above.max() < _BELOW * factor.max() and factor.min() > 0.0)
+
+
+OWN_FORMS: dict[str, type[AbstractOtherForm]] = {
     ContactOffset.name: GradualContact,
     FluidLeak.name: LevellingOff,
+    FluidPressure.name: PowerDrainage,
     ForceDrift.name: LevellingOff,
+    FrameCompliance.name: StiffeningFrame,
     Friction.name: WithForce,
 }

@@ -9,6 +9,8 @@ grows with depth or a drift that levels off is then still a drag or a drift.
 
 from __future__ import annotations
 
+import math
+from abc import abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -28,21 +30,52 @@ class Shape:
     """What an effect is multiplied by.
 
     over_depth: (depth in mm, factor) at mid-clock; over_clock: (clock in s, factor) at mid-depth;
-    over_force: (force beneath in N, factor). Empty where the form knows no such change.
+    over_force: (force beneath in N, factor); over_pressure: (pressure in N, factor of the rate at
+    which it drains). Empty where the form knows no such change.
     """
 
     effect: str
     over_depth: tuple[tuple[float, float], ...] = ()
     over_clock: tuple[tuple[float, float], ...] = ()
     over_force: tuple[tuple[float, float], ...] = ()
+    over_pressure: tuple[tuple[float, float], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
-class OtherForm(AbstractFreeForm):
-    """One effect of a model, free to change its form; see the module."""
+class AbstractOtherForm(AbstractFreeForm):
+    """One effect of a model, in another form.
+
+    replaces: whether the subset does without the effect, whose law the form takes the place of;
+    share: of the gain in log evidence, with which the list's law is enough for the form to be
+    tried, although others stand before it; infinite where it must stand among the first itself.
+    """
 
     effect: str
-    replaces: ClassVar[bool] = False  # the list's law: the subset does not hold the effect
+    replaces: ClassVar[bool] = False
+    share: ClassVar[float] = math.inf
+
+    @abstractmethod
+    def predict(
+        self, samples: Samples, constants: np.ndarray, coefficients: np.ndarray
+    ) -> list[list[np.ndarray]]:
+        """Force of constants (W, P) and coefficients (W, J) at the samples: [W][T] arrays (n,)."""
+
+    @abstractmethod
+    def least(self, point: Point) -> float:
+        """The smallest factor anywhere over the largest."""
+
+    @abstractmethod
+    def is_typical(self, point: Point) -> bool:
+        """Whether the change is one that the effect is known for, however large."""
+
+    @abstractmethod
+    def shape(self, point: Point) -> Shape:
+        """The fitted change at five places."""
+
+
+@dataclass(frozen=True, eq=False)
+class OtherForm(AbstractOtherForm):
+    """What an effect adds, times a factor; see the module."""
 
     @property
     def sds(self) -> np.ndarray:
@@ -64,14 +97,26 @@ class OtherForm(AbstractFreeForm):
         self, constants: np.ndarray, directions: np.ndarray, coefficients: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """The model without the effect, and what it adds times the factor."""
+        full, slopes = predict_along(self.ensemble, constants, directions)
+        base, base_slopes = self.beneath(constants, directions)
+        curves, steep = self.over(base)
+        factor = 1.0 + np.tensordot(coefficients, curves, 1)
+        added = full - base
+        own = base_slopes + (slopes - base_slopes) * factor
+        own += base_slopes * added * np.tensordot(coefficients, steep, 1)
+        return base + added * factor, np.concatenate([own, added * curves])
+
+    def beneath(
+        self, constants: np.ndarray, directions: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Block means (T, B) without the effect, and slopes (F, T, B) along directions (F, P)."""
         off = self.without(constants)
         moving = np.where(off == constants, directions, 0.0)  # at its null the effect stays there
-        full, slopes = predict_along(self.ensemble, constants, directions)
-        base, base_slopes = predict_along(self.ensemble, off, moving)
-        factor = 1.0 + np.tensordot(coefficients, self.at_blocks, 1)
-        own = base_slopes + (slopes - base_slopes) * factor
-        added = full - base
-        return base + added * factor, np.concatenate([own, added * self.at_blocks])
+        return predict_along(self.ensemble, off, moving)
+
+    def over(self, base: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(J, T, B) the factor's curves at the blocks, and their slopes over the force beneath."""
+        return self.at_blocks, np.zeros_like(self.at_blocks)
 
     def factor(self, depth: np.ndarray, clock: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
         """What the effect is multiplied by (..., N) at depths (N,) and clock times (N,)."""
@@ -82,32 +127,34 @@ class OtherForm(AbstractFreeForm):
     def at_samples(
         self, trial: Trial, time: np.ndarray, base: np.ndarray, coefficients: np.ndarray
     ) -> np.ndarray:
-        """The factor (..., N) at times (N,) of one trial, where the force beneath is base."""
+        """The factor (N,) at times (N,) of one trial, where the force beneath is base (N,)."""
         clock = trial.test.start_s - self.experiment.clock_zero + time
         return self.factor(trial.trajectory.displacement(time), clock, coefficients)
 
-    def least(self, point: Point) -> float:
-        """The smallest factor at any block over the largest."""
+    def factors(self, point: Point) -> np.ndarray:
+        """The factor wherever it counts."""
         _, coefficients = self.split(point.theta)
-        factor = 1.0 + np.tensordot(coefficients, self.at_blocks, 1)
-        factor = factor[np.asarray(self.ensemble.posterior.record.blocks.real)]
-        return float(factor.min() / np.abs(factor).max())
+        real = np.asarray(self.ensemble.posterior.record.blocks.real)
+        return 1.0 + coefficients @ self.at_blocks[:, real]
+
+    def least(self, point: Point) -> float:
+        """The smallest factor over the largest."""
+        factors = self.factors(point)
+        return float(factors.min() / np.abs(factors).max())
 
     def is_typical(self, point: Point) -> bool:
-        """Whether the change is one that the effect is known for, however large."""
+        """Never: a smooth factor could stand for anything."""
         return False
 
-    def predict(self, samples: Samples, points: list[Point]) -> list[list[np.ndarray]]:
-        """Force of some points at each trial's samples: [W][T] arrays (n,)."""
-        constants = np.stack([point.constants for point in points])
+    def predict(
+        self, samples: Samples, constants: np.ndarray, coefficients: np.ndarray
+    ) -> list[list[np.ndarray]]:
+        """The force without the effect, and what it adds times the factor."""
         full, base = samples.predict(constants), self.base(samples, constants)
+        times = [t.test.time[rows] for t, rows in zip(samples.trials, samples.rows, strict=True)]
         found = []
-        for point, with_it, without in zip(points, full, base, strict=True):
-            _, coefficients = self.split(point.theta)
-            factors = [
-                self.at_samples(trial, trial.test.time[rows], beneath, coefficients)
-                for trial, rows, beneath in zip(samples.trials, samples.rows, without, strict=True)
-            ]
+        for with_it, without, own in zip(full, base, coefficients, strict=True):
+            factors = map(self.at_samples, samples.trials, times, without, [own] * len(times))
             found.append(
                 [b + (f - b) * x for f, b, x in zip(with_it, without, factors, strict=True)]
             )
