@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import jax.numpy as jnp
 import numpy as np
 
 from qlvbayes.data import Pad, Test
 from qlvbayes.kinematics.phases import Phase, find_phases, loading_rate
 from qlvbayes.kinematics.trajectory import Trajectory, smooth
+from qlvbayes.noise import Correlated
 from qlvbayes.noisefloor import NoiseFloor, measure
 from qlvbayes.records.batching import batch
 from qlvbayes.records.record import Record
@@ -51,6 +53,11 @@ class Experiment:
     trials: tuple[Trial, ...]
     floor: NoiseFloor
     fluid: str | None = None
+
+    @property
+    def noise_at_rest(self) -> Correlated:
+        """The noise floor as a noise model."""
+        return Correlated(*map(jnp.asarray, (self.floor.white, self.floor.ou, self.floor.tau)))
 
     def with_role(self, role: str) -> tuple[Trial, ...]:
         """The trials that are fitted, or those that validate."""

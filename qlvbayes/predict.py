@@ -11,7 +11,6 @@ import numpy as np
 from qlvbayes.choices import Choices
 from qlvbayes.experiment import Experiment, Trial
 from qlvbayes.inference import compiled
-from qlvbayes.noise import Correlated
 from qlvbayes.parameters import names
 from qlvbayes.posterior import Posterior
 from qlvbayes.records.batching import batch
@@ -146,10 +145,8 @@ def _noise(posterior: Posterior, matrix: np.ndarray, rng: np.random.Generator) -
 def _floor_draws(
     experiment: Experiment, posterior: Posterior, rng: np.random.Generator
 ) -> np.ndarray:
-    floor = experiment.floor
-    noise = Correlated(*(np.asarray(x) for x in (floor.white, floor.ou, floor.tau)))
     keys = rng.integers(0, 2**32, (DRAWS, 2), dtype=np.uint32)
-    return np.asarray(compiled.noise_draws(noise, posterior.record.blocks, keys))
+    return np.asarray(compiled.noise_draws(experiment.noise_at_rest, posterior.record.blocks, keys))
 
 
 def _prediction(

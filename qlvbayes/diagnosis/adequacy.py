@@ -34,6 +34,7 @@ from numpy.polynomial import legendre
 from scipy.stats import chi2, combine_pvalues
 from scipy.stats import f as fisher
 
+from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.experiment import Experiment, Trial
 from qlvbayes.inference.gaussnewton import Point, pad_directions, predict_along
 from qlvbayes.inference.linearised import whitened
@@ -82,6 +83,10 @@ class Adequacy:
         cells = self.cells_p_value
         both = float(combine_pvalues([max(p, _LEAST_P) for p in (cells, self.noise_p_value)])[1])
         return min(2.0 * min(cells, both), 1.0)
+
+    def is_sound(self, settings: Settings) -> bool:
+        """Whether no structure is left that chance would not make."""
+        return self.p_value >= settings.false_alarms
 
     @property
     def worst(self) -> CellTest:

@@ -53,7 +53,7 @@ def diagnose(
     compile_ahead(ensemble, samples)
     candidates = ensemble.candidates
     path = search(ensemble, samples, candidates, settings, tell)
-    if adequacy(experiment, ensemble, path.last.point).p_value >= settings.false_alarms:
+    if adequacy(experiment, ensemble, path.last.point).is_sound(settings):
         settle(ensemble, samples, path, candidates, settings, tell)
     tell("testing what is left")
     found = judged(experiment, ensemble, samples, path, settings, tell)

@@ -47,7 +47,7 @@ def judged(
     alike = _alike(experiment, ensemble, path, settings)
     group = tuple(contender.effect for contender in alike)
     explanations = [(c.log_bayes_factor, c.point) for c in alike if c.point is not None]
-    sound = adequacies[-1].p_value >= settings.false_alarms
+    sound = adequacies[-1].is_sound(settings)
     tell("trying other forms of the effects")
     step, forms = other_forms(experiment, ensemble, samples, path, sound, settings)
     if step is not None:
@@ -67,10 +67,7 @@ def _alike(
 
     def sound(contender: Contender) -> bool:
         point = contender.point
-        return (
-            point is not None
-            and adequacy(experiment, ensemble, point).p_value >= settings.false_alarms
-        )
+        return point is not None and adequacy(experiment, ensemble, point).is_sound(settings)
 
     near = rivals(path, settings)
     return [c for k, c in enumerate(near) if k == 0 or sound(c)]
@@ -99,7 +96,7 @@ def _spring(experiment: Experiment, ensemble: Ensemble, path: Path) -> float | N
 def _verdict(
     path: Path, last: Adequacy, group: tuple[str, ...], spring: float | None, settings: Settings
 ) -> str:
-    if last.p_value < settings.false_alarms or (spring or 0.0) > settings.spring:
+    if not last.is_sound(settings) or (spring or 0.0) > settings.spring:
         return "unexplained"
     if not path.last.effects:
         return "adequate"

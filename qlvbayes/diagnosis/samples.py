@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import jax.numpy as jnp
 import numpy as np
 
 from qlvbayes.experiment import Experiment, Trial
@@ -16,8 +15,6 @@ from qlvbayes.posterior import Posterior
 from qlvbayes.predict import thinned_record
 from qlvbayes.records.batching import batch
 from qlvbayes.records.record import Record
-
-_LEAST = 1e-12  # N, sd of a part of the noise that is not there
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,9 +38,7 @@ class Samples:
         rows, records = zip(
             *(thinned_record(experiment, trial) for trial in experiment.trials), strict=True
         )
-        floor = experiment.floor
-        noise = Correlated(*map(jnp.asarray, (floor.white, max(floor.ou, _LEAST), floor.tau)))
-        return cls(experiment.trials, rows, batch(records), noise, ensemble)
+        return cls(experiment.trials, rows, batch(records), experiment.noise_at_rest, ensemble)
 
     def predict(self, constants: np.ndarray) -> list[list[np.ndarray]]:
         """Force of constants (W, P) at each trial's samples: [W][T] arrays (n,)."""

@@ -91,7 +91,7 @@ def _stage(work: Work, k: int, settings: Settings) -> Stage:
         log_evidence=float(step.point.log_evidence),
         p_value=tested.p_value,
         noise_p_value=tested.noise_p_value,
-        sound=tested.p_value >= settings.false_alarms,
+        sound=tested.is_sound(settings),
         cells=tuple(cell_errors(work.samples, step.residuals)),
         failing=tuple((c.test, c.phase) for c in tested.cells if c.p_value < level),
         parameters=_estimates(work, step.point, _is_of_pad),

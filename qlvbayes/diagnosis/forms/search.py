@@ -62,7 +62,7 @@ def other_forms(
             return None
         left = adequacy_along(experiment, ensemble, best, *form.along(best))
         found = Found(form, effects, before, best, left)
-        good = left.p_value >= settings.false_alarms and resembles(found, settings)
+        good = left.is_sound(settings) and resembles(found, settings)
         return found if good else None
 
     for attempts in turns(experiment, ensemble, path, sound):
