@@ -168,9 +168,8 @@ def _sureness(d: Diagnosis) -> str:
     if len(d.effects) == 1:
         listed = next(r for r in d.ranking if r.effect == d.effects[0])
         if d.stages[-1].shape is None:
-            return (
-                f"Probability {_percent(listed.probability)} among nothing and the list's effects."
-            )
+            likely = _percent(listed.probability)
+            return f"Probability {likely} among nothing and the effects of the list."
         by_law = listed.log_bayes_factor
         return (
             f"So changed its log Bayes factor against the plain model is {_gain(d):.3g}, by the "
