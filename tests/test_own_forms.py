@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 from test_other_forms import diagnosed
 
+from qlvbayes.cli.diagnosis_tables import ranking_table
 from qlvbayes.diagnosis.forms.ownforms import LevellingOff, StiffeningFrame, WithForce
 from qlvbayes.diagnosis.words import paragraphs
+from qlvbayes.plots.evidence import plot_evidence
+from qlvbayes.report.boxes import verdict_line
 from qlvbayes.synthetic import FORMS, PAPER_RATES
 
 CLOCK = np.linspace(0.0, 1.0, 400)
@@ -136,3 +139,20 @@ def test_a_frame_that_softens_is_not_typical(frame):
     for first in (0.5, -1.1):  # grows with the force; below 0 at the peak
         values = [first, *np.zeros(coefficients.size - 1)]
         assert not step.form.is_typical(replace(step.point, theta=np.append(theta, values)))
+
+
+def test_the_form_stands_above_the_lists_laws(frame):
+    """In the figure and on the terminal: with its Bayes factor, without a probability."""
+    axis = plot_evidence(frame)
+    assert axis.get_yticklabels()[0].get_text() == "frame_compliance\n(other form)"
+    assert axis.patches[0].get_width() == pytest.approx(frame.own_form.log_bayes_factor)
+    labels = [tick.get_text() for tick in axis.get_yticklabels() if tick.get_fontweight() == "bold"]
+    assert labels == ["frame_compliance\n(other form)"]
+    columns = ranking_table(frame, "N").columns
+    first, probability = (next(iter(column.cells)) for column in columns[:2])
+    assert (first, probability) == ("frame_compliance (other form)", "")
+
+
+def test_the_report_says_that_the_law_is_another(frame):
+    said = verdict_line(frame.as_dict())
+    assert said == "The plain model lacks one effect, not by its usual law:"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rich.table import Table
 
-from qlvbayes.diagnosis.verdict import Diagnosis, Estimate
+from qlvbayes.diagnosis.verdict import Diagnosis, Estimate, Ranked
 
 _MOST = 8  # hypotheses shown
 
@@ -36,15 +36,21 @@ def ranking_table(found: Diagnosis, unit: str) -> Table:
     for name in ("probability", "log Bayes factor", f"RMSE {unit}"):
         table.add_column(name, justify="right")
     table.add_column("constants")
+    if found.own_form is not None:
+        name = f"{found.own_form.effect} (other form)"
+        table.add_row(name, "", *_figures(found.own_form))
     for ranked in found.ranking[:_MOST]:
-        table.add_row(
-            "nothing" if ranked.effect == "none" else ranked.effect,
-            f"{ranked.probability:.3f}",
-            f"{ranked.log_bayes_factor:.1f}",
-            "" if ranked.rmse is None else f"{ranked.rmse:.4g}",
-            ", ".join(_constant(name, e) for name, e in ranked.parameters.items()),
-        )
+        name = "nothing" if ranked.effect == "none" else ranked.effect
+        table.add_row(name, f"{ranked.probability:.3f}", *_figures(ranked))
     return table
+
+
+def _figures(ranked: Ranked) -> tuple[str, str, str]:
+    return (
+        f"{ranked.log_bayes_factor:.1f}",
+        "" if ranked.rmse is None else f"{ranked.rmse:.4g}",
+        ", ".join(_constant(name, e) for name, e in ranked.parameters.items()),
+    )
 
 
 def _constant(name: str, e: Estimate) -> str:

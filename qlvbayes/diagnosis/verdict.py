@@ -134,6 +134,24 @@ class Diagnosis:
         return self.stages[-1].effects
 
     @property
+    def own_form(self) -> Ranked | None:
+        """The one effect named where it has another form than the list's, which the ranking lacks.
+
+        Its log Bayes factor is against the plain model. No probability (nan): a form is not one of
+        the hypotheses that share it.
+        """
+        first, last = self.stages[0], self.stages[-1]
+        if last.shape is None or len(last.effects) != 1:
+            return None
+        name, gain = last.shape.effect, last.log_evidence - first.log_evidence
+        own = {
+            key.removeprefix(f"{name}."): value
+            for key, value in last.parameters.items()
+            if key.startswith(f"{name}.")
+        }
+        return Ranked(name, math.nan, gain, last.rmse, own)
+
+    @property
     def worst(self) -> CellError:
         """The cell in which the plain model fails worst."""
         return max(self.stages[0].cells, key=lambda cell: cell.rmse)

@@ -167,12 +167,12 @@ def _sureness(d: Diagnosis) -> str:
     """Of the first effect, from the first round; of a form of its own, against the list's."""
     if len(d.effects) == 1:
         listed = next(r for r in d.ranking if r.effect == d.effects[0])
-        if d.stages[-1].shape is None:
+        if d.own_form is None:
             likely = _percent(listed.probability)
             return f"Probability {likely} among nothing and the effects of the list."
-        by_law = listed.log_bayes_factor
+        by_law, changed = listed.log_bayes_factor, d.own_form.log_bayes_factor
         return (
-            f"So changed its log Bayes factor against the plain model is {_gain(d):.3g}, by the "
+            f"So changed its log Bayes factor against the plain model is {changed:.3g}, by the "
             f"list's law {f'{by_law:.3g}' if by_law > 0.0 else 'below 0'}."
         )
     gains = [b.log_evidence - a.log_evidence for a, b in zip(d.stages, d.stages[1:], strict=False)]
@@ -180,25 +180,19 @@ def _sureness(d: Diagnosis) -> str:
     return f"Each step raised the log evidence decisively (by {said})."
 
 
-def _gain(d: Diagnosis) -> float:
-    """Log evidence of the last model above the plain one's."""
-    return d.stages[-1].log_evidence - d.stages[0].log_evidence
-
-
 def _runner_up(d: Diagnosis) -> list[str]:
     """Why the next best single effect lost."""
     taken = set(d.tried) | set(d.group)
     best = [r for r in d.ranking if r.effect not in taken | {"none"} and r.rmse is not None]
-    first = next((r for r in d.ranking if d.tried and r.effect == d.tried[0]), None)
+    listed = next((r for r in d.ranking if d.tried and r.effect == d.tried[0]), None)
+    first = d.own_form or listed
     if not best or first is None:
         return []
     rival: Ranked = max(best, key=lambda r: r.log_bayes_factor)
-    own = len(d.effects) == 1 and d.stages[-1].shape is not None
-    rmse, gain = (d.stages[-1].rmse, _gain(d)) if own else (first.rmse, first.log_bayes_factor)
-    unit, gap = _units(d).force, gain - rival.log_bayes_factor
+    unit, gap = _units(d).force, first.log_bayes_factor - rival.log_bayes_factor
     text = (
         f"Runner-up: {rival.effect}. It leaves {rival.rmse:.3g} {unit} where {first.effect} leaves "
-        f"{rmse:.3g} {unit}"
+        f"{first.rmse:.3g} {unit}"
     )
     if gap > 0.0:
         return [f"{text}, and the evidence is against it by a log Bayes factor of {gap:.3g}."]

@@ -158,5 +158,6 @@ def _change(before: Stage, after: Stage, most: int) -> str:
     lines = [f"+ {broken(name, most)}" for name in added]
     lines += [f"− {broken(name, most)}" for name in dropped]
     if after.shape is not None:
-        lines.append(f"{broken(after.shape.effect, most)}\nin other form")
+        known = [] if after.shape.effect in added else [broken(after.shape.effect, most)]
+        lines += [*known, "in other form"]
     return "\n".join(lines)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import exp, isfinite
+from math import exp, isfinite, isnan
 from textwrap import fill
 from typing import Any
 
@@ -55,6 +55,8 @@ _NAMED, _GROUP, _TRIED, _REFITTED, _SCREENED = _LOOKS
 def plot_evidence(diagnosis: Diagnosis, *, width: float = DOUBLE) -> Axes:
     """Draw each hypothesis' log Bayes factor over the plain model, the likeliest on top.
 
+    Above them stands what is named in another form than the list's, which has no probability.
+
     The number and the posterior probability stand beside the bar; ``none`` is the plain model
     itself. Effects named in the verdict are dark blue, others that explain the tests as well are
     light blue with a frame, and hatched ones were settled without a refit. A cross marks an effect
@@ -62,17 +64,22 @@ def plot_evidence(diagnosis: Diagnosis, *, width: float = DOUBLE) -> Axes:
     """
     tight = narrow(width)
     with style():
-        ranking = diagnosis.ranking
+        ranking = _rows(diagnosis)
         height = _FRAME + tight * _TIGHT_FRAME + _ROW * len(ranking)
         figure = Figure((width * MM, height * MM), layout="constrained")
         axis = figure.subplots()
         for row, ranked in enumerate(ranking):
             _bar(axis, row, ranked, _look(diagnosis, ranked))
         _scale(axis, [r.log_bayes_factor for r in ranking if isfinite(r.log_bayes_factor)], tight)
-        _label(axis, diagnosis)
+        _label(axis, diagnosis, ranking)
         _legend(figure, diagnosis, tight)
         _notes(figure, diagnosis, tight)
     return axis
+
+
+def _rows(diagnosis: Diagnosis) -> tuple[Ranked, ...]:
+    own = diagnosis.own_form
+    return diagnosis.ranking if own is None else (own, *diagnosis.ranking)
 
 
 def _look_of(name: str) -> dict[str, Any]:
@@ -85,13 +92,19 @@ def _look_of(name: str) -> dict[str, Any]:
 
 
 def _look(diagnosis: Diagnosis, ranked: Ranked) -> str:
+    plain = _SCREENED if ranked.rmse is None else _REFITTED
+    own = diagnosis.own_form
+    if own is not None and own.effect == ranked.effect:
+        return _NAMED if _is_form(ranked) else plain
     if ranked.effect in diagnosis.effects:
         return _NAMED
     if ranked.effect in diagnosis.group:
         return _GROUP
-    if ranked.effect in diagnosis.tried:
-        return _TRIED
-    return _SCREENED if ranked.rmse is None else _REFITTED
+    return _TRIED if ranked.effect in diagnosis.tried else plain
+
+
+def _is_form(ranked: Ranked) -> bool:
+    return isnan(ranked.probability)
 
 
 def _bar(axis: Axes, row: int, ranked: Ranked, look: str) -> None:
@@ -119,6 +132,8 @@ def _beside(
 
 
 def _share(probability: float) -> str:
+    if isnan(probability):
+        return "–"
     percent = 100.0 * probability
     if percent < 0.1:
         return "< 0.1 %"
@@ -148,15 +163,11 @@ def _ticks(low: float, high: float, tight: bool) -> list[float]:
     return [x for x in ticks if x >= 1.3 * low]
 
 
-def _label(axis: Axes, diagnosis: Diagnosis) -> None:
-    ranking, refused = diagnosis.ranking, _refused(diagnosis)
-    names = [_NONE if r.effect == "none" else shortened(r.effect) for r in ranking]
-    names = [
-        f"{name} ×" if r.effect in refused else name for name, r in zip(names, ranking, strict=True)
-    ]
+def _label(axis: Axes, diagnosis: Diagnosis, ranking: tuple[Ranked, ...]) -> None:
+    names = [_name(ranked, _refused(diagnosis)) for ranked in ranking]
     axis.set_yticks(range(len(ranking)), names)
     for tick, ranked in zip(axis.get_yticklabels(), ranking, strict=True):
-        marked = ranked.effect in (*diagnosis.effects, *diagnosis.group)
+        marked = _look(diagnosis, ranked) in (_NAMED, _GROUP)
         tick.set_fontweight("bold" if marked else "normal")
     axis.set_ylim(len(ranking) - 0.4, -0.6)
     axis.tick_params(axis="y", length=0)
@@ -175,6 +186,13 @@ def _label(axis: Axes, diagnosis: Diagnosis) -> None:
     )
 
 
+def _name(ranked: Ranked, refused: set[str]) -> str:
+    if ranked.effect == "none":
+        return _NONE
+    mark = "\n(other form)" if _is_form(ranked) else " ×" * (ranked.effect in refused)
+    return shortened(ranked.effect) + mark
+
+
 def _refused(diagnosis: Diagnosis) -> set[str]:
     """Effects of the first round that ranked above the first one added, and were refused."""
     refused = {name for name, _ in diagnosis.refused}
@@ -186,7 +204,7 @@ def _refused(diagnosis: Diagnosis) -> set[str]:
 
 
 def _legend(figure: Figure, diagnosis: Diagnosis, tight: bool) -> None:
-    used = {_look(diagnosis, ranked) for ranked in diagnosis.ranking}
+    used = {_look(diagnosis, ranked) for ranked in _rows(diagnosis)}
     handles = [Patch(**_look_of(name), label=name) for name in _LOOKS if name in used]
     figure.legend(
         handles=handles,
@@ -208,6 +226,8 @@ def _notes(figure: Figure, diagnosis: Diagnosis, tight: bool) -> None:
     ]
     if _refused(diagnosis):
         lines += ["×: refused, predicts left-out tests no better."]
+    if diagnosis.own_form is not None:
+        lines += ["Other form: not by the list's law; the probabilities are those of the laws."]
     if unseen:
         lines += [f"Not ranked, as these tests cannot show them: {', '.join(unseen)}."]
     text = "\n".join(fill(line, _NOTE_TIGHT if tight else _NOTE) for line in lines)

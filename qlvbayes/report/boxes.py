@@ -102,6 +102,8 @@ def _sure(found: dict) -> str:
     named = {entry["effect"]: entry["probability"] for entry in found["ranking"]}
     if len(found["effects"]) != 1 or found["effects"][0] not in named:
         return ""
+    if _other_form(found):
+        return ", not by its usual law"
     return f" (probability {percent(named[found['effects'][0]])})"
 
 
@@ -135,4 +137,16 @@ def _bars(found: dict, unit: str) -> tuple[Bar, ...]:
 def _warnings(pad: PadResults) -> list[str]:
     summary = pad.final.summary
     troubles = summary.get("troubles", []) if summary and not summary["converged"] else []
-    return [f"The sampling has not converged: {text}." for text in troubles]
+    found = [f"The sampling has not converged: {text}." for text in troubles]
+    other = _other_form(pad.diagnosis) if pad.diagnosis else None
+    if other in ((pad.final.summary or {}).get("effects") or []):
+        found.append(
+            f"{other} acts by another law than the usual one, with which the constants below were "
+            "fitted; the diagnosis gives them by its own."
+        )
+    return found
+
+
+def _other_form(found: dict) -> str | None:
+    """The effect named in another form than the list's."""
+    return (found["steps"][-1].get("other_form") or {}).get("effect")

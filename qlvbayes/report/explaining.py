@@ -56,7 +56,8 @@ def explaining_of(pad: PadResults) -> Explaining | None:
     found = pad.diagnosis
     if found is None:
         return None
-    named = set(found["effects"]) | set(found["group"])
+    other = (found["steps"][-1].get("other_form") or {}).get("effect")
+    named = {*found["effects"], *found["group"]} - {other}
     return Explaining(
         pad.name,
         found["verdict"],
@@ -82,13 +83,19 @@ def _spoken(pad: PadResults) -> tuple[str, ...]:
 def _step(step: dict, noise: float) -> Step:
     heldout = step["heldout_rmse_N"]
     return Step(
-        " + ".join(("plain model", *step["effects"])),
+        " + ".join(("plain model", *(_label(step, effect) for effect in step["effects"]))),
         number(step["rmse_N"], zeros=True),
         number(heldout, zeros=True),
         number(None if heldout is None else heldout / noise, zeros=True),
         number(step["log_evidence"], 5),
         str(len(step.get("failing", []))),
     )
+
+
+def _label(step: dict, effect: str) -> str:
+    """The effect, marked where it has another form than the list's."""
+    other = (step.get("other_form") or {}).get("effect")
+    return f"{effect} (other form)" if effect == other else effect
 
 
 def _hypothesis(entry: dict, named: set[str]) -> Hypothesis:

@@ -90,6 +90,11 @@ def _one(
     found = diagnose_into(
         folder, pad, choices, evidence="laplace", seed=settings.seed, watcher=watcher
     )
+    if found.own_form is not None:
+        watcher.notice(
+            f"pad {pad.name}: {found.own_form.effect} is named by another law than the list's, "
+            "which the fit now adds; diagnosis.json has the constants by its own"
+        )
     effects = (*choices.effects, *(e for e in found.effects if e not in choices.effects))
     fuller = replace(choices, effects=effects)
     every = bool(found.effects)

@@ -4,8 +4,9 @@ r"""Fluid pressure that drains at a rate that grows, or falls, with a power of t
           F = F_1 + p_n - p_{n=0}
 
 F_1: the force by the list's law (n = 0); p_0: 5 % of the peak force, where tau is the time of
-drainage whatever n. n = -1/2: the flow through an orifice; n > 0: pores that pressure opens. No
-factor over depth or clock can stand for it, as the pressure remembers.
+drainage whatever n. n = -1/2: the flow through an orifice; n > 0: pores that pressure opens. The
+difference is taken over the platen's displacement. No factor over depth or clock can stand for it,
+as the pressure remembers.
 """
 
 from __future__ import annotations
