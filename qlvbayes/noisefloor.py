@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve_banded, cholesky, cholesky_banded, qr, solve_triangular
-from scipy.optimize import Bounds, minimize
+from scipy.optimize import Bounds, minimize, minimize_scalar
 
 from qlvbayes.kinematics.phases import Phase
 from qlvbayes.kinematics.segments import sensor_noise
@@ -26,6 +26,7 @@ _TAUS = 9
 _USUAL_TAU = 0.03  # of a rest: a longer memory looks like the trend, so that short rests
 _TAU_SD = 1.0  # need a weak prior, log-normal with this sd
 _DECISIVE = 2.0  # log-likelihood by which the second process must win
+_WHITE_RANGE = 2.0  # log of the total, either way, in which the white noise is sought
 _FLOOR = 1e-9  # of the force range, for data without noise
 
 
@@ -53,6 +54,15 @@ class NoiseFloor:
         if self.rests is None:
             return 0.0
         return self.rests.best - self.rests.log_likelihood(white, ou, tau)
+
+    def surprise_of_correlated(self, ou: float, tau: float) -> float:
+        """The same of other correlated noise, the white noise being what then suits the rests."""
+
+        def lost(log_white: float) -> float:
+            return self.surprise(float(np.exp(log_white)), ou, tau)
+
+        around = np.log(self.total) + np.array([-_WHITE_RANGE, _WHITE_RANGE])
+        return float(minimize_scalar(lost, bounds=around, options={"xatol": 0.01}).fun)
 
 
 class Record(Protocol):

@@ -183,6 +183,17 @@ def test_correlated_noise_larger_than_the_rests_show_is_told(plain, white, ou, l
     assert low <= p <= high
 
 
+def test_a_floor_too_faint_to_show_its_memory_does_not_alarm(plain):
+    """Rests that say little of it: all counts as white then, which the fit must not be held to."""
+    work, last = plain.work, plain.work.path.last.point
+    floor = work.experiment.floor
+    assert floor.ou > 0.0
+    constants = last.constants.copy()
+    constants[-3:] = floor.white, floor.ou, floor.tau
+    blind = replace(work.experiment, floor=replace(floor, white=floor.total, ou=0.0))
+    assert swollen(work.ensemble, replace(last, constants=constants), blind) > 0.5
+
+
 def test_noise_of_a_right_model_is_that_of_the_rests(plain):
     """One in ten is below a tenth, at most: the fit and the rests see the same noise."""
     p_values = []

@@ -14,8 +14,9 @@ restricted likelihood) and with no memory longer than a twentieth of a rest, whi
 tell from a trend: it cannot swallow structure by swelling.
 
 Where the fit needs more correlated noise than the floor has, that speaks too: with its sd and
-correlation time the rests lose so much likelihood that a chi^2 with two degrees of freedom gives
-p_n (white noise may well grow while the platen moves: no structure looks like it). With p_1 of the
+correlation time, and what white noise suits them best, the rests lose so much likelihood that a
+chi^2 with two degrees of freedom gives p_n (white noise may well grow while the platen moves: no
+structure looks like it). With p_1 of the
 worst cell (Sidak's correction for their number), p_a of all together and p_f of cells and noise by
 Fisher's method,
 
@@ -135,7 +136,7 @@ def swollen(ensemble: Ensemble, point: Point, experiment: Experiment) -> float:
     fitted, measured = _noises(ensemble, point, experiment)
     if fitted[1] <= measured[1]:  # always so where white noise was asked for
         return 1.0
-    lost = experiment.floor.surprise(measured[0], *fitted[1:])
+    lost = experiment.floor.surprise_of_correlated(*fitted[1:])
     return float(chi2.sf(2.0 * max(lost, 0.0), 2))
 
 
