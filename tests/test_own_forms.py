@@ -7,7 +7,11 @@ import pytest
 from test_other_forms import diagnosed
 
 from qlvbayes.cli.diagnosis_tables import ranking_table
+from qlvbayes.diagnosis.forms.otherform import OtherForm
 from qlvbayes.diagnosis.forms.ownforms import LevellingOff, StiffeningFrame, WithForce
+from qlvbayes.diagnosis.forms.search import other_forms
+from qlvbayes.diagnosis.search import Path
+from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.words import paragraphs
 from qlvbayes.plots.evidence import plot_evidence
 from qlvbayes.report.boxes import verdict_line
@@ -84,6 +88,19 @@ def test_what_levels_off_is_typical_whatever_its_time(leak, time):
 def test_what_does_otherwise_is_not(leak, target):
     form, point, _ = with_sum(leak, LevellingOff, target)
     assert not form.is_typical(point)
+
+
+def test_left_out_tests_confirm_what_does_not_change_with_the_clock(leak, coulomb, monkeypatch):
+    """A leak that levels off is not known in a test left out; friction under pressure is."""
+    monkeypatch.setattr("qlvbayes.diagnosis.forms.search.confirms", lambda step, before: False)
+    found = []
+    for diagnosis in (leak, coulomb):
+        work = diagnosis.work
+        path = Path(work.path.steps[:1], work.path.rounds[:1])
+        step, _ = other_forms(work.experiment, work.ensemble, work.samples, path, False, Settings())
+        found.append(step and type(step.form))
+    assert found[0] is LevellingOff
+    assert found[1] in (None, OtherForm)
 
 
 def test_friction_under_pressure_is_named(coulomb):

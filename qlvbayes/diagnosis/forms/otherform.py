@@ -47,12 +47,14 @@ class AbstractOtherForm(AbstractFreeForm):
 
     replaces: whether the subset does without the effect, whose law the form takes the place of;
     share: of the gain in log evidence, with which the list's law is enough for the form to be
-    tried, although others stand before it; infinite where it must stand among the first itself.
+    tried, although others stand before it; infinite where it must stand among the first itself;
+    clocked: whether it changes with the pad's clock, so that other tests do not tell it in one.
     """
 
     effect: str
     replaces: ClassVar[bool] = False
     share: ClassVar[float] = math.inf
+    clocked: ClassVar[bool] = False
 
     @abstractmethod
     def predict(
@@ -76,6 +78,8 @@ class AbstractOtherForm(AbstractFreeForm):
 @dataclass(frozen=True, eq=False)
 class OtherForm(AbstractOtherForm):
     """What an effect adds, times a factor; see the module."""
+
+    clocked: ClassVar[bool] = True
 
     @property
     def sds(self) -> np.ndarray:

@@ -48,6 +48,7 @@ class GradualContact(OtherForm):
     """Contact that builds up over depth instead of at one: the whole force times a factor."""
 
     replaces: ClassVar[bool] = True
+    clocked: ClassVar[bool] = False
 
     @property
     def sds(self) -> np.ndarray:
@@ -100,6 +101,8 @@ class LevellingOff(OtherForm):
 @dataclass(frozen=True, eq=False)
 class WithForce(OtherForm):
     """A factor over the force beneath."""
+
+    clocked: ClassVar[bool] = False
 
     @property
     def sds(self) -> np.ndarray:

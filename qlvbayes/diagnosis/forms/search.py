@@ -49,7 +49,8 @@ def other_forms(
     first round, side by side: the first turn of which one will do is taken, as an effect free in
     its form can imitate others. Forms that the list's law may be far from are tried at once. Where
     the last step is ``sound``, only steps with fewer effects and contenders that were refused are
-    tried, and they must beat it. Left-out tests must confirm it.
+    tried, and they must beat it. Left-out tests must confirm a form that does not change with the
+    clock: one that does would be carried on to where nothing tells it.
     """
 
     def attempt(one: Attempt) -> Found | None:
@@ -70,7 +71,7 @@ def other_forms(
         good.sort(key=lambda found: -found.point.log_evidence)
         for k, best in enumerate(good):
             step = _step_of(best, samples)
-            if confirms(step, path.steps[0]):
+            if best.form.clocked or confirms(step, path.steps[0]):
                 least = best.point.log_evidence - settings.apart
                 return step, [f for f in good[k:] if f.point.log_evidence > least]
     return None, []
