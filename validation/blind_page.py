@@ -12,7 +12,13 @@ from page import Origin
 from qlvbayes.benchmark.detect import SEEN
 from qlvbayes.benchmark.plan import KINDS
 from qlvbayes.benchmark.report import Report
-from qlvbayes.benchmark.scores import LARGEST_GROUP, QUESTIONS, is_right_or_grouped
+from qlvbayes.benchmark.scores import (
+    LARGEST_GROUP,
+    QUESTIONS,
+    is_right_or_grouped,
+    is_unexplained,
+    names_family,
+)
 from qlvbayes.benchmark.study import NOISE_FACTOR, NOISE_TIME, RETRACTIONS, ROWS, SIZES
 from qlvbayes.diagnosis.settings import Settings
 
@@ -173,13 +179,12 @@ def _constants_table(report: Report) -> str:
 
 
 def _misses(report: Report) -> str:
-    """Listed effects, or none, that could be seen and got a verdict without the truth in it."""
+    """What could be seen and got a verdict without the truth in it."""
+    right = {"form": names_family, "outside": is_unexplained}
     wrong = [
         case
         for case in report.cases
-        if case["seen"]
-        and case["kind"] in ("none", "single", "double")
-        and not is_right_or_grouped(case)
+        if case["seen"] and not right.get(case["kind"], is_right_or_grouped)(case)
     ]
     lines = [f"## Wrong verdicts where the truth could be seen: {len(wrong)}\n"]
     lines += ["| study | hidden | verdict | named | rivals |", "|---|---|---|---|---|"]
