@@ -52,6 +52,16 @@ def contact():
     return diagnosed(OUTSIDE["second_contact"](stiffness=0.35, depth=0.9))
 
 
+def named_in_form(diagnosis, effect, kind):
+    """Alone, in a form of this kind, which leaves no structure and predicts left-out tests."""
+    assert diagnosis.verdict == "missing_effect"
+    assert diagnosis.effects == (effect,)
+    assert isinstance(diagnosis.work.path.last.form, kind)
+    first, last = diagnosis.stages[0], diagnosis.stages[-1]
+    assert last.p_value > 0.003
+    assert last.heldout_rmse < first.heldout_rmse
+
+
 def form_of(diagnosis, effect="force_drift"):
     work = diagnosis.work
     return OtherForm(work.experiment, work.ensemble, work.path.last.point.subset, effect)

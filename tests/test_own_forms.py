@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_other_forms import diagnosed
+from test_other_forms import diagnosed, named_in_form
 
 from qlvbayes.cli.diagnosis_tables import ranking_table
 from qlvbayes.diagnosis.forms.otherform import OtherForm
@@ -134,12 +134,7 @@ def test_a_factor_that_falls_with_force_is_not_typical(coulomb):
 def test_a_frame_that_stiffens_is_named_though_the_constants_hide_it(frame):
     listed = {ranked.effect: ranked.log_bayes_factor for ranked in frame.ranking}
     assert listed["frame_compliance"] < 3.0
-    assert frame.verdict == "missing_effect"
-    assert frame.effects == ("frame_compliance",)
-    assert isinstance(frame.work.path.last.form, StiffeningFrame)
-    last = frame.stages[-1]
-    assert last.p_value > 0.003
-    assert last.heldout_rmse < frame.stages[0].heldout_rmse
+    named_in_form(frame, "frame_compliance", StiffeningFrame)
     assert "at no force" in paragraphs(frame)[0]
 
 

@@ -37,8 +37,7 @@ def ranking_table(found: Diagnosis, unit: str) -> Table:
         table.add_column(name, justify="right")
     table.add_column("constants")
     if found.own_form is not None:
-        name = f"{found.own_form.effect} (other form)"
-        table.add_row(name, "", *_figures(found.own_form))
+        table.add_row(*found.stages[-1].labels, "", *_figures(found.own_form))
     for ranked in found.ranking[:_MOST]:
         name = "nothing" if ranked.effect == "none" else ranked.effect
         table.add_row(name, f"{ranked.probability:.3f}", *_figures(ranked))

@@ -164,7 +164,8 @@ def _ticks(low: float, high: float, tight: bool) -> list[float]:
 
 
 def _label(axis: Axes, diagnosis: Diagnosis, ranking: tuple[Ranked, ...]) -> None:
-    names = [_name(ranked, _refused(diagnosis)) for ranked in ranking]
+    refused = _refused(diagnosis)
+    names = [_name(ranked, refused) for ranked in ranking]
     axis.set_yticks(range(len(ranking)), names)
     for tick, ranked in zip(axis.get_yticklabels(), ranking, strict=True):
         marked = _look(diagnosis, ranked) in (_NAMED, _GROUP)

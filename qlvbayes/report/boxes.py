@@ -102,7 +102,7 @@ def _sure(found: dict) -> str:
     named = {entry["effect"]: entry["probability"] for entry in found["ranking"]}
     if len(found["effects"]) != 1 or found["effects"][0] not in named:
         return ""
-    if _other_form(found):
+    if other_form(found["steps"][-1]):
         return ", not by its usual law"
     return f" (probability {percent(named[found['effects'][0]])})"
 
@@ -138,7 +138,7 @@ def _warnings(pad: PadResults) -> list[str]:
     summary = pad.final.summary
     troubles = summary.get("troubles", []) if summary and not summary["converged"] else []
     found = [f"The sampling has not converged: {text}." for text in troubles]
-    other = _other_form(pad.diagnosis) if pad.diagnosis else None
+    other = other_form(pad.diagnosis["steps"][-1]) if pad.diagnosis else None
     if other in ((pad.final.summary or {}).get("effects") or []):
         found.append(
             f"{other} acts by another law than the usual one, with which the constants below were "
@@ -147,6 +147,6 @@ def _warnings(pad: PadResults) -> list[str]:
     return found
 
 
-def _other_form(found: dict) -> str | None:
-    """The effect named in another form than the list's."""
-    return (found["steps"][-1].get("other_form") or {}).get("effect")
+def other_form(step: dict) -> str | None:
+    """The effect of a step that has another form than the list's."""
+    return (step.get("other_form") or {}).get("effect")

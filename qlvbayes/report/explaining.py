@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from qlvbayes.report.boxes import seen, verdict_line
+from qlvbayes.report.boxes import other_form, seen, verdict_line
 from qlvbayes.report.collect import PadResults
 from qlvbayes.report.numbers import number, percent, with_unit
 
@@ -56,8 +56,7 @@ def explaining_of(pad: PadResults) -> Explaining | None:
     found = pad.diagnosis
     if found is None:
         return None
-    other = (found["steps"][-1].get("other_form") or {}).get("effect")
-    named = {*found["effects"], *found["group"]} - {other}
+    named = {*found["effects"], *found["group"]} - {other_form(found["steps"][-1])}
     return Explaining(
         pad.name,
         found["verdict"],
@@ -94,8 +93,7 @@ def _step(step: dict, noise: float) -> Step:
 
 def _label(step: dict, effect: str) -> str:
     """The effect, marked where it has another form than the list's."""
-    other = (step.get("other_form") or {}).get("effect")
-    return f"{effect} (other form)" if effect == other else effect
+    return f"{effect} (other form)" if effect == other_form(step) else effect
 
 
 def _hypothesis(entry: dict, named: set[str]) -> Hypothesis:

@@ -93,9 +93,8 @@ class LevellingOff(OtherForm):
         clock = self.experiment.scales.clock * _GRID
         sum_ = _GRID * self.factor(np.zeros_like(clock), clock, coefficients)
         top = sum_.max()
-        back = np.maximum.accumulate(sum_) - sum_
         below = _GRID * sum_[-1] - sum_
-        return bool(back.max() < _BACK * top and below.max() < _BELOW * top)
+        return bool(_fall(sum_) < _BACK * top and below.max() < _BELOW * top)
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,8 +129,7 @@ class WithForce(OtherForm):
     def is_typical(self, point: Point) -> bool:
         """It grows with the force."""
         factor = self.factors(point)
-        below = np.maximum.accumulate(factor) - factor
-        return bool(below.max() < _BELOW * factor.max())
+        return bool(_fall(factor) < _BELOW * factor.max())
 
     def shape(self, point: Point) -> Shape:
         """The fitted factor at five forces."""
@@ -148,8 +146,12 @@ class StiffeningFrame(WithForce):
     def is_typical(self, point: Point) -> bool:
         """The factor falls with the force, and the frame always gives way."""
         factor = self.factors(point)
-        above = factor - np.minimum.accumulate(factor)
-        return bool(above.max() < _BELOW * factor.max() and factor.min() > 0.0)
+        return bool(_fall(-factor) < _BELOW * factor.max() and factor.min() > 0.0)
+
+
+def _fall(curve: np.ndarray) -> float:
+    """How far a curve (N,) falls below what it had reached."""
+    return float((np.maximum.accumulate(curve) - curve).max())
 
 
 OWN_FORMS: dict[str, type[AbstractOtherForm]] = {
