@@ -5,7 +5,7 @@ import pytest
 
 from qlvbayes import prepare
 from qlvbayes.benchmark.study import measured
-from qlvbayes.diagnosis.averaging import averaged
+from qlvbayes.diagnosis.averaging import averaged, explanations_of
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.verdict import Estimate
@@ -57,6 +57,24 @@ def test_constants_lie_between_the_rivals_and_are_less_sure(either):
     for name, found in either.constants.items():
         # of one explanation alone, the share of its weight is the least that its variance keeps
         assert found.sd >= last[name].sd * np.sqrt(max(weights) / sum(weights)) * 0.99
+
+
+def test_explanations_out_of_the_window_have_no_part(either):
+    work = either.work
+    wide, narrow = (
+        explanations_of(
+            work.experiment, work.ensemble, work.path, Settings(apart=0.0, window=window)
+        )
+        for window in (10.0, 0.01)
+    )
+    assert [weight for weight, _ in narrow] == [0.0]
+    assert len(wide) > 1
+    assert all(-10.0 < weight <= 0.0 for weight, _ in wide)
+    gains = [point.log_evidence - wide[0][1].log_evidence for _, point in wide]
+    assert all(
+        weight == pytest.approx(gain, abs=3.0)
+        for (weight, _), gain in zip(wide, gains, strict=True)
+    )
 
 
 def test_words_and_json_give_the_averaged_constants(either):

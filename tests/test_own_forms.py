@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_other_forms import diagnosed, named_in_form
+from test_other_forms import ALARMS, diagnosed, named_in_form
 
 from qlvbayes.cli.diagnosis_tables import ranking_table
 from qlvbayes.diagnosis.forms.otherform import OtherForm
@@ -55,7 +55,7 @@ def test_a_leak_that_levels_off_is_named(leak):
     assert leak.verdict == "missing_effect"
     assert leak.effects == ("fluid_leak",)
     last = leak.stages[-1]
-    assert last.p_value > 0.003 > leak.stages[0].p_value
+    assert last.p_value > ALARMS > leak.stages[0].p_value
     assert last.rmse < 1.2 * leak.noise
 
 

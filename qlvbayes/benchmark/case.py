@@ -79,6 +79,7 @@ def _stage(stage: Stage) -> dict:
         "effects": list(stage.effects),
         "rmse": stage.rmse,
         "heldout_rmse": stage.heldout_rmse,
+        "log_evidence": stage.log_evidence,
         "p_value": stage.p_value,
         "parameters": _pairs(stage.parameters),
     }

@@ -131,6 +131,15 @@ def adequacy_along(
     return Adequacy(tuple(tests), joint, swollen(ensemble, point, experiment))
 
 
+def is_sound(
+    experiment: Experiment, ensemble: Ensemble, point: Point | None, settings: Settings
+) -> bool:
+    """Whether a model was fitted and leaves no structure."""
+    if point is None:
+        return False
+    return adequacy(experiment, ensemble, point).is_sound(settings)
+
+
 def swollen(ensemble: Ensemble, point: Point, experiment: Experiment) -> float:
     """P-value of the rests under the fit's correlated noise; 1 where that is below the floor's."""
     fitted, measured = _noises(ensemble, point, experiment)

@@ -1,6 +1,6 @@
-r"""Constants where several effects explain the tests alike: averaged by evidence.
+r"""Constants where the tests do not rule out other explanations: averaged over all of them.
 
-With weights w proportional to the evidence of each explanation (Hoeting et al. 1999,
+With weights w proportional to the posterior probability of each explanation (Hoeting et al. 1999,
 doi:10.1214/ss/1009212519),
 
 .. math:: \mu = \sum_k w_k \mu_k, \quad \sigma^2 = \sum_k w_k (\sigma_k^2 + (\mu_k - \mu)^2)
@@ -8,19 +8,47 @@ doi:10.1214/ss/1009212519),
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.special import softmax
 
+from qlvbayes.diagnosis.adequacy import is_sound
+from qlvbayes.diagnosis.search import Path
+from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.verdict import Estimate
+from qlvbayes.experiment import Experiment
+from qlvbayes.inference.gaussnewton import Point
+from qlvbayes.inference.subset import Ensemble
+
+
+def explanations_of(
+    experiment: Experiment, ensemble: Ensemble, path: Path, settings: Settings
+) -> list[tuple[float, Point]]:
+    """The last model, and those with another effect, or none, in the place of one of its own.
+
+    Log posterior odds against the last model, and optimum, of each that leaves no structure and is
+    in the window.
+    """
+    least = math.exp(-max(settings.window, settings.apart))
+    found = [(0.0, path.last.point)]
+    for effect, place in path.places.items():
+        probabilities = place.probabilities(settings)
+        points = {"none": place.base} | {c.effect: c.point for c in place.contenders}
+        for name, point in points.items():
+            odds = probabilities[name] / probabilities[effect]
+            near = name != effect and odds > least
+            if near and point and is_sound(experiment, ensemble, point, settings):
+                found.append((math.log(odds), point))
+    return found
 
 
 def averaged(
-    log_evidences: Sequence[float], explanations: Sequence[Mapping[str, Estimate]]
+    log_weights: Sequence[float], explanations: Sequence[Mapping[str, Estimate]]
 ) -> dict[str, Estimate]:
     """Mean and sd of every constant that all explanations have."""
-    weights = softmax(np.asarray(log_evidences, dtype=float))
+    weights = softmax(np.asarray(log_weights, dtype=float))
     first, *others = explanations
     return {
         name: _mixture(weights, [found[name] for found in explanations])

@@ -1,4 +1,4 @@
-"""A model with curves of free form in it: what is common to all of them."""
+"""A model with something of free form in it: what is common to all of them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from qlvbayes.inference.subset import Ensemble, Subset
 
 @dataclass(frozen=True, eq=False)
 class AbstractFreeForm:
-    """A subset of an ensemble and curves with coefficients (J,), whose priors are normal about 0.
+    """A subset of an ensemble and coefficients (J,) of its own, whose priors are normal about 0.
 
     A place is theta (D,) of the ensemble followed by the coefficients.
     """
@@ -32,10 +32,6 @@ class AbstractFreeForm:
     @abstractmethod
     def sds(self) -> np.ndarray:
         """(J,) of the coefficients' priors."""
-
-    @abstractmethod
-    def curves(self, depth: np.ndarray, clock: np.ndarray) -> np.ndarray:
-        """(J, ...) at depths and clock times, both from 0 to 1."""
 
     @abstractmethod
     def combine(
@@ -61,7 +57,7 @@ class AbstractFreeForm:
         steps: int = 30,
         worth: float = -math.inf,
     ) -> Point:
-        """The highest point, from a fit without the curves or with them; see ``ascend``."""
+        """The highest point, from a fit without the coefficients or with them; see ``ascend``."""
         start = np.zeros(self.ensemble.posterior.size + self.sds.size)
         start[: point.theta.size] = point.theta
 
@@ -69,17 +65,6 @@ class AbstractFreeForm:
             return self._evaluate(place, weight)
 
         return ascend(at, start, self.free, steps, worth)
-
-    @cached_property
-    def at_blocks(self) -> np.ndarray:
-        """(J, T, B) the curves at the blocks."""
-        record, scales = self.ensemble.posterior.record, self.experiment.scales
-        motion = record.motion
-        middle = 0.5 * (np.asarray(record.blocks.first) + np.asarray(record.blocks.last))
-        places = zip(middle, np.asarray(motion.time), np.asarray(motion.displacement), strict=True)
-        depth = np.stack([np.interp(t, time, displacement) for t, time, displacement in places])
-        clock = np.asarray(motion.start)[:, None] + middle
-        return self.curves(depth / scales.depth, clock / scales.clock)
 
     def along(self, point: Point) -> tuple[np.ndarray, np.ndarray]:
         """Block means (T, B) at a point, and slopes (K, T, B) along its free numbers, padded."""
@@ -123,6 +108,26 @@ class AbstractFreeForm:
             curvature=curvature,
             slopes=slopes,
         )
+
+
+@dataclass(frozen=True, eq=False)
+class AbstractCurvedForm(AbstractFreeForm):
+    """Its coefficients are those of curves over depth and the pad's clock."""
+
+    @abstractmethod
+    def curves(self, depth: np.ndarray, clock: np.ndarray) -> np.ndarray:
+        """(J, ...) at depths and clock times, both from 0 to 1."""
+
+    @cached_property
+    def at_blocks(self) -> np.ndarray:
+        """(J, T, B) the curves at the blocks."""
+        record, scales = self.ensemble.posterior.record, self.experiment.scales
+        motion = record.motion
+        middle = 0.5 * (np.asarray(record.blocks.first) + np.asarray(record.blocks.last))
+        places = zip(middle, np.asarray(motion.time), np.asarray(motion.displacement), strict=True)
+        depth = np.stack([np.interp(t, time, displacement) for t, time, displacement in places])
+        clock = np.asarray(motion.start)[:, None] + middle
+        return self.curves(depth / scales.depth, clock / scales.clock)
 
 
 def _padded(slopes: np.ndarray) -> np.ndarray:

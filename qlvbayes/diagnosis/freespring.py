@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from qlvbayes.diagnosis.freeform import AbstractFreeForm, polynomials
+from qlvbayes.diagnosis.freeform import AbstractCurvedForm, polynomials
 from qlvbayes.inference.gaussnewton import predict_along
 
 _ORDERS = 8
@@ -21,7 +21,7 @@ _SD = 0.03  # of each coefficient
 
 
 @dataclass(frozen=True, eq=False)
-class FreeSpring(AbstractFreeForm):
+class FreeSpring(AbstractCurvedForm):
     """The plain model and the spring; see the module."""
 
     @property

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from qlvbayes.diagnosis.adequacy import Adequacy, adequacy
+from qlvbayes.diagnosis.adequacy import Adequacy, adequacy, is_sound
+from qlvbayes.diagnosis.averaging import explanations_of
 from qlvbayes.diagnosis.contest import Contender
 from qlvbayes.diagnosis.forms.search import other_forms
 from qlvbayes.diagnosis.freespring import FreeSpring
@@ -22,8 +23,8 @@ from qlvbayes.inference.subset import Ensemble
 class Judged:
     """A verdict and what it rests on.
 
-    alike: contenders that the suggested tests are to tell apart; explanations: log evidence and
-    optimum of each model that explains the tests about equally well.
+    alike: contenders that the suggested tests are to tell apart; explanations: log weight and
+    optimum of each model that the tests do not rule out.
     """
 
     work: Work
@@ -46,7 +47,7 @@ def judged(
     adequacies = [adequacy(experiment, ensemble, step.point) for step in path.steps]
     alike = _alike(experiment, ensemble, path, settings)
     group = tuple(contender.effect for contender in alike)
-    explanations = [(c.log_bayes_factor, c.point) for c in alike if c.point is not None]
+    explanations = explanations_of(experiment, ensemble, path, settings)
     sound = adequacies[-1].is_sound(settings)
     tell("trying other forms of the effects")
     step, forms = other_forms(experiment, ensemble, samples, path, sound, settings)
@@ -64,13 +65,10 @@ def _alike(
     experiment: Experiment, ensemble: Ensemble, path: Path, settings: Settings
 ) -> list[Contender]:
     """Effects that may stand in one's place: as likely, and leaving nothing structured."""
-
-    def sound(contender: Contender) -> bool:
-        point = contender.point
-        return point is not None and adequacy(experiment, ensemble, point).is_sound(settings)
-
     near = rivals(path, settings)
-    return [c for k, c in enumerate(near) if k == 0 or sound(c)]
+    return [
+        c for k, c in enumerate(near) if k == 0 or is_sound(experiment, ensemble, c.point, settings)
+    ]
 
 
 def _in_other_form(

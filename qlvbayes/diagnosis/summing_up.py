@@ -46,7 +46,7 @@ def summed_up(
         work=work,
         nested=sampled,
         spring=judged.spring,
-        constants=_constants(work, judged.explanations if verdict == "ambiguous" else []),
+        constants=_constants(work, judged.explanations if named else []),
     )
 
 
@@ -99,9 +99,9 @@ def _stage(work: Work, k: int, settings: Settings) -> Stage:
     )
 
 
-def _constants(work: Work, alike: list[tuple[float, Point]]) -> dict[str, Estimate]:
-    """The plain model's, by the last model; averaged where several (evidence, fit) are alike."""
-    logs, points = zip(*(alike or [(0.0, work.path.last.point)]), strict=True)
+def _constants(work: Work, explanations: list[tuple[float, Point]]) -> dict[str, Estimate]:
+    """The plain model's, averaged over explanations (log weight, fit), or the last model's."""
+    logs, points = zip(*(explanations or [(0.0, work.path.last.point)]), strict=True)
     return averaged(logs, [_estimates(work, point, _is_plain) for point in points])
 
 

@@ -33,7 +33,6 @@ def settle(
         return
     for _ in range(_TURNS):
         tell(f"weighing each of {' + '.join(path.last.effects)} against the others")
-        path.places = {}
         better = None
         for effect in path.last.effects:
             path.places[effect] = found = _round_over(ensemble, path, effect, candidates)
@@ -43,6 +42,7 @@ def settle(
         if better is None:
             return
         path.steps.append(better)
+        path.places = {}
 
 
 def _with_last(ensemble: Ensemble, path: Path) -> Round:

@@ -105,8 +105,8 @@ class Diagnosis:
     ``unexplained``; noise: the floor's sd (N), measured without the model; nested: evidence by
     nested sampling, where it was asked for; discrepancy: typical size (N) of the Gaussian-process
     discrepancy where structure is left; spring: log Bayes factor of a spring of free form, which no
-    list holds, against the effects found; constants: the plain model's, by the last model, averaged
-    by evidence over the group where it is ``ambiguous``.
+    list holds, against the effects found; constants: the plain model's, by the last model; where
+    effects are named, averaged over all explanations that the tests do not rule out.
     """
 
     pad: str

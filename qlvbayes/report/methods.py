@@ -27,8 +27,10 @@ _THRESHOLDS = {
     "decisive": "a first effect is added when its log Bayes factor is above {} and tests left out "
     "are predicted better",
     "lacking": "and only where something of the list is missing with probability {} or more",
-    "further": "a further one, or a form of its own, when its log Bayes factor is above {}",
+    "further": "a further one when its log Bayes factor is above {}",
+    "form": "a form of its own when its log Bayes factor against the list's is above {}",
     "apart": "two effects whose log evidence differs by less than {} are not told apart",
+    "window": "the constants are averaged over all explanations within log posterior odds of {}",
     "likeness": "an effect is named in a form of its own only if the list's form explains {} of "
     "the sum of squares that the other form explains",
     "spring": "the verdict is unexplained where a spring of free form beats the effects found by a "

@@ -45,10 +45,6 @@ class PowerDrainage(AbstractOtherForm):
         """(1,) of the prior of n."""
         return np.array([SD])
 
-    def curves(self, depth: np.ndarray, clock: np.ndarray) -> np.ndarray:
-        """None: it is no factor."""
-        return np.zeros((0, *np.shape(depth)))
-
     @property
     def reference(self) -> float:
         """p_0 (N)."""

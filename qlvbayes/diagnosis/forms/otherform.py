@@ -16,7 +16,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from qlvbayes.diagnosis.freeform import AbstractFreeForm, polynomials
+from qlvbayes.diagnosis.freeform import AbstractCurvedForm, AbstractFreeForm, polynomials
 from qlvbayes.diagnosis.samples import Samples
 from qlvbayes.experiment import Trial
 from qlvbayes.inference.gaussnewton import Point, predict_along
@@ -76,7 +76,7 @@ class AbstractOtherForm(AbstractFreeForm):
 
 
 @dataclass(frozen=True, eq=False)
-class OtherForm(AbstractOtherForm):
+class OtherForm(AbstractOtherForm, AbstractCurvedForm):
     """What an effect adds, times a factor; see the module."""
 
     clocked: ClassVar[bool] = True

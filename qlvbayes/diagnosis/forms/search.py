@@ -55,7 +55,7 @@ def other_forms(
 
     def attempt(one: Attempt) -> Found | None:
         form, effects, before = one
-        least = before.log_evidence + settings.further
+        least = before.log_evidence + settings.form
         if sound:
             least = max(least, _least(path, effects, settings))
         best = form.fit(before, worth=least)
@@ -80,7 +80,7 @@ def other_forms(
 def _least(path: Path, effects: tuple[str, ...], settings: Settings) -> float:
     """Log evidence that effects, one in another form, must have where the last model is sound."""
     last = path.last
-    more = _price(effects, settings) + settings.further - _price(last.effects, settings)
+    more = _price(effects, settings) + settings.form - _price(last.effects, settings)
     return float(last.point.log_evidence + max(more, settings.apart))
 
 
