@@ -11,9 +11,10 @@ class Settings:
 
     decisive: log Bayes factor by which the first effect must beat the plain model (3, that is 20 to
     1, "strong" in Kass & Raftery 1995, doi:10.1080/01621459.1995.10476572); lacking: probability
-    that something is missing, all candidates together, that it takes too; further: by which each
-    further one must (5, that is 150 to 1, "very strong", as every round gives chance another
-    chance); form: by which a form of its own must beat the list's (4, that is 55 to 1);
+    that something is missing, all candidates together, that it takes too (3 to 1, as for apart);
+    further: by which each further one must (5, that is 150 to 1, "very strong", as every round
+    gives chance another chance);
+    form: by which a form of its own must beat the list's (4, that is 55 to 1);
     apart: by which the best must beat another effect to be told from it (1.1, that is 3 to 1, where
     positive evidence begins);
     window: log posterior odds within which other explanations have a part in the constants (3, that
@@ -26,7 +27,7 @@ class Settings:
     """
 
     decisive: float = 3.0
-    lacking: float = 0.6
+    lacking: float = 0.75
     further: float = 5.0
     form: float = 4.0
     apart: float = 1.1

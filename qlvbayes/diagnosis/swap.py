@@ -1,4 +1,4 @@
-"""Where there are two or more effects, another may do better in the place of one of them."""
+"""Where there are two or more effects, another may do better in one's place, or none as well."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.inference.multistart import wide_climb
 from qlvbayes.inference.subset import Ensemble
 
-_TURNS = 3
+_TURNS = 5
 
 
 def settle(
@@ -24,14 +24,14 @@ def settle(
 ) -> None:
     """Put better effects in the place of earlier picks, until every one is the best in its place.
 
-    A pick made while something else was still missing may have been wrong. Leaves in
-    ``path.places`` the round held over each effect's place.
+    A pick made while something else was still missing may have been wrong, and one that is no
+    longer decisive beside all the others goes. Leaves in ``path.places`` the round held over each
+    effect's place.
     """
-    if len(path.last.effects) == 1:
-        path.places = {path.last.effects[0]: _with_last(ensemble, path)}
-    if len(path.last.effects) < 2:
-        return
     for _ in range(_TURNS):
+        path.places = {}
+        if len(path.last.effects) < 2:
+            break
         tell(f"weighing each of {' + '.join(path.last.effects)} against the others")
         better = None
         for effect in path.last.effects:
@@ -39,10 +39,13 @@ def settle(
             better = _better(ensemble, samples, path.last, effect, found)
             if better is not None:
                 break
+        better = better or _without_weakest(ensemble, samples, path, settings)
         if better is None:
             return
         path.steps.append(better)
-        path.places = {}
+    path.places = {}
+    if len(path.last.effects) == 1:
+        path.places = {path.last.effects[0]: _with_last(ensemble, path)}
 
 
 def _with_last(ensemble: Ensemble, path: Path) -> Round:
@@ -85,6 +88,24 @@ def _better(
     return step if confirms(step, last) else None
 
 
+def _without_weakest(
+    ensemble: Ensemble, samples: Samples, path: Path, settings: Settings
+) -> Step | None:
+    """The model without the effect that adds least beside all others, if that is not decisive."""
+    gains = {
+        effect: _holder(found, effect).log_bayes_factor for effect, found in path.places.items()
+    }
+    weakest = min(gains, key=lambda effect: gains[effect])
+    if gains[weakest] >= settings.further:
+        return None
+    rest = tuple(name for name in path.last.effects if name != weakest)
+    return step_at(ensemble, samples, rest, path.places[weakest].base)
+
+
+def _holder(found: Round, effect: str) -> Contender:
+    return next(c for c in found.contenders if c.effect == effect)
+
+
 def rivals(path: Path, settings: Settings) -> tuple[Contender, ...]:
     """The place where most contenders are not told ``apart`` from its holder; the holder first."""
     if not path.places:
@@ -94,7 +115,7 @@ def rivals(path: Path, settings: Settings) -> tuple[Contender, ...]:
 
 
 def _near(found: Round, effect: str, settings: Settings) -> tuple[Contender, ...]:
-    holder = next(c for c in found.contenders if c.effect == effect)
+    holder = _holder(found, effect)
     near = [
         c
         for c in found.contenders
