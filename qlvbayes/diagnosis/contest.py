@@ -7,12 +7,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from qlvbayes.diagnosis.evidence import sampled_evidence
+from qlvbayes.diagnosis.evidence import evidence_of_humps
 from qlvbayes.diagnosis.noticeable import log_noticeable
 from qlvbayes.diagnosis.screen import Score, screen
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.inference.gaussnewton import Point, climb
-from qlvbayes.inference.multistart import wide_climb, wide_climbs
+from qlvbayes.inference.multistart import climbs_anew, wide_climbs
 from qlvbayes.inference.subset import Ensemble
 from qlvbayes.inference.together import together
 
@@ -23,17 +23,22 @@ _WIDE = (3, 2)  # contenders refitted from other relaxation spectra too: best by
 _WIDE_COSTLY = (2, 1)  # fewer where the model runs slowly
 _QUOTED = 2
 _NEAR = 8.0  # log Bayes factor within which the best are compared more carefully
+_CLOSE = 6.0  # within which they are searched for higher humps
 _PROMISING = 1.0  # if the best has a log Bayes factor above this; that another hump is higher
 
 
 @dataclass(frozen=True, eq=False)
 class Contender:
-    """A candidate beside the present model. point: None where the screen settled it."""
+    """A candidate beside the present model.
+
+    point: None where the screen settled it; humps: lower tops of the same model's density.
+    """
 
     effect: str
     log_bayes_factor: float
     score: Score
     point: Point | None
+    humps: tuple[Point, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +94,8 @@ def contest(
         ranked = _restarted(ensemble, base, ranked, found, _other(ensemble, base, humps))
         best = max(known - base.log_evidence, ranked[0].log_bayes_factor)
         ranked = _widened(ensemble, base, ranked, best)
-        ranked = _sampled(ensemble, base, ranked)
+        ranked = _searched(ensemble, ranked)
+        ranked = _sampled(ensemble, [base, *humps[1:]], ranked)
     ranked = [weighed(ensemble, contender) for contender in ranked]
     return Round(base, tuple(_best_first(ranked)), found)
 
@@ -199,32 +205,57 @@ def _promises(contender: Contender) -> bool:
 def _widely(ensemble: Ensemble, base: Point, contender: Contender, worth: float) -> Contender:
     if contender.point is None:
         return contender
-    point = wide_climb(
-        ensemble, contender.point.subset, contender.point.theta, base.log_evidence + worth
-    )
-    if point.log_evidence <= contender.point.log_evidence:
-        return contender
-    gain = max(point.log_evidence - base.log_evidence, contender.log_bayes_factor)
-    return Contender(contender.effect, gain, contender.score, point)
+    start = contender.point
+    found = wide_climbs(ensemble, start.subset, start.theta, base.log_evidence + worth)
+    return _with_humps(contender, found)
 
 
-def _sampled(ensemble: Ensemble, base: Point, contenders: list[Contender]) -> list[Contender]:
+def _sampled(
+    ensemble: Ensemble, bases: list[Point], contenders: list[Contender]
+) -> list[Contender]:
     """Contenders near the best with evidence by importance sampling in place of Laplace's.
 
     On a ridge or against a bound, where an effect that is not there ends up, Laplace's is too high
-    by several units.
+    by several units. Where a density has several humps, that of one alone is too low.
     """
     best = max(c.log_bayes_factor for c in contenders)
     near = [c for c in contenders if c.point is not None and c.log_bayes_factor > best - _NEAR]
-    plain = sampled_evidence(ensemble, base)
+    plain = evidence_of_humps(ensemble, bases)
 
     def sampled(contender: Contender) -> Contender:
         if contender.point is None or contender not in near:
             return contender
-        gain = sampled_evidence(ensemble, contender.point) - plain
+        gain = evidence_of_humps(ensemble, [contender.point, *contender.humps]) - plain
         return replace(contender, log_bayes_factor=gain)
 
     return together(sampled, contenders)
+
+
+def _searched(ensemble: Ensemble, contenders: list[Contender]) -> list[Contender]:
+    """Contenders close to the best, if any, with the humps that are found from anywhere."""
+    best = max(c.log_bayes_factor for c in contenders)
+    close = [c for c in contenders if c.point and c.log_bayes_factor > best - _CLOSE]
+    if len(close) < 2:
+        return contenders
+
+    def search(contender: Contender) -> Contender:
+        if contender not in close or contender.point is None:
+            return contender
+        worth = contender.point.log_evidence - _CLOSE
+        found = climbs_anew(ensemble, contender.point.subset, worth)
+        return _with_humps(contender, found)
+
+    return together(search, contenders)
+
+
+def _with_humps(contender: Contender, found: list[Point]) -> Contender:
+    """The contender with more tops of its density, its own the highest of all."""
+    if contender.point is None:
+        return contender
+    known = [contender.point, *contender.humps, *found]
+    point, *humps = sorted(known, key=lambda top: -top.log_evidence)
+    gain = contender.log_bayes_factor + point.log_evidence - contender.point.log_evidence
+    return replace(contender, log_bayes_factor=gain, point=point, humps=tuple(humps))
 
 
 def _averaged(scores: list[Score]) -> float:

@@ -12,6 +12,7 @@ their number, the lower of this evidence and Laplace's is taken.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import jax
@@ -39,6 +40,8 @@ _OPEN = 0.8  # posterior sd over the prior's, of a constant that the tests leave
 _NEAR = 2.0  # sds from zero
 _SMALL = 0.5  # of a prior's size
 _TOGETHER_TOO_MUCH = 0.99  # correlation
+_LOW = 4.0  # log evidence below the first, at which a hump is left out
+_FAR = 4.0  # sds between two humps
 _RIDGE = 1e4  # condition number of the correlations
 
 
@@ -88,6 +91,25 @@ def sampled_evidence(ensemble: Ensemble, point: Point) -> float:
     if found.effective_draws < _FEW * DRAWS:
         return min(found.log_evidence, point.log_evidence)
     return found.log_evidence
+
+
+def evidence_of_humps(ensemble: Ensemble, tops: Sequence[Point]) -> float:
+    """Log evidence of a density with these tops, the highest first; each hump counts once.
+
+    Humps far below the first have no part in it, nor has a top that lies on another one's hump.
+    """
+    counted: list[Point] = []
+    for top in tops:
+        matters = top.log_evidence > tops[0].log_evidence - _LOW
+        if not counted or (matters and all(_apart(top, other) for other in counted)):
+            counted.append(top)
+    return float(logsumexp([sampled_evidence(ensemble, top) for top in counted]))
+
+
+def _apart(one: Point, two: Point) -> bool:
+    """Whether either lies far out by the other's curvature."""
+    gap = (one.theta - two.theta)[one.subset.theta]
+    return bool(min(gap @ one.curvature @ gap, gap @ two.curvature @ gap) > _FAR**2)
 
 
 def _spread(covariance: np.ndarray) -> np.ndarray:

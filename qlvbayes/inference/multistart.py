@@ -11,6 +11,7 @@ from qlvbayes.inference.subset import Ensemble, Subset
 from qlvbayes.inference.together import together
 
 _STARTS = 6
+_ANEW = 20
 _FIRST_STEPS = 10
 _KEPT = 3  # that are followed to the top
 _SAME = 0.4  # of the numbers of the relaxation, within which two places are one hump
@@ -38,6 +39,20 @@ def wide_climbs(
         places = places[1:]
     thetas = np.tile(theta, (len(places), 1))
     thetas[:, plain] = places
+    return _tops(ensemble, subset, thetas, worth)
+
+
+def climbs_anew(ensemble: Ensemble, subset: Subset, worth: float = -math.inf) -> list[Point]:
+    """Tops of the humps found from draws of all priors, the effects' too, best first.
+
+    Where a mode of the pad and an effect may take each other's place, the way from one to the other
+    leads through neither.
+    """
+    return _tops(ensemble, subset, ensemble.draw(_ANEW).copy(), worth)
+
+
+def _tops(ensemble: Ensemble, subset: Subset, thetas: np.ndarray, worth: float) -> list[Point]:
+    """Tops of the humps found from thetas (N, D), the noise beginning at its prior's centre."""
     thetas[:, ensemble.noise] = ensemble.centre[ensemble.noise]
 
     def rise(start: np.ndarray) -> Point:
