@@ -241,9 +241,7 @@ def _searched(ensemble: Ensemble, contenders: list[Contender]) -> list[Contender
     def search(contender: Contender) -> Contender:
         if contender not in close or contender.point is None:
             return contender
-        worth = contender.point.log_evidence - _CLOSE
-        found = climbs_anew(ensemble, contender.point.subset, worth)
-        return _with_humps(contender, found)
+        return _with_humps(contender, climbs_anew(ensemble, contender.point.subset))
 
     return together(search, contenders)
 

@@ -42,13 +42,13 @@ def wide_climbs(
     return _tops(ensemble, subset, thetas, worth)
 
 
-def climbs_anew(ensemble: Ensemble, subset: Subset, worth: float = -math.inf) -> list[Point]:
+def climbs_anew(ensemble: Ensemble, subset: Subset) -> list[Point]:
     """Tops of the humps found from draws of all priors, the effects' too, best first.
 
     Where a mode of the pad and an effect may take each other's place, the way from one to the other
-    leads through neither.
+    leads through neither. None is given up: from so far the first steps promise little.
     """
-    return _tops(ensemble, subset, ensemble.draw(_ANEW).copy(), worth)
+    return _tops(ensemble, subset, ensemble.draw(_ANEW).copy(), -math.inf)
 
 
 def _tops(ensemble: Ensemble, subset: Subset, thetas: np.ndarray, worth: float) -> list[Point]:
