@@ -23,7 +23,9 @@ _WIDE = (3, 2)  # contenders refitted from other relaxation spectra too: best by
 _WIDE_COSTLY = (2, 1)  # fewer where the model runs slowly
 _QUOTED = 2
 _NEAR = 8.0  # log Bayes factor within which the best are compared more carefully
-_CLOSE = 6.0  # within which they are searched for higher humps
+_CLOSE = 3.0  # within which the best of all are searched for higher humps,
+_MOST_CLOSE = 3  # so many of them,
+_SEARCHED = 2.0  # if the best has a log Bayes factor above this
 _PROMISING = 1.0  # if the best has a log Bayes factor above this; that another hump is higher
 
 
@@ -234,12 +236,13 @@ def _sampled(
 def _searched(ensemble: Ensemble, contenders: list[Contender]) -> list[Contender]:
     """Contenders close to the best, if any, with the humps that are found from anywhere."""
     best = max(c.log_bayes_factor for c in contenders)
-    close = [c for c in contenders if c.point and c.log_bayes_factor > best - _CLOSE]
-    if len(close) < 2:
+    near = [c for c in contenders if c.point and c.log_bayes_factor > best - _CLOSE]
+    if len(near) < 2 or best < _SEARCHED:
         return contenders
+    close = [c.effect for c in _best_first(near)[:_MOST_CLOSE]]
 
     def search(contender: Contender) -> Contender:
-        if contender not in close or contender.point is None:
+        if contender.point is None or contender.effect not in close:
             return contender
         return _with_humps(contender, climbs_anew(ensemble, contender.point.subset))
 
