@@ -10,10 +10,14 @@ from pathlib import Path
 from timing import command_s
 
 PARTS = {  # function to part
+    "prepare": "motion, phases, noise floor",
     "plain_fits": "plain fit",
     "contest": "screen and refits of all candidates",
     "held_out": "tests left out",
     "adequacy": "adequacy",
+    "other_forms": "effects in other forms",
+    "_spring": "spring of free form",
+    "summed_up": "what these tests cannot see, ranking",
     "screen": "of these, screens",
 }
 
@@ -37,7 +41,7 @@ def in_process(file="data/hidden.csv"):
         q.diagnose(q.prepare(pad))
         marks.append((name, time.perf_counter() - start))
     profile = cProfile.Profile()
-    profile.runcall(q.diagnose, q.prepare(pad))
+    profile.runcall(lambda: q.diagnose(q.prepare(pad)))
     found = pstats.Stats(profile).stats
     for function, part in PARTS.items():
         seconds = sum(v[3] for k, v in found.items() if k[2] == function and "qlvbayes" in k[0])
