@@ -9,7 +9,7 @@ from qlvbayes.diagnosis.contest import Contender, Round
 from qlvbayes.diagnosis.heldout import HeldOut
 from qlvbayes.diagnosis.search import Path, _confirmed, confirms
 from qlvbayes.diagnosis.settings import Settings
-from qlvbayes.diagnosis.swap import rivals
+from qlvbayes.diagnosis.swap import _without_weakest, rivals
 
 
 def contenders(gains: dict[str, float]) -> Round:
@@ -63,3 +63,13 @@ def test_a_better_one_that_was_refused_stays_a_rival():
     path = Path([step(0.0, 1.0), step(1.0, 0.9, ("second",))])
     path.places = {"second": contenders({"first": 9.0, "second": 6.0, "third": 5.5, "last": 4.0})}
     assert [c.effect for c in rivals(path, Settings())] == ["second", "first", "third"]
+
+
+@pytest.mark.parametrize(("gains", "left"), [((60.0, 4.5), ("a",)), ((60.0, 5.5), None)])
+def test_an_effect_that_adds_little_beside_the_others_goes_again(gains, left, monkeypatch):
+    path = Path([step(1.0, 0.9, ("a", "b"))])
+    path.places = {name: contenders({name: gain}) for name, gain in zip("ab", gains, strict=True)}
+    monkeypatch.setattr(
+        "qlvbayes.diagnosis.swap.step_at", lambda ensemble, samples, effects, point: effects
+    )
+    assert _without_weakest(None, None, path, Settings()) == left
