@@ -79,3 +79,12 @@ def test_close_contenders_are_searched_for_their_highest_humps(ensemble, tops):
     assert extra.point.log_evidence >= tops[0].log_evidence
     clear = [replace(one, log_bayes_factor=9.0 * k) for k, one in enumerate(found.contenders)]
     assert _searched(ensemble, clear) == clear
+
+
+def test_a_start_where_the_density_overflows_is_left_out(ensemble, tops, monkeypatch):
+    far = ensemble.draw(3).copy()
+    far[1, ensemble.plain] = 800.0  # exp(800) is infinite
+    monkeypatch.setattr(type(ensemble), "draw", lambda self, count: far)
+    found = climbs_anew(ensemble, ensemble.subset((EXTRA,)))
+    assert found
+    assert all(np.isfinite(top.log_evidence) for top in found)

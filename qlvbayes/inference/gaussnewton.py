@@ -142,7 +142,9 @@ def noise_along(
 
 
 def positive_part(matrix: np.ndarray) -> np.ndarray:
-    """Symmetric part with negative eigenvalues taken as 0."""
+    """Symmetric part with negative eigenvalues taken as 0; 0 where the density has overflowed."""
+    if not np.isfinite(matrix).all():
+        return np.zeros_like(matrix)
     values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
     return (vectors * np.maximum(values, 0.0)) @ vectors.T
 
@@ -176,6 +178,8 @@ def ascend(
     a step does not promise to reach it, the climb is given up.
     """
     point = at(start)
+    if not np.isfinite(point.loss):
+        return point
     damping = 1e-3
     hopes = _HOPE.items()
     for k in range(steps):

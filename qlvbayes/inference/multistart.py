@@ -61,7 +61,7 @@ def _tops(ensemble: Ensemble, subset: Subset, thetas: np.ndarray, worth: float) 
     def finish(point: Point) -> Point:
         return climb(ensemble, subset, point.theta, worth=worth)
 
-    rough = together(rise, thetas)
+    rough = [point for point in together(rise, thetas) if np.isfinite(point.loss)]
     return _humps(ensemble, together(finish, _humps(ensemble, rough)[:_KEPT]))
 
 
