@@ -209,7 +209,7 @@ def _widely(ensemble: Ensemble, base: Point, contender: Contender, worth: float)
         return contender
     start = contender.point
     found = wide_climbs(ensemble, start.subset, start.theta, base.log_evidence + worth)
-    return _with_humps(contender, found)
+    return _with_humps(contender, start, found)
 
 
 def _sampled(
@@ -220,8 +220,7 @@ def _sampled(
     On a ridge or against a bound, where an effect that is not there ends up, Laplace's is too high
     by several units. Where a density has several humps, that of one alone is too low.
     """
-    best = max(c.log_bayes_factor for c in contenders)
-    near = [c for c in contenders if c.point is not None and c.log_bayes_factor > best - _NEAR]
+    near = _within(contenders, _NEAR)
     plain = evidence_of_humps(ensemble, bases)
 
     def sampled(contender: Contender) -> Contender:
@@ -235,27 +234,30 @@ def _sampled(
 
 def _searched(ensemble: Ensemble, contenders: list[Contender]) -> list[Contender]:
     """Contenders close to the best, if any, with the humps that are found from anywhere."""
-    best = max(c.log_bayes_factor for c in contenders)
-    near = [c for c in contenders if c.point and c.log_bayes_factor > best - _CLOSE]
-    if len(near) < 2 or best < _SEARCHED:
+    near = _within(contenders, _CLOSE)
+    if len(near) < 2 or max(c.log_bayes_factor for c in contenders) < _SEARCHED:
         return contenders
-    close = [c.effect for c in _best_first(near)[:_MOST_CLOSE]]
+    close = _best_first(near)[:_MOST_CLOSE]
 
     def search(contender: Contender) -> Contender:
-        if contender.point is None or contender.effect not in close:
+        own = contender.point
+        if own is None or contender not in close:
             return contender
-        return _with_humps(contender, climbs_anew(ensemble, contender.point.subset))
+        return _with_humps(contender, own, climbs_anew(ensemble, own.subset))
 
     return together(search, contenders)
 
 
-def _with_humps(contender: Contender, found: list[Point]) -> Contender:
-    """The contender with more tops of its density, its own the highest of all."""
-    if contender.point is None:
-        return contender
-    known = [contender.point, *contender.humps, *found]
-    point, *humps = sorted(known, key=lambda top: -top.log_evidence)
-    gain = contender.log_bayes_factor + point.log_evidence - contender.point.log_evidence
+def _within(contenders: list[Contender], width: float) -> list[Contender]:
+    """Fitted contenders whose log Bayes factor is less than that behind the best."""
+    best = max(c.log_bayes_factor for c in contenders)
+    return [c for c in contenders if c.point is not None and c.log_bayes_factor > best - width]
+
+
+def _with_humps(contender: Contender, own: Point, found: list[Point]) -> Contender:
+    """The contender with more tops of its density, the highest in the place of its own."""
+    point, *humps = sorted([own, *contender.humps, *found], key=lambda top: -top.log_evidence)
+    gain = contender.log_bayes_factor + point.log_evidence - own.log_evidence
     return replace(contender, log_bayes_factor=gain, point=point, humps=tuple(humps))
 
 

@@ -47,11 +47,12 @@ def judged(
     adequacies = [adequacy(experiment, ensemble, step.point) for step in path.steps]
     alike = _alike(experiment, ensemble, path, settings)
     group = tuple(contender.effect for contender in alike)
-    explanations = explanations_of(experiment, ensemble, path, settings)
     sound = adequacies[-1].is_sound(settings)
     tell("trying other forms of the effects")
     step, forms = other_forms(experiment, ensemble, samples, path, sound, settings)
-    if step is not None:
+    if step is None:
+        explanations = explanations_of(experiment, ensemble, path, settings)
+    else:
         alike, group = [], tuple(dict.fromkeys(found.form.effect for found in forms))
         explanations = [(found.point.log_evidence, found.point) for found in forms]
         path, adequacies = _in_other_form(path, adequacies, step, forms[0].adequacy)
