@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from math import exp
 from textwrap import fill
 
 from levels import Level, levels
@@ -65,9 +66,9 @@ _NOTES = """## How to read it
 - *calibration error*: of the probability of the first-ranked hypothesis, nothing or one effect
   hidden, ten bins, all studies. Probabilities that are exactly right would show {chance} on as
   many, by chance.
-- Constants are averaged over every explanation that the tests do not rule out (20 to 1).
+- Constants are averaged over every explanation that the tests do not rule out ({window} to 1).
 - A program that stopped with an error counts as a wrong verdict.
-- The diagnosis and its thresholds were made with studies of seeds 1 to 7, 11 and 21 to 31, and with
+- The diagnosis and its thresholds were made with studies of seeds 1 to 7, 11 and 21 to 32, and with
   pads of seeds 101 to 109 that lack nothing. Those of any other seed are pads that it had never
   met, of kinds that it had: its own forms of some effects were written with these forms in view.
 - Where the hidden effect is an extra relaxation mode, the fit may call one of the pad's own modes
@@ -87,7 +88,9 @@ def blind_page(report: Report, origin: Origin, picture: str, note: str = "") -> 
         _rates_table(report),
         _constants_table(report),
         _misses(report),
-        _NOTES.format(group=LARGEST_GROUP, chance=_by_chance(report)),
+        _NOTES.format(
+            group=LARGEST_GROUP, chance=_by_chance(report), window=round(exp(Settings().window))
+        ),
     ]
     return "\n".join(parts)
 
