@@ -30,7 +30,7 @@ from qlvbayes.scales import SHARE
 from qlvbayes.smoothmath import exp_slope
 
 _FIELDS = ("k", "tau", "a")
-_SUBSTEPS = 4  # between grid points
+_SUBSTEPS = 2  # between grid points
 _LEAST = 1e-3  # of p_0: below, the rate of drainage changes no more (a power of 0 has no slope)
 
 
@@ -38,7 +38,7 @@ _LEAST = 1e-3  # of p_0: below, the rate of drainage changes no more (a power of
 class PowerDrainage(AbstractOtherForm):
     """Fluid pressure with a power n of its own; see the module."""
 
-    share: ClassVar[float] = 0.25  # it drains and remembers by any of these laws
+    distant: ClassVar[bool] = True
 
     @property
     def sds(self) -> np.ndarray:

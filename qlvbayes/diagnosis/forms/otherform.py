@@ -9,9 +9,8 @@ grows with depth or a drift that levels off is then still a drag or a drift.
 
 from __future__ import annotations
 
-import math
 from abc import abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -22,6 +21,8 @@ from qlvbayes.experiment import Trial
 from qlvbayes.inference.gaussnewton import Point, predict_along
 
 _ORDERS = 3
+_STARTS = 12
+_HEATS = ((4, 4), (8, 2))  # steps of a climb, and how many climbs go on
 SD = 0.7  # of the first coefficient's prior; the k-th has one k-th of it
 
 
@@ -46,15 +47,38 @@ class AbstractOtherForm(AbstractFreeForm):
     """One effect of a model, in another form.
 
     replaces: whether the subset does without the effect, whose law the form takes the place of;
-    share: of the gain in log evidence, with which the list's law is enough for the form to be
-    tried, although others stand before it; infinite where it must stand among the first itself;
+    distant: whether the list's law may be far from it, so that the form is tried whatever stands
+    before it in the ranking, and climbed to from anywhere;
     clocked: whether it changes with the pad's clock, so that other tests do not tell it in one.
     """
 
     effect: str
     replaces: ClassVar[bool] = False
-    share: ClassVar[float] = math.inf
+    distant: ClassVar[bool] = False
     clocked: ClassVar[bool] = False
+
+    def highest(self, listed: Point, worth: float) -> Point:
+        """The highest point found from the optimum of the list's law, given up as in ``fit``.
+
+        Of a distant form also from draws of the effect's priors: where the list's law is at its
+        best, the form may have another hump or none.
+        """
+        if not self.distant:
+            return self.fit(listed, worth=worth)
+        points = self._starts(listed)
+        for steps, kept in _HEATS:
+            points = [self.fit(point, steps=steps, worth=worth) for point in points]
+            points = sorted(points, key=lambda point: point.loss)[:kept]
+        tops = [self.fit(point, worth=worth) for point in (listed, *points)]
+        return max(tops, key=lambda point: point.log_evidence)
+
+    def _starts(self, listed: Point) -> list[Point]:
+        ensemble = self.ensemble
+        own = [i for place in ensemble.fields(self.effect) for i in place.theta]
+        thetas = np.tile(listed.theta, (_STARTS, 1))
+        thetas[:, own] = ensemble.draw(_STARTS)[:, own]
+        thetas[:, ensemble.noise] = ensemble.centre[ensemble.noise]
+        return [replace(listed, theta=theta) for theta in thetas]
 
     @abstractmethod
     def predict(

@@ -13,7 +13,6 @@ beneath, F_0 over its peak.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -141,7 +140,7 @@ class WithForce(OtherForm):
 class StiffeningFrame(WithForce):
     """A frame that gives way less and less: its part in the constants hides the list's law."""
 
-    share: ClassVar[float] = -math.inf
+    distant: ClassVar[bool] = True
 
     def is_typical(self, point: Point) -> bool:
         """The factor falls with the force, and the frame always gives way."""

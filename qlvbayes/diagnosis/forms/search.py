@@ -58,7 +58,7 @@ def other_forms(
         least = before.log_evidence + settings.form
         if sound:
             least = max(least, _least(path, effects, settings))
-        best = form.fit(before, worth=least)
+        best = form.highest(before, least)
         if best.log_evidence <= least or form.least(best) <= _LEAST:
             return None
         left = adequacy_along(experiment, ensemble, best, *form.along(best))

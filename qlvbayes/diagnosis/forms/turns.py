@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
+from qlvbayes.diagnosis.contest import Round, refit
 from qlvbayes.diagnosis.forms.otherform import AbstractOtherForm, OtherForm
 from qlvbayes.diagnosis.forms.ownforms import OWN_FORMS
 from qlvbayes.diagnosis.search import Path
@@ -12,7 +14,6 @@ from qlvbayes.inference.gaussnewton import Point
 from qlvbayes.inference.subset import Ensemble
 
 _FIRST = 3  # contenders of the first round that are tried
-_LEAST_GAIN = 1.0  # in log evidence
 Model = tuple[tuple[str, ...], Point]  # its effects, its optimum
 Attempt = tuple[AbstractOtherForm, tuple[str, ...], Point]  # and what it starts from
 
@@ -56,14 +57,18 @@ def _count(model: Model) -> int:
 
 def _distant(experiment: Experiment, ensemble: Ensemble, path: Path) -> Iterator[Attempt]:
     """Effects in forms of which the list's law may explain a part only."""
-    gain = path.last.point.log_evidence - path.steps[0].point.log_evidence
-    for contender in path.rounds[0].contenders:
+    first = path.rounds[0]
+    for contender in first.contenders:
         kind = OWN_FORMS.get(contender.effect, OtherForm)
-        least = kind.share * max(gain, _LEAST_GAIN)
-        if contender.point is None or contender.log_bayes_factor < least:
-            continue
-        form = kind(experiment, ensemble, contender.point.subset, contender.effect)
-        yield form, (contender.effect,), contender.point
+        if kind.distant:
+            listed = contender.point or _fitted(ensemble, first, contender.effect)
+            form = kind(experiment, ensemble, listed.subset, contender.effect)
+            yield form, (contender.effect,), listed
+
+
+def _fitted(ensemble: Ensemble, first: Round, effect: str) -> Point:
+    """The list's law of an effect that promised nothing."""
+    return refit(ensemble, first.base, first.scores[effect], -math.inf)
 
 
 def _forms(
