@@ -5,23 +5,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hidden_pads import hidden_pad
 from scipy.stats import chi2
 
-from qlvbayes import Choices, InputError, prepare
-from qlvbayes.benchmark.study import measured as as_read
+from qlvbayes import Choices, InputError
 from qlvbayes.diagnosis.adequacy import Adequacy, CellTest, adequacy, swollen
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.words import paragraphs
 from qlvbayes.inference.gaussnewton import climb, evaluate
 from qlvbayes.synthetic import (
     HIDDEN,
-    NOISES,
     OUTSIDE,
     TABLE_1,
-    HiddenPad,
     full_retraction_protocol,
     paper_protocol,
-    record_study,
 )
 
 RATES = (0.1, 1.0, 20.0, 100.0)
@@ -29,10 +26,8 @@ RATES = (0.1, 1.0, 20.0, 100.0)
 
 def measured(effects=(), pad="B", seed=0, protocol=paper_protocol, rates=RATES):
     """Simulate a pad's tests with hidden effects and make them ready."""
-    material = HiddenPad(TABLE_1[pad], tuple(effects))
-    programs = {f"{rate:g}": protocol(rate) for rate in rates}
-    tests = record_study({pad: material}, programs, NOISES["correlated"], seed, 300)
-    return prepare(as_read(tests, pad))
+    constants = TABLE_1[pad]
+    return hidden_pad(*effects, rates=rates, constants=constants, seed=seed, protocol=protocol)
 
 
 @pytest.fixture(scope="module")

@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hidden_pads import hidden_pad
 
-from qlvbayes import prepare
-from qlvbayes.benchmark.study import measured
 from qlvbayes.choices import Choices
 from qlvbayes.diagnosis.contest import _searched, contest
 from qlvbayes.diagnosis.evidence import evidence_of_humps, sampled_evidence
@@ -16,7 +15,7 @@ from qlvbayes.effects.fluid_pressure import FluidPressure
 from qlvbayes.fit import build_posterior
 from qlvbayes.inference.multistart import climbs_anew
 from qlvbayes.inference.subset import with_every_effect
-from qlvbayes.synthetic import HIDDEN, NOISES, TABLE_1, HiddenPad, paper_protocol, record_study
+from qlvbayes.synthetic import HIDDEN
 
 EXTRA = "extra_relaxation_mode"
 
@@ -24,10 +23,7 @@ EXTRA = "extra_relaxation_mode"
 @pytest.fixture(scope="module")
 def ensemble():
     """Of a pad with three modes, fitted with two and an extra one, or fluid that is trapped."""
-    pad = HiddenPad(TABLE_1["B"], (HIDDEN[EXTRA](c=0.1, v=1.2),))
-    programs = {f"{rate:g}": paper_protocol(rate) for rate in (1.0, 20.0, 100.0)}
-    tests = record_study({"B": pad}, programs, NOISES["correlated"], 0, 300)
-    experiment = prepare(measured(tests, "B"))
+    experiment = hidden_pad(HIDDEN[EXTRA](c=0.1, v=1.2), rates=(1.0, 20.0, 100.0))
     posterior = build_posterior(experiment, Choices(), experiment.trials)
     kinds = (ExtraRelaxationMode, FluidPressure)
     return with_every_effect(posterior, tuple(k.default(experiment.scales) for k in kinds))

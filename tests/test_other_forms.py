@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hidden_pads import hidden_pad
 
-from qlvbayes import prepare
-from qlvbayes.benchmark.study import measured
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.forms.otherform import OtherForm
 from qlvbayes.diagnosis.forms.ownforms import GradualContact, LevellingOff, WithForce
@@ -24,9 +23,6 @@ from qlvbayes.synthetic import (
     OUTSIDE,
     PAPER_RATES,
     TABLE_1,
-    HiddenPad,
-    paper_protocol,
-    record_study,
 )
 
 RATES = (0.1, 1.0, 20.0, 100.0)
@@ -34,10 +30,7 @@ ALARMS = Settings().false_alarms
 
 
 def diagnosed(*effects, rates=RATES, pad="B") -> Diagnosis:
-    material = HiddenPad(TABLE_1[pad], effects)
-    programs = {f"{rate:g}": paper_protocol(rate) for rate in rates}
-    tests = record_study({"B": material}, programs, NOISES["correlated"], 0, 300)
-    return diagnose(prepare(measured(tests, "B")))
+    return diagnose(hidden_pad(*effects, rates=rates, constants=TABLE_1[pad]))
 
 
 @pytest.fixture(scope="module")

@@ -78,7 +78,7 @@ def _ambiguous(d: Diagnosis) -> str:
         f"Pad {d.pad}: something is missing{besides}, and these tests cannot tell which of "
         f"{_joined(list(d.group), 'or')} it is: each explains them about equally well. With the "
         f"first the error on tests left out {_change(d)} (noise floor {d.noise:.3g} {unit}). "
-        f"Allowing for each of them, {_joined(constants)}."
+        f"Allowing for all that the tests do not rule out, {_joined(constants)}."
     )
 
 

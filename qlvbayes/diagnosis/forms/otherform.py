@@ -68,6 +68,7 @@ class AbstractOtherForm(AbstractFreeForm):
         points = self._starts(listed)
         for steps, kept in _HEATS:
             points = [self.fit(point, steps=steps, worth=worth) for point in points]
+            points = [point for point in points if np.isfinite(point.loss)]
             points = sorted(points, key=lambda point: point.loss)[:kept]
         tops = [self.fit(point, worth=worth) for point in (listed, *points)]
         return max(tops, key=lambda point: point.log_evidence)

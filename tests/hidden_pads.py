@@ -1,0 +1,24 @@
+"""Simulated tests of a pad with effects hidden in it, made ready for a diagnosis."""
+
+from qlvbayes import prepare
+from qlvbayes.benchmark.study import measured
+from qlvbayes.experiment import Experiment
+from qlvbayes.synthetic import (
+    NOISES,
+    TABLE_1,
+    Constants,
+    HiddenPad,
+    paper_protocol,
+    record_study,
+)
+
+_ROWS = 300  # a test
+
+
+def hidden_pad(
+    *effects, rates, constants: Constants = TABLE_1["B"], seed=0, protocol=paper_protocol
+) -> Experiment:
+    """One test at each rate (mm/s), with correlated noise."""
+    programs = {f"{rate:g}": protocol(rate) for rate in rates}
+    pads = {"B": HiddenPad(constants, effects)}
+    return prepare(measured(record_study(pads, programs, NOISES["correlated"], seed, _ROWS), "B"))
