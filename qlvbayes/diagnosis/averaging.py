@@ -8,7 +8,6 @@ doi:10.1214/ss/1009212519),
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -31,16 +30,16 @@ def explanations_of(
     Log posterior odds against the last model, and optimum, of each that leaves no structure and is
     in the window.
     """
-    least = math.exp(-max(settings.window, settings.apart))
+    least = -max(settings.window, settings.apart)
     found = [(0.0, path.last.point)]
     for effect, place in path.places.items():
-        probabilities = place.probabilities(settings)
+        logs = place.log_weights(settings)
         points = {"none": place.base} | {c.effect: c.point for c in place.contenders}
         for name, point in points.items():
-            odds = probabilities[name] / probabilities[effect]
+            odds = logs[name] - logs[effect]
             near = name != effect and odds > least
             if near and point and is_sound(experiment, ensemble, point, settings):
-                found.append((math.log(odds), point))
+                found.append((odds, point))
     return found
 
 

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.special import softmax
 
 from qlvbayes.diagnosis.evidence import evidence_of_humps
 from qlvbayes.diagnosis.noticeable import log_noticeable
@@ -56,16 +57,18 @@ class Round:
         """The contender of highest evidence."""
         return self.contenders[0] if self.contenders else None
 
-    def probabilities(self, settings: Settings) -> dict[str, float]:
-        """Posterior probability of ``none`` and of every contender, if one of them is true."""
+    def log_weights(self, settings: Settings) -> dict[str, float]:
+        """Log of prior probability times Bayes factor, of ``none`` and of every contender."""
         count = max(len(self.contenders), 1)
         share = math.log((1.0 - settings.prior_none) / count)
-        logs = {"none": math.log(settings.prior_none)}
-        logs |= {c.effect: share + c.log_bayes_factor for c in self.contenders}
-        top = max(logs.values())
-        weights = {name: math.exp(value - top) for name, value in logs.items()}
-        total = sum(weights.values())
-        return {name: weight / total for name, weight in weights.items()}
+        own = {c.effect: share + float(c.log_bayes_factor) for c in self.contenders}
+        return {"none": math.log(settings.prior_none)} | own
+
+    def probabilities(self, settings: Settings) -> dict[str, float]:
+        """Posterior probability of ``none`` and of every contender, if one of them is true."""
+        logs = self.log_weights(settings)
+        weights = softmax(np.array(list(logs.values())))
+        return dict(zip(logs, weights.tolist(), strict=True))
 
     def lacking(self, settings: Settings) -> float:
         """Posterior probability that something is missing, if ``none`` or a contender is true."""

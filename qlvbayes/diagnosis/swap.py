@@ -50,19 +50,22 @@ def settle(
 
 def _with_last(ensemble: Ensemble, path: Path) -> Round:
     """The first round, with the only effect at the last step's optimum."""
-    first, last = path.rounds[0], path.last
-    if len(path.steps) <= 2:
-        return first
-    gain = last.point.log_evidence - first.base.log_evidence
+    first = path.rounds[0]
+    return first if len(path.steps) <= 2 else _held(ensemble, first, path.last, path.last.effects[0])
+
+
+def _held(ensemble: Ensemble, found: Round, last: Step, effect: str) -> Round:
+    """A round over an effect's place, in which the effect has the last step's optimum at least."""
+    gain = last.point.log_evidence - found.base.log_evidence
 
     def at_last(contender: Contender) -> Contender:
-        if contender.effect != last.effects[0]:
+        if contender.effect != effect:
             return contender
         later = weighed(ensemble, replace(contender, point=last.point, log_bayes_factor=gain))
-        best = max(later.log_bayes_factor, contender.log_bayes_factor)
-        return replace(later, log_bayes_factor=best)
+        return max(later, contender, key=lambda one: one.log_bayes_factor)
 
-    return replace(first, contenders=tuple(map(at_last, first.contenders)))
+    contenders = sorted(map(at_last, found.contenders), key=lambda one: -one.log_bayes_factor)
+    return replace(found, contenders=tuple(contenders))
 
 
 def _round_over(ensemble: Ensemble, path: Path, effect: str, candidates: list[str]) -> Round:
@@ -73,7 +76,8 @@ def _round_over(ensemble: Ensemble, path: Path, effect: str, candidates: list[st
     rest = tuple(name for name in last.effects if name != effect)
     base = wide_climb(ensemble, ensemble.subset(rest), last.point.theta)
     left = [name for name in candidates if name not in rest]
-    return contest(ensemble, base, left, known=last.point.log_evidence)
+    found = contest(ensemble, base, left, known=last.point.log_evidence)
+    return _held(ensemble, found, last, effect)
 
 
 def _better(
