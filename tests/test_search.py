@@ -1,5 +1,6 @@
 """When an effect is added, and which stand beside it, on rounds and errors made by hand."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,9 +8,9 @@ import pytest
 
 from qlvbayes.diagnosis.contest import Contender, Round
 from qlvbayes.diagnosis.heldout import HeldOut
-from qlvbayes.diagnosis.search import Path, _confirmed, confirms
+from qlvbayes.diagnosis.search import Path, _confirmed, _with_another, confirms
 from qlvbayes.diagnosis.settings import Settings
-from qlvbayes.diagnosis.swap import _without_weakest, rivals
+from qlvbayes.diagnosis.swap import _held, _without_weakest, rivals
 
 
 def contenders(gains: dict[str, float]) -> Round:
@@ -73,3 +74,39 @@ def test_an_effect_that_adds_little_beside_the_others_goes_again(gains, left, mo
         "qlvbayes.diagnosis.swap.step_at", lambda ensemble, samples, effects, point: effects
     )
     assert _without_weakest(None, None, path, Settings()) == left
+
+
+@pytest.mark.parametrize(
+    ("gain", "score", "named"),
+    [(84.0, 50.0, ("a", "b")), (4.5, 50.0, None), (84.0, -1.0, None)],
+    ids=["both together", "the second adds too little", "left-out tests refuse both"],
+)
+def test_two_effects_of_which_neither_alone_is_confirmed(gain, score, named, monkeypatch):
+    path = Path([step(0.0, 1.0)], [contenders({"a": 8.0, "b": 7.0})])
+    path.refused = [("a", "why"), ("b", "why"), ("c", "why")]
+
+    def tried(ensemble, samples, effects, point):
+        return step(score if len(effects) == 2 else -3.0, 0.5, effects)
+
+    monkeypatch.setattr("qlvbayes.diagnosis.search.step_at", tried)
+    monkeypatch.setattr(
+        "qlvbayes.diagnosis.search.contest", lambda *given: contenders({"b": gain, "c": 1.0})
+    )
+    found = _with_another(None, None, path, "a", Settings())
+    assert (found and found.effects) == named
+    assert [one.effects for one in path.steps] == ([(), ("a",)] if named else [()])
+    assert len(path.rounds) == len(path.steps)
+    assert ("a", "why") not in path.refused if named else len(path.refused) == 3
+
+
+@pytest.mark.parametrize(("missed", "kept"), [(-5.0, 868.0), (870.0, 870.0)])
+def test_over_its_place_an_effect_is_worth_what_is_known(missed, kept, monkeypatch):
+    """A refit that misses the last step's optimum does not make the effect worthless."""
+    found = contenders({"other": 20.0, "adhesion": missed})
+    found = replace(found, base=SimpleNamespace(log_evidence=100.0))
+    last = SimpleNamespace(point=SimpleNamespace(log_evidence=968.0), effects=("adhesion",))
+    monkeypatch.setattr("qlvbayes.diagnosis.swap.weighed", lambda ensemble, one: one)
+    held = _held(None, found, last, "adhesion")
+    assert [c.effect for c in held.contenders] == ["adhesion", "other"]
+    assert held.best.log_bayes_factor == kept
+    assert (held.best.point is last.point) == (missed < kept)

@@ -85,7 +85,10 @@ def search(
         left = [name for name in candidates if name not in present.effects]
         humps = None if path.rounds else plain
         path.rounds.append(contest(ensemble, present.point, left, humps=humps))
+        earlier = len(path.refused)
         confirmed = _confirmed(ensemble, samples, path, settings)
+        if confirmed is None and len(path.refused) > earlier:
+            confirmed = _with_another(ensemble, samples, path, path.refused[earlier][0], settings)
         if confirmed is None:
             return path
         path.steps.append(_without_useless(ensemble, samples, confirmed, settings))
@@ -114,6 +117,35 @@ def _confirmed(ensemble: Ensemble, samples: Samples, path: Path, settings: Setti
         if confirms(step, present):
             return step
         path.refused.append((contender.effect, "it predicts left-out tests no better"))
+    return None
+
+
+def _with_another(
+    ensemble: Ensemble, samples: Samples, path: Path, first: str, settings: Settings
+) -> Step | None:
+    """The best refused contender with another effect, if left-out tests confirm the two together.
+
+    Where both bend the constants, a model with one alone may predict no better. The step between
+    joins the path.
+    """
+    present = path.last
+    effects = (*present.effects, first)
+    if len(effects) >= settings.most:
+        return None
+    held = path.rounds[-1]
+    refused = next(c for c in held.contenders if c.effect == first)
+    left = [c.effect for c in held.contenders if c.effect != first]
+    assert refused.point is not None  # else it would not have been refused
+    found = contest(ensemble, refused.point, left)
+    for contender in found.contenders[:3]:
+        if contender.log_bayes_factor < settings.further or contender.point is None:
+            return None
+        both = step_at(ensemble, samples, (*effects, contender.effect), contender.point)
+        if confirms(both, present):
+            path.steps.append(step_at(ensemble, samples, effects, refused.point))
+            path.rounds.append(found)
+            path.refused = [one for one in path.refused if one[0] not in both.effects]
+            return both
     return None
 
 

@@ -50,8 +50,8 @@ def settle(
 
 def _with_last(ensemble: Ensemble, path: Path) -> Round:
     """The first round, with the only effect at the last step's optimum."""
-    first = path.rounds[0]
-    return first if len(path.steps) <= 2 else _held(ensemble, first, path.last, path.last.effects[0])
+    first, last = path.rounds[0], path.last
+    return first if len(path.steps) <= 2 else _held(ensemble, first, last, last.effects[0])
 
 
 def _held(ensemble: Ensemble, found: Round, last: Step, effect: str) -> Round:
