@@ -259,6 +259,7 @@ def _shape(shape: Shape) -> dict:
         "over_clock": [{"clock_s": x, "factor": y} for x, y in shape.over_clock],
         "over_force": [{"force_N": x, "factor": y} for x, y in shape.over_force],
         "over_pressure": [{"pressure_N": x, "factor": y} for x, y in shape.over_pressure],
+        "over_delay": [{"delay_s": x, "weight": y} for x, y in shape.over_delay],
     }
 
 

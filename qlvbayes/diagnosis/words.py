@@ -143,6 +143,8 @@ def _own_form(d: Diagnosis) -> str:
     shape = d.stages[-1].shape
     if shape is None:
         return ""
+    if shape.over_delay:
+        return _spread_lag(shape.over_delay)
     adds, drains = f"what {shape.effect} adds", "the rate at which the pressure drains"
     spread = {
         (adds, "no depth", "full depth"): shape.over_depth,
@@ -156,6 +158,17 @@ def _own_form(d: Diagnosis) -> str:
         f"But not by the list's law: {what[0]} must be taken times {first:.2g} at "
         f"{what[1]} and {last:.2g} at {what[2]} (other_form in diagnosis.json); the constants "
         "below are those of the law so changed, and an effect of your own would do it justice. "
+    )
+
+
+def _spread_lag(delays: tuple[tuple[float, float], ...]) -> str:
+    mean = sum(delay * weight for delay, weight in delays)
+    sd = sum(weight * (delay - mean) ** 2 for delay, weight in delays) ** 0.5
+    return (
+        "But not by the list's law: the force is not late by one delay but averaged over the past, "
+        f"by delays of {mean:.3g} s in the mean and {sd:.3g} s about it (other_form in "
+        "diagnosis.json; as much as the mean: a filter of first order); the constants below are "
+        "those of the law so changed, and an effect of your own would do it justice. "
     )
 
 

@@ -32,7 +32,7 @@ class Shape:
 
     over_depth: (depth in mm, factor) at mid-clock; over_clock: (clock in s, factor) at mid-depth;
     over_force: (force beneath in N, factor); over_pressure: (pressure in N, factor of the rate at
-    which it drains). Empty where the form knows no such change.
+    which it drains); over_delay: (delay in s, weight). Empty where the form knows no such change.
     """
 
     effect: str
@@ -40,6 +40,7 @@ class Shape:
     over_clock: tuple[tuple[float, float], ...] = ()
     over_force: tuple[tuple[float, float], ...] = ()
     over_pressure: tuple[tuple[float, float], ...] = ()
+    over_delay: tuple[tuple[float, float], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

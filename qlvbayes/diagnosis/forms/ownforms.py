@@ -19,9 +19,11 @@ from typing import ClassVar
 import numpy as np
 
 from qlvbayes.diagnosis.forms.drainage import PowerDrainage
+from qlvbayes.diagnosis.forms.lag import SpreadLag
 from qlvbayes.diagnosis.forms.otherform import SD, AbstractOtherForm, OtherForm, Shape, pairs
 from qlvbayes.diagnosis.freeform import polynomials, slopes_of_polynomials
 from qlvbayes.diagnosis.samples import Samples
+from qlvbayes.effects.channel_lag import ChannelLag
 from qlvbayes.effects.contact_offset import ContactOffset
 from qlvbayes.effects.fluid_leak import FluidLeak
 from qlvbayes.effects.fluid_pressure import FluidPressure
@@ -154,6 +156,7 @@ def _fall(curve: np.ndarray) -> float:
 
 
 OWN_FORMS: dict[str, type[AbstractOtherForm]] = {
+    ChannelLag.name: SpreadLag,
     ContactOffset.name: GradualContact,
     FluidLeak.name: LevellingOff,
     FluidPressure.name: PowerDrainage,
