@@ -15,9 +15,9 @@ class Settings:
     further: by which each further one must (5, that is 150 to 1, "very strong", as every round
     gives chance another chance);
     form: by which a form of its own must beat the list's (4, that is 55 to 1);
-    apart: by which the best must beat another effect to be told from it (1.6, that is 5 to 1; of 273
-    blind studies of one effect the name, or the group, held the truth in 98 % at 3 to 1, in 99 % at
-    5 to 1 and no more often beyond, where ever fewer were named);
+    apart: by which the best must beat another effect to be told from it (1.6, that is 5 to 1; of
+    273 blind studies of one effect the name, or the group, held the truth in 98 % at 3 to 1, in
+    99 % at 5 to 1 and no more often beyond, where ever fewer were named);
     window: log posterior odds within which other explanations have a part in the constants (3, that
     is 20 to 1, "Occam's window" of Madigan & Raftery 1994, doi:10.1080/01621459.1994.10476894);
     spring: by which a spring of free form must beat the effects found, to stand for what no list
