@@ -102,7 +102,7 @@ def contest(
         ranked = _searched(ensemble, ranked)
         ranked = _sampled(ensemble, [base, *humps[1:]], ranked)
     ranked = [weighed(ensemble, contender) for contender in ranked]
-    return Round(base, tuple(_best_first(ranked)), found)
+    return Round(base, tuple(best_first(ranked)), found)
 
 
 def weighed(ensemble: Ensemble, contender: Contender) -> Contender:
@@ -119,7 +119,8 @@ def weighed(ensemble: Ensemble, contender: Contender) -> Contender:
     return replace(contender, log_bayes_factor=gain)
 
 
-def _best_first(contenders: list[Contender]) -> list[Contender]:
+def best_first(contenders: list[Contender]) -> list[Contender]:
+    """Sorted by log Bayes factor."""
     return sorted(contenders, key=lambda c: -c.log_bayes_factor)
 
 
@@ -141,7 +142,7 @@ def _refitted(
     def follow(scores: list[Score]) -> Contender:
         return _enter(ensemble, base, scores, best - _BEHIND)
 
-    return _best_first([leader, *together(follow, others)])
+    return best_first([leader, *together(follow, others)])
 
 
 def _other(ensemble: Ensemble, base: Point, humps: list[Point]) -> np.ndarray:
@@ -177,7 +178,7 @@ def _restarted(
             return replace(contender, log_bayes_factor=gain, point=point)
         return contender
 
-    return _best_first(together(restart, ranked))
+    return best_first(together(restart, ranked))
 
 
 def _widened(
@@ -240,7 +241,7 @@ def _searched(ensemble: Ensemble, contenders: list[Contender]) -> list[Contender
     near = _within(contenders, _CLOSE)
     if len(near) < 2 or max(c.log_bayes_factor for c in contenders) < _SEARCHED:
         return contenders
-    close = _best_first(near)[:_MOST_CLOSE]
+    close = best_first(near)[:_MOST_CLOSE]
 
     def search(contender: Contender) -> Contender:
         own = contender.point

@@ -109,15 +109,29 @@ def _confirmed(ensemble: Ensemble, samples: Samples, path: Path, settings: Setti
     least = settings.further if present.effects else settings.decisive
     if not present.effects and path.rounds[0].lacking(settings) < settings.lacking:
         return None
-    for contender in path.rounds[-1].contenders[:3]:
+    step, refused = _first_good(ensemble, samples, path.rounds[-1], present.effects, present, least)
+    path.refused += [(name, "it predicts left-out tests no better") for name in refused]
+    return step
+
+
+def _first_good(
+    ensemble: Ensemble,
+    samples: Samples,
+    found: Round,
+    beside: tuple[str, ...],
+    before: Step,
+    least: float,
+) -> tuple[Step | None, list[str]]:
+    """The best contender that left-out tests accept beside others, and those refused before it."""
+    refused: list[str] = []
+    for contender in found.contenders[:3]:
         if contender.log_bayes_factor < least or contender.point is None:
-            return None
-        effects = (*present.effects, contender.effect)
-        step = step_at(ensemble, samples, effects, contender.point)
-        if confirms(step, present):
-            return step
-        path.refused.append((contender.effect, "it predicts left-out tests no better"))
-    return None
+            break
+        step = step_at(ensemble, samples, (*beside, contender.effect), contender.point)
+        if confirms(step, before):
+            return step, refused
+        refused.append(contender.effect)
+    return None, refused
 
 
 def _with_another(
@@ -137,16 +151,12 @@ def _with_another(
     left = [c.effect for c in held.contenders if c.effect != first]
     assert refused.point is not None  # else it would not have been refused
     found = contest(ensemble, refused.point, left)
-    for contender in found.contenders[:3]:
-        if contender.log_bayes_factor < settings.further or contender.point is None:
-            return None
-        both = step_at(ensemble, samples, (*effects, contender.effect), contender.point)
-        if confirms(both, present):
-            path.steps.append(step_at(ensemble, samples, effects, refused.point))
-            path.rounds.append(found)
-            path.refused = [one for one in path.refused if one[0] not in both.effects]
-            return both
-    return None
+    both, _ = _first_good(ensemble, samples, found, effects, present, settings.further)
+    if both is not None:
+        path.steps.append(step_at(ensemble, samples, effects, refused.point))
+        path.rounds.append(found)
+        path.refused = [one for one in path.refused if one[0] not in both.effects]
+    return both
 
 
 def confirms(step: Step, before: Step) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from qlvbayes.diagnosis.contest import Contender, Round, contest, weighed
+from qlvbayes.diagnosis.contest import Contender, Round, best_first, contest, weighed
 from qlvbayes.diagnosis.samples import Samples
 from qlvbayes.diagnosis.search import Path, Step, Tell, confirms, step_at
 from qlvbayes.diagnosis.settings import Settings
@@ -64,8 +64,7 @@ def _held(ensemble: Ensemble, found: Round, last: Step, effect: str) -> Round:
         later = weighed(ensemble, replace(contender, point=last.point, log_bayes_factor=gain))
         return max(later, contender, key=lambda one: one.log_bayes_factor)
 
-    contenders = sorted(map(at_last, found.contenders), key=lambda one: -one.log_bayes_factor)
-    return replace(found, contenders=tuple(contenders))
+    return replace(found, contenders=tuple(best_first(list(map(at_last, found.contenders)))))
 
 
 def _round_over(ensemble: Ensemble, path: Path, effect: str, candidates: list[str]) -> Round:
