@@ -64,14 +64,12 @@ def test_explanations_out_of_the_window_have_no_part(either):
         )
         for window in (10.0, 0.01)
     )
-    assert [weight for weight, _ in narrow] == [0.0]
+    assert [one.log_odds for one in narrow] == [0.0]
     assert len(wide) > 1
-    assert all(-10.0 < weight <= 0.0 for weight, _ in wide)
-    gains = [point.log_evidence - wide[0][1].log_evidence for _, point in wide]
-    assert all(
-        weight == pytest.approx(gain, abs=3.0)
-        for (weight, _), gain in zip(wide, gains, strict=True)
-    )
+    assert all(-10.0 < one.log_odds <= 0.0 for one in wide)
+    for one in wide:
+        gain = one.point.log_evidence - wide[0].point.log_evidence
+        assert one.log_odds == pytest.approx(gain, abs=3.0)
 
 
 def test_words_and_json_give_the_averaged_constants(either):

@@ -16,6 +16,7 @@ from qlvbayes.benchmark.report import Report
 from qlvbayes.benchmark.scores import (
     LARGEST_GROUP,
     QUESTIONS,
+    is_left_open,
     is_right_or_grouped,
     is_unexplained,
     names_family,
@@ -61,14 +62,16 @@ _NOTES = """## How to read it
 
 - Standard errors are binomial, of the share seen, shrunk off 0 and 1. *In doubt*: a bound is within
   two standard errors of the figure.
-- *named* means named without a rival and with nothing besides. *Among at most {group}*: the verdict
-  is `ambiguous` and lists the truth.
+- *named* means named without a rival and with nothing besides. *Left open*: the truth is named, or
+  in the group of an `ambiguous` verdict, or among the explanations that the diagnosis lists as not
+  ruled out (`not_ruled_out` in diagnosis.json, {window} to 1), at most {group} in all; {open} such
+  had the verdict `adequate`, where one of the explanations is that nothing is missing.
 - *calibration error*: of the probability of the first-ranked hypothesis, nothing or one effect
   hidden, ten bins, all studies. Probabilities that are exactly right would show {chance} on as
   many, by chance.
 - Constants are averaged over every explanation that the tests do not rule out ({window} to 1).
 - A program that stopped with an error counts as a wrong verdict.
-- The diagnosis and its thresholds were made with studies of seeds 1 to 7, 11 and 21 to 33, and with
+- The diagnosis and its thresholds were made with studies of seeds 1 to 7, 11 and 21 to 34, and with
   pads of seeds 101 to 109 that lack nothing. Those of any other seed are pads that it had never
   met, of kinds that it had: its own forms of some effects were written with these forms in view.
 - Where the hidden effect is an extra relaxation mode, the fit may call one of the pad's own modes
@@ -89,7 +92,10 @@ def blind_page(report: Report, origin: Origin, picture: str, note: str = "") -> 
         _constants_table(report),
         _misses(report),
         _NOTES.format(
-            group=LARGEST_GROUP, chance=_by_chance(report), window=round(exp(Settings().window))
+            group=LARGEST_GROUP,
+            chance=_by_chance(report),
+            window=round(exp(Settings().window)),
+            open=_open_and_adequate(report),
         ),
     ]
     return "\n".join(parts)
@@ -113,6 +119,12 @@ def _head(report: Report, rows: Sequence[Level], origin: Origin) -> str:
 def _by_chance(report: Report) -> str:
     found = report.reliability.by_chance
     return "-" if found is None else f"{found:.3f}"
+
+
+def _open_and_adequate(report: Report) -> int:
+    """Single effects that could be seen and are left open by a verdict that names nothing."""
+    single = [c for c in report.cases if c["seen"] and c["kind"] == "single"]
+    return sum(c["verdict"] == "adequate" and is_left_open(c) for c in single)
 
 
 def _codes(report: Report) -> str:

@@ -66,6 +66,7 @@ def _verdict(found: Diagnosis) -> dict:
         "verdict": found.verdict,
         "effects": list(found.effects),
         "group": list(found.group),
+        "not_ruled_out": [list(one.effects) for one in found.not_ruled_out],
         "floor": found.noise,
         "probabilities": {ranked.effect: ranked.probability for ranked in found.ranking},
         "refused": [list(pair) for pair in found.refused],

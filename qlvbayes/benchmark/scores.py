@@ -31,6 +31,15 @@ def is_right_or_grouped(case: Case) -> bool:
     return len(rivals) <= LARGEST_GROUP and set(case["names"]) in readings
 
 
+def is_left_open(case: Case) -> bool:
+    """Right or grouped, or the truth is one of at most three explanations not ruled out.
+
+    The verdict says so whatever it names; nothing may be one of them.
+    """
+    left = [set(effects) for effects in case.get("not_ruled_out", [])]
+    return is_right_or_grouped(case) or (len(left) <= LARGEST_GROUP and set(case["names"]) in left)
+
+
 def ranks_first(case: Case) -> bool:
     """The first round gives the hidden effect the highest probability, whatever the verdict."""
     return case["names"] == _ranked(case)[:1]
@@ -89,7 +98,11 @@ QUESTIONS = (
     Question("single_right", ("single",), is_right, "one effect: named"),
     Question(
         "single_right_or_group", ("single",), is_right_or_grouped,
-        "one effect: named, or among at most three",
+        "one effect: named, or in an ambiguous verdict's group of at most three",
+    ),
+    Question(
+        "single_left_open", ("single",), is_left_open,
+        "one effect: named, or of at most three left open",
     ),
     Question("single_first", ("single",), ranks_first, "one effect: ranked first"),
     Question("single_high", ("single",), ranks_high, "one effect: ranked among the first three"),

@@ -9,6 +9,7 @@ doi:10.1214/ss/1009212519),
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import softmax
@@ -22,24 +23,37 @@ from qlvbayes.inference.gaussnewton import Point
 from qlvbayes.inference.subset import Ensemble
 
 
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """A model that the tests do not rule out.
+
+    log_odds: posterior, against the last model.
+    """
+
+    effects: tuple[str, ...]
+    log_odds: float
+    point: Point
+
+
 def explanations_of(
     experiment: Experiment, ensemble: Ensemble, path: Path, settings: Settings
-) -> list[tuple[float, Point]]:
+) -> list[Explanation]:
     """The last model, and those with another effect, or none, in the place of one of its own.
 
-    Log posterior odds against the last model, and optimum, of each that leaves no structure and is
-    in the window.
+    Of them all that leave no structure and are in the window: behind the last model, or behind the
+    likeliest if the last has no effects.
     """
-    least = -max(settings.window, settings.apart)
-    found = [(0.0, path.last.point)]
-    for effect, place in path.places.items():
+    last, found = path.last, [Explanation(path.last.effects, 0.0, path.last.point)]
+    for effect, place in (path.places if last.effects else {"none": path.rounds[0]}).items():
+        rest = tuple(name for name in last.effects if name != effect)
         logs = place.log_weights(settings)
+        holder = logs[effect] if last.effects else max(logs.values())
         points = {"none": place.base} | {c.effect: c.point for c in place.contenders}
         for name, point in points.items():
-            odds = logs[name] - logs[effect]
-            near = name != effect and odds > least
+            near = name != effect and holder - logs[name] < settings.window
             if near and point and is_sound(experiment, ensemble, point, settings):
-                found.append((odds, point))
+                effects = rest if name == "none" else (*rest, name)
+                found.append(Explanation(effects, logs[name] - logs[effect], point))
     return found
 
 

@@ -66,6 +66,10 @@ class AbstractFreeForm:
 
         return ascend(at, start, self.free, steps, worth)
 
+    def highest(self, start: Point, worth: float) -> Point:
+        """The highest point found, from a fit without the coefficients; given up as in ``fit``."""
+        return self.fit(start, worth=worth)
+
     def along(self, point: Point) -> tuple[np.ndarray, np.ndarray]:
         """Block means (T, B) at a point, and slopes (K, T, B) along its free numbers, padded."""
         _, coefficients = self.split(point.theta)
@@ -119,15 +123,20 @@ class AbstractCurvedForm(AbstractFreeForm):
         """(J, ...) at depths and clock times, both from 0 to 1."""
 
     @cached_property
-    def at_blocks(self) -> np.ndarray:
-        """(J, T, B) the curves at the blocks."""
+    def places(self) -> tuple[np.ndarray, np.ndarray]:
+        """Depth and clock time (T, B) of the blocks, both from 0 to 1."""
         record, scales = self.ensemble.posterior.record, self.experiment.scales
         motion = record.motion
         middle = 0.5 * (np.asarray(record.blocks.first) + np.asarray(record.blocks.last))
         places = zip(middle, np.asarray(motion.time), np.asarray(motion.displacement), strict=True)
         depth = np.stack([np.interp(t, time, displacement) for t, time, displacement in places])
         clock = np.asarray(motion.start)[:, None] + middle
-        return self.curves(depth / scales.depth, clock / scales.clock)
+        return depth / scales.depth, clock / scales.clock
+
+    @cached_property
+    def at_blocks(self) -> np.ndarray:
+        """(J, T, B) the curves at the blocks."""
+        return self.curves(*self.places)
 
 
 def _padded(slopes: np.ndarray) -> np.ndarray:

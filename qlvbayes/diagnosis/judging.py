@@ -5,17 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from qlvbayes.diagnosis.adequacy import Adequacy, adequacy, is_sound
-from qlvbayes.diagnosis.averaging import explanations_of
+from qlvbayes.diagnosis.averaging import Explanation, explanations_of
 from qlvbayes.diagnosis.contest import Contender
-from qlvbayes.diagnosis.forms.search import other_forms
-from qlvbayes.diagnosis.freespring import FreeSpring
+from qlvbayes.diagnosis.forms.search import Found, other_forms
 from qlvbayes.diagnosis.samples import Samples
 from qlvbayes.diagnosis.search import Path, Step, Tell
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.swap import rivals
+from qlvbayes.diagnosis.unlisted import against_unlisted
 from qlvbayes.diagnosis.verdict import Work
 from qlvbayes.experiment import Experiment
-from qlvbayes.inference.gaussnewton import Point
 from qlvbayes.inference.subset import Ensemble
 
 
@@ -23,16 +22,17 @@ from qlvbayes.inference.subset import Ensemble
 class Judged:
     """A verdict and what it rests on.
 
-    alike: contenders that the suggested tests are to tell apart; explanations: log weight and
-    optimum of each model that the tests do not rule out.
+    unlisted: log Bayes factors of rivals that no list holds against the effects found; alike:
+    contenders that the suggested tests are to tell apart; explanations: models that the tests do
+    not rule out, none where nothing explains them.
     """
 
     work: Work
     verdict: str
     group: tuple[str, ...]
-    spring: float | None
+    unlisted: dict[str, float]
     alike: list[Contender]
-    explanations: list[tuple[float, Point]]
+    explanations: list[Explanation]
 
 
 def judged(
@@ -47,19 +47,21 @@ def judged(
     adequacies = [adequacy(experiment, ensemble, step.point) for step in path.steps]
     alike = _alike(experiment, ensemble, path, settings)
     group = tuple(contender.effect for contender in alike)
-    sound = adequacies[-1].is_sound(settings)
+    unlisted = _unlisted(experiment, ensemble, path)
+    sound = _explains(adequacies[-1], unlisted, settings)
     tell("trying other forms of the effects")
     step, forms = other_forms(experiment, ensemble, samples, path, sound, settings)
     if step is None:
         explanations = explanations_of(experiment, ensemble, path, settings)
     else:
         alike, group = [], tuple(dict.fromkeys(found.form.effect for found in forms))
-        explanations = [(found.point.log_evidence, found.point) for found in forms]
+        explanations = _as_explanations(forms)
         path, adequacies = _in_other_form(path, adequacies, step, forms[0].adequacy)
-    spring = _spring(experiment, ensemble, path)
-    verdict = _verdict(path, adequacies[-1], group, spring, settings)
+        unlisted = _unlisted(experiment, ensemble, path)
+    verdict = _verdict(path, _explains(adequacies[-1], unlisted, settings), group)
+    explanations = [] if verdict == "unexplained" else explanations
     work = Work(experiment, ensemble, samples, path, tuple(adequacies))
-    return Judged(work, verdict, group, spring, alike, explanations)
+    return Judged(work, verdict, group, unlisted, alike, explanations)
 
 
 def _alike(
@@ -70,6 +72,11 @@ def _alike(
     return [
         c for k, c in enumerate(near) if k == 0 or is_sound(experiment, ensemble, c.point, settings)
     ]
+
+
+def _as_explanations(forms: list[Found]) -> list[Explanation]:
+    best = forms[0].point.log_evidence
+    return [Explanation(f.effects, float(f.point.log_evidence - best), f.point) for f in forms]
 
 
 def _in_other_form(
@@ -84,18 +91,21 @@ def _in_other_form(
     return Path(steps, path.rounds[:kept], path.refused), [*adequacies[:kept], adequate]
 
 
-def _spring(experiment: Experiment, ensemble: Ensemble, path: Path) -> float | None:
-    """Log Bayes factor of a spring of free form against the effects found; None without effects."""
+def _unlisted(experiment: Experiment, ensemble: Ensemble, path: Path) -> dict[str, float]:
+    """Log Bayes factors of what no list holds against the effects found, if there are any."""
     if not path.last.effects:
-        return None
-    spring = FreeSpring(experiment, ensemble, ensemble.subset()).fit(path.steps[0].point)
-    return float(spring.log_evidence - path.last.point.log_evidence)
+        return {}
+    plain, found = path.steps[0].point, path.last.point.log_evidence
+    return against_unlisted(experiment, ensemble, plain, found)
 
 
-def _verdict(
-    path: Path, last: Adequacy, group: tuple[str, ...], spring: float | None, settings: Settings
-) -> str:
-    if not last.is_sound(settings) or (spring or 0.0) > settings.spring:
+def _explains(last: Adequacy, unlisted: dict[str, float], settings: Settings) -> bool:
+    """Whether a model leaves nothing structured, and does not only imitate."""
+    return last.is_sound(settings) and max(unlisted.values(), default=0.0) <= settings.unlisted
+
+
+def _verdict(path: Path, explained: bool, group: tuple[str, ...]) -> str:
+    if not explained:
         return "unexplained"
     if not path.last.effects:
         return "adequate"

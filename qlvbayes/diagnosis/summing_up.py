@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
-from qlvbayes.diagnosis.averaging import averaged
+from scipy.special import softmax
+
+from qlvbayes.diagnosis.averaging import Explanation, averaged
 from qlvbayes.diagnosis.contest import Contender
 from qlvbayes.diagnosis.design import Suggestion, suggest
 from qlvbayes.diagnosis.evidence import laplace_check
@@ -14,7 +16,15 @@ from qlvbayes.diagnosis.judging import Judged
 from qlvbayes.diagnosis.samples import cell_errors, rmse
 from qlvbayes.diagnosis.search import Path, Step
 from qlvbayes.diagnosis.settings import Settings
-from qlvbayes.diagnosis.verdict import Diagnosis, Estimate, Ranked, Sampled, Stage, Work
+from qlvbayes.diagnosis.verdict import (
+    Diagnosis,
+    Estimate,
+    NotRuledOut,
+    Ranked,
+    Sampled,
+    Stage,
+    Work,
+)
 from qlvbayes.effects.effect import Protocol
 from qlvbayes.experiment import Experiment
 from qlvbayes.inference.gaussnewton import Point
@@ -28,6 +38,7 @@ def summed_up(
     work, verdict = judged.work, judged.verdict
     experiment, ensemble, path = work.experiment, work.ensemble, work.path
     plain, scores = path.rounds[0].base, path.rounds[0].scores
+    blind = unseen(ensemble, plain, scores, protocol)
     named = _named(path, judged.group) if verdict in ("missing_effect", "ambiguous") else ()
     return Diagnosis(
         pad=experiment.pad,
@@ -37,7 +48,7 @@ def summed_up(
         group=judged.group if named else (),
         stages=tuple(_stage(work, k, settings) for k in range(len(path.steps))),
         ranking=_ranking(work, settings),
-        not_identifiable=tuple(unseen(ensemble, plain, scores, protocol)),
+        not_identifiable=tuple(blind),
         bends=tuple(bends(ensemble, plain, scores)),
         coincident=tuple(coincident(ensemble, plain, scores)),
         refused=tuple(path.refused),
@@ -45,8 +56,9 @@ def summed_up(
         suggestions=_suggestions(experiment, ensemble, judged.alike),
         work=work,
         nested=sampled,
-        spring=judged.spring,
-        constants=_constants(work, judged.explanations if named else []),
+        unlisted=judged.unlisted,
+        not_ruled_out=_not_ruled_out(judged.explanations, {entry.effect for entry in blind}),
+        constants=_constants(work, judged.explanations),
     )
 
 
@@ -99,10 +111,19 @@ def _stage(work: Work, k: int, settings: Settings) -> Stage:
     )
 
 
-def _constants(work: Work, explanations: list[tuple[float, Point]]) -> dict[str, Estimate]:
-    """The plain model's, averaged over explanations (log weight, fit), or the last model's."""
-    logs, points = zip(*(explanations or [(0.0, work.path.last.point)]), strict=True)
-    return averaged(logs, [_estimates(work, point, _is_plain) for point in points])
+def _not_ruled_out(explanations: list[Explanation], blind: set[str]) -> tuple[NotRuledOut, ...]:
+    """The likeliest first; without effects that the tests cannot show, unless they are named."""
+    kept = [e for k, e in enumerate(explanations) if k == 0 or not set(e.effects) & blind]
+    shares = softmax([e.log_odds for e in kept]).tolist() if kept else []
+    found = [NotRuledOut(e.effects, share) for e, share in zip(kept, shares, strict=True)]
+    return tuple(sorted(found, key=lambda one: -one.probability))
+
+
+def _constants(work: Work, explanations: list[Explanation]) -> dict[str, Estimate]:
+    """The plain model's, averaged over explanations, or the last model's."""
+    some = explanations or [Explanation((), 0.0, work.path.last.point)]
+    fitted = [_estimates(work, explanation.point, _is_plain) for explanation in some]
+    return averaged([explanation.log_odds for explanation in some], fitted)
 
 
 def _is_plain(name: str) -> bool:

@@ -82,6 +82,14 @@ class Stage:
 
 
 @dataclass(frozen=True)
+class NotRuledOut:
+    """A set of effects that would explain the tests, and its probability among all such."""
+
+    effects: tuple[str, ...]
+    probability: float
+
+
+@dataclass(frozen=True)
 class Sampled:
     """One hypothesis of the first round: log evidence by Laplace, and by nested sampling."""
 
@@ -104,9 +112,10 @@ class Diagnosis:
     equally well (``ambiguous``); tried: what was added on the way, also where the verdict is
     ``unexplained``; noise: the floor's sd (N), measured without the model; nested: evidence by
     nested sampling, where it was asked for; discrepancy: typical size (N) of the Gaussian-process
-    discrepancy where structure is left; spring: log Bayes factor of a spring of free form, which no
-    list holds, against the effects found; constants: the plain model's, by the last model; where
-    effects are named, averaged over all explanations that the tests do not rule out.
+    discrepancy where structure is left; unlisted: log Bayes factors of rivals that no list holds
+    against the effects found, by name; not_ruled_out: explanations within the window of the one
+    named, or of the likeliest if none is, none where the verdict is ``unexplained``; constants: the
+    plain model's, averaged over these explanations, or by the last model if there are none.
     """
 
     pad: str
@@ -125,7 +134,8 @@ class Diagnosis:
     work: Work
     nested: tuple[Sampled, ...] = ()
     discrepancy: float | None = None
-    spring: float | None = None
+    unlisted: dict[str, float] = field(default_factory=dict)
+    not_ruled_out: tuple[NotRuledOut, ...] = ()
     constants: dict[str, Estimate] = field(default_factory=dict)
 
     @property
@@ -171,6 +181,10 @@ class Diagnosis:
             "verdict": self.verdict,
             "effects": list(self.effects),
             "group": list(self.group),
+            "not_ruled_out": [
+                {"effects": list(one.effects), "probability": one.probability}
+                for one in self.not_ruled_out
+            ],
             "constants": _parameters(self.constants),
             "steps": [_stage(stage) for stage in self.stages],
             "ranking": [_ranked(ranked) for ranked in self.ranking],
@@ -206,7 +220,10 @@ class Diagnosis:
                 for s in self.nested
             ],
             "discrepancy_sd_N": self.discrepancy,
-            "free_spring_log_bayes_factor": self.spring,
+            "unlisted": [
+                {"rival": name, "log_bayes_factor": _finite(value)}
+                for name, value in self.unlisted.items()
+            ],
             "worst": {
                 "test": worst.test,
                 "phase": worst.phase,

@@ -13,6 +13,16 @@ _MOST_BENDS = 3
 _MOST_CELLS = 4
 _LIKELY = 0.5  # probability of nothing, from which the text says so without ifs
 _NOTHING = "nothing is missing that these tests can show"
+_UNLISTED = {
+    "free_spring": (
+        "a spring of free form beside the pad, a force that depends on depth alone",
+        "a second contact or a stiffer core",
+    ),
+    "free_offsets": (
+        "an offset of its own in every test, a force that depends on the clock alone",
+        "a cell zeroed anew or a part of the rig that gave way",
+    ),
+}
 _MAYBE = "nothing is named, although something may be missing"
 
 
@@ -28,6 +38,7 @@ def paragraphs(diagnosis: Diagnosis) -> list[str]:
     if diagnosis.verdict != "adequate":
         text.insert(1, _where(diagnosis))
         text += _runner_up(diagnosis)
+    text += _not_ruled_out(diagnosis)
     text += _honest(diagnosis)
     text += _next_test(diagnosis)
     text += _unseen(diagnosis)
@@ -95,13 +106,14 @@ def _change(d: Diagnosis) -> str:
 
 def _unexplained(d: Diagnosis) -> str:
     unit, last = _units(d).force, d.stages[-1]
-    if last.sound and d.spring is not None:
+    if last.sound and d.unlisted:
+        rival = max(d.unlisted, key=lambda name: d.unlisted[name])
+        what, likelier = _UNLISTED[rival]
         return (
             f"Pad {d.pad}: unexplained. {_joined(list(last.effects))} would leave nothing "
-            "structured, but a spring of free form beside the pad, a force that depends on depth "
-            f"alone, explains the tests better still (log Bayes factor {d.spring:.3g}). Something "
-            "outside the list, a second contact or a stiffer core, is likelier than an effect of "
-            "the list: none is named."
+            f"structured, but {what}, explains the tests better still (log Bayes factor "
+            f"{d.unlisted[rival]:.3g}). Something outside the list, {likelier}, is likelier than "
+            "an effect of the list: none is named."
         )
     tried = f" The best that the list offers, {_joined(list(last.effects))}, is not enough:" * bool(
         last.effects
@@ -211,6 +223,16 @@ def _runner_up(d: Diagnosis) -> list[str]:
         return [f"{text}, and the evidence is against it by a log Bayes factor of {gap:.3g}."]
     why = dict(d.refused).get(rival.effect, "a later step made it useless")
     return [f"{text}; it was not taken as {why}."]
+
+
+def _not_ruled_out(d: Diagnosis) -> list[str]:
+    """Explanations besides the verdict's own."""
+    own = [{*d.effects[:-1], name} for name in d.group] if len(d.group) > 1 else [set(d.effects)]
+    others = [one for one in d.not_ruled_out if set(one.effects) not in own]
+    if not others:
+        return []
+    said = [f"{_joined(list(o.effects)) or 'nothing'} ({_percent(o.probability)})" for o in others]
+    return [f"The tests do not rule out {_joined(said, 'or')} either; the constants allow for it."]
 
 
 def _honest(d: Diagnosis) -> list[str]:

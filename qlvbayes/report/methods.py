@@ -33,8 +33,8 @@ _THRESHOLDS = {
     "window": "the constants are averaged over all explanations within log posterior odds of {}",
     "likeness": "an effect is named in a form of its own only if the list's form explains {} of "
     "the sum of squares that the other form explains",
-    "spring": "the verdict is unexplained where a spring of free form beats the effects found by a "
-    "log evidence of {}",
+    "unlisted": "the verdict is unexplained where a spring of free form, or an offset of its own "
+    "in every test, beats the effects found by a log evidence of {}",
     "prior_none": "the prior probability that nothing is missing is {}",
     "false_alarms": "a right model is found to leave structure with probability {}",
     "most": "at most {} effects are added",

@@ -59,9 +59,9 @@ class SpreadLag(AbstractOtherForm):
             found.append([_WEIGHTS @ np.stack(forces) for forces in trials])
         return found
 
-    def highest(self, listed: Point, worth: float) -> Point:
+    def highest(self, start: Point, worth: float) -> Point:
         """From a lag of first order."""
-        return self.fit(replace(listed, theta=np.append(listed.theta, 1.0)), worth=worth)
+        return self.fit(replace(start, theta=np.append(start.theta, 1.0)), worth=worth)
 
     def least(self, point: Point) -> float:
         """0 or more: what is recorded is never turned round."""

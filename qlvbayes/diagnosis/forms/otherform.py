@@ -58,20 +58,20 @@ class AbstractOtherForm(AbstractFreeForm):
     distant: ClassVar[bool] = False
     clocked: ClassVar[bool] = False
 
-    def highest(self, listed: Point, worth: float) -> Point:
+    def highest(self, start: Point, worth: float) -> Point:
         """The highest point found from the optimum of the list's law, given up as in ``fit``.
 
         Of a distant form also from draws of the effect's priors: where the list's law is at its
         best, the form may have another hump or none.
         """
         if not self.distant:
-            return self.fit(listed, worth=worth)
-        points = self._starts(listed)
+            return super().highest(start, worth)
+        points = self._starts(start)
         for steps, kept in _HEATS:
             points = [self.fit(point, steps=steps, worth=worth) for point in points]
             points = [point for point in points if np.isfinite(point.loss)]
             points = sorted(points, key=lambda point: point.loss)[:kept]
-        tops = [self.fit(point, worth=worth) for point in (listed, *points)]
+        tops = [self.fit(point, worth=worth) for point in (start, *points)]
         return max(tops, key=lambda point: point.log_evidence)
 
     def _starts(self, listed: Point) -> list[Point]:
