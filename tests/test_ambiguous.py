@@ -1,5 +1,7 @@
 """Where several effects explain the tests alike, the constants allow for each of them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hidden_pads import hidden_pad
@@ -77,3 +79,30 @@ def test_words_and_json_give_the_averaged_constants(either):
     m = either.constants["m"]
     assert f"Allowing for all that the tests do not rule out, m = {m}" in first
     assert either.as_dict()["constants"]["m"] == {"unit": "N/mm", "mean": m.mean, "sd": m.sd}
+
+
+def test_all_that_the_tests_leave_is_listed(either):
+    listed = either.not_ruled_out
+    assert sum(one.probability for one in listed) == pytest.approx(1.0)
+    assert [one.probability for one in listed] == sorted(
+        (one.probability for one in listed), reverse=True
+    )
+    assert ("viscous_drag",) in [one.effects for one in listed]
+    told = either.as_dict()["not_ruled_out"]
+    assert [(tuple(t["effects"]), t["probability"]) for t in told] == [
+        (one.effects, one.probability) for one in listed
+    ]
+
+
+def test_what_is_not_ruled_out_is_told_beside_the_name(either):
+    beside = replace(either, verdict="missing_effect", group=("viscous_drag",))
+    said = " ".join(paragraphs(beside))
+    for one in either.not_ruled_out:
+        if one.effects not in ((), ("viscous_drag",)):
+            assert f"{one.effects[0]} (" in said.partition("do not rule out")[2]
+
+
+def test_where_nothing_is_named_nothing_is_one_of_the_explanations():
+    found = diagnose(hidden_pad(rates=(1.0, 20.0)))
+    assert found.verdict == "adequate"
+    assert () in [one.effects for one in found.not_ruled_out]

@@ -24,6 +24,7 @@ from qlvbayes.benchmark.run import run_studies
 from qlvbayes.benchmark.scores import (
     ceiling,
     heldout,
+    is_left_open,
     is_right,
     is_right_or_grouped,
     names_family,
@@ -295,6 +296,21 @@ def test_a_group_counts_if_it_is_small_and_holds_the_truth():
     assert is_right_or_grouped(grouped(rivals, effects=("inertia", "toe"), **two))
     assert not is_right_or_grouped(grouped(rivals, effects=("adhesion", "toe"), **two))
     assert not is_right_or_grouped(nothing("ambiguous", effects=("inertia",), group=("inertia",)))
+
+
+def test_the_truth_is_left_open_if_it_is_one_of_few_explanations():
+    def left(*explanations, **more):
+        found = case(effects=("squeeze_film",), group=("squeeze_film",), **more)
+        return is_left_open(found | {"not_ruled_out": [list(one) for one in explanations]})
+
+    drag, film, inertia = ("viscous_drag",), ("squeeze_film",), ("inertia",)
+    assert left(film, drag)
+    assert left((), drag, verdict="adequate")
+    assert not left(film, inertia)
+    assert not left(film, ("viscous_drag", "inertia"))
+    assert not left(film, drag, inertia, ("friction",))
+    assert not left(verdict="unexplained")
+    assert is_left_open(case())
 
 
 def test_a_form_is_found_by_any_effect_of_its_family():

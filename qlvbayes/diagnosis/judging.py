@@ -22,7 +22,7 @@ from qlvbayes.inference.subset import Ensemble
 class Judged:
     """A verdict and what it rests on.
 
-    unlisted: log Bayes factors of rivals that no list holds against the effects found; alike:
+    unlisted: log Bayes factors of rivals that no list holds against the last model; alike:
     contenders that the suggested tests are to tell apart; explanations: models that the tests do
     not rule out, none where nothing explains them.
     """
@@ -47,7 +47,7 @@ def judged(
     adequacies = [adequacy(experiment, ensemble, step.point) for step in path.steps]
     alike = _alike(experiment, ensemble, path, settings)
     group = tuple(contender.effect for contender in alike)
-    unlisted = _unlisted(experiment, ensemble, path)
+    unlisted = _unlisted(experiment, ensemble, path, adequacies[-1].is_sound(settings))
     sound = _explains(adequacies[-1], unlisted, settings)
     tell("trying other forms of the effects")
     step, forms = other_forms(experiment, ensemble, samples, path, sound, settings)
@@ -57,7 +57,7 @@ def judged(
         alike, group = [], tuple(dict.fromkeys(found.form.effect for found in forms))
         explanations = _as_explanations(forms)
         path, adequacies = _in_other_form(path, adequacies, step, forms[0].adequacy)
-        unlisted = _unlisted(experiment, ensemble, path)
+        unlisted = _unlisted(experiment, ensemble, path, sound=True)
     verdict = _verdict(path, _explains(adequacies[-1], unlisted, settings), group)
     explanations = [] if verdict == "unexplained" else explanations
     work = Work(experiment, ensemble, samples, path, tuple(adequacies))
@@ -91,9 +91,11 @@ def _in_other_form(
     return Path(steps, path.rounds[:kept], path.refused), [*adequacies[:kept], adequate]
 
 
-def _unlisted(experiment: Experiment, ensemble: Ensemble, path: Path) -> dict[str, float]:
-    """Log Bayes factors of what no list holds against the effects found, if there are any."""
-    if not path.last.effects:
+def _unlisted(
+    experiment: Experiment, ensemble: Ensemble, path: Path, sound: bool
+) -> dict[str, float]:
+    """Log Bayes factors of what no list holds against the effects found; none if none is needed."""
+    if sound and not path.last.effects:
         return {}
     plain, found = path.steps[0].point, path.last.point.log_evidence
     return against_unlisted(experiment, ensemble, plain, found)

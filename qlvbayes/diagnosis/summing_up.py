@@ -57,6 +57,7 @@ def summed_up(
         work=work,
         nested=sampled,
         unlisted=judged.unlisted,
+        outside=_outside(judged.unlisted, settings),
         not_ruled_out=_not_ruled_out(judged.explanations, {entry.effect for entry in blind}),
         constants=_constants(work, judged.explanations),
     )
@@ -109,6 +110,12 @@ def _stage(work: Work, k: int, settings: Settings) -> Stage:
         parameters=_estimates(work, step.point, _is_of_pad),
         shape=step.form.shape(step.point) if step.form else None,
     )
+
+
+def _outside(unlisted: dict[str, float], settings: Settings) -> str | None:
+    """The rival that clearly beats the last model."""
+    best = max(unlisted, key=lambda name: unlisted[name], default=None)
+    return best if best and unlisted[best] > settings.unlisted else None
 
 
 def _not_ruled_out(explanations: list[Explanation], blind: set[str]) -> tuple[NotRuledOut, ...]:

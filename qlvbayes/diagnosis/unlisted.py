@@ -25,9 +25,9 @@ def against_unlisted(
     subset, gains = ensemble.subset(), {}
     for name, kinds in UNLISTED.items():
         tops = [kind(experiment, ensemble, subset).highest(plain, found) for kind in kinds]
-        gains[name] = _mean([top.log_evidence for top in tops]) - found
+        gains[name] = float(_mean([top.log_evidence for top in tops]) - found)
     return gains
 
 
 def _mean(logs: list[float]) -> float:
-    return float(np.logaddexp.reduce(logs) - math.log(len(logs)))
+    return float(np.logaddexp.reduce(logs)) - math.log(len(logs))

@@ -113,9 +113,10 @@ class Diagnosis:
     ``unexplained``; noise: the floor's sd (N), measured without the model; nested: evidence by
     nested sampling, where it was asked for; discrepancy: typical size (N) of the Gaussian-process
     discrepancy where structure is left; unlisted: log Bayes factors of rivals that no list holds
-    against the effects found, by name; not_ruled_out: explanations within the window of the one
-    named, or of the likeliest if none is, none where the verdict is ``unexplained``; constants: the
-    plain model's, averaged over these explanations, or by the last model if there are none.
+    against the last model, by name; outside: the one that clearly beats it, if any; not_ruled_out:
+    explanations within the window of the one named, or of the likeliest if none is, none where the
+    verdict is ``unexplained``; constants: the plain model's, averaged over these explanations, or
+    by the last model if there are none.
     """
 
     pad: str
@@ -135,6 +136,7 @@ class Diagnosis:
     nested: tuple[Sampled, ...] = ()
     discrepancy: float | None = None
     unlisted: dict[str, float] = field(default_factory=dict)
+    outside: str | None = None
     not_ruled_out: tuple[NotRuledOut, ...] = ()
     constants: dict[str, Estimate] = field(default_factory=dict)
 

@@ -15,12 +15,12 @@ _LIKELY = 0.5  # probability of nothing, from which the text says so without ifs
 _NOTHING = "nothing is missing that these tests can show"
 _UNLISTED = {
     "free_spring": (
-        "a spring of free form beside the pad, a force that depends on depth alone",
+        "A spring of free form beside the pad, a force that depends on depth alone,",
         "a second contact or a stiffer core",
     ),
     "free_offsets": (
-        "an offset of its own in every test, a force that depends on the clock alone",
-        "a cell zeroed anew or a part of the rig that gave way",
+        "An offset of its own in every test, a force that depends on the clock alone,",
+        "a cell zeroed anew, or a part of the rig that gave way",
     ),
 }
 _MAYBE = "nothing is named, although something may be missing"
@@ -106,14 +106,11 @@ def _change(d: Diagnosis) -> str:
 
 def _unexplained(d: Diagnosis) -> str:
     unit, last = _units(d).force, d.stages[-1]
-    if last.sound and d.unlisted:
-        rival = max(d.unlisted, key=lambda name: d.unlisted[name])
-        what, likelier = _UNLISTED[rival]
+    outside = f" {_outside(d, d.outside)}" if d.outside else ""
+    if last.sound:
         return (
             f"Pad {d.pad}: unexplained. {_joined(list(last.effects))} would leave nothing "
-            f"structured, but {what}, explains the tests better still (log Bayes factor "
-            f"{d.unlisted[rival]:.3g}). Something outside the list, {likelier}, is likelier than "
-            "an effect of the list: none is named."
+            f"structured, but something outside the list is likelier: none is named.{outside}"
         )
     tried = f" The best that the list offers, {_joined(list(last.effects))}, is not enough:" * bool(
         last.effects
@@ -127,9 +124,19 @@ def _unexplained(d: Diagnosis) -> str:
     return (
         f"Pad {d.pad}: unexplained.{tried} structure remains beyond the noise floor of "
         f"{d.noise:.3g} {unit} ({_p(last.p_value)}){where}. The largest error left is "
-        f"{worst.rmse:.3g} {unit} in the {_PHASE[worst.phase]} of {worst.test}. No effect is "
-        "named: take the constants as those of a model that is wrong."
+        f"{worst.rmse:.3g} {unit} in the {_PHASE[worst.phase]} of {worst.test}.{outside} No effect "
+        "is named: take the constants as those of a model that is wrong."
     ).replace(". structure", ". Structure")
+
+
+def _outside(d: Diagnosis, rival: str) -> str:
+    """A rival that no list holds explains the tests better."""
+    what, cause = _UNLISTED[rival]
+    than = _joined(list(d.tried)) or "the plain model"
+    return (
+        f"{what} explains the tests better than {than} (log Bayes factor "
+        f"{d.unlisted[rival]:.3g}): perhaps {cause}."
+    )
 
 
 def _p(value: float) -> str:
