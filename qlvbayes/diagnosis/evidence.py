@@ -163,11 +163,19 @@ def _ridges(ensemble: Ensemble, point: Point) -> list[str]:
     correlation = point.covariance / np.outer(sds, sds)
     names = [_name(ensemble, place) for place, _ in _free(ensemble, point) for _ in place.theta]
     rows, columns = np.nonzero(np.triu(np.abs(correlation), 1) > _TOGETHER_TOO_MUCH)
-    pairs = {(names[i], names[j]): correlation[i, j] for i, j in zip(rows, columns, strict=True)}
-    found = [f"{one} and {two} trade off (correlation {r:.3f})" for (one, two), r in pairs.items()]
+    strongest = float(np.abs(correlation[rows, columns]).max(initial=0.0))
+    tied = list(dict.fromkeys(names[k] for k in sorted({*rows.tolist(), *columns.tolist()})))
+    found = [f"{_list(tied)} trade off (correlations up to {strongest:.3f})"] if tied else []
     if not found and np.linalg.cond(correlation) > _RIDGE:
         found.append("a combination of its constants is hardly determined")
     return found
+
+
+def _list(names: list[str]) -> str:
+    """Names of constants that move together; one alone is several of that name."""
+    if len(names) == 1:
+        return f"the constants {names[0]}"
+    return f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 def _free(ensemble: Ensemble, point: Point) -> list[tuple[Place, AbstractPrior]]:

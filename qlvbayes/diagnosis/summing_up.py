@@ -38,7 +38,6 @@ def summed_up(
     work, verdict = judged.work, judged.verdict
     experiment, ensemble, path = work.experiment, work.ensemble, work.path
     plain, scores = path.rounds[0].base, path.rounds[0].scores
-    blind = unseen(ensemble, plain, scores, protocol)
     named = _named(path, judged.group) if verdict in ("missing_effect", "ambiguous") else ()
     return Diagnosis(
         pad=experiment.pad,
@@ -48,7 +47,7 @@ def summed_up(
         group=judged.group if named else (),
         stages=tuple(_stage(work, k, settings) for k in range(len(path.steps))),
         ranking=_ranking(work, settings),
-        not_identifiable=tuple(blind),
+        not_identifiable=tuple(unseen(ensemble, plain, scores, protocol)),
         bends=tuple(bends(ensemble, plain, scores)),
         coincident=tuple(coincident(ensemble, plain, scores)),
         refused=tuple(path.refused),
@@ -58,7 +57,7 @@ def summed_up(
         nested=sampled,
         unlisted=judged.unlisted,
         outside=_outside(judged.unlisted, settings),
-        not_ruled_out=_not_ruled_out(judged.explanations, {entry.effect for entry in blind}),
+        not_ruled_out=_not_ruled_out(judged.explanations),
         constants=_constants(work, judged.explanations),
     )
 
@@ -118,11 +117,10 @@ def _outside(unlisted: dict[str, float], settings: Settings) -> str | None:
     return best if best and unlisted[best] > settings.unlisted else None
 
 
-def _not_ruled_out(explanations: list[Explanation], blind: set[str]) -> tuple[NotRuledOut, ...]:
-    """The likeliest first; without effects that the tests cannot show, unless they are named."""
-    kept = [e for k, e in enumerate(explanations) if k == 0 or not set(e.effects) & blind]
-    shares = softmax([e.log_odds for e in kept]).tolist() if kept else []
-    found = [NotRuledOut(e.effects, share) for e, share in zip(kept, shares, strict=True)]
+def _not_ruled_out(explanations: list[Explanation]) -> tuple[NotRuledOut, ...]:
+    """The likeliest first."""
+    shares = softmax([e.log_odds for e in explanations]).tolist() if explanations else []
+    found = [NotRuledOut(e.effects, share) for e, share in zip(explanations, shares, strict=True)]
     return tuple(sorted(found, key=lambda one: -one.probability))
 
 
