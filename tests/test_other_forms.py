@@ -24,6 +24,7 @@ from qlvbayes.synthetic import (
     OUTSIDE,
     PAPER_RATES,
     TABLE_1,
+    Constants,
 )
 
 RATES = (0.1, 1.0, 20.0, 100.0)
@@ -202,3 +203,13 @@ def test_a_gradual_contact_is_a_contact_of_another_form():
     depths, factors = np.transpose(found.stages[-1].shape.over_depth)
     assert factors[0] < 0.5 < factors[-1]
     assert np.all(np.diff(depths) > 0.0)
+
+
+def test_a_gradual_contact_is_found_where_the_constants_of_a_gap_lead_away():
+    stiff = Constants(0.917, 1.409, (0.469, 0.488, 0.043), (4.996, 0.3286))
+    toe = FORMS["toe"](depth=0.584)
+    found = diagnose(hidden_pad(toe, rates=PAPER_RATES, constants=stiff))
+    named_in_form(found, "contact_offset", GradualContact)
+    listed = next(c.point for c in found.work.path.rounds[0].contenders if c.point is not None)
+    form, plain = found.work.path.last.form, found.work.path.rounds[0].base
+    assert form.fit(listed).log_evidence < form.fit(plain).log_evidence
