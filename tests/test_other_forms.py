@@ -10,7 +10,7 @@ from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.forms.otherform import OtherForm
 from qlvbayes.diagnosis.forms.ownforms import GradualContact, LevellingOff, WithForce
 from qlvbayes.diagnosis.forms.search import Found, other_forms, resembles
-from qlvbayes.diagnosis.forms.turns import _forms
+from qlvbayes.diagnosis.forms.turns import _forms, turns
 from qlvbayes.diagnosis.freeoffsets import FreeOffsets
 from qlvbayes.diagnosis.freespring import FreeSpring, KinkedSpring
 from qlvbayes.diagnosis.search import Path, plain_fits
@@ -213,3 +213,25 @@ def test_a_gradual_contact_is_found_where_the_constants_of_a_gap_lead_away():
     listed = next(c.point for c in found.work.path.rounds[0].contenders if c.point is not None)
     form, plain = found.work.path.last.form, found.work.path.rounds[0].base
     assert form.fit(listed).log_evidence < form.fit(plain).log_evidence
+
+
+def test_where_nothing_is_named_the_best_contenders_are_tried_in_other_forms():
+    work = diagnosed(rates=(1.0, 20.0)).work
+    assert not work.path.last.effects
+    found = [one for some in turns(work.experiment, work.ensemble, work.path, True) for one in some]
+    tried = {form.effect for form, _, _ in found if not form.distant}
+    best = {c.effect for c in work.path.rounds[0].contenders[:3] if c.point is not None}
+    assert tried
+    assert tried == {effect for effect in best if work.ensemble.effect(effect).reshapes}
+
+
+def test_a_leak_that_levels_off_early_is_found_though_a_steady_one_shows_little():
+    soft = Constants(0.4, 1.0, (0.35, 0.55, 0.1), (8.0, 0.15))
+    found = diagnose(
+        hidden_pad(
+            FORMS["saturating_leak"](share=0.05, time=100.0), rates=PAPER_RATES, constants=soft
+        )
+    )
+    listed = next(r for r in found.ranking if r.effect == "fluid_leak")
+    assert found.effects == ("fluid_leak",)
+    assert found.own_form.log_bayes_factor > listed.log_bayes_factor + Settings().form

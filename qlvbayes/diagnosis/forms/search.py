@@ -48,9 +48,9 @@ def other_forms(
     Tried are the steps on the way, the fewest effects first, then the best other contenders of the
     first round, side by side: the first turn of which one will do is taken, as an effect free in
     its form can imitate others. Forms that the list's law may be far from are tried at once. Where
-    the last step is ``sound``, only steps with fewer effects and contenders that were refused are
-    tried, and they must beat it. Left-out tests must confirm a form that does not change with the
-    clock: one that does would be carried on to where nothing tells it.
+    the last step is ``sound``, only steps with fewer effects are, or contenders if it has none, and
+    they must beat it. Left-out tests must confirm a form that does not change with the clock: one
+    that does would be carried on to where nothing tells it.
     """
 
     def attempt(one: Attempt) -> Found | None:

@@ -24,7 +24,7 @@ def turns(
     """What is tried together, one list after the other.
 
     Steps on the way, the fewest effects first, then the best contenders of the first round; where
-    the last step is ``sound``, only steps before it and contenders that were refused.
+    the last step is ``sound``, only steps before it, and these if it has no effects.
     """
     steps = sorted(_steps(path, sound), key=_count)
     known = [effects for effects, _ in steps]
@@ -44,11 +44,10 @@ def _steps(path: Path, sound: bool) -> list[Model]:
 
 
 def _contenders(path: Path, sound: bool) -> list[Model]:
-    contenders = path.rounds[0].contenders
-    if sound:
-        refused = {name for name, _ in path.refused} if not path.last.effects else set()
-        contenders = tuple(c for c in contenders if c.effect in refused)
-    return [((c.effect,), c.point) for c in contenders[:_FIRST] if c.point is not None]
+    if sound and path.last.effects:
+        return []
+    best = path.rounds[0].contenders[:_FIRST]
+    return [((c.effect,), c.point) for c in best if c.point is not None]
 
 
 def _count(model: Model) -> int:
