@@ -33,7 +33,8 @@ def attempt(constants, effect, kind, settle=lambda contender: contender):
     first = contest(ensemble, plain_fits(ensemble)[0], ensemble.candidates)
     first = replace(first, contenders=tuple(settle(c) for c in first.contenders))
     path = Path([Step((), first.base, [], None)], [first])
-    ((form, _, listed),) = turns(experiment, ensemble, path, True)[0]
+    tried = [one for some in turns(experiment, ensemble, path, True) for one in some]
+    ((form, _, listed),) = [one for one in tried if one[0].distant]
     return form, listed, first.base
 
 
