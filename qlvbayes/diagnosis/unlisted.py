@@ -13,6 +13,7 @@ from qlvbayes.inference.gaussnewton import Point
 from qlvbayes.inference.subset import Ensemble
 
 UNLISTED = {"free_spring": (FreeSpring, KinkedSpring), "free_offsets": (FreeOffsets,)}
+_HOPELESS = 30.0  # log evidence behind, from which the next kind will not help either
 
 
 def against_unlisted(
@@ -20,14 +21,14 @@ def against_unlisted(
 ) -> dict[str, float]:
     """Log Bayes factor of each rival against a log evidence found; its kinds are equally likely.
 
-    Climbs that cannot reach it are given up.
+    Climbs that cannot reach it are given up, and kinds after one that is far behind.
     """
     subset, gains = ensemble.subset(), {}
     for name, kinds in UNLISTED.items():
-        tops = [kind(experiment, ensemble, subset).highest(plain, found) for kind in kinds]
-        gains[name] = float(_mean([top.log_evidence for top in tops]) - found)
+        tops: list[float] = []
+        for kind in kinds:
+            if not tops or tops[-1] > found - _HOPELESS:
+                top = kind(experiment, ensemble, subset).highest(plain, found)
+                tops.append(float(top.log_evidence))
+        gains[name] = float(np.logaddexp.reduce(tops)) - math.log(len(kinds)) - found
     return gains
-
-
-def _mean(logs: list[float]) -> float:
-    return float(np.logaddexp.reduce(logs)) - math.log(len(logs))
