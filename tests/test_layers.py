@@ -10,7 +10,7 @@ ROOT = Path(qlvbayes.__file__).parent
 
 # One row a layer, top to bottom; an entry is a module or a whole subpackage of qlvbayes.
 LAYERS = [
-    ["runtime", "checks", "units"],
+    ["runtime", "checks", "units", "wording"],
     ["files"],
     # measurements, and the motion in them
     ["reading"],

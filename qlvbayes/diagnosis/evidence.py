@@ -27,6 +27,7 @@ from qlvbayes.inference.linearised import compiled
 from qlvbayes.inference.subset import Ensemble, Place
 from qlvbayes.posterior import Posterior, is_prior
 from qlvbayes.priors import AbstractPrior, Dirichlet, HalfNormal
+from qlvbayes.wording import joined
 
 DRAWS = 200
 _TAIL = 5.0  # degrees of freedom of the draws
@@ -165,17 +166,13 @@ def _ridges(ensemble: Ensemble, point: Point) -> list[str]:
     rows, columns = np.nonzero(np.triu(np.abs(correlation), 1) > _TOGETHER_TOO_MUCH)
     strongest = float(np.abs(correlation[rows, columns]).max(initial=0.0))
     tied = list(dict.fromkeys(names[k] for k in sorted({*rows.tolist(), *columns.tolist()})))
-    found = [f"{_list(tied)} trade off (correlations up to {strongest:.3f})"] if tied else []
+    said = (
+        f"the constants {tied[0]}" if len(tied) == 1 else joined(tied)
+    )  # one name, several numbers
+    found = [f"{said} trade off (correlations up to {strongest:.3f})"] if tied else []
     if not found and np.linalg.cond(correlation) > _RIDGE:
         found.append("a combination of its constants is hardly determined")
     return found
-
-
-def _list(names: list[str]) -> str:
-    """Names of constants that move together; one alone is several of that name."""
-    if len(names) == 1:
-        return f"the constants {names[0]}"
-    return f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 def _free(ensemble: Ensemble, point: Point) -> list[tuple[Place, AbstractPrior]]:

@@ -51,15 +51,16 @@ def judged(
     sound = _explains(adequacies[-1], unlisted, settings)
     tell("trying other forms of the effects")
     step, forms = other_forms(experiment, ensemble, samples, path, sound, settings)
-    if step is None:
-        explanations = explanations_of(experiment, ensemble, path, settings)
-    else:
+    if step is not None:
         alike, group = [], tuple(dict.fromkeys(found.form.effect for found in forms))
-        explanations = _as_explanations(forms)
         path, adequacies = _in_other_form(path, adequacies, step, forms[0].adequacy)
         unlisted = _unlisted(experiment, ensemble, path, sound=True)
     verdict = _verdict(path, _explains(adequacies[-1], unlisted, settings), group)
-    explanations = [] if verdict == "unexplained" else explanations
+    explanations: list[Explanation] = []
+    if verdict != "unexplained":
+        explanations = _as_explanations(forms) or explanations_of(
+            experiment, ensemble, path, settings
+        )
     work = Work(experiment, ensemble, samples, path, tuple(adequacies))
     return Judged(work, verdict, group, unlisted, alike, explanations)
 
@@ -75,8 +76,9 @@ def _alike(
 
 
 def _as_explanations(forms: list[Found]) -> list[Explanation]:
-    best = forms[0].point.log_evidence
-    return [Explanation(f.effects, float(f.point.log_evidence - best), f.point) for f in forms]
+    """Models with an effect in another form, by their evidence against the best, which is first."""
+    gains = [float(f.point.log_evidence - forms[0].point.log_evidence) for f in forms]
+    return [Explanation(f.effects, gain, f.point) for f, gain in zip(forms, gains, strict=True)]
 
 
 def _in_other_form(

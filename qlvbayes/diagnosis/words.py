@@ -7,6 +7,7 @@ from qlvbayes.diagnosis.samples import CellError
 from qlvbayes.diagnosis.verdict import Diagnosis, Ranked, Stage
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.units import UnitSystem
+from qlvbayes.wording import joined
 
 _PHASE = {"ramp": "ramp", "hold": "hold", "unload": "unloading", "recovery": "recovery"}
 _MOST_BENDS = 3
@@ -71,7 +72,7 @@ def _adequate(d: Diagnosis) -> str:
 
 def _missing(d: Diagnosis) -> str:
     unit, last = _units(d).force, d.stages[-1]
-    named = _joined([_with_value(d, effect, last) for effect in d.effects])
+    named = joined([_with_value(d, effect, last) for effect in d.effects])
     seen = " ".join(f"{_effect(d, e).seen[0].upper()}{_effect(d, e).seen[1:]}." for e in d.effects)
     return (
         f"Pad {d.pad}: missing {'effect' if len(d.effects) == 1 else 'effects'}: {named}. {seen} "
@@ -84,12 +85,12 @@ def _missing(d: Diagnosis) -> str:
 def _ambiguous(d: Diagnosis) -> str:
     unit = _units(d).force
     before, constants = d.effects[:-1], [f"{name} = {e}" for name, e in d.constants.items()]
-    besides = f" besides {_joined(list(before))}" if before else ""
+    besides = f" besides {joined(list(before))}" if before else ""
     return (
         f"Pad {d.pad}: something is missing{besides}, and these tests cannot tell which of "
-        f"{_joined(list(d.group), 'or')} it is: each explains them about equally well. With the "
+        f"{joined(list(d.group), 'or')} it is: each explains them about equally well. With the "
         f"first the error on tests left out {_change(d)} (noise floor {d.noise:.3g} {unit}). "
-        f"Allowing for all that the tests do not rule out, {_joined(constants)}."
+        f"Allowing for all that the tests do not rule out, {joined(constants)}."
     )
 
 
@@ -109,16 +110,16 @@ def _unexplained(d: Diagnosis) -> str:
     outside = f" {_outside(d, d.outside)}" if d.outside else ""
     if last.sound:
         return (
-            f"Pad {d.pad}: unexplained. {_joined(list(last.effects))} would leave nothing "
+            f"Pad {d.pad}: unexplained. {joined(list(last.effects))} would leave nothing "
             f"structured, but something outside the list is likelier: none is named.{outside}"
         )
-    tried = f" The best that the list offers, {_joined(list(last.effects))}, is not enough:" * bool(
+    tried = f" The best that the list offers, {joined(list(last.effects))}, is not enough:" * bool(
         last.effects
     )
     worst = max(last.cells, key=lambda cell: cell.rmse)
     cells = list(dict.fromkeys(f"{_PHASE[phase]} of {test}" for test, phase in last.failing))
     more = f" and {len(cells) - _MOST_CELLS} more" if len(cells) > _MOST_CELLS else ""
-    where = f", in the {_joined(cells[:_MOST_CELLS])}{more}" if cells else ""
+    where = f", in the {joined(cells[:_MOST_CELLS])}{more}" if cells else ""
     if last.noise_p_value < last.p_value:
         where += "; the fit takes it for noise that the rests between motions do not have"
     return (
@@ -132,7 +133,7 @@ def _unexplained(d: Diagnosis) -> str:
 def _outside(d: Diagnosis, rival: str) -> str:
     """A rival that no list holds explains the tests better."""
     what, cause = _UNLISTED[rival]
-    than = _joined(list(d.tried)) or "the plain model"
+    than = joined(list(d.tried)) or "the plain model"
     return (
         f"{what} explains the tests better than {than} (log Bayes factor "
         f"{d.unlisted[rival]:.3g}): perhaps {cause}."
@@ -208,7 +209,7 @@ def _sureness(d: Diagnosis) -> str:
             f"list's law {f'{by_law:.3g}' if by_law > 0.0 else 'below 0'}."
         )
     gains = [b.log_evidence - a.log_evidence for a, b in zip(d.stages, d.stages[1:], strict=False)]
-    said = _joined([f"{gain:.3g}" for gain in gains])
+    said = joined([f"{gain:.3g}" for gain in gains])
     return f"Each step raised the log evidence decisively (by {said})."
 
 
@@ -238,8 +239,8 @@ def _not_ruled_out(d: Diagnosis) -> list[str]:
     others = [one for one in d.not_ruled_out if set(one.effects) not in own]
     if not others:
         return []
-    said = [f"{_joined(list(o.effects)) or 'nothing'} ({_percent(o.probability)})" for o in others]
-    return [f"The tests do not rule out {_joined(said, 'or')} either; the constants allow for it."]
+    said = [f"{joined(list(o.effects)) or 'nothing'} ({_percent(o.probability)})" for o in others]
+    return [f"The tests do not rule out {joined(said, 'or')} either; the constants allow for it."]
 
 
 def _honest(d: Diagnosis) -> list[str]:
@@ -267,7 +268,7 @@ def _unseen(d: Diagnosis) -> list[str]:
             reasons.setdefault(entry.reason.partition(" (")[0], []).append(entry.effect)
     if not reasons:
         return []
-    said = "; ".join(f"{_joined(effects)} ({reason})" for reason, effects in reasons.items())
+    said = "; ".join(f"{joined(effects)} ({reason})" for reason, effects in reasons.items())
     return [f"These tests cannot show {said}."]
 
 
@@ -279,7 +280,7 @@ def _bent(d: Diagnosis) -> list[str]:
 
 def _bend(d: Diagnosis, bend: Bend) -> str:
     top = sorted(bend.changes.items(), key=lambda item: -abs(item[1]))[:2]
-    said = _joined(
+    said = joined(
         [f"{name} would be {abs(x):.0%} too {'high' if x > 0 else 'low'}" for name, x in top]
     )
     return (
@@ -302,9 +303,3 @@ def _percent(share: float) -> str:
     if share > 0.999:
         return "above 99.9 %"
     return "below 0.1 %" if share < 0.001 else f"{100.0 * share:.3g} %"
-
-
-def _joined(words: list[str], last: str = "and") -> str:
-    if len(words) < 2:
-        return "".join(words)
-    return f"{', '.join(words[:-1])} {last} {words[-1]}"

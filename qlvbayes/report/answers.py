@@ -10,7 +10,8 @@ from qlvbayes.report.collect import PadResults, Results
 from qlvbayes.report.comparing import Comparing
 from qlvbayes.report.constants import constants_words
 from qlvbayes.report.failing import model_name, where, worst_of
-from qlvbayes.report.numbers import NBSP, joined
+from qlvbayes.report.numbers import NBSP
+from qlvbayes.wording import joined
 
 _VERDICTS = {
     "adequate": "nothing that these tests can show",

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from qlvbayes.checks import InputError
 from qlvbayes.effects.catalogue import find
 from qlvbayes.report.collect import PadResults
-from qlvbayes.report.numbers import joined, number, percent, with_unit
+from qlvbayes.report.numbers import number, percent, with_unit
+from qlvbayes.wording import joined
 
 
 @dataclass(frozen=True)

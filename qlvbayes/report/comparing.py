@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from qlvbayes.report.collect import Compared
-from qlvbayes.report.numbers import DASH, joined, number, percent
+from qlvbayes.report.numbers import DASH, number, percent
+from qlvbayes.wording import joined
 
 _FIRST = 2  # paragraphs before the figure
 _KINDS = {"greater": "differs", "less": "differs", "equal": "equal"}

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 from qlvbayes.report.boxes import seen
 from qlvbayes.report.collect import Model, PadResults
-from qlvbayes.report.numbers import DASH, NBSP, joined, number, to_sd, with_unit
+from qlvbayes.report.numbers import DASH, NBSP, number, to_sd, with_unit
+from qlvbayes.wording import joined
 
 _INDEXED = re.compile(r"([cv])\[(\d+)\]")
 _MEANINGS = {

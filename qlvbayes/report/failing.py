@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from qlvbayes.report.collect import Model, PadResults
-from qlvbayes.report.numbers import DASH, joined, number, percent, with_unit
+from qlvbayes.report.numbers import DASH, number, percent, with_unit
+from qlvbayes.wording import joined
 
 _PHASES = {"ramp": "ramp", "hold": "hold", "unload": "unloading", "recovery": "recovery"}
 _DARKEST = 5.0  # times the noise, from where on a cell is as dark as can be

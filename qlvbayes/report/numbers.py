@@ -48,8 +48,3 @@ def percent(share: float | None) -> str:
 def with_unit(text: str, unit: str) -> str:
     """'0.34 N/mm'; without a unit where it is 1."""
     return text if unit in ("", "1") else f"{text}{NBSP}{unit}"
-
-
-def joined(words: list[str], last: str = "and") -> str:
-    """'a, b and c'."""
-    return f"{', '.join(words[:-1])} {last} {words[-1]}" if len(words) > 1 else "".join(words)

@@ -19,7 +19,7 @@ from qlvbayes.report.explaining import Explaining, explaining_of
 from qlvbayes.report.failing import Failing, failing_of
 from qlvbayes.report.figures import Embedder, Figure
 from qlvbayes.report.methods import methods_of, source_name
-from qlvbayes.report.numbers import joined
+from qlvbayes.wording import joined
 
 _PAD_FIGURES = (
     "forces",
