@@ -17,6 +17,7 @@ from qlvbayes.records.batching import batch
 from qlvbayes.records.record import Record
 from qlvbayes.records.reduction import reduce_test
 from qlvbayes.scales import Scales
+from qlvbayes.stiffness import largest_stiffness
 from qlvbayes.units import UnitSystem
 
 FIT_RATE = 20.0  # mm/s, the paper's identification test
@@ -86,6 +87,7 @@ class Experiment:
             speed=max(path.top_speed for path in paths),
             acceleration=max(path.top_acceleration for path in paths),
             clock=max(t.start_s + float(t.time[-1]) for t in tests) - self.clock_zero,
+            stiffness=largest_stiffness(tests),
         )
 
     @property

@@ -14,10 +14,10 @@ SHARE = 0.05  # prior sd of an effect's largest contribution, over the peak forc
 class Scales:
     """Sizes found in a pad's tests.
 
-    force (N), depth (mm), speed (mm/s), acceleration (mm/s2): largest magnitudes; shortest,
-    longest (s): the sampling interval and the longest phase; clock (s): from the first test's
-    beginning to the last one's end; white, ou (N) and tau (s): the noise floor, measured without
-    the model.
+    force (N), depth (mm), speed (mm/s), acceleration (mm/s2): largest magnitudes; stiffness (N/mm):
+    of the pad where the force is largest; shortest, longest (s): the sampling interval and the
+    longest phase; clock (s): from the first test's beginning to the last one's end; white, ou (N)
+    and tau (s): the noise floor, measured without the model.
     """
 
     force: float
@@ -30,6 +30,7 @@ class Scales:
     speed: float = 1.0
     acceleration: float = 1.0
     clock: float = 1.0
+    stiffness: float = 1.0
 
     def positive(self, response: float) -> HalfNormal:
         """Prior of an effect's amplitude, zero or more, whose unit adds ``response`` (N) at most.

@@ -308,7 +308,8 @@ def test_the_truth_is_left_open_if_it_is_one_of_few_explanations():
     assert left((), drag, verdict="adequate")
     assert not left(film, inertia)
     assert not left(film, ("viscous_drag", "inertia"))
-    assert not left(film, drag, inertia, ("friction",))
+    assert left(film, inertia, drag, ("friction",))
+    assert not left(film, inertia, ("friction",), drag)
     assert not left(verdict="unexplained")
     assert is_left_open(case())
 

@@ -41,7 +41,9 @@ from qlvbayes.scales import Scales
 from qlvbayes.units import PAD, STRAIN
 
 EVERY = pytest.mark.parametrize("kind", EFFECTS, ids=names())
-STRAINED = Scales(250.0, 0.3, 1e-3, 60.0, 0.1, 0.1, 1.0, speed=7.0, acceleration=180.0, clock=900.0)
+STRAINED = Scales(
+    250.0, 0.3, 1e-3, 60.0, 0.1, 0.1, 1.0, speed=7.0, acceleration=180.0, clock=900.0, stiffness=1e3
+)
 
 
 def motion(time, displacement, velocity=0.0, acceleration=0.0, start=0.0):

@@ -16,7 +16,7 @@ LAYERS = [
     ["reading"],
     ["data"],
     ["kinematics"],
-    ["noisefloor"],
+    ["noisefloor", "stiffness"],
     # what the model sees of them
     ["motion"],
     ["records"],
@@ -104,7 +104,7 @@ def test_the_simulator_shares_nothing_with_the_model():
 
 def test_measurements_and_motion_need_no_jax():
     """They are plain numpy, quick to import and to run."""
-    plain = [entry for row in LAYERS[: PLACE["noisefloor"] + 1] for entry in row]
+    plain = [entry for row in LAYERS[: PLACE["stiffness"] + 1] for entry in row]
     for path in FILES:
         if path.relative_to(ROOT).parts[0].removesuffix(".py") in {*plain, "synthetic"} - {
             "runtime"

@@ -63,15 +63,15 @@ _NOTES = """## How to read it
 - Standard errors are binomial, of the share seen, shrunk off 0 and 1. *In doubt*: a bound is within
   two standard errors of the figure.
 - *named* means named without a rival and with nothing besides. *Left open*: the truth is named, or
-  in the group of an `ambiguous` verdict, or among the explanations that the diagnosis lists as not
-  ruled out (`not_ruled_out` in diagnosis.json, {window} to 1), at most {group} in all; {open} such
-  had the verdict `adequate`, where one of the explanations is that nothing is missing.
+  in the group of an `ambiguous` verdict, or among the explanations that the diagnosis lists as
+  not ruled out (`not_ruled_out` in diagnosis.json: the likeliest {group} within {window} to 1);
+  {open} such had the verdict `adequate`, where one of the explanations is that nothing is missing.
 - *calibration error*: of the probability of the first-ranked hypothesis, nothing or one effect
   hidden, ten bins, all studies. Probabilities that are exactly right would show {chance} on as
   many, by chance.
 - Constants are averaged over every explanation that the tests do not rule out ({window} to 1).
 - A program that stopped with an error counts as a wrong verdict.
-- The diagnosis and its thresholds were made with studies of seeds 1 to 7, 11 and 21 to 35, and with
+- The diagnosis and its thresholds were made with studies of seeds 1 to 7, 11 and 21 to 36, and with
   pads of seeds 101 to 109 that lack nothing. Those of any other seed are pads that it had never
   met, of kinds that it had: its own forms of some effects were written with these forms in view.
 - Where the hidden effect is an extra relaxation mode, the fit may call one of the pad's own modes

@@ -32,12 +32,12 @@ def is_right_or_grouped(case: Case) -> bool:
 
 
 def is_left_open(case: Case) -> bool:
-    """Right or grouped, or the truth is one of at most three explanations not ruled out.
+    """Right or grouped, or the truth is one of the first three explanations not ruled out.
 
     The verdict says so whatever it names; nothing may be one of them.
     """
     left = [set(effects) for effects in case.get("not_ruled_out", [])]
-    return is_right_or_grouped(case) or (len(left) <= LARGEST_GROUP and set(case["names"]) in left)
+    return is_right_or_grouped(case) or set(case["names"]) in left[:LARGEST_GROUP]
 
 
 def ranks_first(case: Case) -> bool:

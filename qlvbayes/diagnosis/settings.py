@@ -18,9 +18,10 @@ class Settings:
     form: by which a form of its own must beat the list's (4, that is 55 to 1);
     apart: by which the best must beat another effect to be named without it (0.7, that is 2 to 1:
     less is about equally well; what is likely beyond is told beside the name, see window);
-    window: log posterior odds within which other explanations are not ruled out, are told and have
-    a part in the constants (3, that is 20 to 1, "Occam's window" of Madigan & Raftery 1994,
-    doi:10.1080/01621459.1994.10476894);
+    window: log posterior odds within which other explanations are not ruled out and have a part in
+    the constants (4, that is 55 to 1; "Occam's window" of Madigan & Raftery 1994,
+    doi:10.1080/01621459.1994.10476894, who take 20 to 1); listed: how many of them are told, the
+    likeliest first;
     unlisted: by which a rival that no list holds (a spring of free form, an offset of its own in
     every test) must beat the effects found (2.3, that is 10 to 1); likeness: share of what an
     effect explains in a form of its own (whitened sum of squares) that the list's form must
@@ -33,7 +34,8 @@ class Settings:
     further: float = 5.0
     form: float = 4.0
     apart: float = 0.7
-    window: float = 3.0
+    window: float = 4.0
+    listed: int = 3
     unlisted: float = 2.3
     likeness: float = 0.5
     prior_none: float = 0.5

@@ -57,7 +57,7 @@ def summed_up(
         nested=sampled,
         unlisted=judged.unlisted,
         outside=_outside(judged.unlisted, settings),
-        not_ruled_out=_not_ruled_out(judged.explanations),
+        not_ruled_out=_not_ruled_out(judged.explanations, settings),
         constants=_constants(work, judged.explanations),
     )
 
@@ -117,11 +117,11 @@ def _outside(unlisted: dict[str, float], settings: Settings) -> str | None:
     return best if best and unlisted[best] > settings.unlisted else None
 
 
-def _not_ruled_out(explanations: list[Explanation]) -> tuple[NotRuledOut, ...]:
-    """The likeliest first."""
+def _not_ruled_out(explanations: list[Explanation], settings: Settings) -> tuple[NotRuledOut, ...]:
+    """The likeliest, best first."""
     shares = softmax([e.log_odds for e in explanations]).tolist() if explanations else []
     found = [NotRuledOut(e.effects, share) for e, share in zip(explanations, shares, strict=True)]
-    return tuple(sorted(found, key=lambda one: -one.probability))
+    return tuple(sorted(found, key=lambda one: -one.probability)[: settings.listed])
 
 
 def _constants(work: Work, explanations: list[Explanation]) -> dict[str, Estimate]:

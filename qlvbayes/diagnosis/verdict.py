@@ -83,7 +83,10 @@ class Stage:
 
 @dataclass(frozen=True)
 class NotRuledOut:
-    """A set of effects that would explain the tests, and its probability among all such."""
+    """A set of effects that would explain the tests, and its probability among all such.
+
+    What the probabilities of all that are told lack of one is that of explanations less likely.
+    """
 
     effects: tuple[str, ...]
     probability: float
@@ -114,9 +117,9 @@ class Diagnosis:
     nested sampling, where it was asked for; discrepancy: typical size (N) of the Gaussian-process
     discrepancy where structure is left; unlisted: log Bayes factors of rivals that no list holds
     against the last model, by name; outside: the one that clearly beats it, if any; not_ruled_out:
-    explanations within the window of the one named, or of the likeliest if none is, none where the
-    verdict is ``unexplained``; constants: the plain model's, averaged over these explanations, or
-    by the last model if there are none.
+    the likeliest explanations within the window of the one named, or of the likeliest if none is,
+    none where the verdict is ``unexplained``; constants: the plain model's, averaged over all
+    explanations in the window, or by the last model if there are none.
     """
 
     pad: str

@@ -13,6 +13,7 @@ _PHASE = {"ramp": "ramp", "hold": "hold", "unload": "unloading", "recovery": "re
 _MOST_BENDS = 3
 _MOST_CELLS = 4
 _LIKELY = 0.5  # probability of nothing, from which the text says so without ifs
+_LITTLE = 0.01  # probability of all explanations that are not listed, up to which they go unsaid
 _NOTHING = "nothing is missing that these tests can show"
 _UNLISTED = {
     "free_spring": (
@@ -240,6 +241,9 @@ def _not_ruled_out(d: Diagnosis) -> list[str]:
     if not others:
         return []
     said = [f"{joined(list(o.effects)) or 'nothing'} ({_percent(o.probability)})" for o in others]
+    rest = 1.0 - sum(one.probability for one in d.not_ruled_out)
+    if rest > _LITTLE:
+        said.append(f"others ({_percent(rest)} together)")
     return [f"The tests do not rule out {joined(said, 'or')} either; the constants allow for it."]
 
 

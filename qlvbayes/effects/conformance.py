@@ -310,6 +310,7 @@ def _reference(depth: float, force: float) -> _Reference:
         speed=float(jnp.max(jnp.abs(motions.velocity))),
         acceleration=float(jnp.max(jnp.abs(motions.acceleration))),
         clock=float(starts[-1] + motions.time[-1, -1]),
+        stiffness=float(law.elastic.stiffness(jnp.asarray(depth))),
     )
     return _Reference(motions, law, plain, scales)
 

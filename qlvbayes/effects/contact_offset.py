@@ -34,8 +34,8 @@ class ContactOffset(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Gap scaled by a stiffness of twice the secant's."""
-        return cls(scales.signed(2.0 * scales.force / scales.depth))
+        """Gap scaled by the stiffness at the largest force."""
+        return cls(scales.signed(scales.stiffness))
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Shift the depth; the time before the test is one more grid point."""

@@ -32,8 +32,8 @@ class PermanentSet(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Share scaled by a stiffness of twice the secant's."""
-        return cls(scales.positive(2.0 * scales.force))
+        """Share scaled by the stiffness at the largest force."""
+        return cls(scales.positive(scales.stiffness * scales.depth))
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Lower the depth; while it is the largest so far, the set grows with it."""

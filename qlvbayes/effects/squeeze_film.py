@@ -35,10 +35,10 @@ class SqueezeFilm(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Eta scaled by twice the top speed, which is right for the middle thickness."""
+        """Eta scaled by three times the top speed: what a film of middle thickness adds at most."""
         speed = scales.speed if scales.speed > 0.0 else 1.0
         depth = scales.depth
-        return cls(scales.positive(2.0 * speed), LogUniform(1.05 * depth, 6.0 * depth))
+        return cls(scales.positive(3.0 * speed), LogUniform(1.05 * depth, 6.0 * depth))
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Add the film's force."""

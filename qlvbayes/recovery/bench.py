@@ -27,7 +27,7 @@ SHOWING = Protocol(unloads=True, returns=True, tests=2, bonded=False, curved=Tru
 _DEPTH, _HOLD, _PAUSE = 1.6, 10.0, 60.0  # mm, s, s
 _ACCELERATION = 100.0  # mm/s2
 _SLOW, _FAST = 1.0, 10.0  # mm/s
-_PEAK = 3.0  # N
+_PEAK, _STIFFNESS = 3.0, 4.0  # N, N/mm
 _WHITE, _OU, _TAU = 3e-3, 1e-3, 1.0  # N, N, s
 _MOVING, _RESTING = 5, 10  # samples of a stretch of constant acceleration, and of a hold
 _SOONEST = 0.02  # s from the beginning of a hold to its first sample
@@ -63,6 +63,7 @@ def bench() -> Bench:
         speed=_FAST,
         acceleration=_ACCELERATION,
         clock=second + float(paths[1].knots[-1]),
+        stiffness=_STIFFNESS,
     )
     elastic = Exponential(lognormal(0.34, 1.2), lognormal(1.165, 1.2))
     relaxation = Prony(Dirichlet([6.0, 14.0]), Ordered((lognormal(0.5, 1.5),)))

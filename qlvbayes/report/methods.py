@@ -31,6 +31,7 @@ _THRESHOLDS = {
     "form": "a form of its own when its log Bayes factor against the list's is above {}",
     "apart": "two effects whose log evidence differs by less than {} are not told apart",
     "window": "the constants are averaged over all explanations within log posterior odds of {}",
+    "listed": "of which the {} likeliest are told",
     "likeness": "an effect is named in a form of its own only if the list's form explains {} of "
     "the sum of squares that the other form explains",
     "unlisted": "the verdict is unexplained where a spring of free form, or an offset of its own "
