@@ -3,6 +3,7 @@
 import json
 import sys
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -39,7 +40,7 @@ from qlvbayes.effects.force_offset import ForceOffset
 from qlvbayes.experiment import prepare
 from qlvbayes.plots.benchmark import plot_benchmark
 from qlvbayes.plots.files import figure_of
-from qlvbayes.synthetic import FORMS, HIDDEN, OUTSIDE
+from qlvbayes.synthetic import FORMS, HIDDEN, OUTSIDE, GrowingDrag
 
 sys.path.append(str(Path(__file__).parents[1] / "validation"))
 
@@ -205,6 +206,14 @@ def test_the_price_is_that_of_a_normal_posterior_in_its_prior(study):
     x = np.linspace(a - 9.0 * sd, a + 9.0 * sd, 2001)
     density = np.exp(-0.5 * ((x - a) / sd) ** 2 + np.array([log_density(prior, y) for y in x]))
     assert found.price == pytest.approx(-2.0 * np.log(np.trapezoid(density, x)), abs=0.1)
+
+
+def test_another_form_pays_for_each_of_its_constants(study):
+    """A drag that grows with depth has two."""
+    hidden = replace(study, effects=(GrowingDrag(eta=1e-3, depth=0.8),))
+    (found,) = expected(hidden, prepare(study.pad)).values()
+    assert found.chi2 > 0.0
+    assert found.price == pytest.approx(2.0 * np.log1p(found.chi2))
 
 
 def test_the_chance_is_that_of_noise_on_the_square_root():

@@ -13,8 +13,8 @@ k - 1 other constants to about 1/chi of their priors, so that
 
 .. math:: E[2 \ln BF] = \chi^2 + \ln(2 \pi p^2(a) a^2 / \chi^2) - (k - 1) \ln \chi^2.
 
-An effect that is not of the list in this form has no prior; its price is that of one constant with
-a at one prior sd, :math:`\ln \chi^2`. Of two effects, each is taken as missing from a model that
+An effect that is not of the list in this form has no prior; its price is that with a at one prior
+sd, :math:`k \ln \chi^2`. Of two effects, each is taken as missing from a model that
 has the other. (1 + chi^2 stands for chi^2 in the logarithms.)
 
 The noise decides what a study gets of it: its own 2 ln BF has z^2 in place of chi^2, z normal about
@@ -81,14 +81,15 @@ def expected(study: Study, experiment: Experiment) -> dict[str, Expected]:
 
 def _price(ensemble: Ensemble, effect: Effect, chi2: float) -> float:
     """2 ln of how much of the prior the data rule out."""
+    shapes = sum(isinstance(value, float) for value in effect.parameters.values()) - 1
     if effect.name not in HIDDEN:
-        return log1p(chi2)
+        return (1 + shapes) * log1p(chi2)
     listed = ensemble.effect(effect.name)
     amplitude = next(iter(listed.null))
     size = effect.parameters[amplitude]
     density = log_density(getattr(listed, amplitude), size)
     one = log1p(chi2) - log(2.0 * pi * size**2) - 2.0 * density
-    return one + (len(effect.parameters) - 1) * log1p(chi2)
+    return one + shapes * log1p(chi2)
 
 
 def _leftover(ensemble: Ensemble, truth: _Truth, shape: Array) -> float:
