@@ -96,7 +96,8 @@ def contest(
         humps = humps or wide_climbs(ensemble, base.subset, base.theta)
         if humps[0].loss < base.loss - _PROMISING:
             return contest(ensemble, humps[0], effects, known=known, humps=humps)
-        ranked = _restarted(ensemble, base, ranked, found, _other(ensemble, base, humps))
+        for other in _others(ensemble, base, humps):
+            ranked = _restarted(ensemble, base, ranked, found, other)
         best = max(known - base.log_evidence, ranked[0].log_bayes_factor)
         ranked = _widened(ensemble, base, ranked, best)
         ranked = _searched(ensemble, ranked)
@@ -145,13 +146,11 @@ def _refitted(
     return best_first([leader, *together(follow, others)])
 
 
-def _other(ensemble: Ensemble, base: Point, humps: list[Point]) -> np.ndarray:
-    """Theta of the best hump that is not the base's; the priors' centre where there is none."""
+def _others(ensemble: Ensemble, base: Point, humps: list[Point]) -> list[np.ndarray]:
+    """Theta of the humps that are not the base's, best first, and the priors' centre."""
     plain = ensemble.plain
-    for hump in humps:
-        if np.abs(hump.theta - base.theta)[plain].max() > 1.0:
-            return hump.theta
-    return ensemble.centre
+    away = [h for h in humps if np.abs(h.theta - base.theta)[plain].max() > 1.0]
+    return [*(hump.theta for hump in away), ensemble.centre]
 
 
 def _restarted(

@@ -17,6 +17,7 @@ from qlvbayes.inference.multistart import wide_climb, wide_climbs
 from qlvbayes.inference.subset import Ensemble
 
 _MUCH = 20.0  # log density: the error may rise while another effect is missing that hid behind one
+_NO_RISE = 1.001  # times the error before: a difference that no reader of the errors would see
 
 Tell = Callable[[str], None]
 
@@ -162,12 +163,12 @@ def _with_another(
 def confirms(step: Step, before: Step) -> bool:
     """Whether left-out tests are predicted better than by the model before.
 
-    Their log density must rise, and not by noise that swells: their weighed error must fall, unless
-    the rise is more than such noise makes.
+    Their log density must rise, and not by noise that swells: their weighed error must not rise,
+    unless the log density rises by more than such noise makes.
     """
     after, first = step.heldout, before.heldout
     gain = after.score - first.score
-    return gain > _MUCH or (gain > 0.0 and after.weighed < first.weighed)
+    return gain > _MUCH or (gain > 0.0 and after.weighed < _NO_RISE * first.weighed)
 
 
 def _without_useless(ensemble: Ensemble, samples: Samples, step: Step, settings: Settings) -> Step:

@@ -19,7 +19,7 @@ ROUND = 16  # directions come in multiples of this, so that few sizes are compil
 _ENOUGH = 5e-3  # expected rise of the log density below which the climb ends
 _CREEP = 0.02  # rise of the log density in a step on a ridge at which the climb ends
 _STEPS = 30
-_HOPE = {2: 20.0, 10: 5.0}  # from which step on it may bring how many times what it promises
+_HOPE = {2: 20.0, 5: 10.0, 10: 5.0}  # from which step on it may bring how often what it promises
 _FARTHEST = 3.0  # longest step in a unit of theta
 
 
