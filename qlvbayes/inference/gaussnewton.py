@@ -20,6 +20,7 @@ _ENOUGH = 5e-3  # expected rise of the log density below which the climb ends
 _CREEP = 0.02  # rise of the log density in a step on a ridge at which the climb ends
 _STEPS = 30
 _HOPE = {2: 20.0, 5: 10.0, 10: 5.0}  # from which step on it may bring how often what it promises
+_LEAST_DAMPING = 1e-4  # from less, it takes many vain steps to turn in a bent valley
 _FARTHEST = 3.0  # longest step in a unit of theta
 
 
@@ -195,7 +196,8 @@ def ascend(
             if max(point.loss - tried.loss, 0.2 * promise) < _CREEP:
                 return tried
             gain = (point.loss - tried.loss) / promise
-            damping = max(damping * (0.1 if gain > 0.5 else 1.0 if gain > 0.1 else 4.0), 1e-9)
+            damping *= 0.1 if gain > 0.5 else 1.0 if gain > 0.1 else 4.0
+            damping = max(damping, _LEAST_DAMPING)
             point = tried
         else:
             damping *= 10.0
