@@ -57,12 +57,16 @@ class NoiseFloor:
 
     def surprise_of_correlated(self, ou: float, tau: float) -> float:
         """The same of other correlated noise, the white noise being what then suits the rests."""
+        return self.surprise(self.white_beside(ou, tau), ou, tau)
+
+    def white_beside(self, ou: float, tau: float) -> float:
+        """Sd (N) of the white noise that suits the rests best beside other correlated noise."""
 
         def lost(log_white: float) -> float:
             return self.surprise(float(np.exp(log_white)), ou, tau)
 
         around = np.log(self.total) + np.array([-_WHITE_RANGE, _WHITE_RANGE])
-        return float(minimize_scalar(lost, bounds=around, options={"xatol": 0.01}).fun)
+        return float(np.exp(minimize_scalar(lost, bounds=around, options={"xatol": 0.01}).x))
 
 
 class Record(Protocol):

@@ -9,7 +9,7 @@ from hidden_pads import hidden_pad
 from scipy.stats import chi2
 
 from qlvbayes import Choices, InputError
-from qlvbayes.diagnosis.adequacy import Adequacy, CellTest, adequacy, swollen
+from qlvbayes.diagnosis.adequacy import Adequacy, CellTest, adequacy, allowed_noise, swollen
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.words import paragraphs
 from qlvbayes.inference.gaussnewton import climb, evaluate
@@ -187,6 +187,18 @@ def test_a_floor_too_faint_to_show_its_memory_does_not_alarm(plain):
     constants[-3:] = floor.white, floor.ou, floor.tau
     blind = replace(work.experiment, floor=replace(floor, white=floor.total, ou=0.0))
     assert swollen(work.ensemble, replace(last, constants=constants), blind) > 0.5
+
+
+def test_memory_that_the_rests_allow_is_kept_beside_a_floor_without_one(plain):
+    """Also where the fit's white noise is too small for them."""
+    work, last = plain.work, plain.work.path.last.point
+    floor = work.experiment.floor
+    constants = last.constants.copy()
+    constants[-3:] = 0.8 * floor.white, floor.ou, floor.tau
+    blind = replace(work.experiment, floor=replace(floor, white=floor.total, ou=0.0))
+    noise = allowed_noise(work.ensemble, replace(last, constants=constants), blind)
+    assert float(noise.ou) == floor.ou
+    assert float(noise.white) == pytest.approx(floor.white, rel=0.02)
 
 
 def test_noise_of_a_right_model_is_that_of_the_rests(plain):

@@ -10,8 +10,9 @@ tried, and the generalised least-squares statistic
 has an F distribution with q and nu degrees of freedom, nu those of the floor's own estimate; so
 has that of all cells' curves together, which sees what is spread thinly. The
 noise is the fit's only as far as the rests alone, without any model, allow it (99.9 % by their
-restricted likelihood) and with no memory longer than a twentieth of a rest, which they could not
-tell from a trend: it cannot swallow structure by swelling.
+restricted likelihood; its white part may be what suits them) and with no memory longer than a
+twentieth of a rest, which they could not tell from a trend: it cannot swallow structure by
+swelling.
 
 Where the fit needs more correlated noise than the floor has, that speaks too: with its sd and
 correlation time, and what white noise suits them best, the rests lose so much likelihood that a
@@ -48,6 +49,7 @@ _ALLOWED = 0.5 * float(chi2.ppf(0.999, 3))  # log-likelihood of the rests that n
 _TRIES = 21
 _MEMORY = 0.05  # longest correlation time over a rest
 _LEAST = 1e-12
+_LITTLE = 0.03  # of the noise: the least that its correlated part can be told from none
 _LEAST_P = 1e-300
 _FEWEST = 3  # blocks a curve, at least
 
@@ -156,7 +158,7 @@ def _noises(
     floor = experiment.floor
     count = len(ensemble.posterior.noise.units)
     fitted = point.constants[-count:].copy()
-    measured = np.array([floor.white, floor.ou, floor.tau])
+    measured = np.array([floor.white, max(floor.ou, _LITTLE * floor.total), floor.tau])
     if count == 1:  # white noise was asked for
         fitted = np.array([fitted[0], 0.0, floor.tau])
         measured[:2] = floor.total, 0.0
@@ -165,8 +167,13 @@ def _noises(
 
 
 def allowed_noise(ensemble: Ensemble, point: Point, experiment: Experiment) -> Correlated:
-    """The fitted noise, drawn towards the floor until the rests allow it."""
+    """The fitted noise, drawn towards the floor until the rests allow it.
+
+    Where they do not, its white part is first what suits them best beside the correlated one.
+    """
     floor, (fitted, measured) = experiment.floor, _noises(ensemble, point, experiment)
+    if floor.surprise(*fitted) > _ALLOWED:
+        fitted[0] = floor.white_beside(*fitted[1:])
     for share in np.linspace(0.0, 1.0, _TRIES):
         tried = fitted ** (1.0 - share) * measured**share
         if floor.surprise(*tried) <= _ALLOWED:
