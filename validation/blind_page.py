@@ -71,7 +71,7 @@ _NOTES = """## How to read it
   many, by chance.
 - Constants are averaged over every explanation that the tests do not rule out ({window} to 1).
 - A program that stopped with an error counts as a wrong verdict.
-- The diagnosis and its thresholds were made with studies of seeds 1 to 7, 11 and 21 to 37, and with
+- The diagnosis and its thresholds were made with studies of seeds 1 to 7, 11 and 21 to 38, and with
   pads of seeds 101 to 109 that lack nothing. Those of any other seed are pads that it had never
   met, of kinds that it had: its own forms of some effects were written with these forms in view.
 - Where the hidden effect is an extra relaxation mode, the fit may call one of the pad's own modes
