@@ -1,8 +1,10 @@
 """Simulated tests of a pad with effects hidden in it, made ready for a diagnosis."""
 
-from qlvbayes import prepare
+from qlvbayes import Choices, prepare
 from qlvbayes.benchmark.study import measured
 from qlvbayes.experiment import Experiment
+from qlvbayes.fit import build_posterior
+from qlvbayes.inference.subset import Ensemble, with_every_effect
 from qlvbayes.synthetic import (
     NOISES,
     TABLE_1,
@@ -22,3 +24,9 @@ def hidden_pad(
     programs = {f"{rate:g}": protocol(rate) for rate in rates}
     pads = {"B": HiddenPad(constants, effects)}
     return prepare(measured(record_study(pads, programs, NOISES["correlated"], seed, _ROWS), "B"))
+
+
+def ensemble_of(experiment: Experiment, *kinds) -> Ensemble:
+    """The plain model of all tests with every effect of these kinds, each at its null."""
+    posterior = build_posterior(experiment, Choices(), experiment.trials)
+    return with_every_effect(posterior, tuple(kind.default(experiment.scales) for kind in kinds))

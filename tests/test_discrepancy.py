@@ -4,8 +4,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from endtoend import experiment
+from hidden_pads import ensemble_of
 
-from qlvbayes.choices import Choices
 from qlvbayes.data import Pad, Test
 from qlvbayes.diagnosis.discrepancy import Discrepancy, fit_discrepancy
 from qlvbayes.diagnosis.discrepancy.coverage import HeldOutCoverage
@@ -15,8 +15,6 @@ from qlvbayes.diagnosis.samples import Samples
 from qlvbayes.diagnosis.search import Path, plain_fits
 from qlvbayes.diagnosis.verdict import Work
 from qlvbayes.experiment import prepare
-from qlvbayes.fit import build_posterior
-from qlvbayes.inference.subset import with_every_effect
 from qlvbayes.synthetic import (
     NOISES,
     TABLE_1,
@@ -55,8 +53,7 @@ def simulated(*effects):
 
 def fitted(experiment):
     """The discrepancy of the plain model."""
-    posterior = build_posterior(experiment, Choices(), experiment.trials)
-    ensemble = with_every_effect(posterior, ())
+    ensemble = ensemble_of(experiment)
     work = Work(experiment, ensemble, Samples.of(experiment, ensemble), Path(), ())
     return fit_discrepancy(work, plain_fits(ensemble)[0])
 

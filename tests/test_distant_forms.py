@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hidden_pads import hidden_pad
+from hidden_pads import ensemble_of, hidden_pad
 
-from qlvbayes.choices import Choices
 from qlvbayes.diagnosis.contest import contest
 from qlvbayes.diagnosis.forms.drainage import PowerDrainage
 from qlvbayes.diagnosis.forms.ownforms import StiffeningFrame
@@ -14,8 +13,6 @@ from qlvbayes.diagnosis.forms.turns import turns
 from qlvbayes.diagnosis.search import Path, Step, plain_fits
 from qlvbayes.effects.fluid_pressure import FluidPressure
 from qlvbayes.effects.frame_compliance import FrameCompliance
-from qlvbayes.fit import build_posterior
-from qlvbayes.inference.subset import with_every_effect
 from qlvbayes.synthetic import FORMS, PAPER_RATES, TABLE_1, Constants
 
 SLOW = Constants(m=1.15, b=0.41, c=(0.28, 0.63, 0.09), v=(3.0, 0.2))
@@ -23,8 +20,7 @@ SLOW = Constants(m=1.15, b=0.41, c=(0.28, 0.63, 0.09), v=(3.0, 0.2))
 
 def experiment_and_ensemble(constants, effect, kind):
     experiment = hidden_pad(effect, rates=PAPER_RATES, constants=constants)
-    posterior = build_posterior(experiment, Choices(), experiment.trials)
-    return experiment, with_every_effect(posterior, (kind.default(experiment.scales),))
+    return experiment, ensemble_of(experiment, kind)
 
 
 def attempt(constants, effect, kind, settle=lambda contender: contender):

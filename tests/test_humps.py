@@ -4,17 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hidden_pads import hidden_pad
+from hidden_pads import ensemble_of, hidden_pad
 
-from qlvbayes.choices import Choices
 from qlvbayes.diagnosis.contest import _searched, contest
 from qlvbayes.diagnosis.evidence import evidence_of_humps, sampled_evidence
 from qlvbayes.diagnosis.search import plain_fits
 from qlvbayes.effects.extra_relaxation_mode import ExtraRelaxationMode
 from qlvbayes.effects.fluid_pressure import FluidPressure
-from qlvbayes.fit import build_posterior
 from qlvbayes.inference.multistart import climbs_anew
-from qlvbayes.inference.subset import with_every_effect
 from qlvbayes.synthetic import HIDDEN
 
 EXTRA = "extra_relaxation_mode"
@@ -24,9 +21,7 @@ EXTRA = "extra_relaxation_mode"
 def ensemble():
     """Of a pad with three modes, fitted with two and an extra one, or fluid that is trapped."""
     experiment = hidden_pad(HIDDEN[EXTRA](c=0.1, v=1.2), rates=(1.0, 20.0, 100.0))
-    posterior = build_posterior(experiment, Choices(), experiment.trials)
-    kinds = (ExtraRelaxationMode, FluidPressure)
-    return with_every_effect(posterior, tuple(k.default(experiment.scales) for k in kinds))
+    return ensemble_of(experiment, ExtraRelaxationMode, FluidPressure)
 
 
 @pytest.fixture(scope="module")

@@ -28,6 +28,7 @@ def step(score, weighed, effects=()):
         (5.0, 0.9, True),
         (5.0, 1.0002, True),
         (5.0, 1.01, False),
+        (5.0, 1.1, False),
         (-5.0, 0.9, False),
         (-5.0, 1.1, False),
         (300.0, 1.1, True),

@@ -3,16 +3,13 @@
 from dataclasses import replace
 
 import pytest
-from hidden_pads import hidden_pad
+from hidden_pads import ensemble_of, hidden_pad
 
-from qlvbayes.choices import Choices
 from qlvbayes.diagnosis.contest import contest
 from qlvbayes.diagnosis.search import plain_fits
 from qlvbayes.effects.extra_relaxation_mode import ExtraRelaxationMode
 from qlvbayes.effects.squeeze_film import SqueezeFilm
-from qlvbayes.fit import build_posterior
 from qlvbayes.inference.gaussnewton import climb
-from qlvbayes.inference.subset import with_every_effect
 from qlvbayes.synthetic import PAPER_RATES, Constants, GrowingDrag, full_retraction_protocol
 
 FAST = 100.0  # 1/s, faster than any mode of the pad
@@ -26,8 +23,7 @@ def ensemble():
     experiment = hidden_pad(
         drag, rates=PAPER_RATES, constants=PAD, protocol=full_retraction_protocol
     )
-    posterior = build_posterior(experiment, Choices(), experiment.trials)
-    return with_every_effect(posterior, tuple(k.default(experiment.scales) for k in KINDS))
+    return ensemble_of(experiment, *KINDS)
 
 
 @pytest.fixture(scope="module")
