@@ -12,6 +12,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from qlvbayes.benchmark.confusion import Confusion
+from qlvbayes.benchmark.plan import family
 from qlvbayes.benchmark.rate import Rate
 from qlvbayes.benchmark.reliability import Reliability
 from qlvbayes.benchmark.report import Report
@@ -33,7 +34,7 @@ def plot_benchmark(report: Report, *, width: float = DOUBLE) -> list[Axes]:
     """Draw how often each hidden effect was named, and how far probabilities can be trusted.
 
     Above: one row a hidden effect, one column a verdict; numbers are studies, the shade is their
-    share of the row; the framed cell is the right verdict. Lower left: how often the first-ranked
+    share of the row; framed cells are the right verdicts. Lower left: how often the first-ranked
     hypothesis is true against its probability, with standard errors; on the line, probabilities
     keep their promise. Lower right: error on left-out tests over the noise floor, before and
     after; 1 is as good as noise allows. width: of the figure (mm); in one column the lower panels
@@ -60,8 +61,7 @@ def _draw_confusion(axis: Axes, confusion: Confusion, *, tight: bool) -> None:
             if count:
                 size = _TINY if tight else _SMALL
                 _draw_cell(axis, row, column, count, sum(counts), size)
-        right = _right_column(confusion.rows[row])
-        if right in confusion.columns:
+        for right in _right_columns(confusion.rows[row]):
             frame = _square(row, confusion.columns.index(right), fill=False, edgecolor=BLACK)
             axis.add_patch(frame)
     axis.set(xlim=(0, len(confusion.columns)), ylim=(max(len(confusion.rows), 1), 0))
@@ -98,21 +98,21 @@ def _rule(axis: Axes, confusion: Confusion) -> None:
     axis.vlines(range(len(confusion.columns) + 1), 0, len(confusion.rows), color="0.9", zorder=0)
 
 
-def _right_column(row: str) -> str:
-    """The right verdict; '' where several are right."""
+def _right_columns(row: str) -> tuple[str, ...]:
+    """The right verdicts; of another form, every effect that it may stand for."""
     if row in OUTSIDE:
-        return "unexplained"
+        return ("unexplained",)
     if row in FORMS:
-        members = FORMS[row].family.split("/")
-        return members[0] if len(members) == 1 else ""
-    return "several" if row == "two effects" else row
+        return tuple(sorted(family(row)))
+    return ("several" if row == "two effects" else row,)
 
 
 def _row_label(row: str, *, tight: bool) -> str:
     if row in FORMS and tight:
         return f"{_plain(row)} (form)"
     if row in FORMS:
-        return f"{_plain(row)} (form of {_plain(FORMS[row].family.split('/')[0])})"
+        first, *others = FORMS[row].family.split("/")
+        return f"{_plain(row)} (form of {_plain(first)}{', …' if others else ''})"
     return f"{_plain(row)} (outside)" if row in OUTSIDE else _plain(row)
 
 
