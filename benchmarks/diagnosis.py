@@ -1,7 +1,9 @@
-"""`qlvbayes diagnose` of one pad with six tests: from the shell, and where the time goes."""
+"""`qlvbayes diagnose` of pads with six tests: from the shell, and where the time goes."""
 
 import cProfile
+import os
 import pstats
+import subprocess
 import sys
 import tempfile
 import time
@@ -49,6 +51,23 @@ def in_process(file="data/hidden.csv"):
     return marks
 
 
+def pads_in_turn(hide="viscous_drag"):
+    """(pad, seconds) of three simulated pads in one file, with nothing compiled before."""
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["QLVBAYES_CACHE"] = f"{folder}/cache"
+        file = f"{folder}/pads.csv"
+        command = [str(Path(sys.executable).with_name("qlvbayes")), "simulate", "-o", file]
+        subprocess.run([*command, "--hide", hide], check=True, stdout=subprocess.DEVNULL)
+        import qlvbayes as q
+
+        marks = []
+        for pad in q.read_study(file).pads:
+            start = time.perf_counter()
+            q.diagnose(q.prepare(pad))
+            marks.append((f"pad {pad.name}", time.perf_counter() - start))
+        return marks
+
+
 if __name__ == "__main__":
-    for part, seconds in in_process():
+    for part, seconds in pads_in_turn() if "--pads" in sys.argv else in_process():
         print(f"{part}\t{seconds:.2f}")
