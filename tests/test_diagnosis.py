@@ -11,6 +11,7 @@ from scipy.stats import chi2
 from qlvbayes import Choices, InputError
 from qlvbayes.diagnosis.adequacy import Adequacy, CellTest, adequacy, allowed_noise, swollen
 from qlvbayes.diagnosis.diagnose import diagnose
+from qlvbayes.diagnosis.gate import Bend
 from qlvbayes.diagnosis.words import paragraphs
 from qlvbayes.inference.gaussnewton import climb, evaluate
 from qlvbayes.synthetic import (
@@ -140,6 +141,15 @@ def test_an_effect_that_hides_says_what_it_would_bend(plain):
     assert "frame_compliance" in bends
     assert bends["frame_compliance"].left < 0.15
     assert bends["frame_compliance"].changes["b"] < 0.0  # a soft frame looks like less stiffening
+
+
+@pytest.mark.parametrize(
+    ("change", "words"), [(0.04, "4% too high"), (-1.58, "more than half too low")]
+)
+def test_no_constant_is_said_to_fall_by_more_than_all_of_itself(plain, change, words):
+    bend = Bend("inertia", "inertia.mass", 1.0, 0.1, {"b": change}, visible=False)
+    said = "\n".join(paragraphs(replace(plain, bends=(bend,))))
+    assert f"b would be {words}" in said
 
 
 def test_an_added_effect_is_part_of_the_plain_model(drag):

@@ -11,6 +11,7 @@ from qlvbayes.wording import joined
 
 _PHASE = {"ramp": "ramp", "hold": "hold", "unload": "unloading", "recovery": "recovery"}
 _MOST_BENDS = 3
+_LINEAR = 0.5  # relative change up to which slopes tell how far a constant moves
 _MOST_CELLS = 4
 _LIKELY = 0.5  # probability of nothing, from which the text says so without ifs
 _LITTLE = 0.01  # probability of all explanations that are not listed, up to which they go unsaid
@@ -229,7 +230,13 @@ def _runner_up(d: Diagnosis) -> list[str]:
         f"{first.rmse:.3g} {unit}"
     )
     if gap > 0.0:
-        return [f"{text}, and the evidence is against it by a log Bayes factor of {gap:.3g}."]
+        against = f"against it by a log Bayes factor of {gap:.3g}."
+        if (rival.rmse or 0.0) > (first.rmse or 0.0):
+            return [f"{text}, and the evidence is {against}"]
+        return [
+            f"{text}, but the evidence, which also counts how errors follow one another and what "
+            f"each constant costs, is {against}"
+        ]
     why = dict(d.refused).get(rival.effect, "a later step made it useless")
     return [f"{text}; it was not taken as {why}."]
 
@@ -279,18 +286,22 @@ def _unseen(d: Diagnosis) -> list[str]:
 def _bent(d: Diagnosis) -> list[str]:
     """Effects that would hide in the constants, the invisible ones first."""
     hidden = [bend for bend in d.bends if not bend.visible and bend.effect not in d.tried]
-    return [_bend(d, bend) for bend in hidden[:_MOST_BENDS]]
+    return [_bend(bend) for bend in hidden[:_MOST_BENDS]]
 
 
-def _bend(d: Diagnosis, bend: Bend) -> str:
+def _bend(bend: Bend) -> str:
     top = sorted(bend.changes.items(), key=lambda item: -abs(item[1]))[:2]
-    said = joined(
-        [f"{name} would be {abs(x):.0%} too {'high' if x > 0 else 'low'}" for name, x in top]
-    )
+    said = joined([f"{name} would be {_off(x)}" for name, x in top])
     return (
         f"Were there {bend.effect} ({bend.amplitude} = {bend.size:.2g}), {said}, and these tests "
         "would not show it."
     )
+
+
+def _off(change: float) -> str:
+    """A relative change in words."""
+    by = "more than half" if abs(change) > _LINEAR else f"{abs(change):.0%}"
+    return f"{by} too {'high' if change > 0.0 else 'low'}"
 
 
 def _with_value(d: Diagnosis, effect: str, stage: Stage) -> str:
