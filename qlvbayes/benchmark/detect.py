@@ -81,15 +81,15 @@ def expected(study: Study, experiment: Experiment) -> dict[str, Expected]:
 
 def _price(ensemble: Ensemble, effect: Effect, chi2: float) -> float:
     """2 ln of how much of the prior the data rule out."""
-    shapes = sum(isinstance(value, float) for value in effect.parameters.values()) - 1
+    count = sum(isinstance(value, float) for value in effect.parameters.values())
+    price = count * log1p(chi2)
     if effect.name not in HIDDEN:
-        return (1 + shapes) * log1p(chi2)
+        return price
     listed = ensemble.effect(effect.name)
     amplitude = next(iter(listed.null))
     size = effect.parameters[amplitude]
     density = log_density(getattr(listed, amplitude), size)
-    one = log1p(chi2) - log(2.0 * pi * size**2) - 2.0 * density
-    return one + shapes * log1p(chi2)
+    return price - log(2.0 * pi * size**2) - 2.0 * density
 
 
 def _leftover(ensemble: Ensemble, truth: _Truth, shape: Array) -> float:

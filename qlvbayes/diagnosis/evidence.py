@@ -166,9 +166,8 @@ def _ridges(ensemble: Ensemble, point: Point) -> list[str]:
     rows, columns = np.nonzero(np.triu(np.abs(correlation), 1) > _TOGETHER_TOO_MUCH)
     strongest = float(np.abs(correlation[rows, columns]).max(initial=0.0))
     tied = list(dict.fromkeys(names[k] for k in sorted({*rows.tolist(), *columns.tolist()})))
-    said = (
-        f"the constants {tied[0]}" if len(tied) == 1 else joined(tied)
-    )  # one name, several numbers
+    # one name may stand for several numbers
+    said = f"the constants {tied[0]}" if len(tied) == 1 else joined(tied)
     found = [f"{said} trade off (correlations up to {strongest:.3f})"] if tied else []
     if not found and np.linalg.cond(correlation) > _RIDGE:
         found.append("a combination of its constants is hardly determined")
