@@ -28,3 +28,12 @@ class InputError(Exception):
         if remedy is not None:
             text += f"; {remedy}"
         super().__init__(" ".join(text.split()))
+
+
+class NoFiniteForceError(InputError):
+    """No draw of the priors gives forces that a number can hold."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            "the priors' draws give forces too large for a number", remedy="narrow the priors"
+        )

@@ -164,6 +164,11 @@ def test_student_noise_is_refused(drag):
         diagnose(drag.work.experiment, Choices(noise="student-t"))
 
 
+def test_priors_that_leave_no_finite_force_are_refused(drag):
+    with pytest.raises(InputError, match="narrow the priors"):
+        diagnose(drag.work.experiment, Choices(priors=("b=lognormal(9,0.1)",)))
+
+
 def test_adequacy_p_values_are_uniform_under_a_right_model(plain):
     """Whatever the noise that comes with the same pad, one in ten is below a tenth."""
     work = plain.work

@@ -12,7 +12,10 @@ from qlvbayes.experiment import prepare
 from qlvbayes.fit import build_posterior, fit_pad
 from qlvbayes.inference import compiled
 from qlvbayes.inference.ensemble import Settings
-from qlvbayes.inference.starting import starting_point
+from qlvbayes.inference.least_squares import least_squares
+from qlvbayes.inference.starting import block_scale, starting_point
+from qlvbayes.noise import White
+from qlvbayes.posterior import Posterior
 from qlvbayes.summary import summarise
 
 
@@ -30,6 +33,24 @@ def curve(found, times):
 
 def true_curve(times):
     return TRUTH.c[0] + np.exp(-np.outer(times, TRUTH.v)) @ np.array(TRUTH.c[1:])
+
+
+def _least_squares(prior):
+    e = experiment()
+    posterior = build_posterior(e, Choices(priors=(prior,)), e.with_role("fit"))
+    bare = Posterior(posterior.model, White(1.0), posterior.record)
+    return least_squares(bare, block_scale(posterior, e.floor), np.random.default_rng(0))
+
+
+def test_draws_with_forces_beyond_all_numbers_are_passed_over():
+    """exp(b d) overflows for some of these draws, its square for more."""
+    found = _least_squares("b=lognormal(4,1.5)")
+    assert found.costs[0] == pytest.approx(_least_squares("b=lognormal(0,1)").costs[0], rel=1e-4)
+
+
+def test_priors_that_leave_no_finite_force_are_refused():
+    with pytest.raises(InputError, match="narrow the priors"):
+        _least_squares("b=lognormal(9,0.1)")
 
 
 def test_draws_obey_the_model():

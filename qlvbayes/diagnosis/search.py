@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from qlvbayes.checks import NoFiniteForceError
 from qlvbayes.diagnosis.contest import Round, contest
 from qlvbayes.diagnosis.forms.otherform import AbstractOtherForm
 from qlvbayes.diagnosis.heldout import HeldOut, held_out
@@ -62,8 +63,14 @@ class Path:
 
 
 def plain_fits(ensemble: Ensemble) -> list[Point]:
-    """Tops of the model without effects, from several draws of its prior, the highest first."""
-    return wide_climbs(ensemble, ensemble.subset(), ensemble.centre)
+    """Tops of the model without effects, from several draws of its prior, the highest first.
+
+    Raises NoFiniteForceError where no draw gives finite forces.
+    """
+    found = wide_climbs(ensemble, ensemble.subset(), ensemble.centre)
+    if not found:
+        raise NoFiniteForceError
+    return found
 
 
 def search(

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.optimize import OptimizeResult
 from scipy.optimize import least_squares as minimise
 
+from qlvbayes.checks import NoFiniteForceError
 from qlvbayes.inference import compiled
 from qlvbayes.inference.normal import NormalApproximation, covariance_from
 from qlvbayes.posterior import Posterior, draw_prior
@@ -31,15 +32,18 @@ def least_squares(
 
     ``scale`` (T, B): what a residual is divided by. Starts are the best of 96 prior draws; bounds
     are five prior sds about the prior mean of the unconstrained numbers. The noise of
-    ``posterior`` must be fixed.
+    ``posterior`` must be fixed. Raises NoFiniteForceError where no draw gives finite forces.
     """
     draws = np.stack([draw_prior(posterior, rng) for _ in range(_PRIOR_DRAWS)])
     centre, reach = draws.mean(axis=0), _BOUND_SDS * draws.std(axis=0)
     low, high = centre - reach, centre + reach
     draws = np.clip(draws, low, high)
-    sums = np.array([np.sum(_residuals(posterior, scale, draw)[0] ** 2) for draw in draws])
-    order = np.argsort(np.where(np.isfinite(sums), sums, np.inf))
-    found = [_descend(posterior, scale, draws[k], (low, high)) for k in order[:starts]]
+    with np.errstate(over="ignore"):  # a sum too large for a number is the worst
+        sums = np.array([np.sum(_residuals(posterior, scale, draw)[0] ** 2) for draw in draws])
+        order = [k for k in np.argsort(sums) if np.isfinite(sums[k])]
+        found = [_descend(posterior, scale, draws[k], (low, high)) for k in order[:starts]]
+    if not found:
+        raise NoFiniteForceError
     found.sort(key=lambda result: result.cost)
     return LeastSquares(tuple(r.x for r in found), tuple(2.0 * float(r.cost) for r in found))
 
