@@ -3,13 +3,11 @@
 import cProfile
 import os
 import pstats
-import subprocess
 import sys
 import tempfile
 import time
-from pathlib import Path
 
-from timing import command_s
+from timing import QLVBAYES, command_s
 
 PARTS = {  # function to part
     "prepare": "motion, phases, noise floor",
@@ -27,8 +25,7 @@ PARTS = {  # function to part
 def shell_times(file="data/hidden.csv"):
     """Seconds: cold (nothing compiled before), then with a warm compile cache."""
     with tempfile.TemporaryDirectory() as folder:
-        command = [str(Path(sys.executable).with_name("qlvbayes")), "diagnose", file]
-        run = [*command, "-o", f"{folder}/results"]
+        run = [QLVBAYES, "diagnose", file, "-o", f"{folder}/results"]
         return [command_s(run, f"{folder}/cache") for _ in range(2)]
 
 
@@ -37,11 +34,7 @@ def in_process(file="data/hidden.csv"):
     import qlvbayes as q
 
     pad = q.read_study(file).pads[0]
-    marks = []
-    for name in ("first in a process", "once compiled"):
-        start = time.perf_counter()
-        q.diagnose(q.prepare(pad))
-        marks.append((name, time.perf_counter() - start))
+    marks = [(name, _diagnosed_s(pad)) for name in ("first in a process", "once compiled")]
     profile = cProfile.Profile()
     profile.runcall(lambda: q.diagnose(q.prepare(pad)))
     found = pstats.Stats(profile).stats
@@ -56,16 +49,18 @@ def pads_in_turn(hide="viscous_drag"):
     with tempfile.TemporaryDirectory() as folder:
         os.environ["QLVBAYES_CACHE"] = f"{folder}/cache"
         file = f"{folder}/pads.csv"
-        command = [str(Path(sys.executable).with_name("qlvbayes")), "simulate", "-o", file]
-        subprocess.run([*command, "--hide", hide], check=True, stdout=subprocess.DEVNULL)
+        command_s([QLVBAYES, "simulate", "-o", file, "--hide", hide], f"{folder}/simulation")
         import qlvbayes as q
 
-        marks = []
-        for pad in q.read_study(file).pads:
-            start = time.perf_counter()
-            q.diagnose(q.prepare(pad))
-            marks.append((f"pad {pad.name}", time.perf_counter() - start))
-        return marks
+        return [(f"pad {pad.name}", _diagnosed_s(pad)) for pad in q.read_study(file).pads]
+
+
+def _diagnosed_s(pad):
+    import qlvbayes as q
+
+    start = time.perf_counter()
+    q.diagnose(q.prepare(pad))
+    return time.perf_counter() - start
 
 
 if __name__ == "__main__":

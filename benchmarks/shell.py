@@ -1,18 +1,15 @@
 """`qlvbayes fit` of one pad as a user starts it: cold, and with a warm compile cache."""
 
-import sys
 import tempfile
 import time
-from pathlib import Path
 
-from timing import command_s
+from timing import QLVBAYES, command_s
 
 
 def shell_times(warm_runs=1):
     """Seconds: cold, then the median of warm runs."""
-    command = [str(Path(sys.executable).with_name("qlvbayes")), "fit", "data/pads.csv"]
     with tempfile.TemporaryDirectory() as folder:
-        run = [*command, "--pads", "B", "-o", f"{folder}/results"]
+        run = [QLVBAYES, "fit", "data/pads.csv", "--pads", "B", "-o", f"{folder}/results"]
         cold = command_s(run, f"{folder}/cache")
         warm = sorted(command_s(run, f"{folder}/cache") for _ in range(warm_runs))
     return cold, warm[warm_runs // 2]

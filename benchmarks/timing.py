@@ -5,9 +5,12 @@ import resource
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import jax
 import numpy as np
+
+QLVBAYES = str(Path(sys.executable).with_name("qlvbayes"))  # the command
 
 
 def call_ms(function, *arguments, repeats=15):

@@ -12,10 +12,8 @@ from qlvbayes.experiment import prepare
 from qlvbayes.fit import build_posterior, fit_pad
 from qlvbayes.inference import compiled
 from qlvbayes.inference.ensemble import Settings
-from qlvbayes.inference.least_squares import least_squares
+from qlvbayes.inference.least_squares import least_squares, without_noise
 from qlvbayes.inference.starting import block_scale, starting_point
-from qlvbayes.noise import White
-from qlvbayes.posterior import Posterior
 from qlvbayes.summary import summarise
 
 
@@ -38,8 +36,8 @@ def true_curve(times):
 def _least_squares(prior):
     e = experiment()
     posterior = build_posterior(e, Choices(priors=(prior,)), e.with_role("fit"))
-    bare = Posterior(posterior.model, White(1.0), posterior.record)
-    return least_squares(bare, block_scale(posterior, e.floor), np.random.default_rng(0))
+    scale = block_scale(posterior, e.floor)
+    return least_squares(without_noise(posterior), scale, np.random.default_rng(0))
 
 
 def test_draws_with_forces_beyond_all_numbers_are_passed_over():

@@ -9,6 +9,7 @@ import jax.scipy.stats as jss
 import numpy as np
 import pytest
 from endtoend import experiment
+from hidden_pads import ensemble_of
 from scipy.stats import kstest, multivariate_normal
 
 from qlvbayes.choices import Choices
@@ -102,10 +103,7 @@ def test_prior_draws_are_of_the_prior():
 
 @pytest.fixture(scope="module")
 def ensemble():
-    scales = experiment().scales
-    posterior = build_posterior(experiment(), Choices(), experiment().trials)
-    kinds = (ViscousDrag, ExtraRelaxationMode)
-    return with_every_effect(posterior, tuple(kind.default(scales) for kind in kinds))
+    return ensemble_of(experiment(), ViscousDrag, ExtraRelaxationMode)
 
 
 @pytest.fixture(scope="module")

@@ -11,6 +11,7 @@ from scipy.optimize import least_squares as minimise
 from qlvbayes.checks import NoFiniteForceError
 from qlvbayes.inference import compiled
 from qlvbayes.inference.normal import NormalApproximation, covariance_from
+from qlvbayes.noise import White
 from qlvbayes.posterior import Posterior, draw_prior
 
 _PRIOR_DRAWS = 96
@@ -23,6 +24,11 @@ class LeastSquares:
 
     thetas: tuple[np.ndarray, ...]
     costs: tuple[float, ...]
+
+
+def without_noise(posterior: Posterior) -> Posterior:
+    """The same constants and record; the noise is fixed, as least squares needs it."""
+    return Posterior(posterior.model, White(1.0), posterior.record)
 
 
 def least_squares(

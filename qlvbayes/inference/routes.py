@@ -14,7 +14,7 @@ from scipy.linalg import block_diag
 
 from qlvbayes.experiment import Experiment, Trial
 from qlvbayes.inference import compiled
-from qlvbayes.inference.least_squares import least_squares, normal_approximation
+from qlvbayes.inference.least_squares import least_squares, normal_approximation, without_noise
 from qlvbayes.inference.normal import NormalApproximation
 from qlvbayes.noise import White
 from qlvbayes.posterior import Posterior
@@ -41,7 +41,7 @@ def one_step(
     experiment: Experiment, posterior: Posterior, rng: np.random.Generator
 ) -> LeastSquaresFit:
     """Minimise the time integral of the squared residual over first ramp and hold."""
-    bare = _without_noise(posterior)
+    bare = without_noise(posterior)
     trials = experiment.with_role("fit")
     scale = _scale(bare, [_span(trial, ("ramp", "hold")) for trial in trials], weigh=True)
     fits = least_squares(bare, scale, rng)
@@ -53,7 +53,7 @@ def two_step(
     experiment: Experiment, posterior: Posterior, rng: np.random.Generator
 ) -> LeastSquaresFit:
     """Elastic constants from the fastest ramp, then fractions and rates from the hold."""
-    bare = _without_noise(posterior)
+    bare = without_noise(posterior)
     fastest = max(experiment.trials, key=lambda trial: trial.rate)
     ramp = Posterior(
         replace(bare.model, relaxation=Prony(jnp.array([1.0, 0.0]), jnp.array([1.0]))),
@@ -75,10 +75,6 @@ def two_step(
     normal = NormalApproximation(mean, block_diag(first.covariance, second.covariance))
     agreeing = min(_agreeing(ramp_fits.costs), _agreeing(hold_fits.costs))
     return _finish(posterior, bare, hold_scale, normal, agreeing)
-
-
-def _without_noise(posterior: Posterior) -> Posterior:
-    return Posterior(posterior.model, White(1.0), posterior.record)
 
 
 def _span(trial: Trial, kinds: tuple[str, ...]) -> tuple[float, float]:

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import block_diag
 
-from qlvbayes.inference.least_squares import least_squares, normal_approximation
+from qlvbayes.inference.least_squares import least_squares, normal_approximation, without_noise
 from qlvbayes.inference.normal import NormalApproximation
 from qlvbayes.inference.optimum import Optimum, find_optimum
-from qlvbayes.noise import White
 from qlvbayes.noisefloor import NoiseFloor
 from qlvbayes.posterior import Posterior, central
 
@@ -25,7 +24,7 @@ def block_scale(posterior: Posterior, floor: NoiseFloor) -> np.ndarray:
 
 def starting_point(posterior: Posterior, floor: NoiseFloor, rng: np.random.Generator) -> Optimum:
     """Highest point found from multi-start least squares, and the curvature there."""
-    bare = Posterior(posterior.model, White(1.0), posterior.record)
+    bare = without_noise(posterior)
     scale = block_scale(posterior, floor)
     fits = least_squares(bare, scale, rng)
     noise = central(posterior.noise)
