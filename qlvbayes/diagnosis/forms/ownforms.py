@@ -31,7 +31,7 @@ from qlvbayes.effects.force_drift import ForceDrift
 from qlvbayes.effects.frame_compliance import FrameCompliance
 from qlvbayes.effects.friction import Friction
 from qlvbayes.experiment import Trial
-from qlvbayes.inference.gaussnewton import Point, climb
+from qlvbayes.inference.gaussnewton import Point
 
 _CONTACT_ORDERS = 5
 _CLOCK_ORDERS = 6
@@ -50,12 +50,6 @@ class GradualContact(OtherForm):
 
     replaces: ClassVar[bool] = True
     clocked: ClassVar[bool] = False
-
-    def highest(self, start: Point, worth: float) -> Point:
-        """From the list's law, and from the best without: constants that suit a gap may not do."""
-        without = climb(self.ensemble, self.subset, start.theta)
-        tops = [self.fit(point, worth=worth) for point in (start, without)]
-        return max(tops, key=lambda point: point.log_evidence)
 
     @property
     def sds(self) -> np.ndarray:
