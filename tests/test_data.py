@@ -17,7 +17,7 @@ from qlvbayes.checks import InputError
 from qlvbayes.data import read_study
 from qlvbayes.reading.csvtext import blocks
 from qlvbayes.reading.testchecks import wrong_signs
-from qlvbayes.units import PAD, STRAIN, SUFFIXES, UnitSystem, column_name
+from qlvbayes.units import PAD, SAME, STRAIN, SUFFIXES, UnitSystem, column_name
 
 REAL = Path(__file__).parents[2] / "shared" / "real"
 
@@ -309,7 +309,7 @@ numbers = st.floats(min_value=-1e6, max_value=1e6, allow_subnormal=False)
 
 @st.composite
 def written_studies(draw):
-    """Text of a random study in random units, and its arrays in ours, by (pad, test)."""
+    """Text of a random study in random units, and its arrays in its own, by (pad, test)."""
     strain = draw(st.booleans())
     separator, decimal = draw(st.sampled_from([(",", "."), (";", ","), (";", "."), ("\t", ",")]))
     force, sd = ("stress", "stress_sd") if strain else ("force", "force_sd")
@@ -325,7 +325,8 @@ def written_studies(draw):
             for row in zip(*(column.tolist() for column in columns), strict=True):
                 cells = [repr(value).replace(".", decimal) for value in row]
                 text.write(separator.join([pad, str(test), *cells]) + "\n")
-            scales = [SUFFIXES[q][s] for q, s in zip(quantities, suffixes, strict=True)]
+            time, sd_unit, force_unit = (SUFFIXES[quantities[k]][suffixes[k]] for k in (0, 3, 2))
+            scales = [time, SAME, SAME, sd_unit.over(force_unit)]
             wanted[pad, str(test)] = [
                 column * scale.up / scale.down
                 for column, scale in zip(columns, scales, strict=True)
