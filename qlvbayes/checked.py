@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from qlvbayes.checks import InputError
+from qlvbayes.conversion import factors
 from qlvbayes.data import Pad
 from qlvbayes.elsewhere import has_noise
 from qlvbayes.experiment import Experiment, prepare
@@ -26,6 +27,7 @@ def check_pad(saved: Saved, pad: Pad, *, seed: int = 0) -> CheckedPad:
     """Predict all tests of ``pad`` from a saved posterior.
 
     Tests keep the role they had in the fit, so that fitted ones are not taken for predictions.
+    Constants in other units than the pad's are converted.
     Raises InputError where the posterior, made elsewhere, has no noise to predict with.
     """
     if not has_noise(saved.names):
@@ -35,6 +37,8 @@ def check_pad(saved: Saved, pad: Pad, *, seed: int = 0) -> CheckedPad:
         )
     experiment = prepare(pad, all_tests=saved.all_tests)
     constants = dict(zip(saved.names, saved.draws.T, strict=True))
+    by = factors(saved.choices, constants, saved.units, pad.units)
+    constants = {name: by[name] * draws for name, draws in constants.items()}
     predictions = predict(experiment, saved.choices, constants, experiment.trials, seed=seed)
     found = check(pad.name, experiment.floor.total, predictions, saved.choices.effects)
-    return CheckedPad(experiment, tuple(predictions), found)
+    return CheckedPad(experiment, tuple(predictions), replace(found, units=pad.units))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -13,8 +13,8 @@ from qlvbayes.experiment import Experiment
 class Covered:
     """The ranges of one pad's tests.
 
-    depth: largest depth (mm); slowest, fastest: loading rates (mm/s); quickest: duration of the
-    shortest ramp (s); hold: duration of the longest rest (s); tests: how many.
+    depth: largest depth, slowest, fastest: loading rates, in the pad's units; quickest: duration
+    of the shortest ramp (s); hold: duration of the longest rest (s); tests: how many.
     """
 
     depth: float
@@ -27,6 +27,11 @@ class Covered:
     def as_dict(self) -> dict[str, float]:
         """For JSON."""
         return asdict(self)
+
+    def times(self, factor: float) -> Covered:
+        """The same in a unit of displacement that is 1/factor as large."""
+        sizes = {name: factor * getattr(self, name) for name in ("depth", "slowest", "fastest")}
+        return replace(self, **sizes)
 
 
 def covered(experiment: Experiment) -> Covered:

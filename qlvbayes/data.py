@@ -27,9 +27,9 @@ Role = Literal["fit", "validate"]
 class Test:
     """One test of one pad: n samples of time (s), displacement and force.
 
-    Displacement is in mm and force in N, or strain (-) and stress in kPa; see `Pad.units`.
+    Displacement (or strain) and force (or stress) are in the file's own units, `Pad.units`.
     `force_sd` (n,) is the measured standard deviation of each force, if there is one; `rate` the
-    declared loading rate in mm/s or 1/s; `start_s` the pad's clock at the first sample.
+    declared loading rate, displacement over s; `start_s` the pad's clock at the first sample.
     """
 
     __test__: ClassVar[bool] = False  # not one of pytest's
@@ -78,7 +78,8 @@ def read_study(path: str | Path) -> Study:
     """Read a CSV or .csv.gz file, a row per sample.
 
     Columns `time_s`, `displacement_mm` and `force_N`, or `strain` and `stress_kPa` in place of
-    the last two; other units by the suffix (`units.SUFFIXES`). Optional: `force_sd_N`, `pad`,
+    the last two; other units by the suffix (`units.SUFFIXES`), and in them all results are given.
+    A `force_sd` or `rate` in another unit is converted, time to s. Optional: `force_sd_N`, `pad`,
     `fluid` (or `group`, the same in all rows of a pad), `test`, `role`, `rate_mm_s`, `start_s`.
     Lines that begin with # are comments. Without `start_s` the tests of a pad follow one
     another. The arrays are read-only.

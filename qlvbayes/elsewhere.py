@@ -12,7 +12,7 @@ from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
 from qlvbayes.drawn import described_fields
 from qlvbayes.relaxation import Prony
-from qlvbayes.units import PAD, STRAIN, UnitSystem
+from qlvbayes.units import PAD, STRAIN, UnitSystem, unit_system
 
 FEWEST = 100  # draws from which a 90 % interval can be read
 _NOISES = {
@@ -88,11 +88,33 @@ def check_draws(choices: Choices, draws: Mapping[str, np.ndarray]) -> None:
             raise InputError(f"v[{k}] is below v[{k + 1}]", remedy="order the modes by falling v")
 
 
-def unit_system(displacement: str | None, units: Mapping[str, str]) -> UnitSystem:
-    """Strain and stress where the file's units say so, else displacement and force."""
-    if displacement is not None:
-        return STRAIN if displacement == STRAIN.displacement else PAD
-    return STRAIN if units.get("m") == STRAIN.stiffness else PAD
+def stated_units(
+    displacement: str | None, force: str | None, units: Mapping[str, str]
+) -> UnitSystem:
+    """The units that a file states; else those of m's unit; else mm and N, or for strain kPa.
+
+    units: of the constants, by name. Raises InputError where a stated unit is unknown.
+    """
+    m, _, of_m = units.get("m", "").partition("/")
+    if displacement is None and m and _known(of_m or STRAIN.displacement, m):
+        return unit_system(of_m or STRAIN.displacement, m)
+    usual = STRAIN if displacement == STRAIN.displacement else PAD
+    found = displacement or usual.displacement, force or usual.force
+    if not _known(*found):
+        raise InputError(
+            f"displacement in {found[0]} and force in {found[1]} do not go together",
+            remedy="state displacement_unit mm, um, nm or m with force_unit N, mN, uN or nN, or 1 "
+            "with kPa, MPa or Pa",
+        )
+    return unit_system(*found)
+
+
+def _known(displacement: str, force: str) -> bool:
+    try:
+        unit_system(displacement, force)
+    except KeyError:
+        return False
+    return True
 
 
 def flat_names(key: str, labels: Sequence[object], size: int) -> list[str]:

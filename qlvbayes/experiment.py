@@ -20,12 +20,12 @@ from qlvbayes.scales import Scales
 from qlvbayes.stiffness import largest_stiffness
 from qlvbayes.units import UnitSystem
 
-FIT_RATE = 20.0  # mm/s, the paper's identification test
+FIT_RATE = 20.0  # mm/s (or 1/s of a strain), the paper's identification test
 
 
 @dataclass(frozen=True)
 class Trial:
-    """One test with what was found in it; ``rate`` is the loading rate (mm/s)."""
+    """One test with what was found in it; ``rate`` is the loading rate, displacement over s."""
 
     test: Test
     trajectory: Trajectory
@@ -118,7 +118,8 @@ def prepare(pad: Pad, *, all_tests: bool = False) -> Experiment:
     the others validate; ``all_tests`` fits every one.
     """
     trials = [_trial(test) for test in pad.tests]
-    trials = [replace(t, role=role) for t, role in zip(trials, _roles(trials), strict=True)]
+    roles = _roles(trials, FIT_RATE * pad.units.mm_per_s)
+    trials = [replace(t, role=role) for t, role in zip(trials, roles, strict=True)]
     if all_tests:
         trials = [replace(t, role="fit") for t in trials]
     floor = measure([t.test for t in trials], [t.phases for t in trials])
@@ -138,11 +139,11 @@ def _trial(test: Test) -> Trial:
     return Trial(test, trajectory, phases, rate, test.role or "")
 
 
-def _roles(trials: Sequence[Trial]) -> list[str]:
+def _roles(trials: Sequence[Trial], fit_rate: float) -> list[str]:
     if any(trial.role == "fit" for trial in trials):
         return [trial.role or "validate" for trial in trials]
     distance = [
-        np.inf if trial.role == "validate" else abs(np.log(trial.rate / FIT_RATE))
+        np.inf if trial.role == "validate" else abs(np.log(trial.rate / fit_rate))
         for trial in trials
     ]
     chosen = int(np.argmin(distance))

@@ -10,6 +10,7 @@ from scipy.stats import chi2
 
 from qlvbayes.kinematics.phases import KINDS
 from qlvbayes.predict import Prediction
+from qlvbayes.units import PAD, UnitSystem
 
 FALSE_ALARMS = 0.01  # probability that any cell of a right model is called failing
 
@@ -36,12 +37,13 @@ class Cell:
 
 @dataclass(frozen=True)
 class Check:
-    """All cells of one pad, the noise floor (sd, N) and which cells fail."""
+    """All cells of one pad, the noise floor (sd, in the unit of force) and which cells fail."""
 
     pad: str
     noise: float
     cells: tuple[Cell, ...]
     effects: tuple[str, ...] = ()
+    units: UnitSystem = PAD
 
     def fails(self, cell: Cell) -> bool:
         """Whether structure beyond noise is left in a cell (1 % false alarms over all cells)."""
@@ -68,6 +70,7 @@ class Check:
             "schema": 1,
             "pad": self.pad,
             "effects": list(self.effects),
+            "units": self.units.as_dict(),
             "noise_N": self.noise,
             "cells": cells,
         }

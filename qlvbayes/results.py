@@ -21,7 +21,7 @@ from qlvbayes.elsewhere import (
     flat_names,
     infer_choices,
     pad_name,
-    unit_system,
+    stated_units,
     wanted_names,
 )
 from qlvbayes.files import write_whole
@@ -219,7 +219,7 @@ def _ours(posterior: xarray.Dataset, attrs: dict) -> Saved:
         all_tests=bool(attrs["all_tests"]),
         fitted=tuple(json.loads(attrs["fitted_tests"])),
         fluid=str(attrs["fluid"]) if attrs.get("fluid") else None,
-        units=unit_system(attrs.get("displacement_unit"), {}),
+        units=stated_units(attrs.get("displacement_unit"), attrs.get("force_unit"), {}),
         covered=Covered(**json.loads(reach)) if reach else None,
         converged=bool(attrs.get("converged", True)),
     )
@@ -233,8 +233,9 @@ def _from_elsewhere(posterior: xarray.Dataset, attrs: dict, path: Path) -> Saved
             file=path,
             remedy="write it with arviz, or run qlvbayes fit",
         )
-    units = unit_system(
+    units = stated_units(
         attrs.get("displacement_unit"),
+        attrs.get("force_unit"),
         {str(key): str(v.attrs.get("units", "")) for key, v in posterior.data_vars.items()},
     )
     found = dict(zip(*_flattened(posterior), strict=True))

@@ -9,6 +9,7 @@ import numpy as np
 from qlvbayes.fit import Fit
 from qlvbayes.inference.diagnostics import diagnose_chain, highest_density
 from qlvbayes.inference.ensemble import STEPS_PER_TIME
+from qlvbayes.units import PAD, UnitSystem
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,7 @@ class Summary:
     effects: tuple[str, ...]
     constants: tuple[Constant, ...]
     troubles: tuple[str, ...]
+    units: UnitSystem = PAD
 
     @property
     def converged(self) -> bool:
@@ -66,6 +68,7 @@ class Summary:
         return {
             "schema": 1,
             "pad": self.pad,
+            "units": self.units.as_dict(),
             "effects": list(self.effects),
             "sampler": self.method,
             "converged": self.converged,
@@ -94,9 +97,9 @@ def summarise(fit: Fit) -> Summary:
             )
         )
     troubles = diagnostics.troubles if diagnostics else []
-    return Summary(
-        fit.pad, fit.method, fit.choices.effects, tuple(rows), (*troubles, *_length_troubles(fit))
-    )
+    troubles = (*troubles, *_length_troubles(fit))
+    units = fit.experiment.units
+    return Summary(fit.pad, fit.method, fit.choices.effects, tuple(rows), troubles, units)
 
 
 def _mean(values: np.ndarray) -> float:

@@ -1,7 +1,11 @@
-"""The two systems of units, and the unit suffixes a column name may carry."""
+"""Systems of units, and the unit suffixes a column name may carry.
+
+Displacement and force stay in the units in which the file gives them; time is in s.
+"""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +17,8 @@ class UnitSystem:
     """What stands for displacement and force, and the units that follow from them.
 
     Time is in s throughout. With force F and displacement d, K = m exp(b d) gives m the unit
-    of force over displacement and b the unit of one over displacement.
+    of force over displacement and b the unit of one over displacement. ``displacement`` is one
+    of mm, um, nm, m, or 1 for strain; ``force`` one of N, mN, uN, nN, or kPa, MPa, Pa for stress.
     """
 
     displacement: str
@@ -57,6 +62,13 @@ class UnitSystem:
         return f"{self.force} s" if self.dimensionless else f"{self.force} s/{self.displacement}"
 
     @property
+    def power_drag(self) -> str:
+        """Unit of the factor of a drag that grows as a power n of the speed."""
+        return (
+            f"{self.force} s^n" if self.dimensionless else f"{self.force} (s/{self.displacement})^n"
+        )
+
+    @property
     def mass(self) -> str:
         """Unit of a mass, force over acceleration; 1 N s2/mm is 1000 kg."""
         return f"{self.force} s2" if self.dimensionless else f"{self.force} s2/{self.displacement}"
@@ -77,6 +89,32 @@ class UnitSystem:
         return fixed[kind] if kind in fixed else str(getattr(self, kind))
 
     @property
+    def energy(self) -> str:
+        """Unit of force times displacement: 1 N mm is 1 mJ; 1 kPa, over a strain, is 1 kJ/m3."""
+        if self.dimensionless:
+            return f"{_JOULES[_EXPONENTS[self.force]]}/m3"
+        return _JOULES[_EXPONENTS[self.force] + _EXPONENTS[self.displacement]]
+
+    @property
+    def mm_per_s(self) -> float:
+        """1 mm/s in this system's speed; 1/s stays 1."""
+        return 1.0 if self.dimensionless else 10.0 ** (-3 - _EXPONENTS[self.displacement])
+
+    def as_dict(self) -> dict[str, str]:
+        """For JSON: ``{"displacement": "mm", "force": "N"}``."""
+        return {"displacement": self.displacement, "force": self.force}
+
+    def factor_to(self, other: UnitSystem, kind: str) -> float:
+        """What a number of that kind is multiplied by to be in the other system's unit.
+
+        Both must have displacement and force, or both strain and stress; the kind must not be that
+        of a power law's factor, whose unit goes with its exponent.
+        """
+        length, force = _DIMENSIONS.get(kind, (0, 0))
+        way = 0 if self.dimensionless else _decades(self.displacement, other.displacement)
+        return 10.0 ** (length * way + force * _decades(self.force, other.force))
+
+    @property
     def bonded_default(self) -> bool:
         """Whether the specimen can pull: a pad lies loose, a specimen in strain is glued."""
         return self.dimensionless
@@ -85,10 +123,46 @@ class UnitSystem:
 PAD = UnitSystem("mm", "N", "displacement", "force")
 STRAIN = UnitSystem("1", "kPa", "strain", "stress")
 
+# Powers of ten to m, to N and to Pa.
+_EXPONENTS = {
+    "mm": -3, "um": -6, "nm": -9, "m": 0,
+    "N": 0, "mN": -3, "uN": -6, "nN": -9,
+    "kPa": 3, "MPa": 6, "Pa": 0,
+}  # fmt: skip
+_JOULES = {
+    6: "MJ", 3: "kJ", 0: "J", -3: "mJ", -6: "uJ", -9: "nJ", -12: "pJ", -15: "fJ", -18: "aJ",
+}  # fmt: skip
+# Powers of displacement and of force in each kind of unit; the others have neither.
+_DIMENSIONS = {
+    "displacement": (1, 0),
+    "speed": (1, 0),
+    "exponent": (-1, 0),
+    "force": (0, 1),
+    "force_rate": (0, 1),
+    "stiffness": (-1, 1),
+    "drag": (-1, 1),
+    "mass": (-1, 1),
+    "compliance": (1, -1),
+}
+
+
+def unit_system(displacement: str, force: str) -> UnitSystem:
+    """Units of these names; KeyError where one is unknown or force meets strain."""
+    base = STRAIN if displacement == STRAIN.displacement else PAD
+    known = _STRESS if base is STRAIN else _FORCE
+    lengths = (STRAIN.displacement,) if base is STRAIN else tuple(_LENGTH)
+    if displacement not in lengths or force not in known:
+        raise KeyError(f"{displacement}, {force}")
+    return UnitSystem(displacement, force, base.displacement_name, base.force_name)
+
+
+def _decades(unit: str, other: str) -> int:
+    return _EXPONENTS[unit] - _EXPONENTS[other]
+
 
 @dataclass(frozen=True)
 class Scale:
-    """An exact ratio: one of the column's units is up/down of ours.
+    """An exact ratio: one of the column's units is up/down of another one.
 
     Dividing by 1000 rounds once where multiplying by 0.001 would round twice.
     """
@@ -96,8 +170,14 @@ class Scale:
     up: int = 1
     down: int = 1
 
+    def over(self, other: Scale) -> Scale:
+        """The ratio of two, in lowest terms."""
+        up, down = self.up * other.down, self.down * other.up
+        common = math.gcd(up, down)
+        return Scale(up // common, down // common)
+
     def convert(self, values: NDArray[np.float64]) -> None:
-        """Convert to our unit, in place."""
+        """Convert in place."""
         if self.up != 1:
             values *= self.up
         if self.down != 1:
@@ -130,9 +210,9 @@ SUFFIXES: dict[str, dict[str, Scale]] = {
     "stress": _STRESS,
     "stress_sd": _STRESS,
     "start": _TIME,
-    "rate": {"mm_s": SAME, "1_s": SAME},
+    "rate": {**{f"{unit}_s": scale for unit, scale in _LENGTH.items()}, "1_s": SAME},
 }
-"""Quantity to the suffixes it may carry, ours first."""
+"""Quantity to the suffixes it may carry, the usual one first, each with its ratio to that one."""
 
 
 def column_name(quantity: str, suffix: str) -> str:

@@ -17,7 +17,7 @@ from qlvbayes.checks import InputError
 from qlvbayes.data import read_study
 from qlvbayes.reading.csvtext import blocks
 from qlvbayes.reading.testchecks import wrong_signs
-from qlvbayes.units import PAD, STRAIN, SUFFIXES, column_name
+from qlvbayes.units import PAD, SAME, STRAIN, SUFFIXES, UnitSystem, column_name
 
 REAL = Path(__file__).parents[2] / "shared" / "real"
 
@@ -232,19 +232,27 @@ def test_strain_and_stress_have_their_own_units(tmp_path):
     text = "time_ms,strain,stress_Pa,stress_sd_Pa,rate_1_s\n" + rows(suffix=",50,0.2")
     study = read_study(write(tmp_path, text))
     test = only_test(study)
-    assert study.units is STRAIN
-    assert study.pads[0].units is STRAIN
+    assert study.units == study.pads[0].units == UnitSystem("1", "Pa", "strain", "stress")
     np.testing.assert_allclose(test.time, ramp()[0] / 1e3, atol=1e-9)
-    np.testing.assert_allclose(test.force, ramp()[2] / 1e3, atol=1e-9)
-    np.testing.assert_allclose(test.force_sd, 0.05, rtol=1e-15)
+    np.testing.assert_allclose(test.force, ramp()[2], atol=1e-6)
+    np.testing.assert_allclose(test.force_sd, 50.0, rtol=1e-15)
     assert test.rate == 0.2
 
 
 def test_micro_may_be_written_in_greek(tmp_path):
-    test = only_test(
-        read_study(write(tmp_path, PLAIN.replace("displacement_mm", "displacement_µm")))
-    )
-    np.testing.assert_allclose(test.displacement, ramp()[1] / 1e3, atol=1e-9)
+    study = read_study(write(tmp_path, PLAIN.replace("displacement_mm", "displacement_µm")))
+    assert study.units.displacement == "um"
+    np.testing.assert_allclose(only_test(study).displacement, ramp()[1], atol=1e-6)
+
+
+def test_columns_of_other_units_are_converted_to_that_of_displacement_or_force(tmp_path):
+    header = "time_s,displacement_um,force_mN,force_sd_N,rate_mm_s"
+    study = read_study(write(tmp_path, f"{header}\n{rows(suffix=',0.002,0.5')}"))
+    test = only_test(study)
+    assert study.units.as_dict() == {"displacement": "um", "force": "mN"}
+    np.testing.assert_allclose(test.force, ramp()[2], atol=1e-6)
+    np.testing.assert_allclose(test.force_sd, 2.0, rtol=1e-15)
+    assert test.rate == 500.0
 
 
 def test_force_may_be_negative_where_the_pad_is_pulled_or_untared(tmp_path):
@@ -278,7 +286,7 @@ def test_adhesive_in_shear():
         "fit",
         "validate",
     ]
-    assert study.units is PAD
+    assert study.units == PAD
     assert study.pad("updown").tests[0].force.max() == 8.86436
 
 
@@ -287,7 +295,7 @@ def test_muscle_with_measured_standard_deviation():
     study = read_study(REAL / "muscle_ramps.csv")
     assert [pad.name for pad in study.pads] == ["relaxed", "calcium", "mavacamten-calcium"]
     assert [sum(test.time.size for test in pad.tests) for pad in study.pads] == [416, 400, 400]
-    assert study.units is STRAIN
+    assert study.units == STRAIN
     tests = [test for pad in study.pads for test in pad.tests]
     assert all(test.force_sd is not None and test.force_sd.min() > 0 for test in tests)
     assert min(test.force.min() for test in tests) < 0  # kept as measured
@@ -301,7 +309,7 @@ numbers = st.floats(min_value=-1e6, max_value=1e6, allow_subnormal=False)
 
 @st.composite
 def written_studies(draw):
-    """Text of a random study in random units, and its arrays in ours, by (pad, test)."""
+    """Text of a random study in random units, and its arrays in its own, by (pad, test)."""
     strain = draw(st.booleans())
     separator, decimal = draw(st.sampled_from([(",", "."), (";", ","), (";", "."), ("\t", ",")]))
     force, sd = ("stress", "stress_sd") if strain else ("force", "force_sd")
@@ -317,7 +325,8 @@ def written_studies(draw):
             for row in zip(*(column.tolist() for column in columns), strict=True):
                 cells = [repr(value).replace(".", decimal) for value in row]
                 text.write(separator.join([pad, str(test), *cells]) + "\n")
-            scales = [SUFFIXES[q][s] for q, s in zip(quantities, suffixes, strict=True)]
+            time, sd_unit, force_unit = (SUFFIXES[quantities[k]][suffixes[k]] for k in (0, 3, 2))
+            scales = [time, SAME, SAME, sd_unit.over(force_unit)]
             wanted[pad, str(test)] = [
                 column * scale.up / scale.down
                 for column, scale in zip(columns, scales, strict=True)

@@ -55,7 +55,7 @@ def test_scalars_named_by_index_are_read(tmp_path):
     assert (saved.choices.law, saved.choices.modes, saved.choices.noise) == (
         "exponential", 2, "correlated"
     )  # fmt: skip
-    assert saved.units is PAD
+    assert saved.units == PAD
     assert not saved.choices.bonded
 
 
@@ -84,7 +84,7 @@ def test_attributes_of_our_names_are_heeded(tmp_path):
     attrs = {"pad": "my pad", "fluid": "oil", "source": "a.csv", "displacement_unit": "1"}
     saved = load(written(tmp_path / "x", drawn(), attrs))
     assert (saved.pad, saved.fluid, saved.source) == ("my pad", "oil", "a.csv")
-    assert saved.units is STRAIN
+    assert saved.units == STRAIN
     assert saved.choices.bonded
 
 

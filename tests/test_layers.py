@@ -32,7 +32,7 @@ LAYERS = [
     ["overrides"],
     ["choices"],
     ["covered", "drawn"],
-    ["elsewhere"],
+    ["elsewhere", "conversion"],
     # inference and what is made of it
     ["inference"],
     ["fit", "recovery"],

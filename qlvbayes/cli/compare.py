@@ -44,10 +44,12 @@ def compare_command(
         float, typer.Option(help="Ratios from 1/(1 + region) to 1 + region count as equal.")
     ] = 0.1,
     depth: Annotated[
-        float | None, typer.Option(help="Depth (mm). Default: a round one that all tests reach.")
+        float | None,
+        typer.Option(help="Depth (first pad's unit). Default: a round one that all tests reach."),
     ] = None,
     rates: Annotated[
-        str, typer.Option(help="Loading rates (mm/s), as '0.1,1,30'. Default: of the tests' range.")
+        str,
+        typer.Option(help="Rates (first pad's unit), as '0.1,1,30'. Default: of the tests' range."),
     ] = "",
     frequencies: Annotated[
         str, typer.Option(help="Frequencies (Hz), as '0.1,1'. Default: of the tests' range.")

@@ -5,13 +5,14 @@ from __future__ import annotations
 from rich.table import Table
 
 from qlvbayes.diagnosis.verdict import Diagnosis, Estimate, Ranked
+from qlvbayes.wording import plain
 
 _MOST = 8  # hypotheses shown
 
 
 def steps_table(found: Diagnosis, unit: str) -> Table:
     """The error after each step against the noise floor."""
-    title = f"pad {found.pad}: error after each step, noise floor {found.noise:.3g} {unit}"
+    title = f"pad {found.pad}: error after each step, noise floor {plain(found.noise)} {unit}"
     table = Table(title=title, title_justify="left", title_style="bold")
     table.add_column("model")
     for name in (f"RMSE {unit}", f"held-out RMSE {unit}", "held-out/noise", "log evidence"):
@@ -20,8 +21,8 @@ def steps_table(found: Diagnosis, unit: str) -> Table:
     for stage in found.stages:
         table.add_row(
             " + ".join(("QLV", *stage.labels)),
-            f"{stage.rmse:.4g}",
-            f"{stage.heldout_rmse:.4g}",
+            plain(stage.rmse, 4),
+            plain(stage.heldout_rmse, 4),
             f"{stage.heldout_rmse / found.noise:.2f}",
             f"{stage.log_evidence:.1f}",
             str(len(stage.failing)),
@@ -47,7 +48,7 @@ def ranking_table(found: Diagnosis, unit: str) -> Table:
 def _figures(ranked: Ranked) -> tuple[str, str, str]:
     return (
         f"{ranked.log_bayes_factor:.1f}",
-        "" if ranked.rmse is None else f"{ranked.rmse:.4g}",
+        "" if ranked.rmse is None else plain(ranked.rmse, 4),
         ", ".join(_constant(name, e) for name, e in ranked.parameters.items()),
     )
 

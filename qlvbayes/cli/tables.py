@@ -10,6 +10,7 @@ from rich.text import Text
 
 from qlvbayes.residuals import Check
 from qlvbayes.summary import Constant, Summary
+from qlvbayes.wording import plain
 
 
 def significant(value: float, sd: float) -> str:
@@ -72,9 +73,15 @@ def _cell(parameter: dict | None) -> str:
     return f"{significant(parameter['median'], sd)} ({low} to {high})"
 
 
+def _error(value: float, noise: float, sign: str = "") -> str:
+    """To a hundredth of the noise's first digit; '2.3e-08' where that takes too many decimals."""
+    places = max(0, 2 - floor(log10(noise))) if noise > 0.0 else 4
+    return f"{value:{sign}.{places}f}" if places <= 6 else f"{value:{sign}.2g}"
+
+
 def check_table(check: Check, force_unit: str, speed_unit: str) -> Table:
     """One pad: every cell of test and phase against the noise floor, failing ones marked."""
-    title = f"pad {check.pad}: prediction errors, noise floor {check.noise:.3g} {force_unit}"
+    title = f"pad {check.pad}: prediction errors, noise floor {plain(check.noise)} {force_unit}"
     table = Table(title=title, title_justify="left", title_style="bold")
     for name in ("test", "role", "phase"):
         table.add_column(name, no_wrap=True, overflow="fold")
@@ -98,11 +105,11 @@ def check_table(check: Check, force_unit: str, speed_unit: str) -> Table:
             c.test,
             c.role,
             c.phase,
-            "" if c.rate is None else f"{c.rate:.3g}",
+            "" if c.rate is None else plain(c.rate),
             str(c.n),
-            f"{c.rmse:.4f}",
+            _error(c.rmse, check.noise),
             f"{c.rmse / check.noise:.2f}",
-            f"{c.bias:+.4f}",
+            _error(c.bias, check.noise, "+"),
             f"{100 * c.coverage90:.0f} %",
             Text("fails", style="bold red") if fails else "",
         )

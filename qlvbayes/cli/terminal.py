@@ -18,6 +18,7 @@ from qlvbayes.inference.ensemble import Progress
 from qlvbayes.parameters import described, fields_of
 from qlvbayes.study.watcher import Watcher
 from qlvbayes.summary import Summary
+from qlvbayes.wording import plain
 
 
 class Terminal(Watcher):
@@ -43,7 +44,7 @@ class Terminal(Watcher):
         if self.quiet:
             return
         tests = ", ".join(
-            f"{trial.name} ({trial.rate:.3g} {experiment.units.speed})"
+            f"{trial.name} ({plain(trial.rate)} {experiment.units.speed})"
             for trial in experiment.with_role("fit")
         )
         floor, unit = experiment.floor, experiment.units.force

@@ -18,6 +18,7 @@ from qlvbayes.compare.shared import shared_constants
 from qlvbayes.compare.side import Side, Source, side_of
 from qlvbayes.fit import Fit
 from qlvbayes.results import Saved
+from qlvbayes.units import UnitSystem
 
 REGION = 0.10  # of practical equivalence: ratios within 1/1.1 .. 1.1
 _PAIRS = 4000
@@ -38,8 +39,9 @@ def compare(
 
     first, second: a `Fit`, a results file (`load_results`) or a dict of draws by the constants'
     names; or a sequence of these, the specimens of one fluid. names: what to call them; region: of
-    practical equivalence, as a share of the smaller one; depth (mm), rates (mm/s), frequencies
-    (Hz): where quantities are read, by default where both pads' tests reach.
+    practical equivalence, as a share of the smaller one; depth,
+    rates (in the first one's units, to which the others are converted), frequencies (Hz): where
+    quantities are read, by default where both pads' tests reach.
 
     The draws of two pads are independent and are paired at random. With two specimens or more of
     each, their spread is estimated with the fluids' own values (normal, in the logarithm of what is
@@ -51,11 +53,14 @@ def compare(
     groups = _sides(first, given[0]), _sides(second, given[1])
     labels = names or (_label(groups[0]), _label(groups[1]))
     sides = [*groups[0], *groups[1]]
-    if len({side.units for side in sides}) > 1:
+    if len({side.units.dimensionless for side in sides}) > 1:
         raise InputError(
             f"{labels[0]} and {labels[1]} are in different units",
             remedy="compare force with force, or stress with stress",
         )
+    units = sides[0].units
+    groups = _in_units(groups[0], units), _in_units(groups[1], units)
+    sides = [*groups[0], *groups[1]]
     settings = choose([side.reach for side in sides], depth, rates, frequencies)
     rng = np.random.default_rng(seed)
     shared = shared_constants(sides)
@@ -78,7 +83,12 @@ def compare(
         notices=tuple(notices(groups, labels, settings, shared, contrasts, lost)),
         specimens=(len(groups[0]), len(groups[1])),
         settings=settings.as_dict(),
+        units=units,
     )
+
+
+def _in_units(sides: Sequence[Side], units: UnitSystem) -> list[Side]:
+    return [side.in_units(units) for side in sides]
 
 
 def _sides(source: Source | Sequence[Source], label: str) -> list[Side]:

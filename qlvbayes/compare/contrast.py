@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 
+from qlvbayes.units import PAD, UnitSystem
+
 SHARE = 0.90  # of the draws, that an interval holds
 DECIDED = 0.975  # probability of direction at which one is called greater
 EQUAL = 0.95  # probability of equivalence at which two are called equal
@@ -84,6 +86,7 @@ class Comparison:
     notices: tuple[str, ...] = ()
     specimens: tuple[int, int] = (1, 1)
     settings: dict[str, object] = field(default_factory=dict)
+    units: UnitSystem = PAD
 
     def __getitem__(self, quantity: str) -> Contrast:
         """The contrast of that quantity; KeyError lists the others."""
@@ -102,6 +105,7 @@ class Comparison:
             "schema": 1,
             "names": list(self.names),
             "between": self.between,
+            "units": self.units.as_dict(),
             "specimens": list(self.specimens),
             "region": self.region,
             "differ": self.differ,

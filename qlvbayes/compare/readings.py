@@ -44,9 +44,8 @@ def readings(settings: Settings, units: UnitSystem) -> list[Reading]:
     """
     depth = f"{settings.depth:g} {units.displacement}"
     depth = f"strain {settings.depth:g}" if units.dimensionless else depth
-    # N mm = mJ; kPa, stress over strain, is energy over volume, kJ/m3
-    energy = "kJ/m3" if units.dimensionless else "mJ"
     per = "/s" if units.dimensionless else f" {units.speed}"
+    energy = units.energy
     deep, force = settings.deeper, units.force_name
     found = [
         Reading(f"instantaneous stiffness at {depth}", units.stiffness, "stiffness", deep),

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from qlvbayes.choices import Choices
 from qlvbayes.compare.readings import read
 from qlvbayes.compare.settings import Settings
+from qlvbayes.conversion import factors
 from qlvbayes.covered import Covered, covered
 from qlvbayes.drawn import described_model, drawn_models, pad_alone, rig_effects
 from qlvbayes.elsewhere import check_draws, infer_choices, wanted_names
@@ -56,6 +57,17 @@ class Side:
     def left_out(self) -> tuple[str, ...]:
         """The effects of the rig."""
         return rig_effects(described_model(self.choices))
+
+    def in_units(self, units: UnitSystem) -> Side:
+        """The same pad in other units; InputError where strain would have to become a length."""
+        if units == self.units:
+            return self
+        by = factors(self.choices, self.constants, self.units, units)
+        draws = np.stack([x * by[name] for name, x in self.constants.items()], axis=-1)
+        reach = (
+            self.reach.times(self.units.factor_to(units, "displacement")) if self.reach else None
+        )
+        return replace(self, draws=draws, units=units, reach=reach)
 
     def read(self, settings: Settings) -> np.ndarray:
         """(n, Q) what an engineer reads from each draw."""

@@ -24,6 +24,7 @@ from qlvbayes.kinematics.programme import Stroke, planned
 from qlvbayes.records.batching import batch
 from qlvbayes.records.record import Record
 from qlvbayes.records.reduction import planned_record
+from qlvbayes.wording import plain
 
 _HOLD = 30.0  # s
 _PER_STRETCH = 60  # samples between two kinks, evenly spaced in the logarithm of time
@@ -69,7 +70,7 @@ def _candidates(experiment: Experiment) -> list[_Candidate]:
     cycles = tuple(Stroke(place, top / 10, 0.5) for place in (depth, 0.0) * 3)
 
     def at(speed: float) -> str:
-        return f"{speed:.3g} {units.speed}"
+        return f"{plain(speed)} {units.speed}"
 
     return [
         _Candidate(

@@ -182,6 +182,7 @@ class Diagnosis:
         return {
             "schema": 1,
             "pad": self.pad,
+            "units": self.work.experiment.units.as_dict(),
             "noise_N": self.noise,
             "verdict": self.verdict,
             "effects": list(self.effects),

@@ -7,7 +7,7 @@ from qlvbayes.diagnosis.samples import CellError
 from qlvbayes.diagnosis.verdict import Diagnosis, Ranked, Stage
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.units import UnitSystem
-from qlvbayes.wording import joined
+from qlvbayes.wording import joined, plain
 
 _PHASE = {"ramp": "ramp", "hold": "hold", "unload": "unloading", "recovery": "recovery"}
 _MOST_BENDS = 3
@@ -60,8 +60,8 @@ def _adequate(d: Diagnosis) -> str:
     best = next((r for r in d.ranking if r.effect not in {"none", *hidden}), None)
     text = (
         f"Pad {d.pad}: {_NOTHING if none.probability >= _LIKELY else _MAYBE}. The model leaves "
-        f"{stage.rmse:.3g} {unit}, the noise floor is {d.noise:.3g} {unit}; no phase of any test "
-        f"shows structure ({_p(stage.p_value)})."
+        f"{plain(stage.rmse)} {unit}, the noise floor is {plain(d.noise)} {unit}; no phase of any "
+        f"test shows structure ({_p(stage.p_value)})."
     )
     if best is not None:
         text += (
@@ -79,7 +79,7 @@ def _missing(d: Diagnosis) -> str:
     return (
         f"Pad {d.pad}: missing {'effect' if len(d.effects) == 1 else 'effects'}: {named}. {seen} "
         f"{_own_form(d)}{_sureness(d)} With it the error on tests left out {_change(d)} (noise "
-        f"floor {d.noise:.3g} {unit}), and no phase of any test shows structure any more "
+        f"floor {plain(d.noise)} {unit}), and no phase of any test shows structure any more "
         f"({_p(last.p_value)})."
     )
 
@@ -91,7 +91,7 @@ def _ambiguous(d: Diagnosis) -> str:
     return (
         f"Pad {d.pad}: something is missing{besides}, and these tests cannot tell which of "
         f"{joined(list(d.group), 'or')} it is: each explains them about equally well. With the "
-        f"first the error on tests left out {_change(d)} (noise floor {d.noise:.3g} {unit}). "
+        f"first the error on tests left out {_change(d)} (noise floor {plain(d.noise)} {unit}). "
         f"Allowing for all that the tests do not rule out, {joined(constants)}."
     )
 
@@ -100,10 +100,10 @@ def _change(d: Diagnosis) -> str:
     """What the effects do to the error on tests left out."""
     first, last = d.stages[0].heldout_rmse, d.stages[-1].heldout_rmse
     if last < first:
-        return f"falls from {first:.3g} to {last:.3g} {_units(d).force}"
+        return f"falls from {plain(first)} to {plain(last)} {_units(d).force}"
     return (
-        f"goes from {first:.3g} to {last:.3g} {_units(d).force}, yet they are predicted better if "
-        "noise that lasts from sample to sample is allowed for"
+        f"goes from {plain(first)} to {plain(last)} {_units(d).force}, yet they are predicted "
+        "better if noise that lasts from sample to sample is allowed for"
     )
 
 
@@ -126,9 +126,9 @@ def _unexplained(d: Diagnosis) -> str:
         where += "; the fit takes it for noise that the rests between motions do not have"
     return (
         f"Pad {d.pad}: unexplained.{tried} structure remains beyond the noise floor of "
-        f"{d.noise:.3g} {unit} ({_p(last.p_value)}){where}. The largest error left is "
-        f"{worst.rmse:.3g} {unit} in the {_PHASE[worst.phase]} of {worst.test}.{outside} No effect "
-        "is named: take the constants as those of a model that is wrong."
+        f"{plain(d.noise)} {unit} ({_p(last.p_value)}){where}. The largest error left is "
+        f"{plain(worst.rmse)} {unit} in the {_PHASE[worst.phase]} of {worst.test}.{outside} No "
+        "effect is named: take the constants as those of a model that is wrong."
     ).replace(". structure", ". Structure")
 
 
@@ -151,13 +151,13 @@ def _where(d: Diagnosis) -> str:
     sign = "above" if worst.bias > 0.0 else "below"
     return (
         f"Where the plain model fails worst: the {_PHASE[worst.phase]} of {worst.test} "
-        f"({_rate(worst, units)}), by {worst.rmse:.3g} {units.force} root mean square; the "
-        f"measured force lies {abs(worst.bias):.3g} {units.force} {sign} the model on average."
+        f"({_rate(worst, units)}), by {plain(worst.rmse)} {units.force} root mean square; the "
+        f"measured force lies {plain(abs(worst.bias))} {units.force} {sign} the model on average."
     )
 
 
 def _rate(cell: CellError, units: UnitSystem) -> str:
-    return f"{cell.rate:.3g} {units.speed}"
+    return f"{plain(cell.rate)} {units.speed}"
 
 
 def _own_form(d: Diagnosis) -> str:
@@ -226,8 +226,8 @@ def _runner_up(d: Diagnosis) -> list[str]:
     rival: Ranked = max(best, key=lambda r: r.log_bayes_factor)
     unit, gap = _units(d).force, first.log_bayes_factor - rival.log_bayes_factor
     text = (
-        f"Runner-up: {rival.effect}. It leaves {rival.rmse:.3g} {unit} where {first.effect} leaves "
-        f"{first.rmse:.3g} {unit}"
+        f"Runner-up: {rival.effect}. It leaves {plain(rival.rmse)} {unit} where {first.effect} "
+        f"leaves {plain(first.rmse)} {unit}"
     )
     if gap > 0.0:
         against = f"against it by a log Bayes factor of {gap:.3g}."
@@ -259,8 +259,8 @@ def _honest(d: Diagnosis) -> list[str]:
         return []
     return [
         f"A Gaussian-process discrepancy over time, depth and rate, of typically "
-        f"{d.discrepancy:.2g} {_units(d).force}, keeps predictions honest (discrepancy.csv): an "
-        "alarm, not an explanation."
+        f"{plain(d.discrepancy, 2)} {_units(d).force}, keeps predictions honest (discrepancy.csv): "
+        "an alarm, not an explanation."
     ]
 
 

@@ -17,7 +17,8 @@ from qlvbayes.scales import Scales
 class PowerLawDrag(AbstractEffect):
     """F = F_below + k abs(v)^n sgn v, v in mm/s.
 
-    k: drag at 1 mm/s (N), zero or more; n: exponent, above 0 up to 1, where 1 is viscous drag.
+    k: drag at 1 mm/s (N (s/mm)^n), zero or more; n: exponent, above 0 up to 1, where 1
+    is viscous drag.
     """
 
     k: Any
@@ -25,7 +26,7 @@ class PowerLawDrag(AbstractEffect):
     name: ClassVar[str] = "power_law_drag"
     level: ClassVar[Level] = Level.ADDING
     rank: ClassVar[int] = 1
-    units: ClassVar[dict[str, str]] = {"k": "force", "n": "fraction"}
+    units: ClassVar[dict[str, str]] = {"k": "power_drag", "n": "fraction"}
     null: ClassVar[dict[str, float]] = {"k": 0.0}
     law: ClassVar[str] = "F += k |v|^n sgn v"
     seen: ClassVar[str] = "steps of the force at each start and stop that grow slowly with speed"

@@ -20,7 +20,10 @@ _BOUND_SDS = 5.0
 
 @dataclass(frozen=True)
 class LeastSquares:
-    """Optima of several starts, best first, each a theta (D,) with its sum of squares."""
+    """Optima of several starts, best first, each a theta (D,) with its sum of squares.
+
+    The sums are over the largest measured force squared.
+    """
 
     thetas: tuple[np.ndarray, ...]
     costs: tuple[float, ...]
@@ -40,6 +43,8 @@ def least_squares(
     are five prior sds about the prior mean of the unconstrained numbers. The noise of
     ``posterior`` must be fixed. Raises NoFiniteForceError where no draw gives finite forces.
     """
+    # the optimiser's tolerance on slopes is absolute
+    scale = scale * float(np.max(np.abs(np.asarray(posterior.record.blocks.force))))
     draws = np.stack([draw_prior(posterior, rng) for _ in range(_PRIOR_DRAWS)])
     centre, reach = draws.mean(axis=0), _BOUND_SDS * draws.std(axis=0)
     low, high = centre - reach, centre + reach

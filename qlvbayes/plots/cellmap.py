@@ -17,6 +17,7 @@ from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
 from qlvbayes.plots.style import BLACK
 from qlvbayes.units import UnitSystem
+from qlvbayes.wording import plain
 
 _WIDE = 50.0  # a worst ratio: from there on the colour bar shows powers of ten only
 _COLOURS = "Blues"  # darker is worse, in grey too
@@ -92,7 +93,7 @@ def draw_colours(
     side.set_minor_formatter(NullFormatter())
     bar.outline.set_visible(False)
     gap = " " if below else "\n"
-    bar.set_label(f"RMSE / noise floor{gap}(1 = {noise:.3g} {units.force})")
+    bar.set_label(f"RMSE / noise floor{gap}(1 = {plain(noise)} {units.force})")
 
 
 def _shade(ratio: float, worst: float) -> float:

@@ -43,15 +43,16 @@ def plot_forces_at_rates(
 ) -> list[Axes]:
     """Draw measured and predicted force of each pad's tests nearest to some loading rates.
 
-    predictions: those of each pad, by its name; rates: in mm/s or 1/s, nearest in the logarithm, by
-    default 0.1, 1 and 30 mm/s (of specimens in strain: the slowest, the middle and the fastest of
-    the first). Marks are measured samples, lines the posterior mean, bands hold 90 % of predicted
+    predictions: those of each pad, by its name; rates: in the unit of speed, nearest in the
+    logarithm, by default what is 0.1, 1 and 30 mm/s (of specimens in strain: the slowest, the
+    middle and the fastest of the first).
+    Marks are measured samples, lines the posterior mean, bands hold 90 % of predicted
     samples. Time runs since the first movement, in logarithmic time (upper panels; left in one
     column) and in linear time; where the rates do not span a decade in linear time alone. All
     panels share their force axis. width: of the figure (mm). Returns the panels, pad by pad.
     """
     tight = narrow(width)
-    asked = rates or (_own_rates(next(iter(predictions.values()))) if _strain(units) else RATES)
+    asked = rates or _usual_rates(units, next(iter(predictions.values())))
     chosen = {name: _nearest(found, asked) for name, found in predictions.items()}
     trials = [p.trial for found in chosen.values() for p in found]
     scales = ["log", "linear"] if decades(trials) else ["linear"]
@@ -74,11 +75,9 @@ def plot_forces_at_rates(
     return list(by_pad.flat)
 
 
-def _strain(units: UnitSystem) -> bool:
-    return units.dimensionless
-
-
-def _own_rates(found: Sequence[Prediction]) -> tuple[float, ...]:
+def _usual_rates(units: UnitSystem, found: Sequence[Prediction]) -> tuple[float, ...]:
+    if not units.dimensionless:
+        return tuple(rate * units.mm_per_s for rate in RATES)
     rates = sorted(p.trial.rate for p in found if np.isfinite(p.trial.rate))
     return (rates[0], rates[len(rates) // 2], rates[-1]) if rates else ()
 

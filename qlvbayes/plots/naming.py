@@ -8,6 +8,7 @@ from textwrap import fill
 
 from qlvbayes.diagnosis.verdict import Diagnosis
 from qlvbayes.plots.style import quantity, shortened
+from qlvbayes.wording import plain
 
 _INDEXED = re.compile(r"([a-z])\[(\d+)\]")
 
@@ -82,4 +83,5 @@ def _seen(text: str) -> int:
 
 def three(value: float) -> str:
     """Three digits, zeros at the end too: '0.0100'."""
-    return f"{value:#.3g}".rstrip(".")
+    text = f"{value:#.3g}".rstrip(".")
+    return plain(value) if "e+" in text else text

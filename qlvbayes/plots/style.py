@@ -13,6 +13,7 @@ import matplotlib
 from cycler import cycler
 
 from qlvbayes.checks import InputError
+from qlvbayes.wording import plain
 
 MM = 1.0 / 25.4  # inches
 SINGLE, MIDDLE, DOUBLE = 85.0, 120.0, 180.0  # mm, one, one and a half and two columns
@@ -168,7 +169,7 @@ def quantity(name: str, unit: str) -> str:
 
 def rated(rate: float, unit: str) -> str:
     """Three digits of a loading rate with its unit: '29.3 mm/s', '0.226/s'."""
-    return f"{float(f'{rate:.3g}'):g} {unit}".replace(" 1/", "/")
+    return f"{plain(rate)} {unit}".replace(" 1/", "/")
 
 
 def shortened(name: str, most: int = 40) -> str:

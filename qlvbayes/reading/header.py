@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NoReturn
 
 from qlvbayes.checks import InputError
-from qlvbayes.units import PAD, SAME, STRAIN, SUFFIXES, Scale, UnitSystem, column_name
+from qlvbayes.units import PAD, SAME, STRAIN, SUFFIXES, Scale, UnitSystem, column_name, unit_system
 
 LABELS = ("pad", "fluid", "test", "role")
 _OTHER_NAMES = {"group": "fluid"}
@@ -33,7 +33,11 @@ _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
 
 @dataclass(frozen=True)
 class Column:
-    """One column: its place in the row, its name in the file and its unit."""
+    """One column: its place in the row, its name in the file, its unit and what makes it ours.
+
+    Ours is the displacement column's unit for displacement and rate, the force column's for force
+    and its sd, and s for time.
+    """
 
     index: int
     name: str
@@ -73,9 +77,34 @@ def read_columns(names: list[str], file: Path, line: int) -> Columns:
     if (measured := f"{units.force_name}_sd") in found:
         numbers["force_sd"] = found[measured]
     labels = {key: found[key] for key in (*LABELS, "rate", "start") if key in found}
+    own = _Own(numbers["displacement"].scale, numbers["force"].scale)
+    numbers, labels = own.scaled(numbers), own.scaled(labels)
     used = {column.index for column in (*numbers.values(), *labels.values())}
     ignored = tuple(name for i, name in enumerate(names) if i not in used and name)
-    return Columns(units, numbers, labels, ignored, len(names))
+    return Columns(_units_of(units, numbers), numbers, labels, ignored, len(names))
+
+
+def _units_of(kind: UnitSystem, numbers: dict[str, Column]) -> UnitSystem:
+    """The units of the file's displacement and force columns."""
+    way = kind.displacement if kind.dimensionless else numbers["displacement"].suffix
+    return unit_system(way, numbers["force"].suffix)
+
+
+@dataclass(frozen=True)
+class _Own:
+    """The ratios of the file's own units of displacement and force to the usual ones."""
+
+    displacement: Scale
+    force: Scale
+
+    def scaled(self, columns: dict[str, Column]) -> dict[str, Column]:
+        """The columns with the ratio of each one's unit to the file's own."""
+        own = dict.fromkeys(("displacement", "rate"), self.displacement)
+        own |= dict.fromkeys(("force", "force_sd"), self.force)
+        return {
+            key: replace(column, scale=column.scale.over(own.get(key, SAME)))
+            for key, column in columns.items()
+        }
 
 
 def split_name(name: str) -> tuple[str, str] | None:
@@ -145,8 +174,9 @@ class _Header:
                     f"{units.force_name}",
                     "give displacement with force, or strain with stress",
                 )
-        right = "mm_s" if units is PAD else "1_s"
-        if "rate" in found and found["rate"].suffix != right:
+        strained = units is STRAIN
+        if "rate" in found and (found["rate"].suffix == "1_s") != strained:
+            right = "1_s" if strained else "mm_s"
             self.fail(f"'{found['rate'].name}' is of the wrong unit", f"give rate_{right}")
         return units
 

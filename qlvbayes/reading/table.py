@@ -55,7 +55,7 @@ class Table:
 
 
 def read_table(path: Path, dialect: Dialect) -> Table:
-    """Read all rows, in the file's order, converted to our units.
+    """Read all rows, in the file's order, converted to the units of `Columns`.
 
     Peak memory is the numbers (8 bytes each) and a few blocks more.
 

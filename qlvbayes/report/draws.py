@@ -41,6 +41,7 @@ def _summary(saved: Saved, parameters: dict, troubles: list[str]) -> dict:
     return {
         "schema": 1,
         "pad": saved.pad,
+        "units": saved.units.as_dict(),
         "effects": list(saved.choices.effects),
         "sampler": saved.method,
         "converged": not troubles,

@@ -21,6 +21,7 @@ def curves(checked: CheckedPad) -> dict:
         "schema": 1,
         "pad": checked.check.pad,
         "effects": list(checked.check.effects),
+        "units": units.as_dict(),
         "force_unit": units.force,
         "force_name": units.force_name,
         "speed_unit": units.speed,

@@ -1,0 +1,112 @@
+"""The same measurements in other units give the same answer in those units."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from qlvbayes.choices import Choices
+from qlvbayes.conversion import factors
+from qlvbayes.data import read_study
+from qlvbayes.drawn import described_fields
+from qlvbayes.experiment import prepare
+from qlvbayes.summary import Summary
+from qlvbayes.units import PAD, STRAIN, unit_system
+from qlvbayes.wording import plain
+
+LENGTHS = {"mm": 1.0, "um": 1e3, "nm": 1e6, "m": 1e-3}
+FORCES = {"N": 1.0, "mN": 1e3, "uN": 1e6, "nN": 1e9}
+SYSTEMS = [(x, f) for x in LENGTHS for f in FORCES]
+
+
+def written(tmp_path, length, force):
+    """Two ramps and holds, 1 and 20 mm/s to 1 mm, in a file of these units."""
+    rng = np.random.default_rng(3)
+    lines = [f"test,time_s,displacement_{length},force_{force}"]
+    for rate in (1.0, 20.0):
+        time = np.linspace(0.0, 1.0 / rate + 3.0, 600)
+        depth = np.clip(rate * (time - 0.1), 0.0, 1.0)
+        press = depth * (0.7 + 0.3 * np.exp(-time)) + 1e-3 * rng.standard_normal(time.size)
+        rows = zip(time, depth * LENGTHS[length], press * FORCES[force], strict=True)
+        lines += [f"r{rate:g},{t:.9g},{d:.15g},{f:.15g}" for t, d, f in rows]
+    path = tmp_path / f"{length}_{force}.csv"
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+@pytest.mark.parametrize(("length", "force"), [("um", "nN"), ("nm", "uN"), ("m", "mN")])
+def test_motion_roles_and_noise_do_not_depend_on_units(tmp_path, length, force):
+    usual, other = (
+        prepare(read_study(written(tmp_path, *names)).pads[0])
+        for names in (("mm", "N"), (length, force))
+    )
+    assert other.units == unit_system(length, force)
+    assert [trial.role for trial in other.trials] == [trial.role for trial in usual.trials]
+    kinds = [[[p.kind for p in t.phases] for t in found.trials] for found in (usual, other)]
+    assert kinds[0] == kinds[1]
+    rates = np.array([[t.rate for t in found.trials] for found in (usual, other)])
+    np.testing.assert_allclose(rates[1], LENGTHS[length] * rates[0], rtol=1e-6)
+    for noise in ("white", "ou"):
+        ours, theirs = getattr(usual.floor, noise), getattr(other.floor, noise)
+        assert theirs == pytest.approx(FORCES[force] * ours, rel=1e-4)
+
+
+@given(st.sampled_from(SYSTEMS), st.sampled_from(SYSTEMS))
+def test_converted_constants_give_the_same_force(given_units, wanted_units):
+    first, second = unit_system(*given_units), unit_system(*wanted_units)
+    choices = Choices(law="hertz", effects=("power_law_drag", "inertia", "frame_compliance"))
+    names = [name for field in described_fields(choices) for name in field.names]
+    draws = {name: np.full(2, 0.7) for name in names}
+    by = factors(choices, draws, first, second)
+    length, force = (first.factor_to(second, kind) for kind in ("displacement", "force"))
+    n = 0.7
+    before, after = 0.3**n, (0.3 * length) ** n
+    for name in ("m", "power_law_drag.k"):
+        np.testing.assert_allclose(by[name] * after, force * before, rtol=1e-9)
+    assert by["inertia.mass"] * length == pytest.approx(force, rel=1e-9)
+    assert by["frame_compliance.compliance"] * force == pytest.approx(length, rel=1e-9)
+    assert by["v[1]"] == by["c[0]"] == 1.0
+
+
+def test_strain_is_no_length():
+    with pytest.raises(ValueError, match="cannot be converted"):
+        factors(Choices(), {}, PAD, STRAIN)
+
+
+@pytest.mark.parametrize(
+    ("units", "energy"),
+    [
+        (("mm", "N"), "mJ"),
+        (("um", "nN"), "fJ"),
+        (("um", "mN"), "nJ"),
+        (("1", "MPa"), "MJ/m3"),
+        (("1", "Pa"), "J/m3"),
+    ],
+)
+def test_energy_is_force_times_displacement(units, energy):
+    assert unit_system(*units).energy == energy
+
+
+def test_force_does_not_go_with_strain():
+    with pytest.raises(KeyError):
+        unit_system("1", "nN")
+
+
+def test_summary_says_its_units():
+    units = unit_system("um", "nN")
+    found = Summary("a", "emcee", (), (), (), units).as_dict()
+    assert found["units"] == {"displacement": "um", "force": "nN"}
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (23.16, "23.2"),
+        (2.316e-8, "2.32e-08"),
+        (25123.0, "25100"),
+        (99960.0, "100000"),
+        (0.5, "0.5"),
+    ],
+)
+def test_numbers_are_read_without_a_power_of_ten(value, text):
+    assert plain(value) == text
