@@ -96,8 +96,7 @@ def summarise(fit: Fit) -> Summary:
                 _or_none(diagnostics.ess_bulk[k]) if diagnostics else None,
             )
         )
-    troubles = diagnostics.troubles if diagnostics else []
-    troubles = (*troubles, *_length_troubles(fit))
+    troubles = (*(diagnostics.troubles if diagnostics else ()), *_length_troubles(fit))
     units = fit.experiment.units
     return Summary(fit.pad, fit.method, fit.choices.effects, tuple(rows), troubles, units)
 

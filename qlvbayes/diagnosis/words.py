@@ -224,14 +224,15 @@ def _runner_up(d: Diagnosis) -> list[str]:
     if not best or first is None:
         return []
     rival: Ranked = max(best, key=lambda r: r.log_bayes_factor)
+    theirs, ours = rival.rmse or 0.0, first.rmse or 0.0
     unit, gap = _units(d).force, first.log_bayes_factor - rival.log_bayes_factor
     text = (
-        f"Runner-up: {rival.effect}. It leaves {plain(rival.rmse)} {unit} where {first.effect} "
-        f"leaves {plain(first.rmse)} {unit}"
+        f"Runner-up: {rival.effect}. It leaves {plain(theirs)} {unit} where {first.effect} "
+        f"leaves {plain(ours)} {unit}"
     )
     if gap > 0.0:
         against = f"against it by a log Bayes factor of {gap:.3g}."
-        if (rival.rmse or 0.0) > (first.rmse or 0.0):
+        if theirs > ours:
             return [f"{text}, and the evidence is {against}"]
         return [
             f"{text}, but the evidence, which also counts how errors follow one another and what "
