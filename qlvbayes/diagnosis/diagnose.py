@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
-from qlvbayes.diagnosis.adequacy import is_sound
 from qlvbayes.diagnosis.ahead import compile_ahead
 from qlvbayes.diagnosis.judging import judged
 from qlvbayes.diagnosis.protocol import protocol_of
+from qlvbayes.diagnosis.remainder import leaves_little
 from qlvbayes.diagnosis.samples import Samples
 from qlvbayes.diagnosis.search import Path, Tell, search
 from qlvbayes.diagnosis.settings import Settings
@@ -53,7 +53,7 @@ def diagnose(
     compile_ahead(ensemble, samples)
     candidates = ensemble.candidates
     path = search(ensemble, samples, candidates, settings, tell)
-    if is_sound(experiment, ensemble, path.last.point, settings):
+    if leaves_little(experiment, ensemble, samples, path.last.point, settings):
         settle(ensemble, samples, path, candidates, settings, tell)
     tell("testing what is left")
     found = judged(experiment, ensemble, samples, path, settings, tell)
