@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from qlvbayes.checks import InputError
 from qlvbayes.data import Pad
 from qlvbayes.elsewhere import has_noise
 from qlvbayes.experiment import Experiment, prepare
 from qlvbayes.predict import Prediction, predict
+from qlvbayes.pulling import pull_notices
 from qlvbayes.residuals import Check, check
 from qlvbayes.results import Saved
 
@@ -37,4 +38,6 @@ def check_pad(saved: Saved, pad: Pad, *, seed: int = 0) -> CheckedPad:
     constants = dict(zip(saved.names, saved.draws.T, strict=True))
     predictions = predict(experiment, saved.choices, constants, experiment.trials, seed=seed)
     found = check(pad.name, experiment.floor.total, predictions, saved.choices.effects)
-    return CheckedPad(experiment, tuple(predictions), found)
+    chosen = saved.choices
+    notices = pull_notices(experiment, bonded=chosen.bonded, effects=chosen.effects)
+    return CheckedPad(experiment, tuple(predictions), replace(found, notices=notices))

@@ -36,12 +36,16 @@ class Cell:
 
 @dataclass(frozen=True)
 class Check:
-    """All cells of one pad, the noise floor (sd, N) and which cells fail."""
+    """All cells of one pad, the noise floor (sd, N) and which cells fail.
+
+    notices: about the measurements.
+    """
 
     pad: str
     noise: float
     cells: tuple[Cell, ...]
     effects: tuple[str, ...] = ()
+    notices: tuple[str, ...] = ()
 
     def fails(self, cell: Cell) -> bool:
         """Whether structure beyond noise is left in a cell (1 % false alarms over all cells)."""
@@ -70,6 +74,7 @@ class Check:
             "effects": list(self.effects),
             "noise_N": self.noise,
             "cells": cells,
+            "notices": list(self.notices),
         }
 
 

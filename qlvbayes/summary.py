@@ -32,13 +32,17 @@ class Constant:
 
 @dataclass(frozen=True)
 class Summary:
-    """All constants of one pad, and whether the sampling can be trusted."""
+    """All constants of one pad, and whether the sampling can be trusted.
+
+    notices: about the measurements.
+    """
 
     pad: str
     method: str
     effects: tuple[str, ...]
     constants: tuple[Constant, ...]
     troubles: tuple[str, ...]
+    notices: tuple[str, ...] = ()
 
     @property
     def converged(self) -> bool:
@@ -70,6 +74,7 @@ class Summary:
             "sampler": self.method,
             "converged": self.converged,
             "troubles": list(self.troubles),
+            "notices": list(self.notices),
             "parameters": parameters,
         }
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
@@ -22,6 +23,7 @@ from qlvbayes.experiment import Experiment
 from qlvbayes.inference.subset import Ensemble, with_every_effect
 from qlvbayes.noise import AbstractGaussian
 from qlvbayes.posterior import Posterior
+from qlvbayes.pulling import pull_notices
 from qlvbayes.runtime import forget_compiled
 
 EVIDENCES = ("laplace", "nested")
@@ -59,7 +61,8 @@ def diagnose(
     found = judged(experiment, ensemble, samples, path, settings, tell)
     sampled = _nested(ensemble, path, seed, tell) if evidence == "nested" else ()
     protocol = protocol_of(experiment, bonded=choices.bonded)
-    return summed_up(found, protocol, sampled, settings)
+    notices = pull_notices(experiment, bonded=choices.bonded, effects=choices.effects)
+    return replace(summed_up(found, protocol, sampled, settings), notices=notices)
 
 
 def _nested(ensemble: Ensemble, path: Path, seed: int, tell: Tell) -> tuple[Sampled, ...]:

@@ -97,7 +97,7 @@ def _remainder(
     """Size of what the last model leaves."""
     left, plain = path.last.residuals, path.steps[0].residuals
     peak = experiment.scales.force
-    return remainder(samples, left, last, plain, peak=peak, tolerance=settings.tolerance)
+    return remainder(samples, left, last, plain, peak=peak, settings=settings)
 
 
 def _as_explanations(forms: list[Found]) -> list[Explanation]:

@@ -72,7 +72,7 @@ class Remainder:
 
     peak: largest force (N); excess: by how much the error of all samples exceeds the noise,
     (rmse^2 - noise^2)^1/2 (N); tolerance: share of the peak; before: overall structured part that
-    the plain model leaves (N).
+    the plain model leaves (N); sure: whether the adequacy test sees structure at all.
     """
 
     cells: tuple[Left, ...]
@@ -80,6 +80,7 @@ class Remainder:
     excess: float
     tolerance: float
     before: float
+    sure: bool = False
 
     @property
     def worst(self) -> Left | None:
@@ -116,6 +117,7 @@ class Remainder:
             "phase": worst.phase,
             "bias_N": worst.bias,
             "excess_N": self.excess,
+            "sure": self.sure,
             "small": self.is_small,
         }
 
@@ -127,7 +129,7 @@ def remainder(
     plain: Sequence[np.ndarray],
     *,
     peak: float,
-    tolerance: float,
+    settings: Settings,
 ) -> Remainder:
     """Size of what residuals (N), one array a trial, hold beyond noise.
 
@@ -137,7 +139,8 @@ def remainder(
     error, noise = rmse(list(residuals)), _noise(samples)
     excess = float(np.sqrt(max(error**2 - noise**2, 0.0)))
     before = overall(tuple(_cells(samples, plain, tested)))
-    return Remainder(cells, peak, excess, tolerance, before)
+    sure = not tested.is_sound(settings)
+    return Remainder(cells, peak, excess, settings.tolerance, before, sure)
 
 
 def leaves_little(
@@ -154,8 +157,8 @@ def leaves_little(
     if tested.is_sound(settings):
         return True
     left = samples.residuals(point.constants)
-    peak, tolerance = experiment.scales.force, settings.tolerance
-    return remainder(samples, left, tested, left, peak=peak, tolerance=tolerance).is_small
+    peak = experiment.scales.force
+    return remainder(samples, left, tested, left, peak=peak, settings=settings).is_small
 
 
 def overall(cells: Sequence[Left]) -> float:

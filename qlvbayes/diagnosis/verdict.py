@@ -121,7 +121,7 @@ class Diagnosis:
     the likeliest explanations within the window of the one named, or of the likeliest if none is,
     none where the verdict is ``unexplained``; constants: the plain model's, averaged over all
     explanations in the window, or by the last model if there are none; remainder: size of what the
-    last model leaves.
+    last model leaves; notices: about the measurements.
     """
 
     pad: str
@@ -145,6 +145,7 @@ class Diagnosis:
     not_ruled_out: tuple[NotRuledOut, ...] = ()
     constants: dict[str, Estimate] = field(default_factory=dict)
     remainder: Remainder | None = None
+    notices: tuple[str, ...] = ()
 
     @property
     def tried(self) -> tuple[str, ...]:
@@ -214,6 +215,7 @@ class Diagnosis:
             "coincident": [list(group) for group in self.coincident],
             "refused": [{"effect": name, "reason": why} for name, why in self.refused],
             "warnings": list(self.warnings),
+            "notices": list(self.notices),
             "suggestions": [
                 {"test": s.test, "expected_2_ln_bayes_factor": s.evidence} for s in self.suggestions
             ],

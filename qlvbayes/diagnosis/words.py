@@ -46,7 +46,7 @@ def paragraphs(diagnosis: Diagnosis) -> list[str]:
     text += _next_test(diagnosis)
     text += _unseen(diagnosis)
     text += _bent(diagnosis)
-    return text
+    return text + [f"{one[0].upper()}{one[1:]}." for one in diagnosis.notices]
 
 
 def _units(diagnosis: Diagnosis) -> UnitSystem:

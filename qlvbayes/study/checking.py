@@ -24,6 +24,8 @@ def check_into(
         write_json(folder / "check.json", checked.check.as_dict())
         write_json(folder / "curves.json", curves(checked), indent=None)
         figures = _figures(checked, folder)
+    for text in checked.check.notices:
+        watcher.notice(text)
     watcher.checked(checked)
     return checked, figures
 
