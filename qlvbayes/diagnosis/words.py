@@ -153,7 +153,7 @@ def _size(d: Diagnosis) -> str:
     left = d.remainder
     if left is None or left.worst is None or left.worst.rms == 0.0:
         return ""
-    return f" Its structured part, without the noise, is {_measure(d)} at most."
+    return f" Without the noise, what is left is largest, {_measure(d)}."
 
 
 def _measure(d: Diagnosis) -> str:
@@ -164,9 +164,10 @@ def _measure(d: Diagnosis) -> str:
         return ""
     if worst.rms > 0.0:
         size, place = worst.rms, f"in the {_PHASE[worst.phase]} of {worst.test}"
+        most = f", {worst.upper:.2g} {unit} at most"
     else:
-        size, place = left.excess, "over all tests"
-    return f"{_share(size / left.peak)} of the peak force ({size:.2g} {unit}) {place}"
+        size, place, most = left.excess, "over all tests", ""
+    return f"{_share(size / left.peak)} of the peak force ({size:.2g} {unit}{most}) {place}"
 
 
 def _share(value: float) -> str:
