@@ -8,11 +8,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.polynomial import legendre
 
+from qlvbayes import prepare
+from qlvbayes.benchmark.study import measured
 from qlvbayes.checks import InputError
+from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.noticeable import log_noticeable
 from qlvbayes.diagnosis.remainder import Left, Remainder, structured
 from qlvbayes.diagnosis.settings import TOLERANCE, Settings
+from qlvbayes.diagnosis.words import paragraphs
 from qlvbayes.priors import HalfNormal
+from qlvbayes.synthetic import NOISES, TABLE_1, HiddenPad, paper_protocol, record_study
 
 ROWS = 60
 TIME = np.geomspace(1e-2, 10.0, ROWS)
@@ -102,3 +107,31 @@ def test_effects_are_weighed_with_the_same_tolerance():
 def test_a_tolerance_that_is_no_small_share_is_refused(share):
     with pytest.raises(InputError, match="tolerance"):
         Settings(tolerance=share)
+
+
+@pytest.fixture(scope="module")
+def rippled():
+    """A pad with a ripple of 0.5 % of its peak force over depth, which no effect of the list has."""
+    noise = NOISES["correlated"]
+    quiet = replace(noise, white=0.5 * noise.white, correlated=0.5 * noise.correlated)
+    programs = {f"{rate:g}": paper_protocol(rate) for rate in (0.1, 1.0, 20.0, 100.0)}
+    pad = measured(record_study({"B": HiddenPad(TABLE_1["B"])}, programs, quiet, 0, 1000), "B")
+    tests = [
+        replace(t, force=t.force + 0.007 * np.sin(2.0 * np.pi * t.displacement / 0.8))
+        for t in pad.tests
+    ]
+    return diagnose(prepare(replace(pad, tests=tuple(tests))))
+
+
+def test_structure_that_is_sure_but_small_does_not_make_a_pad_unexplained(rippled):
+    assert not rippled.stages[-1].sound
+    assert rippled.verdict == "adequate"
+    left = rippled.as_dict()["remainder"]
+    assert left["sure"]
+    assert 0.0 < left["rms_N"] < 0.007  # the smooth part of the ripple
+    assert not replace(rippled.remainder, tolerance=1e-3).is_small
+    text = paragraphs(rippled)[0]
+    assert "structure that is sure but small" in text
+    assert f"{left['rms_N']:.2g} N" in text
+    assert left["test"] in text
+    assert "1 % of the peak" in text
