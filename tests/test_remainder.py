@@ -111,7 +111,7 @@ def test_a_tolerance_that_is_no_small_share_is_refused(share):
 
 @pytest.fixture(scope="module")
 def rippled():
-    """A pad with a ripple of 0.5 % of its peak force over depth, which no effect of the list has."""
+    """A pad with a ripple over depth of 0.5 % of its peak force, which no listed effect has."""
     noise = NOISES["correlated"]
     quiet = replace(noise, white=0.5 * noise.white, correlated=0.5 * noise.correlated)
     programs = {f"{rate:g}": paper_protocol(rate) for rate in (0.1, 1.0, 20.0, 100.0)}
