@@ -10,6 +10,7 @@ from qlvbayes.data import Pad
 from qlvbayes.elsewhere import has_noise
 from qlvbayes.experiment import Experiment, prepare
 from qlvbayes.predict import Prediction, predict
+from qlvbayes.pulling import pull_notices
 from qlvbayes.residuals import Check, check
 from qlvbayes.results import Saved
 
@@ -41,4 +42,7 @@ def check_pad(saved: Saved, pad: Pad, *, seed: int = 0) -> CheckedPad:
     constants = {name: by[name] * draws for name, draws in constants.items()}
     predictions = predict(experiment, saved.choices, constants, experiment.trials, seed=seed)
     found = check(pad.name, experiment.floor.total, predictions, saved.choices.effects)
-    return CheckedPad(experiment, tuple(predictions), replace(found, units=pad.units))
+    chosen = saved.choices
+    notices = pull_notices(experiment, bonded=chosen.bonded, effects=chosen.effects)
+    found = replace(found, units=pad.units, notices=notices)
+    return CheckedPad(experiment, tuple(predictions), found)

@@ -126,12 +126,6 @@ def prepare(pad: Pad, *, all_tests: bool = False) -> Experiment:
     return Experiment(pad.name, pad.units, tuple(trials), floor, pad.fluid)
 
 
-def pulls(experiment: Experiment) -> bool:
-    """Whether a measured force is below zero by more than 5 % of the peak and the noise."""
-    lowest = min(float(np.min(trial.test.force)) for trial in experiment.trials)
-    return lowest < -max(0.05 * experiment.scales.force, 6.0 * experiment.floor.total)
-
-
 def _trial(test: Test) -> Trial:
     trajectory = smooth(test.time, test.displacement)
     phases = find_phases(trajectory)

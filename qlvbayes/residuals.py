@@ -37,13 +37,17 @@ class Cell:
 
 @dataclass(frozen=True)
 class Check:
-    """All cells of one pad, the noise floor (sd, in the unit of force) and which cells fail."""
+    """All cells of one pad, the noise floor (sd, in the unit of force) and which cells fail.
+
+    notices: about the measurements.
+    """
 
     pad: str
     noise: float
     cells: tuple[Cell, ...]
     effects: tuple[str, ...] = ()
     units: UnitSystem = PAD
+    notices: tuple[str, ...] = ()
 
     def fails(self, cell: Cell) -> bool:
         """Whether structure beyond noise is left in a cell (1 % false alarms over all cells)."""
@@ -73,6 +77,7 @@ class Check:
             "units": self.units.as_dict(),
             "noise_N": self.noise,
             "cells": cells,
+            "notices": list(self.notices),
         }
 
 

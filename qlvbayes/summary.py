@@ -33,7 +33,10 @@ class Constant:
 
 @dataclass(frozen=True)
 class Summary:
-    """All constants of one pad, and whether the sampling can be trusted."""
+    """All constants of one pad, and whether the sampling can be trusted.
+
+    notices: about the measurements.
+    """
 
     pad: str
     method: str
@@ -41,6 +44,7 @@ class Summary:
     constants: tuple[Constant, ...]
     troubles: tuple[str, ...]
     units: UnitSystem = PAD
+    notices: tuple[str, ...] = ()
 
     @property
     def converged(self) -> bool:
@@ -73,6 +77,7 @@ class Summary:
             "sampler": self.method,
             "converged": self.converged,
             "troubles": list(self.troubles),
+            "notices": list(self.notices),
             "parameters": parameters,
         }
 

@@ -29,7 +29,7 @@ LAYERS = [
     ["model", "noise"],
     ["posterior", "defaults"],
     ["parameters", "experiment"],
-    ["overrides"],
+    ["overrides", "pulling"],
     ["choices"],
     ["covered", "drawn"],
     ["elsewhere", "conversion"],

@@ -19,6 +19,7 @@ from qlvbayes.plots import (
     plot_constants,
     plot_contrasts,
     plot_forces_at_rates,
+    plot_hysteresis,
     plot_pairs,
     plot_programme,
     save_figure,
@@ -337,3 +338,35 @@ def test_files_hold_their_fonts(tmp_path):
         document = (tmp_path / f"{name}.pdf").read_bytes()
         assert b"/FontFile2" in document
         assert b"/Type3" not in document
+
+
+def looped(rates=RATES):
+    """Predictions of tests whose displacement is known."""
+    return [replace(p, trial=moved(p.trial)) for p in pressed(rates=rates)]
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("count", [1, 4, 6])
+def test_loops_are_a_panel_a_test_that_can_be_read(width, count):
+    axes = plot_hysteresis(looped(RATES[:count]), PAD, width=width)
+    assert len(axes) == count
+    assert keeps_the_page(figure_of(axes), width)
+    assert not collisions(figure_of(axes))
+
+
+def test_loops_show_every_sample_at_its_displacement():
+    found = looped((1.0,))
+    (axis,) = plot_hysteresis(found, PAD)
+    test = found[0].trial.test
+    place = np.interp(found[0].time, test.time, test.displacement)
+    np.testing.assert_array_equal(points(axis, "measured")[:, 0], place)
+    np.testing.assert_array_equal(points(axis, "measured")[:, 1], found[0].observed)
+    back = [line for line in lines(axis, "mean") if line.get_linestyle() == "--"]
+    assert len(back) == 2  # unloading and the rest after it
+    assert back[0].get_xdata()[0] > back[0].get_xdata()[-1]
+
+
+def test_loops_are_in_the_units_of_the_file():
+    axes = plot_hysteresis(looped(), STRAIN)
+    assert axes[0].get_ylabel() == "stress (kPa)"
+    assert axes[-1].get_xlabel() == "strain"

@@ -95,7 +95,36 @@ def test_each_pad_has_force_and_residual_curves(visit):
     assert all(canvas.evaluate(inked) for canvas in visit.page.locator(".live canvas").all())
 
 
+def test_a_fast_test_opens_on_logarithmic_time_and_can_be_switched(visit, viewer):
+    """Half of the axis belongs to ramp and hold, in which the first millisecond can be seen."""
+    assert viewer.get_attribute("data-scale") == "log"
+    scale = "viewers[0].charts.map(c => [c.scales.x.min, c.scales.x.max])"
+    assert visit.page.evaluate(scale) == [pytest.approx([0.0, 4.0], abs=0.01)] * 2
+    assert visit.page.evaluate("viewers[0].time.to(0.05)") == pytest.approx(1.0)
+    for time in (0.01, 1.0, 29.0, 30.4, 45.0):
+        back = visit.page.evaluate(f"viewers[0].time.from(viewers[0].time.to({time}))")
+        assert back == pytest.approx(time, rel=1e-9)
+    assert "logarithmic" in visit.page.evaluate("viewers[0].charts[0].axes[0].label")
+    viewer.get_by_role("button", name="hold").click()
+    assert visit.span(viewer)[1] == pytest.approx(30.8, abs=2.0)
+    switch_to_linear(viewer)
+    assert visit.span(viewer) == pytest.approx([0.0, 60.0], abs=1.0)
+    assert viewer.get_attribute("data-scale") == "linear"
+    switch(viewer, "logarithmic")
+    assert viewer.get_attribute("data-scale") == "log"
+    assert visit.said == []
+
+
+def switch(viewer, name):
+    viewer.get_by_role("button", name=name, exact=True).click()
+
+
+def switch_to_linear(viewer):
+    switch(viewer, "linear")
+
+
 def test_dragging_zooms_both_curves_and_a_double_click_shows_all(visit, viewer):
+    switch_to_linear(viewer)
     start, stop = visit.span(viewer)
     assert stop - start > 55.0
     surface = viewer.locator(".force .u-over")
@@ -115,6 +144,7 @@ def test_dragging_zooms_both_curves_and_a_double_click_shows_all(visit, viewer):
 
 
 def test_a_button_shows_the_milliseconds_of_the_ramp(visit, viewer):
+    switch_to_linear(viewer)
     viewer.get_by_role("button", name="ramp").click()
     start, stop = visit.span(viewer)
     assert start < 0.0 < 0.05 < stop < 0.06

@@ -92,7 +92,7 @@ def test_two_effects_of_which_neither_alone_is_confirmed(gain, score, named, mon
 
     monkeypatch.setattr("qlvbayes.diagnosis.search.step_at", tried)
     monkeypatch.setattr(
-        "qlvbayes.diagnosis.search.contest", lambda *given: contenders({"b": gain, "c": 1.0})
+        "qlvbayes.diagnosis.search.contest", lambda *given, **how: contenders({"b": gain, "c": 1.0})
     )
     found = _with_another(None, None, path, "a", Settings())
     assert (found and found.effects) == named
@@ -107,8 +107,8 @@ def test_over_its_place_an_effect_is_worth_what_is_known(missed, kept, monkeypat
     found = contenders({"other": 20.0, "adhesion": missed})
     found = replace(found, base=SimpleNamespace(log_evidence=100.0))
     last = SimpleNamespace(point=SimpleNamespace(log_evidence=968.0), effects=("adhesion",))
-    monkeypatch.setattr("qlvbayes.diagnosis.swap.weighed", lambda ensemble, one: one)
-    held = _held(None, found, last, "adhesion")
+    monkeypatch.setattr("qlvbayes.diagnosis.swap.weighed", lambda ensemble, one, least: one)
+    held = _held(None, found, last, "adhesion", Settings())
     assert [c.effect for c in held.contenders] == ["adhesion", "other"]
     assert held.best.log_bayes_factor == kept
     assert (held.best.point is last.point) == (missed < kept)

@@ -14,7 +14,14 @@ PHASES = [
 ]
 RATES = {"slow": 1.0, "fast": 32.7}
 NOISE = 0.01
-FIGURES = ("forces", "residuals_before_after", "evidence", "error_staircase", "forces_before_after")
+FIGURES = (
+    "forces",
+    "hysteresis",
+    "residuals_before_after",
+    "evidence",
+    "error_staircase",
+    "forces_before_after",
+)
 
 
 def parameter(median, unit="1", sd=0.01):
@@ -98,6 +105,8 @@ def curves(pad, effects=(), miss=0.0, samples=80):
         "force_unit": "N",
         "force_name": "force",
         "speed_unit": "mm/s",
+        "displacement_unit": "mm",
+        "displacement_name": "displacement",
         "noise_N": NOISE,
         "tests": tests,
     }

@@ -30,8 +30,8 @@ def check(
 ) -> None:
     """Predict every test with the fitted posterior, by test and phase, against the noise floor.
 
-    Leaves OUT/<pad>/check.json, curves.json and the figures forces and residual_map (PNG and PDF);
-    for two pads or more the figure OUT/forces_at_rates too.
+    Leaves OUT/<pad>/check.json, curves.json and the figures forces, hysteresis and residual_map
+    (PNG and PDF); for two pads or more the figure OUT/forces_at_rates too.
     """
     files = sorted(folder.glob("*/posterior.nc"))
     if not files:

@@ -24,8 +24,10 @@ from qlvbayes.cli.options import (
     Prior,
     Seed,
     Style,
+    Tolerance,
     chosen_pads,
     model_choices,
+    thresholds,
 )
 from qlvbayes.cli.terminal import Terminal
 from qlvbayes.data import read_study
@@ -49,6 +51,7 @@ def diagnose_command(
     add: Add = None,
     effects_file: EffectsFile = None,
     evidence: Evidence = "laplace",
+    tolerance: Tolerance = "1%",
     style: Style = None,
     seed: Seed = 0,
     as_json: AsJson = False,
@@ -60,6 +63,7 @@ def diagnose_command(
     """
     if evidence not in EVIDENCES:
         raise InputError(f"no evidence {evidence!r}", remedy=f"use one of {', '.join(EVIDENCES)}")
+    settings = thresholds(tolerance)
     with waiting("reading"):
         study = read_study(file)
     watcher = Terminal(quiet=as_json)
@@ -68,11 +72,17 @@ def diagnose_command(
     choices = model_choices(study, elastic, modes, noise, bonded, prior, fix, add, effects_file)
     found = [
         diagnose_into(
-            output / pad.name, pad, choices, evidence=evidence, seed=seed, watcher=watcher
+            output / pad.name,
+            pad,
+            choices,
+            evidence=evidence,
+            thresholds=settings,
+            seed=seed,
+            watcher=watcher,
         )
         for pad in chosen_pads(study, pads)
     ]
-    record_run(output, "diagnose", command_line(), study, choices, seed)
+    record_run(output, "diagnose", command_line(), study, choices, seed, settings)
     if as_json:
         print(json.dumps([diagnosis.as_dict() for diagnosis in found], allow_nan=False))
     else:

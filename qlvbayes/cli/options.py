@@ -7,9 +7,11 @@ from typing import Annotated
 
 import typer
 
+from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
 from qlvbayes.data import Pad, Study
 from qlvbayes.defaults import LAWS, NOISES
+from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.effects.catalogue import find
 
 Out = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")]
@@ -67,6 +69,12 @@ Style = Annotated[
         show_default=False,
     ),
 ]
+Tolerance = Annotated[
+    str,
+    typer.Option(
+        help="Share of the peak force below which structure does not matter, as '1%' or '0.01'."
+    ),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Seed = Annotated[int, typer.Option(min=0, help="Makes a run repeat.")]
 
@@ -96,6 +104,20 @@ def model_choices(
     for name in choices.effects:
         find(name, choices.kinds)
     return choices
+
+
+def share_of(text: str) -> float:
+    """``1%`` or ``0.01`` as a share; InputError where it is none."""
+    number, percent, rest = text.strip().partition("%")
+    try:
+        return float(number) / (100.0 if percent and not rest else 1.0)
+    except ValueError:
+        raise InputError(f"no share {text!r}", remedy="write it as 1% or 0.01") from None
+
+
+def thresholds(tolerance: str) -> Settings:
+    """How sure the diagnosis must be, and what is too small to matter."""
+    return Settings(tolerance=share_of(tolerance))
 
 
 def split_names(text: str) -> list[str]:

@@ -22,8 +22,10 @@ from qlvbayes.cli.options import (
     References,
     Seed,
     Style,
+    Tolerance,
     chosen_pads,
     model_choices,
+    thresholds,
 )
 from qlvbayes.cli.terminal import Terminal
 from qlvbayes.data import read_study
@@ -45,6 +47,7 @@ def study_command(
     add: Add = None,
     effects_file: EffectsFile = None,
     max_steps: Annotated[int, typer.Option(min=10, help="Steps of the sampler at most.")] = 100_000,
+    tolerance: Tolerance = "1%",
     references: References = None,
     style: Style = None,
     seed: Seed = 0,
@@ -55,6 +58,7 @@ def study_command(
     with the effects that it names, the fit to all tests and its check. Where nothing is named,
     OUT/<pad> holds the plain model. OUT/report.html tells the whole story in one file.
     """
+    judging = thresholds(tolerance)
     with waiting("reading"):
         study = read_study(file)
     watcher = Terminal()
@@ -68,6 +72,7 @@ def study_command(
         pads=[pad.name for pad in chosen_pads(study, pads)],
         choices=choices,
         settings=settings,
+        thresholds=judging,
         watcher=watcher,
         command=command_line(),
         references=references,

@@ -26,6 +26,7 @@ class Terminal(Watcher):
 
     def __init__(self, quiet: bool = False) -> None:
         self.quiet = quiet
+        self._noticed: set[str] = set()
 
     def doing(self, label: str) -> AbstractContextManager[Callable[[str], None]]:
         """A spinner."""
@@ -36,8 +37,10 @@ class Terminal(Watcher):
         return sampling(label)
 
     def notice(self, text: str) -> None:
-        """A line."""
-        err.print(f"notice: {text}", markup=False)
+        """A line, once: several steps may find the same."""
+        if text not in self._noticed:
+            self._noticed.add(text)
+            err.print(f"notice: {text}", markup=False)
 
     def starting(self, experiment: Experiment, choices: Choices) -> None:
         """What is fitted, the noise floor, and the priors."""

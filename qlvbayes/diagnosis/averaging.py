@@ -8,8 +8,9 @@ doi:10.1214/ss/1009212519),
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.special import softmax
@@ -36,13 +37,19 @@ class Explanation:
 
 
 def explanations_of(
-    experiment: Experiment, ensemble: Ensemble, path: Path, settings: Settings
+    experiment: Experiment,
+    ensemble: Ensemble,
+    path: Path,
+    settings: Settings,
+    enough: Callable[[Point], bool] | None = None,
 ) -> list[Explanation]:
     """The last model, and those with another effect, or none, in the place of one of its own.
 
     Of them all that leave no structure and are in the window: behind the last model, or behind the
-    likeliest if the last has no effects.
+    likeliest if the last has no effects. enough: whether what a model leaves does not matter, by
+    default whether it leaves no structure.
     """
+    enough = enough or partial(_is_sound, experiment, ensemble, settings)
     last, found = path.last, [Explanation(path.last.effects, 0.0, path.last.point)]
     for effect, place in (path.places if last.effects else {"none": path.rounds[0]}).items():
         rest = tuple(name for name in last.effects if name != effect)
@@ -51,10 +58,14 @@ def explanations_of(
         points = {"none": place.base} | {c.effect: c.point for c in place.contenders}
         for name, point in points.items():
             near = name != effect and holder - logs[name] < settings.window
-            if near and point and is_sound(experiment, ensemble, point, settings):
+            if near and point and enough(point):
                 effects = rest if name == "none" else (*rest, name)
                 found.append(Explanation(effects, logs[name] - logs[effect], point))
     return found
+
+
+def _is_sound(experiment: Experiment, ensemble: Ensemble, settings: Settings, point: Point) -> bool:
+    return is_sound(experiment, ensemble, point, settings)
 
 
 def averaged(

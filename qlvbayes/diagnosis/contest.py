@@ -11,7 +11,7 @@ from scipy.special import softmax
 from qlvbayes.diagnosis.evidence import evidence_of_humps
 from qlvbayes.diagnosis.noticeable import log_noticeable
 from qlvbayes.diagnosis.screen import Score, screen
-from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.settings import TOLERANCE, Settings
 from qlvbayes.inference.gaussnewton import Point, climb
 from qlvbayes.inference.multistart import climbs_anew, wide_climbs
 from qlvbayes.inference.subset import Ensemble
@@ -82,31 +82,35 @@ def contest(
     *,
     known: float = -math.inf,
     humps: list[Point] | None = None,
+    tolerance: float = TOLERANCE,
 ) -> Round:
     """Rank effects that ``base`` lacks.
 
     Those whose score promises nothing keep the evidence of the linearised model; the others are
     refitted from the shapes that score best, unless they fall hopelessly behind on the way: behind
     each other, and behind the log evidence ``known`` of a model with one of them. humps: tops of
-    the present model's density, where they are known.
+    the present model's density, where they are known; tolerance: share of the peak force from which
+    an effect matters.
     """
     found = screen(ensemble, base, effects)
     ranked = _refitted(ensemble, base, found, known)
     if ranked and ranked[0].log_bayes_factor > _PROMISING:
         humps = humps or wide_climbs(ensemble, base.subset, base.theta)
         if humps[0].loss < base.loss - _PROMISING:
-            return contest(ensemble, humps[0], effects, known=known, humps=humps)
+            return contest(
+                ensemble, humps[0], effects, known=known, humps=humps, tolerance=tolerance
+            )
         for other in _others(ensemble, base, humps):
             ranked = _restarted(ensemble, base, ranked, found, other)
         best = max(known - base.log_evidence, ranked[0].log_bayes_factor)
         ranked = _widened(ensemble, base, ranked, best)
         ranked = _searched(ensemble, ranked)
         ranked = _sampled(ensemble, [base, *humps[1:]], ranked)
-    ranked = [weighed(ensemble, contender) for contender in ranked]
+    ranked = [weighed(ensemble, contender, tolerance) for contender in ranked]
     return Round(base, tuple(best_first(ranked)), found)
 
 
-def weighed(ensemble: Ensemble, contender: Contender) -> Contender:
+def weighed(ensemble: Ensemble, contender: Contender, tolerance: float = TOLERANCE) -> Contender:
     """The contender, its Bayes factor that of an effect large enough to matter."""
     score, point = contender.score, contender.point
     place = ensemble.amplitude(contender.effect)
@@ -116,7 +120,7 @@ def weighed(ensemble: Ensemble, contender: Contender) -> Contender:
         else score.posterior
     )
     mean, sd = map(float, found)
-    gain = contender.log_bayes_factor + log_noticeable(score.prior, mean, sd)
+    gain = contender.log_bayes_factor + log_noticeable(score.prior, mean, sd, tolerance)
     return replace(contender, log_bayes_factor=gain)
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
-from qlvbayes.diagnosis.adequacy import is_sound
 from qlvbayes.diagnosis.ahead import compile_ahead
 from qlvbayes.diagnosis.judging import judged
 from qlvbayes.diagnosis.protocol import protocol_of
+from qlvbayes.diagnosis.remainder import leaves_little
 from qlvbayes.diagnosis.samples import Samples
 from qlvbayes.diagnosis.search import Path, Tell, search
 from qlvbayes.diagnosis.settings import Settings
@@ -22,6 +23,7 @@ from qlvbayes.experiment import Experiment
 from qlvbayes.inference.subset import Ensemble, with_every_effect
 from qlvbayes.noise import AbstractGaussian
 from qlvbayes.posterior import Posterior
+from qlvbayes.pulling import pull_notices
 from qlvbayes.runtime import forget_compiled
 
 EVIDENCES = ("laplace", "nested")
@@ -53,13 +55,14 @@ def diagnose(
     compile_ahead(ensemble, samples)
     candidates = ensemble.candidates
     path = search(ensemble, samples, candidates, settings, tell)
-    if is_sound(experiment, ensemble, path.last.point, settings):
+    if leaves_little(experiment, ensemble, samples, path.last.point, settings):
         settle(ensemble, samples, path, candidates, settings, tell)
     tell("testing what is left")
     found = judged(experiment, ensemble, samples, path, settings, tell)
     sampled = _nested(ensemble, path, seed, tell) if evidence == "nested" else ()
     protocol = protocol_of(experiment, bonded=choices.bonded)
-    return summed_up(found, protocol, sampled, settings)
+    notices = pull_notices(experiment, bonded=choices.bonded, effects=choices.effects)
+    return replace(summed_up(found, protocol, sampled, settings), notices=notices)
 
 
 def _nested(ensemble: Ensemble, path: Path, seed: int, tell: Tell) -> tuple[Sampled, ...]:

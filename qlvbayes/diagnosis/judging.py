@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from qlvbayes.diagnosis.adequacy import Adequacy, adequacy, is_sound
 from qlvbayes.diagnosis.averaging import Explanation, explanations_of
 from qlvbayes.diagnosis.contest import Contender
 from qlvbayes.diagnosis.forms.search import Found, other_forms
+from qlvbayes.diagnosis.remainder import Remainder, leaves_little, remainder
 from qlvbayes.diagnosis.samples import Samples
 from qlvbayes.diagnosis.search import Path, Step, Tell
 from qlvbayes.diagnosis.settings import Settings
@@ -15,6 +17,7 @@ from qlvbayes.diagnosis.swap import rivals
 from qlvbayes.diagnosis.unlisted import against_unlisted
 from qlvbayes.diagnosis.verdict import Work
 from qlvbayes.experiment import Experiment
+from qlvbayes.inference.gaussnewton import Point
 from qlvbayes.inference.subset import Ensemble
 
 
@@ -24,7 +27,8 @@ class Judged:
 
     unlisted: log Bayes factors of rivals that no list holds against the last model; alike:
     contenders that the suggested tests are to tell apart; explanations: models that the tests do
-    not rule out, none where nothing explains them.
+    not rule out, none where nothing explains them; remainder: the size of what the last model
+    leaves.
     """
 
     work: Work
@@ -33,6 +37,7 @@ class Judged:
     unlisted: dict[str, float]
     alike: list[Contender]
     explanations: list[Explanation]
+    remainder: Remainder
 
 
 def judged(
@@ -43,11 +48,17 @@ def judged(
     settings: Settings,
     tell: Tell,
 ) -> Judged:
-    """Judge the last model of the search."""
+    """Judge the last model of the search.
+
+    Other forms of its effects may explain structure of any size; what is left in the end does not
+    count where it is small.
+    """
     adequacies = [adequacy(experiment, ensemble, step.point) for step in path.steps]
-    alike = _alike(experiment, ensemble, path, settings)
+    sound = adequacies[-1].is_sound(settings)
+    enough = _standard(experiment, ensemble, samples, sound, settings)
+    alike = [c for k, c in enumerate(rivals(path, settings)) if k == 0 or enough(c.point)]
     group = tuple(contender.effect for contender in alike)
-    unlisted = _unlisted(experiment, ensemble, path, adequacies[-1].is_sound(settings))
+    unlisted = _unlisted(experiment, ensemble, path, sound)
     sound = _explains(adequacies[-1], unlisted, settings)
     tell("trying other forms of the effects")
     step, forms = other_forms(experiment, ensemble, samples, path, sound, settings)
@@ -55,24 +66,38 @@ def judged(
         alike, group = [], tuple(dict.fromkeys(found.form.effect for found in forms))
         path, adequacies = _in_other_form(path, adequacies, step, forms[0].adequacy)
         unlisted = _unlisted(experiment, ensemble, path, sound=True)
-    verdict = _verdict(path, _explains(adequacies[-1], unlisted, settings), group)
+    left = _remainder(experiment, samples, path, adequacies[-1], settings)
+    explained = _explains(adequacies[-1], unlisted, settings, left)
+    verdict = _verdict(path, explained or _is_plain_and_little(path, left), group)
     explanations: list[Explanation] = []
     if verdict != "unexplained":
         explanations = _as_explanations(forms) or explanations_of(
-            experiment, ensemble, path, settings
+            experiment, ensemble, path, settings, enough
         )
     work = Work(experiment, ensemble, samples, path, tuple(adequacies))
-    return Judged(work, verdict, group, unlisted, alike, explanations)
+    return Judged(work, verdict, group, unlisted, alike, explanations, left)
 
 
-def _alike(
-    experiment: Experiment, ensemble: Ensemble, path: Path, settings: Settings
-) -> list[Contender]:
-    """Effects that may stand in one's place: as likely, and leaving nothing structured."""
-    near = rivals(path, settings)
-    return [
-        c for k, c in enumerate(near) if k == 0 or is_sound(experiment, ensemble, c.point, settings)
-    ]
+def _standard(
+    experiment: Experiment,
+    ensemble: Ensemble,
+    samples: Samples,
+    sound: bool,
+    settings: Settings,
+) -> Callable[[Point | None], bool]:
+    """What another model may leave to be as good as the last one: no more than that."""
+    if sound:
+        return lambda point: is_sound(experiment, ensemble, point, settings)
+    return lambda point: leaves_little(experiment, ensemble, samples, point, settings)
+
+
+def _remainder(
+    experiment: Experiment, samples: Samples, path: Path, last: Adequacy, settings: Settings
+) -> Remainder:
+    """Size of what the last model leaves."""
+    left, plain = path.last.residuals, path.steps[0].residuals
+    peak = experiment.scales.force
+    return remainder(samples, left, last, plain, peak=peak, settings=settings)
 
 
 def _as_explanations(forms: list[Found]) -> list[Explanation]:
@@ -103,9 +128,23 @@ def _unlisted(
     return against_unlisted(experiment, ensemble, plain, found)
 
 
-def _explains(last: Adequacy, unlisted: dict[str, float], settings: Settings) -> bool:
-    """Whether a model leaves nothing structured, and does not only imitate."""
-    return last.is_sound(settings) and max(unlisted.values(), default=0.0) <= settings.unlisted
+def _explains(
+    last: Adequacy,
+    unlisted: dict[str, float],
+    settings: Settings,
+    left: Remainder | None = None,
+) -> bool:
+    """Whether a model leaves nothing structured, and does not only imitate.
+
+    left: its size, where structure that is small does not count.
+    """
+    sound = last.is_sound(settings) or (left is not None and left.is_small)
+    return sound and max(unlisted.values(), default=0.0) <= settings.unlisted
+
+
+def _is_plain_and_little(path: Path, left: Remainder) -> bool:
+    """Whether there is no effect that could only imitate, and little that a rival explains."""
+    return not path.last.effects and left.is_small
 
 
 def _verdict(path: Path, explained: bool, group: tuple[str, ...]) -> str:

@@ -5,10 +5,10 @@ What Bayes factors weigh against "nothing is missing" is an effect whose amplitu
 .. math:: p(a) \propto \pi(a) \left(1 - e^{-a^2 / 2 t^2}\right),
 
 pi its own normal or half-normal prior of sd s and t = s/5: as that sd stands for 5 % of the peak
-force, a contribution of 1 %. Without the bracket the commonest effect would be none at all, and
-tests that rule out all but nothing would hardly speak for "nothing" (Johnson & Rossell 2010,
-doi:10.1111/j.1467-9868.2009.00730.x). With E the mean over posterior or prior of the bracket, the
-Bayes factor changes by
+force, a contribution of 1 %, the diagnosis's ``tolerance``. Without the bracket the commonest
+effect would be none at all, and tests that rule out all but nothing would hardly speak for
+"nothing" (Johnson & Rossell 2010, doi:10.1111/j.1467-9868.2009.00730.x). With E the mean over
+posterior or prior of the bracket, the Bayes factor changes by
 
 .. math:: \frac{E[1 - e^{-a^2 / 2 t^2} \mid data]}{E[1 - e^{-a^2 / 2 t^2}]}
 
@@ -22,19 +22,26 @@ import math
 
 from scipy.stats import norm
 
+from qlvbayes.diagnosis.settings import TOLERANCE
 from qlvbayes.priors import HalfNormal, Normal
 from qlvbayes.scales import SHARE
 
-_LEAST = 0.01  # of the peak force, a contribution that begins to matter
 _EXACT = 1e-9  # of t: sd of an amplitude that is known exactly
 _FAR = 1e3  # sds below zero, from which it makes no difference
 _ROUNDING = 1e-12
 
 
-def log_noticeable(prior: HalfNormal | Normal, mean: float, sd: float) -> float:
-    """Log of the ratio above for a posterior N(mean, sd^2) of an amplitude."""
+def log_noticeable(
+    prior: HalfNormal | Normal, mean: float, sd: float, tolerance: float = TOLERANCE
+) -> float:
+    """Log of the ratio above for a posterior N(mean, sd^2) of an amplitude.
+
+    tolerance: share of the peak force from which a contribution matters; 0: every one does.
+    """
     size = float(prior.sd)
-    t = _LEAST / SHARE * size
+    t = tolerance / SHARE * size
+    if t == 0.0:
+        return 0.0
     found = _kept(mean, sd, t, isinstance(prior, HalfNormal))
     before = 1.0 - t / math.hypot(t, size)
     return math.log(max(found, _ROUNDING)) - math.log(before)

@@ -92,7 +92,8 @@ def search(
         tell(f"ranking what {' + '.join(('QLV', *present.effects))} may lack")
         left = [name for name in candidates if name not in present.effects]
         humps = None if path.rounds else plain
-        path.rounds.append(contest(ensemble, present.point, left, humps=humps))
+        least = settings.tolerance
+        path.rounds.append(contest(ensemble, present.point, left, humps=humps, tolerance=least))
         earlier = len(path.refused)
         confirmed = _confirmed(ensemble, samples, path, settings)
         if confirmed is None and len(path.refused) > earlier:
@@ -158,7 +159,7 @@ def _with_another(
     refused = next(c for c in held.contenders if c.effect == first)
     left = [c.effect for c in held.contenders if c.effect != first]
     assert refused.point is not None  # else it would not have been refused
-    found = contest(ensemble, refused.point, left)
+    found = contest(ensemble, refused.point, left, tolerance=settings.tolerance)
     both, _ = _first_good(ensemble, samples, found, effects, present, settings.further)
     if both is not None:
         path.steps.append(step_at(ensemble, samples, effects, refused.point))

@@ -4,6 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from qlvbayes.checks import InputError
+
+TOLERANCE = 0.01  # of the peak force: what is smaller does not matter
+_MOST_TOLERANCE = 0.5  # of the peak force, from which it is not a tolerance but a mistake
+
 
 @dataclass(frozen=True)
 class Settings:
@@ -26,7 +31,9 @@ class Settings:
     every test) must beat the effects found (2.3, that is 10 to 1); likeness: share of what an
     effect explains in a form of its own (whitened sum of squares) that the list's form must
     explain; prior_none: prior probability that nothing is missing (the candidates share the rest
-    alike); false_alarms: of the adequacy test over all cells of a pad; most: effects at most.
+    alike); false_alarms: of the adequacy test over all cells of a pad; most: effects at most;
+    tolerance: share of the peak force below which structure that is sure does not matter, and from
+    which an effect does. Raises InputError if it is below 0, or 0.5 or more.
     """
 
     decisive: float = 3.0
@@ -41,3 +48,11 @@ class Settings:
     prior_none: float = 0.5
     false_alarms: float = 0.001
     most: int = 3
+    tolerance: float = TOLERANCE
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.tolerance < _MOST_TOLERANCE:
+            raise InputError(
+                f"a tolerance of {self.tolerance:g} is no small share of the peak force",
+                remedy="give one from 0 to below 0.5, as 0.01 or 1%",
+            )

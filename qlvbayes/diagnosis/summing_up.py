@@ -59,6 +59,7 @@ def summed_up(
         outside=_outside(judged.unlisted, settings),
         not_ruled_out=_not_ruled_out(judged.explanations, settings),
         constants=_constants(work, judged.explanations),
+        remainder=judged.remainder,
     )
 
 

@@ -35,7 +35,7 @@ def settle(
         tell(f"weighing each of {' + '.join(path.last.effects)} against the others")
         better = None
         for effect in path.last.effects:
-            path.places[effect] = found = _round_over(ensemble, path, effect, candidates)
+            path.places[effect] = found = _round_over(ensemble, path, effect, candidates, settings)
             better = _better(ensemble, samples, path.last, effect, found)
             if better is not None:
                 break
@@ -45,29 +45,34 @@ def settle(
         path.steps.append(better)
     path.places = {}
     if len(path.last.effects) == 1:
-        path.places = {path.last.effects[0]: _with_last(ensemble, path)}
+        path.places = {path.last.effects[0]: _with_last(ensemble, path, settings)}
 
 
-def _with_last(ensemble: Ensemble, path: Path) -> Round:
+def _with_last(ensemble: Ensemble, path: Path, settings: Settings) -> Round:
     """The first round, with the only effect at the last step's optimum."""
     first, last = path.rounds[0], path.last
-    return first if len(path.steps) <= 2 else _held(ensemble, first, last, last.effects[0])
+    if len(path.steps) <= 2:
+        return first
+    return _held(ensemble, first, last, last.effects[0], settings)
 
 
-def _held(ensemble: Ensemble, found: Round, last: Step, effect: str) -> Round:
+def _held(ensemble: Ensemble, found: Round, last: Step, effect: str, settings: Settings) -> Round:
     """A round over an effect's place, in which the effect has the last step's optimum at least."""
     gain = last.point.log_evidence - found.base.log_evidence
 
     def at_last(contender: Contender) -> Contender:
         if contender.effect != effect:
             return contender
-        later = weighed(ensemble, replace(contender, point=last.point, log_bayes_factor=gain))
+        later = replace(contender, point=last.point, log_bayes_factor=gain)
+        later = weighed(ensemble, later, settings.tolerance)
         return max(later, contender, key=lambda one: one.log_bayes_factor)
 
     return replace(found, contenders=tuple(best_first(list(map(at_last, found.contenders)))))
 
 
-def _round_over(ensemble: Ensemble, path: Path, effect: str, candidates: list[str]) -> Round:
+def _round_over(
+    ensemble: Ensemble, path: Path, effect: str, candidates: list[str], settings: Settings
+) -> Round:
     """The round over one effect's place, all others being in."""
     last = path.last
     if effect == last.effects[-1] and path.steps[-2].effects == last.effects[:-1]:
@@ -75,8 +80,9 @@ def _round_over(ensemble: Ensemble, path: Path, effect: str, candidates: list[st
     rest = tuple(name for name in last.effects if name != effect)
     base = wide_climb(ensemble, ensemble.subset(rest), last.point.theta)
     left = [name for name in candidates if name not in rest]
-    found = contest(ensemble, base, left, known=last.point.log_evidence)
-    return _held(ensemble, found, last, effect)
+    known, least = last.point.log_evidence, settings.tolerance
+    found = contest(ensemble, base, left, known=known, tolerance=least)
+    return _held(ensemble, found, last, effect, settings)
 
 
 def _better(

@@ -11,6 +11,7 @@ from qlvbayes.diagnosis.adequacy import Adequacy
 from qlvbayes.diagnosis.design import Suggestion
 from qlvbayes.diagnosis.forms.otherform import Shape
 from qlvbayes.diagnosis.gate import Bend, Unseen
+from qlvbayes.diagnosis.remainder import Remainder
 from qlvbayes.diagnosis.samples import CellError, Samples
 from qlvbayes.diagnosis.search import Path
 from qlvbayes.experiment import Experiment
@@ -119,7 +120,8 @@ class Diagnosis:
     against the last model, by name; outside: the one that clearly beats it, if any; not_ruled_out:
     the likeliest explanations within the window of the one named, or of the likeliest if none is,
     none where the verdict is ``unexplained``; constants: the plain model's, averaged over all
-    explanations in the window, or by the last model if there are none.
+    explanations in the window, or by the last model if there are none; remainder: size of what the
+    last model leaves; notices: about the measurements.
     """
 
     pad: str
@@ -142,6 +144,8 @@ class Diagnosis:
     outside: str | None = None
     not_ruled_out: tuple[NotRuledOut, ...] = ()
     constants: dict[str, Estimate] = field(default_factory=dict)
+    remainder: Remainder | None = None
+    notices: tuple[str, ...] = ()
 
     @property
     def tried(self) -> tuple[str, ...]:
@@ -212,6 +216,7 @@ class Diagnosis:
             "coincident": [list(group) for group in self.coincident],
             "refused": [{"effect": name, "reason": why} for name, why in self.refused],
             "warnings": list(self.warnings),
+            "notices": list(self.notices),
             "suggestions": [
                 {"test": s.test, "expected_2_ln_bayes_factor": s.evidence} for s in self.suggestions
             ],
@@ -230,6 +235,8 @@ class Diagnosis:
                 {"rival": name, "log_bayes_factor": _finite(value)}
                 for name, value in self.unlisted.items()
             ],
+            "tolerance": self.remainder.tolerance if self.remainder else None,
+            "remainder": self.remainder.as_dict() if self.remainder else None,
             "worst": {
                 "test": worst.test,
                 "phase": worst.phase,

@@ -46,7 +46,7 @@ def paragraphs(diagnosis: Diagnosis) -> list[str]:
     text += _next_test(diagnosis)
     text += _unseen(diagnosis)
     text += _bent(diagnosis)
-    return text
+    return text + [f"{one[0].upper()}{one[1:]}." for one in diagnosis.notices]
 
 
 def _units(diagnosis: Diagnosis) -> UnitSystem:
@@ -60,8 +60,8 @@ def _adequate(d: Diagnosis) -> str:
     best = next((r for r in d.ranking if r.effect not in {"none", *hidden}), None)
     text = (
         f"Pad {d.pad}: {_NOTHING if none.probability >= _LIKELY else _MAYBE}. The model leaves "
-        f"{plain(stage.rmse)} {unit}, the noise floor is {plain(d.noise)} {unit}; no phase of any "
-        f"test shows structure ({_p(stage.p_value)})."
+        f"{plain(stage.rmse)} {unit}, the noise floor is {plain(d.noise)} {unit}"
+        f"{_left(d, 'no phase of any test shows structure', '; ')}"
     )
     if best is not None:
         text += (
@@ -79,8 +79,8 @@ def _missing(d: Diagnosis) -> str:
     return (
         f"Pad {d.pad}: missing {'effect' if len(d.effects) == 1 else 'effects'}: {named}. {seen} "
         f"{_own_form(d)}{_sureness(d)} With it the error on tests left out {_change(d)} (noise "
-        f"floor {plain(d.noise)} {unit}), and no phase of any test shows structure any more "
-        f"({_p(last.p_value)})."
+        f"floor {plain(d.noise)} {unit})"
+        f"{_left(d, 'no phase of any test shows structure any more', ', and ')}"
     )
 
 
@@ -91,7 +91,8 @@ def _ambiguous(d: Diagnosis) -> str:
     return (
         f"Pad {d.pad}: something is missing{besides}, and these tests cannot tell which of "
         f"{joined(list(d.group), 'or')} it is: each explains them about equally well. With the "
-        f"first the error on tests left out {_change(d)} (noise floor {plain(d.noise)} {unit}). "
+        f"first the error on tests left out {_change(d)} (noise floor {plain(d.noise)} {unit})."
+        f"{'' if d.stages[-1].sound else f' {_small(d)}'} "
         f"Allowing for all that the tests do not rule out, {joined(constants)}."
     )
 
@@ -127,9 +128,49 @@ def _unexplained(d: Diagnosis) -> str:
     return (
         f"Pad {d.pad}: unexplained.{tried} structure remains beyond the noise floor of "
         f"{plain(d.noise)} {unit} ({_p(last.p_value)}){where}. The largest error left is "
-        f"{plain(worst.rmse)} {unit} in the {_PHASE[worst.phase]} of {worst.test}.{outside} No "
-        "effect is named: take the constants as those of a model that is wrong."
+        f"{plain(worst.rmse)} {unit} in the {_PHASE[worst.phase]} of {worst.test}.{_size(d)}"
+        f"{outside} No effect is named: take the constants as those of a model that is wrong."
     ).replace(". structure", ". Structure")
+
+
+def _left(d: Diagnosis, nothing: str, joint: str) -> str:
+    """The end of a sentence on the last model: no structure, or little, with its size and place."""
+    last = d.stages[-1]
+    return f"{joint}{nothing} ({_p(last.p_value)})." if last.sound else f". {_small(d)}"
+
+
+def _small(d: Diagnosis) -> str:
+    """Structure that is sure but does not matter."""
+    return (
+        f"There is structure that is sure but small: {_measure(d)} ({_p(d.stages[-1].p_value)}). "
+        f"The tolerance is {_share(d.remainder.tolerance if d.remainder else 0.0)} of the peak."
+    )
+
+
+def _size(d: Diagnosis) -> str:
+    """How large structure that matters is."""
+    left = d.remainder
+    if left is None or left.worst is None or left.worst.rms == 0.0:
+        return ""
+    return f" Without the noise, what is left is largest, {_measure(d)}."
+
+
+def _measure(d: Diagnosis) -> str:
+    """The structured part where it is largest, else what all samples hold beyond the noise."""
+    left, unit = d.remainder, _units(d).force
+    worst = left.worst if left else None
+    if left is None or worst is None:
+        return ""
+    if worst.rms > 0.0:
+        size, place = worst.rms, f"in the {_PHASE[worst.phase]} of {worst.test}"
+        most = f", {worst.upper:.2g} {unit} at most"
+    else:
+        size, place, most = left.excess, "over all tests", ""
+    return f"{_share(size / left.peak)} of the peak force ({size:.2g} {unit}{most}) {place}"
+
+
+def _share(value: float) -> str:
+    return f"{100.0 * value:.2g} %"
 
 
 def _outside(d: Diagnosis, rival: str) -> str:

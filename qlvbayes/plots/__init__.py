@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from qlvbayes.plots.forces import plot_forces
     from qlvbayes.plots.forces_at_rates import plot_forces_at_rates
     from qlvbayes.plots.forces_before_after import plot_forces_before_after
+    from qlvbayes.plots.hysteresis import plot_hysteresis
     from qlvbayes.plots.pairs import plot_pairs
     from qlvbayes.plots.programme import plot_programme
     from qlvbayes.plots.residual_map import plot_residual_map
@@ -36,6 +37,7 @@ __all__ = [
     "plot_forces",
     "plot_forces_at_rates",
     "plot_forces_before_after",
+    "plot_hysteresis",
     "plot_pairs",
     "plot_programme",
     "plot_residual_map",

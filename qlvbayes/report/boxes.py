@@ -139,6 +139,7 @@ def _warnings(pad: PadResults) -> list[str]:
     summary = pad.final.summary
     troubles = summary.get("troubles", []) if summary and not summary["converged"] else []
     found = [f"The sampling has not converged: {text}." for text in troubles]
+    found += _notices(pad)
     other = other_form(pad.diagnosis["steps"][-1]) if pad.diagnosis else None
     if other in ((pad.final.summary or {}).get("effects") or []):
         found.append(
@@ -146,6 +147,27 @@ def _warnings(pad: PadResults) -> list[str]:
             "fitted; the diagnosis gives them by its own."
         )
     return found
+
+
+def _notices(pad: PadResults) -> list[str]:
+    """About the measurements, and structure that is sure but small."""
+    parts = (pad.final.summary, pad.final.check, pad.diagnosis)
+    told = dict.fromkeys(text for part in parts if part for text in part.get("notices", []))
+    said = [text.removeprefix(f"pad {pad.name}: ") for text in told]
+    return [f"{text[0].upper()}{text[1:]}." for text in said] + _small(pad)
+
+
+def _small(pad: PadResults) -> list[str]:
+    """What is left where the verdict does not count it."""
+    found = pad.diagnosis or {}
+    left = found.get("remainder")
+    if not left or not left["sure"] or found["verdict"] == "unexplained":
+        return []
+    size = with_unit(number(left["rms_N"], 2), pad.force_unit)
+    return [
+        f"Structure that is sure but small is left: {percent(left['share_of_peak'])} of the peak "
+        f"force ({size}) in the {left['phase']} of {left['test']}."
+    ]
 
 
 def other_form(step: dict) -> str | None:

@@ -44,6 +44,11 @@ _SAID = {
         "Dots are measured, the line is the model, the band holds 90 % of predicted samples. Dots "
         "that leave the band in a row are where the model fails.",
     ),
+    "hysteresis": (
+        "Force against displacement of every test of {of}, measured and predicted.",
+        "The area between the way in and the way back is the energy lost. Where the loops of "
+        "dots and line part, the model loses too much or too little.",
+    ),
     "residual_map": (
         "Prediction error over noise floor of {of}, by test and phase.",
         "1 is noise; marked cells hold structure beyond it.",

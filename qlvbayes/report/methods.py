@@ -37,6 +37,7 @@ _THRESHOLDS = {
     "unlisted": "the verdict is unexplained where a spring of free form, or an offset of its own "
     "in every test, beats the effects found by a log evidence of {}",
     "prior_none": "the prior probability that nothing is missing is {}",
+    "tolerance": "structure below {:.2g} of the peak force does not matter",
     "false_alarms": "a right model is found to leave structure with probability {}",
     "most": "at most {} effects are added",
 }

@@ -23,6 +23,7 @@ from qlvbayes.wording import joined
 
 _PAD_FIGURES = (
     "forces",
+    "hysteresis",
     "residuals_before_after",
     "evidence",
     "error_staircase",

@@ -15,7 +15,7 @@ from qlvbayes.study.watcher import Watcher
 def check_into(
     folder: Path, saved: Saved, study: Study, *, seed: int, watcher: Watcher
 ) -> tuple[CheckedPad, list[Path]]:
-    """Check one fit; leave ``check.json``, ``curves.json`` and two figures in a folder.
+    """Check one fit; leave ``check.json``, ``curves.json`` and three figures in a folder.
 
     Returns what was found and the figures' paths. Raises InputError on an unknown pad.
     """
@@ -24,6 +24,8 @@ def check_into(
         write_json(folder / "check.json", checked.check.as_dict())
         write_json(folder / "curves.json", curves(checked), indent=None)
         figures = _figures(checked, folder)
+    for text in checked.check.notices:
+        watcher.notice(text)
     watcher.checked(checked)
     return checked, figures
 
@@ -32,10 +34,12 @@ def _figures(checked: CheckedPad, folder: Path) -> list[Path]:
     # here, so that the other steps do not wait for matplotlib
     from qlvbayes.plots.files import save_figure
     from qlvbayes.plots.forces import plot_forces
+    from qlvbayes.plots.hysteresis import plot_hysteresis
     from qlvbayes.plots.residual_map import plot_residual_map
 
     units = checked.experiment.units
     return [
         save_figure(plot_forces(checked.predictions, units), folder / "forces"),
+        save_figure(plot_hysteresis(checked.predictions, units), folder / "hysteresis"),
         save_figure(plot_residual_map(checked.check, units), folder / "residual_map"),
     ]

@@ -14,7 +14,7 @@ def curves(checked: CheckedPad) -> dict:
     """The content of ``curves.json``: the samples that were looked at, at most 300 a phase.
 
     Per test its name, role, rate and phases (kind, start, stop in s), and for each sample the time
-    (s), measured force, posterior mean, and the ends of the 90 % predictive interval.
+    (s), displacement, measured force, posterior mean, and the ends of the 90 % predictive interval.
     """
     units = checked.experiment.units
     return {
@@ -24,6 +24,8 @@ def curves(checked: CheckedPad) -> dict:
         "units": units.as_dict(),
         "force_unit": units.force,
         "force_name": units.force_name,
+        "displacement_unit": units.displacement,
+        "displacement_name": units.displacement_name,
         "speed_unit": units.speed,
         "noise_N": checked.check.noise,
         "tests": [_test(prediction) for prediction in checked.predictions],
@@ -42,11 +44,18 @@ def _test(prediction: Prediction) -> dict:
         ],
         "time_s": [_exact(t) for t in prediction.time],
         "phase": [str(kind) for kind in prediction.phase],
+        "displacement_mm": _numbers(_displacement(prediction)),
         "observed_N": _numbers(prediction.observed),
         "mean_N": _numbers(prediction.mean),
         "low_N": _numbers(prediction.low),
         "high_N": _numbers(prediction.high),
     }
+
+
+def _displacement(prediction: Prediction) -> np.ndarray:
+    """Measured, at the samples that were looked at (n,)."""
+    test = prediction.trial.test
+    return np.interp(prediction.time, test.time, test.displacement)
 
 
 def _numbers(values: np.ndarray) -> list[float]:

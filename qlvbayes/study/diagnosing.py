@@ -8,6 +8,7 @@ from pathlib import Path
 from qlvbayes.choices import Choices
 from qlvbayes.data import Pad
 from qlvbayes.diagnosis.diagnose import diagnose
+from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.verdict import Diagnosis
 from qlvbayes.diagnosis.words import paragraphs
 from qlvbayes.experiment import prepare
@@ -16,7 +17,14 @@ from qlvbayes.study.watcher import Watcher
 
 
 def diagnose_into(
-    folder: Path, pad: Pad, choices: Choices, *, evidence: str, seed: int, watcher: Watcher
+    folder: Path,
+    pad: Pad,
+    choices: Choices,
+    *,
+    evidence: str,
+    seed: int,
+    watcher: Watcher,
+    thresholds: Settings | None = None,
 ) -> Diagnosis:
     """Diagnose one pad; leave ``diagnosis.json``, ``diagnosis.txt`` and four figures in a folder.
 
@@ -29,7 +37,13 @@ def diagnose_into(
         choices.build(experiment.scales)  # a setting that cannot be used leaves nothing behind
         results_folder(folder)
         found = diagnose(
-            experiment, choices, kinds=choices.kinds, evidence=evidence, seed=seed, tell=tell
+            experiment,
+            choices,
+            kinds=choices.kinds,
+            settings=thresholds,
+            evidence=evidence,
+            seed=seed,
+            tell=tell,
         )
         if found.verdict == "unexplained":
             tell("a discrepancy for what is left")
@@ -39,6 +53,8 @@ def diagnose_into(
         text = "\n\n".join(paragraphs(found)) + "\n"
         write_whole(folder / "diagnosis.txt", text.encode())
         figures = _figures(found, folder)
+    for text in found.notices:
+        watcher.notice(text)
     watcher.diagnosed(found, figures)
     return found
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from qlvbayes.choices import Choices
 from qlvbayes.data import Pad, Study
-from qlvbayes.experiment import prepare, pulls
+from qlvbayes.experiment import prepare
 from qlvbayes.files import results_folder, write_json
 from qlvbayes.fit import fit_pad
 from qlvbayes.inference.chainstore import remove_chain
 from qlvbayes.inference.ensemble import Settings
+from qlvbayes.pulling import pull_notices
 from qlvbayes.results import save, to_arviz
 from qlvbayes.study.drawing import draw_fit
 from qlvbayes.study.watcher import Watcher
@@ -39,18 +41,16 @@ def fit_into(
         experiment = prepare(pad, all_tests=all_tests)
     choices.build(experiment.scales)  # a setting that cannot be used leaves nothing behind
     results_folder(folder)
-    if pulls(experiment) and not choices.bonded:
-        watcher.notice(
-            f"pad {pad.name}: the measured force turns negative, but a loose specimen "
-            "cannot pull; if it is glued to the platen, add --bonded"
-        )
+    notices = pull_notices(experiment, bonded=choices.bonded, effects=choices.effects)
+    for text in notices:
+        watcher.notice(text)
     watcher.starting(experiment, choices)
     chain = folder / "chain"
     with watcher.sampling(f"pad {pad.name}: {method}") as progress:
         found = fit_pad(
             experiment, choices, method=method, settings=settings, folder=chain, progress=progress
         )
-    summary = summarise(found)
+    summary = replace(summarise(found), notices=notices)
     with watcher.doing(f"pad {pad.name}: writing"):
         tree = to_arviz(
             found,

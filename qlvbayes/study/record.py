@@ -30,9 +30,18 @@ _LIBRARIES = (
 
 
 def record_run(
-    out: Path, step: str, command: str, study: Study, choices: Choices, seed: int
+    out: Path,
+    step: str,
+    command: str,
+    study: Study,
+    choices: Choices,
+    seed: int,
+    thresholds: Thresholds | None = None,
 ) -> None:
-    """Note in ``out/run.json`` by which command a step was made; ``study`` replaces all others."""
+    """Note in ``out/run.json`` by which command a step was made; ``study`` replaces all others.
+
+    thresholds: of the diagnosis, by default its own.
+    """
     path = out / "run.json"
     runs = {} if step == "study" else _before(path)
     runs[step] = {
@@ -41,7 +50,7 @@ def record_run(
         "sha256": study.sha256,
         "seed": seed,
         "choices": choices.as_dict(),
-        "thresholds": asdict(Thresholds()),
+        "thresholds": asdict(thresholds or Thresholds()),
         "versions": _versions(),
     }
     write_json(path, {"schema": 1, "runs": runs})

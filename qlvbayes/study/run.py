@@ -9,6 +9,7 @@ from pathlib import Path
 from qlvbayes.checked import CheckedPad
 from qlvbayes.choices import Choices
 from qlvbayes.data import Pad, Study, read_study
+from qlvbayes.diagnosis.settings import Settings as Thresholds
 from qlvbayes.diagnosis.verdict import Diagnosis
 from qlvbayes.inference.ensemble import Settings
 from qlvbayes.report.write import write_report
@@ -31,6 +32,7 @@ def run_study(
     pads: Sequence[str] = (),
     choices: Choices | None = None,
     settings: Settings | None = None,
+    thresholds: Thresholds | None = None,
     watcher: Watcher | None = None,
     command: str = "",
     references: str | Path | None = None,
@@ -44,7 +46,8 @@ def run_study(
     ``run.json`` and ``report.html``.
 
     choices: the model to start from, by default the plain one, bonded where the file holds strain
-    and stress; settings: of the sampler; watcher: is told of each step; command: noted as what
+    and stress; settings: of the sampler; thresholds: of the diagnosis, its ``tolerance`` among
+    them; watcher: is told of each step; command: noted as what
     repeats the study; references: a CSV file (pad,parameter,value,unit) of values to show beside
     the constants, by default paper_table1.csv beside the measurements, if it is there. Raises
     InputError on measurements, choices or references that cannot be used.
@@ -54,12 +57,15 @@ def run_study(
     choices = choices or Choices(bonded=study.units.bonded_default)
     wanted = [study.pad(name) for name in pads] or list(study.pads)
     known = references_of(study, None if references is None else Path(references))
-    done = [_one(pad, study, choices, settings, out / pad.name, watcher) for pad in wanted]
+    done = [
+        _one(pad, study, choices, settings, thresholds, out / pad.name, watcher) for pad in wanted
+    ]
     with watcher.doing("figures of all pads"):
         draw_constants(out, known)
         draw_forces_at_rates(out, [checked for _, checked in done])
     _compare([load(out / pad.name / "posterior.nc") for pad in wanted], out, settings, watcher)
-    record_run(out, "study", command or _call(study, out), study, choices, settings.seed)
+    call = command or _call(study, out)
+    record_run(out, "study", call, study, choices, settings.seed, thresholds)
     with watcher.doing("report"):
         write_report(out)
     return [found for found, _ in done]
@@ -83,12 +89,24 @@ def _call(study: Study, out: Path) -> str:
 
 
 def _one(
-    pad: Pad, study: Study, choices: Choices, settings: Settings, folder: Path, watcher: Watcher
+    pad: Pad,
+    study: Study,
+    choices: Choices,
+    settings: Settings,
+    thresholds: Thresholds | None,
+    folder: Path,
+    watcher: Watcher,
 ) -> tuple[Diagnosis, CheckedPad]:
     plain = folder / "plain"
     _fit_and_check(pad, study, choices, settings, plain, watcher, all_tests=False, figures=False)
     found = diagnose_into(
-        folder, pad, choices, evidence="laplace", seed=settings.seed, watcher=watcher
+        folder,
+        pad,
+        choices,
+        evidence="laplace",
+        seed=settings.seed,
+        watcher=watcher,
+        thresholds=thresholds,
     )
     if found.own_form is not None:
         watcher.notice(

@@ -9,11 +9,77 @@ const short = (value) => (value == null ? "–" : String(+value.toPrecision(4)).
 
 function unitOf(name, unit) { return unit === "1" ? name : `${name} (${unit})`; }
 
-function axes(label) {
+// Logarithmic time since the last change of motion: phases side by side, each as wide as the others.
+const FEWEST_PIXELS = 46, FAST = 0.02; // between numbers; of a test, a phase that no eye finds on it
+const LOG_LABEL = "time since the last change of motion (s), logarithmic", LINEAR_LABEL = "time since the test began (s)";
+
+class LogTime {
+  constructor(test) {
+    this.parts = test.phases.map(([kind, start, stop]) => {
+      const inside = test.t.filter((t) => t > start && t <= stop).map((t) => t - start);
+      const first = Math.min(0.5 * (stop - start), Math.max(inside.length ? inside[0] : 0, 1e-4 * (stop - start)));
+      return { kind, start, first, decades: Math.log((stop - start) / first) };
+    });
+  }
+  at(place) { return Math.max(0, Math.min(this.parts.length - 1, place)); }
+  to(time) {
+    let k = this.parts.findIndex((part) => time <= part.start);
+    k = this.at((k < 0 ? this.parts.length : k) - 1);
+    const { start, first, decades } = this.parts[k];
+    return Math.min(k + Math.log(Math.max(time - start, first) / first) / decades, k + 1);
+  }
+  from(place) {
+    const k = this.at(Math.floor(place)), { start, first, decades } = this.parts[k];
+    return place <= k ? start : start + first * Math.exp(Math.min(place - k, 1) * decades);
+  }
+  numbers(chart) {
+    const found = [];
+    let last = -Infinity;
+    this.parts.forEach(({ first, decades }, k) => {
+      for (let power = Math.ceil(Math.log10(first)); power <= Math.log10(first) + decades / Math.LN10; power++) {
+        const place = k + (power * Math.LN10 - Math.log(first)) / decades, pixel = chart.valToPos(place, "x");
+        if (pixel - last > FEWEST_PIXELS) { found.push(place); last = pixel; }
+      }
+    });
+    return found;
+  }
+  elapsed(place) { const k = this.at(Math.floor(place)); return this.parts[k].first * Math.exp((place - k) * this.parts[k].decades); }
+}
+
+// Where one phase ends and the next begins, with their names.
+function borders(chart, time) {
+  const { ctx, bbox } = chart, ratio = devicePixelRatio || 1;
+  ctx.save();
+  ctx.beginPath();
+  ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+  ctx.clip();
+  ctx.strokeStyle = ctx.fillStyle = GREY;
+  ctx.textAlign = "left";
+  ctx.textBaseline = "alphabetic";
+  ctx.setLineDash([3, 3]);
+  ctx.font = `${11 * ratio}px system-ui, sans-serif`;
+  time.parts.forEach(({ kind }, k) => {
+    const [left, right] = [k, k + 1].map((place) => Math.max(bbox.left, Math.min(bbox.left + bbox.width, chart.valToPos(place, "x", true))));
+    const name = NAMES[kind] || kind;
+    if (right - left > ctx.measureText(name).width + 8 * ratio) ctx.fillText(name, left + 4 * ratio, bbox.top + 11 * ratio);
+    if (k) { ctx.beginPath(); ctx.moveTo(left, bbox.top); ctx.lineTo(left, bbox.top + bbox.height); ctx.stroke(); }
+  });
+  ctx.restore();
+}
+
+function isFast(test) {
+  const whole = test.t[test.t.length - 1] - test.t[0];
+  return test.phases.some(([, start, stop]) => stop > start && stop - start < FAST * whole);
+}
+
+function axes(label, time) {
   const look = { stroke: INK, grid: { stroke: "#eaeef2" }, font: "12px system-ui, sans-serif" };
   const ticks = (u, values) => values.map((v) => short(v));
+  const along = time
+    ? { label: LOG_LABEL, splits: (u) => time.numbers(u), values: (u, places) => places.map((place) => short(time.elapsed(place + 1e-9))) }
+    : { label: LINEAR_LABEL, values: ticks };
   return [
-    { ...look, label: "time since the test began (s)", size: 34, labelSize: 20, labelFont: look.font, values: ticks },
+    { ...look, size: 34, labelSize: 20, labelFont: look.font, ...along },
     { ...look, label, labelSize: 22, labelFont: look.font, size: 62, values: ticks },
   ];
 }
@@ -59,6 +125,9 @@ class Viewer {
     this.select = root.querySelector("select");
     this.buttons = root.querySelector(".phases");
     this.range = root.querySelector(".range");
+    this.scales = [...root.querySelectorAll(".scale button")];
+    this.scale = null; // until the reader chooses: logarithmic where a phase is too short to be seen
+    for (const button of this.scales) button.addEventListener("click", () => { this.scale = button.value; this.show(); });
     for (const test of this.data.tests) {
       const rate = test.rate == null ? "" : `, ${test.rate} ${test.speed}`.replace(" 1/", "/");
       this.select.add(new Option(`${test.name}${rate}, ${test.fitted ? "fitted" : "predicted"}`));
@@ -71,6 +140,10 @@ class Viewer {
 
   show() {
     this.test = this.data.tests[this.select.selectedIndex];
+    const scale = this.scale || (isFast(this.test) ? "log" : "linear");
+    this.time = scale === "log" ? new LogTime(this.test) : null;
+    this.root.dataset.scale = scale;
+    for (const button of this.scales) button.setAttribute("aria-pressed", button.value === scale);
     this.charts.forEach((chart) => chart.destroy());
     this.charts = [
       this.draw(".force", forceChart(this.data, this.test), 300),
@@ -80,13 +153,20 @@ class Viewer {
     this.zoom(this.test.t[0], this.test.t[this.test.t.length - 1]);
   }
 
+  place(time) { return this.time ? this.time.to(time) : time; }
+
+  timeAt(place) { return this.time ? this.time.from(place) : place; }
+
   draw(where, { series, values, bands, label }, height) {
+    const time = this.time;
+    if (time) values[0] = values[0].map((t) => time.to(t));
+    series[0].value = (u, place) => short(place == null ? null : this.timeAt(place));
     const options = {
-      width: this.width(), height, series, bands, axes: axes(label),
+      width: this.width(), height, series, bands, axes: axes(label, time),
       scales: { x: { time: false } },
       legend: { live: true, markers: { width: 0, fill: (chart, k) => series[k].mark || series[k].stroke } },
       cursor: { drag: { x: true, y: false }, y: false, sync: { key: this.key } },
-      hooks: { setScale: [(chart, key) => key === "x" && this.follow(chart)] },
+      hooks: { setScale: [(chart, key) => key === "x" && this.follow(chart)], draw: [(chart) => time && borders(chart, time)] },
     };
     const chart = new uPlot(options, values, this.root.querySelector(where));
     chart.root.querySelectorAll(".u-series").forEach((row, k) => {
@@ -111,15 +191,16 @@ class Viewer {
     this.tell(min, max);
   }
 
-  zoom(min, max) { if (this.charts.length) this.charts[0].setScale("x", { min, max }); }
+  zoom(min, max) { if (this.charts.length) this.charts[0].setScale("x", { min: this.place(min), max: this.place(max) }); }
 
   tell(min, max) {
-    this.root.dataset.min = min;
-    this.root.dataset.max = max;
-    this.range.textContent = `Shown: ${short(min)} s to ${short(max)} s.`;
+    const [first, last] = [min, max].map((place) => this.timeAt(place));
+    this.root.dataset.min = first;
+    this.root.dataset.max = last;
+    this.range.textContent = `Shown: ${short(first)} s to ${short(last)} s of the test.`;
     for (const button of this.buttons.children) {
       const near = (a, b) => Math.abs(a - b) < 1e-9 * (1 + Math.abs(b));
-      button.setAttribute("aria-pressed", near(+button.dataset.min, min) && near(+button.dataset.max, max));
+      button.setAttribute("aria-pressed", near(this.place(+button.dataset.min), min) && near(this.place(+button.dataset.max), max));
     }
   }
 

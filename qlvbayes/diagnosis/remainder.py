@@ -1,0 +1,217 @@
+r"""How large is what a model leaves? Its structured part, cell by cell, in newtons.
+
+The adequacy test says whether structure is sure, not whether it matters. In a cell of n samples
+with residual r and the noise at rest, covariance Sigma, the smooth curves B (rows: Legendre
+polynomials of order 0 to 3) are fitted by generalised least squares,
+
+.. math:: \hat\beta = C B \Sigma^{-1} r, \quad C = (B \Sigma^{-1} B^T)^{-1}, \quad
+          Q = \hat\beta^T M \hat\beta, \quad M = B B^T / n
+
+Q is the mean square of the fitted curve; in combinations of curves whose noise is independent and
+of unit variance it is a sum of mu_k z_k^2 (mu the eigenvalues of MC), of which noise alone would
+make mu_k each. The structured part has the mean square
+
+.. math:: s^2 = \max\left(\sum_k \mu_k (z_k^2 - 1), 0\right)
+
+Its bound takes combinations that stand out (abs(z) above 1.96) 1.645 sds larger; the others count
+by what they hold beyond noise, as where noise hides all there is nothing sure to be bounded:
+
+.. math:: s_u^2 = \sum_k \mu_k u_k^2, \quad u_k = |z_k| + 1.645 \text{ or }
+          u_k^2 = \max(z_k^2 - 1, 0)
+
+What remains is small if this bound is below the tolerance, a share of the peak force, in every cell
+that stands out (p of the adequacy test below 5 %), and if the error over all samples exceeds the
+noise by less: this sees what no smooth curve does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import legendre
+from scipy.linalg import cho_factor, cho_solve
+
+from qlvbayes.diagnosis.adequacy import Adequacy, adequacy
+from qlvbayes.diagnosis.samples import Samples, rmse
+from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.experiment import Experiment
+from qlvbayes.inference.gaussnewton import Point
+from qlvbayes.inference.subset import Ensemble
+
+_ORDERS = 4
+_FEWEST = 3  # samples a curve, at least, as in the adequacy test
+_Z = 1.645  # normal quantile of 95 %
+_STANDS = 1.96  # sds, two-sided 5 %
+_SHOWS = 0.05  # p-value below which a cell stands out
+_RIDGE = 1e-9  # of the variance, so that noise that is all correlated can be factorised
+
+
+@dataclass(frozen=True)
+class Left:
+    """The structured part in one cell (N).
+
+    start: of its phase (s); n: samples; rms: root mean square; upper: its bound at 95 %; bias: mean
+    of the fitted curve; shown: whether the adequacy test sees the cell stand out.
+    """
+
+    test: str
+    phase: str
+    start: float
+    n: int
+    rms: float
+    upper: float
+    bias: float
+    shown: bool
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """What a model leaves, against a force (N) below which it does not matter.
+
+    peak: largest force (N); excess: by how much the error of all samples exceeds the noise,
+    (rmse^2 - noise^2)^1/2 (N); tolerance: share of the peak; before: overall structured part that
+    the plain model leaves (N); sure: whether the adequacy test sees structure at all.
+    """
+
+    cells: tuple[Left, ...]
+    peak: float
+    excess: float
+    tolerance: float
+    before: float
+    sure: bool = False
+
+    @property
+    def worst(self) -> Left | None:
+        """The largest, of the cells that stand out if there are any; None without cells."""
+        return max(self._shown or self.cells, key=lambda cell: cell.rms, default=None)
+
+    @property
+    def is_small(self) -> bool:
+        """Whether all of it is below the tolerance, surely."""
+        limit = self.tolerance * self.peak
+        largest = max((cell.upper for cell in self._shown), default=0.0)
+        return limit > 0.0 and max(largest, self.excess) <= limit
+
+    @property
+    def share_of_error(self) -> float | None:
+        """Of the plain model's structured part; None where that leaves nothing."""
+        return overall(self.cells) / self.before if self.before > 0.0 else None
+
+    @property
+    def _shown(self) -> tuple[Left, ...]:
+        return tuple(cell for cell in self.cells if cell.shown)
+
+    def as_dict(self) -> dict | None:
+        """The largest cell, for ``diagnosis.json``."""
+        worst = self.worst
+        if worst is None:
+            return None
+        return {
+            "rms_N": worst.rms,
+            "upper95_N": worst.upper,
+            "share_of_peak": worst.rms / self.peak,
+            "share_of_error": self.share_of_error,
+            "test": worst.test,
+            "phase": worst.phase,
+            "bias_N": worst.bias,
+            "excess_N": self.excess,
+            "sure": self.sure,
+            "small": self.is_small,
+        }
+
+
+def remainder(
+    samples: Samples,
+    residuals: Sequence[np.ndarray],
+    tested: Adequacy,
+    plain: Sequence[np.ndarray],
+    *,
+    peak: float,
+    settings: Settings,
+) -> Remainder:
+    """Size of what residuals (N), one array a trial, hold beyond noise.
+
+    tested: the same model's adequacy; plain: the plain model's residuals.
+    """
+    cells = tuple(_cells(samples, residuals, tested))
+    error, noise = rmse(list(residuals)), _noise(samples)
+    excess = float(np.sqrt(max(error**2 - noise**2, 0.0)))
+    before = overall(tuple(_cells(samples, plain, tested)))
+    sure = not tested.is_sound(settings)
+    return Remainder(cells, peak, excess, settings.tolerance, before, sure)
+
+
+def leaves_little(
+    experiment: Experiment,
+    ensemble: Ensemble,
+    samples: Samples,
+    point: Point | None,
+    settings: Settings,
+) -> bool:
+    """Whether a model was fitted and leaves no structure, or structure that is small."""
+    if point is None:
+        return False
+    tested = adequacy(experiment, ensemble, point)
+    if tested.is_sound(settings):
+        return True
+    left = samples.residuals(point.constants)
+    peak = experiment.scales.force
+    return remainder(samples, left, tested, left, peak=peak, settings=settings).is_small
+
+
+def overall(cells: Sequence[Left]) -> float:
+    """Root mean square of the structured part over the samples of all cells (N)."""
+    count = sum(cell.n for cell in cells)
+    return float(np.sqrt(sum(c.n * c.rms**2 for c in cells) / count)) if count else 0.0
+
+
+def _noise(samples: Samples) -> float:
+    """Root mean square of the noise of all samples (N)."""
+    weights = np.concatenate([_weights(samples, k) for k in range(len(samples.trials))])
+    return float(np.sqrt(np.mean(np.asarray(samples.noise.sample_sd(weights)) ** 2)))
+
+
+def _weights(samples: Samples, k: int) -> np.ndarray:
+    """Of the white noise of the samples of trial k."""
+    return np.asarray(samples.record.blocks.weight)[k, : samples.rows[k].size]
+
+
+def _cells(samples: Samples, residuals: Sequence[np.ndarray], tested: Adequacy) -> Iterator[Left]:
+    seen = {(c.test, c.phase, c.start): c.p_value < _SHOWS for c in tested.cells}
+    for k, trial in enumerate(samples.trials):
+        time, weights = trial.test.time[samples.rows[k]], _weights(samples, k)
+        for phase in trial.phases:
+            here = (time > phase.start) & (time <= phase.stop)
+            count = min(_ORDERS, int(here.sum()) // _FEWEST)
+            if not count:
+                continue
+            place = (trial.name, phase.kind, phase.start)
+            noise = _covariance(samples, time[here], weights[here])
+            size = structured(residuals[k][here], noise, count)
+            yield Left(*place, int(here.sum()), *size, seen.get(place, False))
+
+
+def _covariance(samples: Samples, time: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """(n, n): of white and correlated noise at rest."""
+    white, ou, tau = (float(x) for x in (samples.noise.white, samples.noise.ou, samples.noise.tau))
+    apart = np.abs(time[:, None] - time) / tau
+    variance = (white * weights) ** 2 + _RIDGE * (white**2 + ou**2)
+    return ou**2 * np.exp(-apart) + np.diag(variance)
+
+
+def structured(
+    residual: np.ndarray, covariance: np.ndarray, orders: int
+) -> tuple[float, float, float]:
+    """Root mean square of the structured part of a residual (n,), its bound at 95 %, its mean."""
+    place = np.linspace(-1.0, 1.0, residual.size)
+    curves = legendre.legvander(place, orders - 1).T
+    weighed = cho_solve(cho_factor(covariance), curves.T).T
+    root = np.linalg.inv(np.linalg.cholesky(weighed @ curves.T)).T
+    means, turned = np.linalg.eigh(root.T @ (curves @ curves.T) @ root / residual.size)
+    found = turned.T @ root.T @ weighed @ residual
+    beyond = means * (found**2 - 1.0)
+    bound = np.where(np.abs(found) > _STANDS, means * (np.abs(found) + _Z) ** 2, beyond)
+    rms, upper = (np.sqrt(max(np.sum(x), 0.0)) for x in (beyond, np.maximum(bound, 0.0)))
+    return float(rms), float(upper), float(np.mean((root @ turned @ found) @ curves))

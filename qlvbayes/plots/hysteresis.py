@@ -1,0 +1,133 @@
+"""Force against displacement: the loops that a test runs through, measured and predicted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
+
+from qlvbayes.plots.stretches import RESTS, Stretch, by_rate, divide
+from qlvbayes.plots.style import (
+    BLACK,
+    DOUBLE,
+    LINES,
+    MM,
+    colours,
+    narrow,
+    quantity,
+    rated,
+    shortened,
+    style,
+)
+from qlvbayes.predict import Prediction
+from qlvbayes.units import UnitSystem
+
+_PANEL, _FRAME = 48.0, 16.0  # mm: a row of panels, and what is around them
+_ACROSS, _ACROSS_TIGHT = 3, 2  # panels
+_NAME, _NAME_TIGHT = 22, 14  # characters of a test's name
+_BACK = ("unload", "recovery")  # drawn as the way back
+
+
+def plot_hysteresis(
+    predictions: Sequence[Prediction], units: UnitSystem, *, width: float = DOUBLE
+) -> list[Axes]:
+    """Draw the measured and the predicted force of every test against displacement.
+
+    One panel a test, slowest first, named with its loading rate and whether it was fitted or
+    predicted. Dots are measured samples; the line is the posterior mean, solid on the way in with
+    the holds after it (where it falls straight down), dashed on the way back with the rests after
+    that; bands hold 90 % of predicted samples while the platen moves. The area of a loop is the
+    energy that the specimen loses. All panels share their axes. width: of the figure (mm). Returns
+    the panels.
+    """
+    tight = narrow(width)
+    shown = sorted(predictions, key=lambda p: by_rate(p.trial.rate))
+    across = min(_ACROSS_TIGHT if tight else _ACROSS, max(len(shown), 1))
+    rows = math.ceil(len(shown) / across)
+    with style():
+        frame = _FRAME * (1.6 if tight else 1.0)
+        figure = Figure((width * MM, (_PANEL * rows + frame) * MM), layout="constrained")
+        axes = figure.subplots(rows, across, sharex=True, sharey=True, squeeze=False)
+        for axis, prediction in zip(axes.flat, shown, strict=False):
+            _draw(axis, prediction)
+            axis.set_title(
+                _name(prediction, units, tight=tight), loc="left", weight=_weight(prediction)
+            )
+        for axis in axes.flat[len(shown) :]:
+            axis.set_axis_off()
+        _label(axes, len(shown), units)
+        _legend(figure, columns=2 if tight else 4)
+    return list(axes.flat[: len(shown)])
+
+
+def _draw(axis: Axes, prediction: Prediction) -> None:
+    test = prediction.trial.test
+    place = np.interp(prediction.time, test.time, test.displacement)
+    axis.plot(
+        place, prediction.observed, ".", color=BLACK, markersize=2.2, markeredgewidth=0,
+        gid="measured",
+    )  # fmt: skip
+    last = None
+    for stretch in divide(prediction.time, prediction.trial.phases):
+        colour, line = _look(stretch.kind)
+        rows = stretch.rows if last is None else np.r_[last, stretch.rows]
+        if stretch.kind not in RESTS:
+            _band(axis, place, prediction, stretch, colour)
+        axis.plot(place[rows], prediction.mean[rows], line, color=colour, gid="mean")
+        last = rows[-1]
+
+
+def _band(
+    axis: Axes, place: np.ndarray, prediction: Prediction, stretch: Stretch, colour: str
+) -> None:
+    rows = stretch.rows[np.argsort(place[stretch.rows], kind="stable")]
+    axis.fill_between(
+        place[rows], prediction.low[rows], prediction.high[rows],
+        color=colour, alpha=0.3, linewidth=0,
+    )  # fmt: skip
+
+
+def _look(kind: str) -> tuple[str, str]:
+    """Colour and line of a phase: the way in, or back."""
+    back = kind in _BACK
+    return colours()[back], LINES[back]
+
+
+def _name(prediction: Prediction, units: UnitSystem, *, tight: bool) -> str:
+    trial = prediction.trial
+    speed = [rated(trial.rate, units.speed)] if np.isfinite(trial.rate) else []
+    role = "fitted" if trial.role == "fit" else "predicted"
+    parts = [shortened(trial.name, _NAME_TIGHT if tight else _NAME), *speed]
+    return f"{', '.join(parts)},\n{role}" if tight else ", ".join([*parts, role])
+
+
+def _weight(prediction: Prediction) -> str:
+    return "bold" if prediction.trial.role == "fit" else "normal"
+
+
+def _label(axes: np.ndarray, count: int, units: UnitSystem) -> None:
+    across = axes.shape[1]
+    for k, axis in enumerate(axes.flat[:count]):
+        axis.xaxis.set_major_locator(MaxNLocator(5))
+        axis.yaxis.set_major_locator(MaxNLocator(5))
+        if k % across == 0:
+            axis.set_ylabel(quantity(units.force_name, units.force))
+        if k + across >= count:
+            axis.set_xlabel(quantity(units.displacement_name, units.displacement))
+            axis.tick_params(labelbottom=True)
+
+
+def _legend(figure: Figure, columns: int) -> None:
+    dot = {"marker": ".", "color": BLACK, "linestyle": "None", "markeredgewidth": 0}
+    ways = [Line2D([], [], color=colours()[k], linestyle=LINES[k]) for k in (False, True)]
+    figure.legend(
+        [Line2D([], [], markersize=5.0, **dot), *ways, Patch(color="0.6", alpha=0.4, linewidth=0)],
+        ["measured", "posterior mean, way in", "way back", "90 % predictive band"],
+        loc="outside upper center", ncols=columns,
+    )  # fmt: skip

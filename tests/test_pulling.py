@@ -1,0 +1,70 @@
+"""Force below zero on a loose specimen: where, how much, and what to ask."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from qlvbayes import prepare
+from qlvbayes.benchmark.study import measured
+from qlvbayes.pulling import pull_notices, pull_of
+from qlvbayes.synthetic import NOISES, TABLE_1, HiddenPad, paper_protocol, record_study
+from qlvbayes.units import PAD, STRAIN
+
+
+@pytest.fixture(scope="module")
+def pad():
+    programs = {f"{rate:g}": paper_protocol(rate) for rate in (1.0, 20.0)}
+    found = record_study({"B": HiddenPad(TABLE_1["B"])}, programs, NOISES["correlated"], 0, 2000)
+    return measured(found, "B")
+
+
+def pulled(pad, share, test=1):
+    """The same pulling by so much, over the peak of all, in the midst of one test's unloading."""
+    trial, force = prepare(pad).trials[test], pad.tests[test].force.copy()
+    unload = next(phase for phase in trial.phases if phase.kind == "unload")
+    rows = np.flatnonzero((trial.test.time > unload.start) & (trial.test.time < unload.stop))
+    bow = np.sin(np.linspace(0.0, np.pi, rows.size))
+    force[rows] = -share * max(float(t.force.max()) for t in pad.tests) * bow / bow.max()
+    tests = list(pad.tests)
+    tests[test] = replace(tests[test], force=force)
+    return prepare(replace(pad, tests=tuple(tests)))
+
+
+def test_noise_about_zero_is_no_pull(pad):
+    assert pull_of(prepare(pad)) is None
+    assert pull_notices(pulled(pad, 0.03), bonded=False) == ()
+
+
+def test_a_pull_is_told_with_test_time_and_size(pad):
+    experiment = pulled(pad, 0.08)
+    found = pull_of(experiment)
+    assert found.test == experiment.trials[1].name
+    unload = next(phase for phase in experiment.trials[1].phases if phase.kind == "unload")
+    assert unload.start < found.time < unload.stop
+    assert found.share == pytest.approx(0.08, rel=1e-6)
+    (text,) = pull_notices(experiment, bonded=False)
+    for part in (found.test, f"{found.force:.3g} N", f"{found.time:.4g} s", "8 %", "--bonded"):
+        assert part in text
+    assert "adhesion" in text
+    assert "\n" not in text
+
+
+def test_a_specimen_that_may_pull_is_not_asked(pad):
+    experiment = pulled(pad, 0.2)
+    assert pull_notices(experiment, bonded=True) == ()
+    assert pull_notices(experiment, bonded=False, effects=("adhesion",)) == ()
+    assert len(pull_notices(experiment, bonded=False, effects=("inertia",))) == 1
+
+
+@pytest.mark.parametrize(("units", "unit"), [(PAD, "N"), (STRAIN, "kPa")])
+def test_it_is_told_in_the_units_of_the_file(pad, units, unit):
+    experiment = replace(pulled(pad, 0.2), units=units)
+    assert f" {unit} at " in pull_notices(experiment, bonded=False)[0]
+
+
+def test_the_lowest_of_all_tests_counts(pad):
+    experiment = pulled(pad, 0.1, test=0)
+    trial = experiment.trials[0]
+    lowest = int(np.argmin(trial.test.force))
+    assert pull_of(experiment).time == trial.test.time[lowest]
