@@ -170,7 +170,11 @@ def overall(cells: Sequence[Left]) -> float:
 def _noise(samples: Samples) -> float:
     """Root mean square of the noise of all samples (N)."""
     weights = np.concatenate([_weights(samples, k) for k in range(len(samples.trials))])
-    return float(np.sqrt(np.mean(np.asarray(samples.noise.sample_sd(weights)) ** 2)))
+    return float(
+        np.sqrt(
+            np.mean(np.hypot(float(samples.noise.white) * weights, float(samples.noise.ou)) ** 2)
+        )
+    )
 
 
 def _weights(samples: Samples, k: int) -> np.ndarray:

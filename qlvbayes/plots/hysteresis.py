@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -124,7 +125,7 @@ def _label(axes: np.ndarray, count: int, units: UnitSystem) -> None:
 
 
 def _legend(figure: Figure, columns: int) -> None:
-    dot = {"marker": ".", "color": BLACK, "linestyle": "None", "markeredgewidth": 0}
+    dot: dict[str, Any] = {"marker": ".", "color": BLACK, "linestyle": "None", "markeredgewidth": 0}
     ways = [Line2D([], [], color=colours()[k], linestyle=LINES[k]) for k in (False, True)]
     figure.legend(
         [Line2D([], [], markersize=5.0, **dot), *ways, Patch(color="0.6", alpha=0.4, linewidth=0)],
