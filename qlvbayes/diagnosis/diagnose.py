@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
@@ -46,6 +47,7 @@ def diagnose(
     """
     settings = settings or Settings()
     choices = choices or Choices()
+    experiment = replace(experiment, rested=choices.rested)
     forget_compiled()
     ensemble = _ensemble(experiment, choices, kinds)
     samples = Samples.of(experiment, ensemble)

@@ -76,6 +76,7 @@ from .rig import (
     simulate_study,
     simulate_test,
 )
+from .sequence import Sequence, join_programs, record_sequence
 from .sensors import ENCODER_STEP, NOISES, Noise, encode
 
 __all__ = [
@@ -126,6 +127,7 @@ __all__ = [
     "SaturatingLeak",
     "SecondContact",
     "SensorNonlinearity",
+    "Sequence",
     "SimulatedTest",
     "Slip",
     "SlowCreepJump",
@@ -145,9 +147,11 @@ __all__ = [
     "elastic_force",
     "encode",
     "full_retraction_protocol",
+    "join_programs",
     "pads_of_table_1",
     "paper_protocol",
     "parse_effect",
+    "record_sequence",
     "record_study",
     "record_test",
     "simulate_file",
