@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from qlvbayes.carried import carried_notices, clock_notices
 from qlvbayes.fit import Fit
+from qlvbayes.inference import compiled
 from qlvbayes.inference.diagnostics import diagnose_chain, highest_density
 from qlvbayes.inference.ensemble import STEPS_PER_TIME
+from qlvbayes.records.record import Record
 
 
 @dataclass(frozen=True)
@@ -32,13 +35,17 @@ class Constant:
 
 @dataclass(frozen=True)
 class Summary:
-    """All constants of one pad, and whether the sampling can be trusted."""
+    """All constants of one pad, and whether the sampling can be trusted.
+
+    troubles: what speaks against the sampling; notices: what one should know of the tests.
+    """
 
     pad: str
     method: str
     effects: tuple[str, ...]
     constants: tuple[Constant, ...]
     troubles: tuple[str, ...]
+    notices: tuple[str, ...] = ()
 
     @property
     def converged(self) -> bool:
@@ -70,6 +77,7 @@ class Summary:
             "sampler": self.method,
             "converged": self.converged,
             "troubles": list(self.troubles),
+            "notices": list(self.notices),
             "parameters": parameters,
         }
 
@@ -95,8 +103,25 @@ def summarise(fit: Fit) -> Summary:
         )
     troubles = diagnostics.troubles if diagnostics else []
     return Summary(
-        fit.pad, fit.method, fit.choices.effects, tuple(rows), (*troubles, *_length_troubles(fit))
+        fit.pad,
+        fit.method,
+        fit.choices.effects,
+        tuple(rows),
+        (*troubles, *_length_troubles(fit)),
+        _notices(fit),
     )
+
+
+def _notices(fit: Fit) -> tuple[str, ...]:
+    """What the tests have from each other, by the median constants."""
+    constants = np.median(fit.constants.reshape(-1, fit.constants.shape[-1]), axis=0)[None]
+
+    def predict(record: Record) -> np.ndarray:
+        posterior = replace(fit.posterior, record=record)
+        return np.asarray(compiled.predictions(posterior, constants))[0]
+
+    carried = carried_notices(fit.experiment, fit.trials, fit.posterior.record, predict)
+    return (*carried, *(() if fit.choices.rested else clock_notices(fit.experiment)))
 
 
 def _mean(values: np.ndarray) -> float:

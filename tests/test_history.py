@@ -101,3 +101,22 @@ def test_the_past_adds_what_the_equations_add(programs):
     found, true, peak = differences(programs, plain(), Pad(SLOW, bonded=True))
     assert np.max(np.abs(true)) > 0.01 * peak
     assert np.max(np.abs(found - true)) < CLOSE * peak
+
+
+def own(effect):
+    """The model's effect of the same constants as a simulated one."""
+    kind = find(effect.name)
+    return kind(**{field.name: getattr(effect, field.name) for field in fields(kind)})
+
+
+@pytest.mark.parametrize("name", ["contact_offset", "frame_compliance", "strain_dependent_rate"])
+def test_an_effect_on_depth_or_time_acts_on_the_past_too(name):
+    effect = draw_effect(name, np.random.default_rng(1), 1.4, 1.6, 30.0, 0.06, SLOW)
+    pad = HiddenPad(SLOW, (effect,))
+    model = plain(bonded=False) + own(effect)
+    found, true, peak = differences(FULL, model, pad, acceleration=1000.0)
+    unheeded, _, _ = differences(FULL, plain(bonded=False), pad, acceleration=1000.0)
+    error = np.max(np.abs(found - true)) / peak
+    print(name, error, np.max(np.abs(unheeded-true))/peak)
+    assert error < 1e-5
+    assert np.max(np.abs(unheeded - true)) > 1e-3 * peak

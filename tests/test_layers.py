@@ -31,7 +31,7 @@ LAYERS = [
     ["parameters", "experiment"],
     ["overrides"],
     ["choices"],
-    ["covered", "drawn"],
+    ["carried", "covered", "drawn"],
     ["elsewhere"],
     # inference and what is made of it
     ["inference"],

@@ -60,6 +60,8 @@ class Terminal(Watcher):
         """The constants, and what speaks against the chain."""
         if not self.quiet:
             out.print(constants_table(summary))
+        for notice in summary.notices:
+            self.notice(f"pad {summary.pad}: {notice}")
         for trouble in summary.troubles:
             err.print(
                 f"NOT CONVERGED, pad {summary.pad}: {trouble}", style="bold red", markup=False

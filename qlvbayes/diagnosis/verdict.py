@@ -119,7 +119,8 @@ class Diagnosis:
     against the last model, by name; outside: the one that clearly beats it, if any; not_ruled_out:
     the likeliest explanations within the window of the one named, or of the likeliest if none is,
     none where the verdict is ``unexplained``; constants: the plain model's, averaged over all
-    explanations in the window, or by the last model if there are none.
+    explanations in the window, or by the last model if there are none; notices: what one should
+    know of the tests.
     """
 
     pad: str
@@ -142,6 +143,7 @@ class Diagnosis:
     outside: str | None = None
     not_ruled_out: tuple[NotRuledOut, ...] = ()
     constants: dict[str, Estimate] = field(default_factory=dict)
+    notices: tuple[str, ...] = ()
 
     @property
     def tried(self) -> tuple[str, ...]:
@@ -211,6 +213,7 @@ class Diagnosis:
             "coincident": [list(group) for group in self.coincident],
             "refused": [{"effect": name, "reason": why} for name, why in self.refused],
             "warnings": list(self.warnings),
+            "notices": list(self.notices),
             "suggestions": [
                 {"test": s.test, "expected_2_ln_bayes_factor": s.evidence} for s in self.suggestions
             ],

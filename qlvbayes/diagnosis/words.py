@@ -42,6 +42,7 @@ def paragraphs(diagnosis: Diagnosis) -> list[str]:
         text.insert(1, _where(diagnosis))
         text += _runner_up(diagnosis)
     text += _not_ruled_out(diagnosis)
+    text += [f"{notice[0].upper()}{notice[1:]}." for notice in diagnosis.notices]
     text += _honest(diagnosis)
     text += _next_test(diagnosis)
     text += _unseen(diagnosis)

@@ -32,8 +32,12 @@ The slowest rate that tests can tell is about one over their longest phase; of s
 like this leaves e^-3 = 5 %, and of quicker ones less.
 """
 
+ROUNDED = 0.01  # s, by which a declared clock may be rounded
 _FAITHFUL = 3e-7  # of the stroke: bound of a straight line's error, see above
 _MOST = 64  # points of an earlier test
+_STEPS = 12  # points of a stroke, for effects that bend its line
+_STAND = 0.02  # of a test: shorter lines are not split
+_AFTER_STOP = np.geomspace(0.004, 0.7, 8)  # places of points in a longer one, for the same reason
 _STAYED = 0.02  # of the stroke: depths of an end and a beginning that are one
 
 
@@ -69,7 +73,7 @@ def carried_tests(place: int, tests: Sequence[Test], longest: float) -> list[int
     found: list[int] = []
     for before, after in reversed(list(pairwise(order[: order.index(place) + 1]))):
         between = pause(tests[before], tests[after])
-        if between is None or not 0.0 <= between < REST * longest:
+        if between is None or not -ROUNDED <= between < REST * longest:
             break
         found.append(before)
     return found
@@ -124,7 +128,24 @@ def _lines(test: Test, path: Trajectory, until: float) -> tuple[np.ndarray, np.n
     time = grid_times(path, test.time[-1:], float(test.time[0]))
     depth = path_at(path, time, float(test.time[0]))
     kept = _thinned(time, depth, until)
-    return time[kept], depth[kept]
+    split = _split(time[kept], depth[kept])
+    return split, np.interp(split, time[kept], depth[kept])
+
+
+def _split(time: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    """Times of the lines' ends and of points between, on which effects change the lines.
+
+    A frame that gives way creeps on while the platen stands: points grow apart after a stop. Time
+    that runs by depth is not even on a ramp: points are even in depth.
+    """
+    travel = _STEPS * np.abs(np.diff(depth)) / float(np.ptp(depth))
+    found = [time]
+    for begin, end, steps in zip(time[:-1], time[1:], travel, strict=True):
+        if steps > 1.0:
+            found.append(np.linspace(begin, end, math.ceil(steps) + 1))
+        elif end - begin > _STAND * (time[-1] - time[0]):
+            found.append(begin + (end - begin) * _AFTER_STOP)
+    return np.unique(np.concatenate(found))
 
 
 def _thinned(time: np.ndarray, depth: np.ndarray, until: float) -> np.ndarray:

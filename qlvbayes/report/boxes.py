@@ -139,6 +139,8 @@ def _warnings(pad: PadResults) -> list[str]:
     summary = pad.final.summary
     troubles = summary.get("troubles", []) if summary and not summary["converged"] else []
     found = [f"The sampling has not converged: {text}." for text in troubles]
+    notices = (pad.diagnosis or summary or {}).get("notices", [])
+    found += [f"{text[0].upper()}{text[1:]}." for text in notices]
     other = other_form(pad.diagnosis["steps"][-1]) if pad.diagnosis else None
     if other in ((pad.final.summary or {}).get("effects") or []):
         found.append(

@@ -76,8 +76,8 @@ from .rig import (
     simulate_study,
     simulate_test,
 )
-from .sequence import Sequence, join_programs, record_sequence
 from .sensors import ENCODER_STEP, NOISES, Noise, encode
+from .sequence import Sequence, join_programs, record_sequence
 
 __all__ = [
     "ENCODER_STEP",
