@@ -22,7 +22,8 @@ class Choices:
 
     law: elastic law; modes: relaxation modes r; bonded: whether the specimen can pull; noise: kind
     of noise; priors, fixed: ``name=prior`` and ``name=number``, applied in this order; effects:
-    names of the effects in the model; effects_file: a user's own effects.
+    names of the effects in the model; effects_file: a user's own effects; rested: whether every
+    test begins with a pad at rest, whatever came before it.
     """
 
     law: str = "exponential"
@@ -33,6 +34,7 @@ class Choices:
     fixed: tuple[str, ...] = ()
     effects: tuple[str, ...] = ()
     effects_file: str | None = None
+    rested: bool = False
 
     def __post_init__(self) -> None:
         _one_of("elastic law", self.law, LAWS)
@@ -67,9 +69,9 @@ class Choices:
 
     @classmethod
     def from_dict(cls, values: dict) -> Choices:
-        """The inverse of ``as_dict``."""
+        """The inverse of ``as_dict``; results that do not say so are of tests from rest."""
         lists = {key: tuple(values.get(key, ())) for key in ("priors", "fixed", "effects")}
-        return cls(**{**values, **lists})
+        return cls(**{"rested": True, **values, **lists})
 
 
 def _one_of(what: str, value: str, known: tuple[str, ...]) -> None:

@@ -29,7 +29,8 @@ class Test:
 
     Displacement (or strain) and force (or stress) are in the file's own units, `Pad.units`.
     `force_sd` (n,) is the measured standard deviation of each force, if there is one; `rate` the
-    declared loading rate, displacement over s; `start_s` the pad's clock at the first sample.
+    declared loading rate, displacement over s; `start_s` the pad's clock at the first sample, and
+    `start_known` whether it was measured: else it is that of tests without a pause between them.
     """
 
     __test__: ClassVar[bool] = False  # not one of pytest's
@@ -43,6 +44,7 @@ class Test:
     role: Role | None = None
     rate: float | None = None
     start_s: float = 0.0
+    start_known: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,6 +172,7 @@ class _Builder:
             role=self._role(rows),
             rate=self._rate(rows),
             start_s=self._start(rows, before),
+            start_known=self._number(rows, "start") is not None,
         )
 
     def add_fluid(self, rows: Rows, fluids: dict[str, str | None]) -> None:

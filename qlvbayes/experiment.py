@@ -14,6 +14,7 @@ from qlvbayes.kinematics.trajectory import Trajectory, smooth
 from qlvbayes.noise import Correlated
 from qlvbayes.noisefloor import NoiseFloor, measure
 from qlvbayes.records.batching import batch
+from qlvbayes.records.past import Past, past_of
 from qlvbayes.records.record import Record
 from qlvbayes.records.reduction import reduce_test
 from qlvbayes.scales import Scales
@@ -47,13 +48,17 @@ class Trial:
 
 @dataclass(frozen=True)
 class Experiment:
-    """All trials of one pad, its units, its noise floor and, where it is known, its fluid."""
+    """All trials of one pad, its units, its noise floor and, where it is known, its fluid.
+
+    rested: whether every test is taken to begin at rest, whatever came before it.
+    """
 
     pad: str
     units: UnitSystem
     trials: tuple[Trial, ...]
     floor: NoiseFloor
     fluid: str | None = None
+    rested: bool = False
 
     @property
     def noise_at_rest(self) -> Correlated:
@@ -80,7 +85,7 @@ class Experiment:
             force=max(float(np.max(np.abs(t.force))) for t in tests),
             depth=max(float(np.max(np.abs(t.displacement))) for t in tests),
             shortest=min(float(np.median(np.diff(t.time)[:200])) for t in tests),
-            longest=max(p.stop - p.start for trial in self.trials for p in trial.phases),
+            longest=self.longest,
             white=floor.white,
             ou=floor.ou,
             tau=floor.tau,
@@ -105,10 +110,24 @@ class Experiment:
                     t.phases,
                     sd_scale=self.sd_scale,
                     start=t.test.start_s - self.clock_zero,
+                    past=self.past(t),
                 )
                 for t in trials
             ]
         )
+
+    def past(self, trial: Trial) -> Past | None:
+        """What a test remembers of those before it; None where it began at rest."""
+        if self.rested:
+            return None
+        names = [t.name for t in self.trials]
+        tests, paths = zip(*((t.test, t.trajectory) for t in self.trials), strict=True)
+        return past_of(names.index(trial.name), tests, paths, self.longest)
+
+    @property
+    def longest(self) -> float:
+        """Length (s) of the longest phase."""
+        return max(p.stop - p.start for trial in self.trials for p in trial.phases)
 
 
 def prepare(pad: Pad, *, all_tests: bool = False) -> Experiment:

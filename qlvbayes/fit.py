@@ -58,6 +58,7 @@ class Fit:
 def build_posterior(experiment: Experiment, choices: Choices, trials: Sequence[Trial]) -> Posterior:
     """Model, noise and the block averages of some trials."""
     model, noise = choices.build(experiment.scales)
+    experiment = replace(experiment, rested=choices.rested)
     return Posterior(model, noise, experiment.record(trials))
 
 
@@ -78,6 +79,7 @@ def fit_pad(
     fit the model.
     """
     settings = settings or Settings()
+    experiment = replace(experiment, rested=choices.rested)
     trials = experiment.with_role("fit")
     if method == "emcee":
         return _sampled(experiment, choices, trials, settings, folder, progress)

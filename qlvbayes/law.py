@@ -63,4 +63,5 @@ def at_depth(motion: Motion, displacement: Array) -> Motion:
         jnp.where(contact, motion.velocity, 0.0),
         jnp.where(contact, motion.acceleration, 0.0),
         motion.start,
+        motion.ago,
     )

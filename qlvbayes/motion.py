@@ -14,6 +14,9 @@ class Motion(eqx.Module):
     decreasing; repeated points are allowed and do nothing), displacement (mm), velocity (mm/s),
     acceleration (mm/s2). start: the pad's clock at time 0 (s), which is 0 in its first test. Before
     the first point the specimen is at rest at zero displacement; a first point elsewhere is a step.
+    ago: (N,) in which test a point lies, 0 in the test itself, k in the k-th before it with the
+    pause that follows (there velocity and acceleration are not told, but 0); None where no earlier
+    test is carried along.
     """
 
     time: Array
@@ -21,6 +24,7 @@ class Motion(eqx.Module):
     velocity: Array
     acceleration: Array
     start: Array
+    ago: Array | None
 
     def __init__(
         self,
@@ -29,12 +33,33 @@ class Motion(eqx.Module):
         velocity: Array,
         acceleration: Array,
         start: ArrayLike = 0.0,
+        ago: Array | None = None,
     ) -> None:
         self.time, self.displacement = time, displacement
         self.velocity, self.acceleration = velocity, acceleration
         self.start = jnp.asarray(start, dtype=float)
+        self.ago = ago
 
     @property
     def clock(self) -> Array:
         """Time (N,) since the pad's first test began (s)."""
         return self.start + self.time
+
+    @property
+    def alone(self) -> Motion:
+        """The test without what came before it: those points repeat the test's first one."""
+        if self.ago is None:
+            return self
+        own = self.ago == 0
+        begin = jnp.argmax(own)
+
+        def held(values: Array) -> Array:
+            return jnp.where(own, values, values[begin])
+
+        return Motion(
+            held(self.time),
+            held(self.displacement),
+            held(self.velocity),
+            held(self.acceleration),
+            self.start,
+        )

@@ -59,6 +59,7 @@ def predict(
     Long records are looked at in at most 300 samples a phase. Raises KeyError if a constant of the
     model is missing from ``constants``.
     """
+    experiment = replace(experiment, rested=choices.rested)
     chosen = [_rows(trial) for trial in trials]
     posterior = _sample_by_sample(experiment, choices, trials, chosen)
     rng = np.random.default_rng(seed)
@@ -124,6 +125,7 @@ def _single_samples(experiment: Experiment, trial: Trial, rows: np.ndarray) -> R
         sd_scale=experiment.sd_scale,
         start=test.start_s - experiment.clock_zero,
         blocks=False,
+        past=experiment.past(trial),
     )
 
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from qlvbayes.carried import carried_notices, clock_notices
 from qlvbayes.fit import Fit
+from qlvbayes.inference import compiled
 from qlvbayes.inference.diagnostics import diagnose_chain, highest_density
 from qlvbayes.inference.ensemble import STEPS_PER_TIME
+from qlvbayes.records.record import Record
 from qlvbayes.units import PAD, UnitSystem
 
 
@@ -35,7 +38,7 @@ class Constant:
 class Summary:
     """All constants of one pad, and whether the sampling can be trusted.
 
-    notices: about the measurements.
+    troubles: what speaks against the sampling; notices: what one should know of the tests.
     """
 
     pad: str
@@ -101,9 +104,27 @@ def summarise(fit: Fit) -> Summary:
                 _or_none(diagnostics.ess_bulk[k]) if diagnostics else None,
             )
         )
-    troubles = (*(diagnostics.troubles if diagnostics else ()), *_length_troubles(fit))
-    units = fit.experiment.units
-    return Summary(fit.pad, fit.method, fit.choices.effects, tuple(rows), troubles, units)
+    return Summary(
+        fit.pad,
+        fit.method,
+        fit.choices.effects,
+        tuple(rows),
+        (*(diagnostics.troubles if diagnostics else ()), *_length_troubles(fit)),
+        fit.experiment.units,
+        _notices(fit),
+    )
+
+
+def _notices(fit: Fit) -> tuple[str, ...]:
+    """What the tests have from each other, by the median constants."""
+    constants = np.median(fit.constants.reshape(-1, fit.constants.shape[-1]), axis=0)[None]
+
+    def predict(record: Record) -> np.ndarray:
+        posterior = replace(fit.posterior, record=record)
+        return np.asarray(compiled.predictions(posterior, constants))[0]
+
+    carried = carried_notices(fit.experiment, fit.trials, fit.posterior.record, predict)
+    return (*carried, *(() if fit.choices.rested else clock_notices(fit.experiment)))
 
 
 def _mean(values: np.ndarray) -> float:

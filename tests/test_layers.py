@@ -31,7 +31,7 @@ LAYERS = [
     ["parameters", "experiment"],
     ["overrides", "pulling"],
     ["choices"],
-    ["covered", "drawn"],
+    ["carried", "covered", "drawn"],
     ["elsewhere", "conversion"],
     # inference and what is made of it
     ["inference"],

@@ -22,6 +22,7 @@ from qlvbayes.cli.options import (
     Out,
     Pads,
     Prior,
+    Rested,
     Seed,
     Style,
     Tolerance,
@@ -46,6 +47,7 @@ def diagnose_command(
     modes: Modes = 2,
     noise: Noise = "correlated",
     bonded: Bonded = None,
+    rested: Rested = False,
     prior: Prior = None,
     fix: Fix = None,
     add: Add = None,
@@ -69,7 +71,9 @@ def diagnose_command(
     watcher = Terminal(quiet=as_json)
     for notice in study.notices:
         watcher.notice(notice)
-    choices = model_choices(study, elastic, modes, noise, bonded, prior, fix, add, effects_file)
+    choices = model_choices(
+        study, elastic, modes, noise, bonded, prior, fix, add, effects_file, rested
+    )
     found = [
         diagnose_into(
             output / pad.name,

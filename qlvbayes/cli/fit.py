@@ -22,6 +22,7 @@ from qlvbayes.cli.options import (
     Pads,
     Prior,
     References,
+    Rested,
     Seed,
     Style,
     chosen_pads,
@@ -46,6 +47,7 @@ def fit(
     modes: Modes = 2,
     noise: Noise = "correlated",
     bonded: Bonded = None,
+    rested: Rested = False,
     prior: Prior = None,
     fix: Fix = None,
     add: Add = None,
@@ -65,7 +67,9 @@ def fit(
     """
     with waiting("reading"):
         study = read_study(file)
-    choices = model_choices(study, elastic, modes, noise, bonded, prior, fix, add, effects_file)
+    choices = model_choices(
+        study, elastic, modes, noise, bonded, prior, fix, add, effects_file, rested
+    )
     settings = Settings(walkers=walkers, max_steps=max_steps, seed=seed)
     if method not in METHODS:
         raise InputError(f"no method {method!r}", remedy=f"use one of {', '.join(METHODS)}")

@@ -34,6 +34,13 @@ Add = Annotated[
 EffectsFile = Annotated[
     Path | None, typer.Option(help="A Python file with effects of your own.", show_default=False)
 ]
+Rested = Annotated[
+    bool,
+    typer.Option(
+        "--rested",
+        help="Take every test to begin with a pad at rest: carry nothing over from the one before.",
+    ),
+]
 Noise = Annotated[str, typer.Option(help=f"One of {', '.join(NOISES)}.")]
 Prior = Annotated[
     list[str] | None, typer.Option(help="A prior, as 'v[1]=lognormal(1.8,0.5)'; repeatable.")
@@ -89,6 +96,7 @@ def model_choices(
     fix: list[str] | None,
     add: list[str] | None,
     effects_file: Path | None,
+    rested: bool,
 ) -> Choices:
     """The model's description from the options that every command shares."""
     choices = Choices(
@@ -100,6 +108,7 @@ def model_choices(
         bonded=study.units.bonded_default if bonded is None else bonded,
         effects=tuple(add or ()),
         effects_file=None if effects_file is None else str(effects_file.resolve()),
+        rested=rested,
     )
     for name in choices.effects:
         find(name, choices.kinds)

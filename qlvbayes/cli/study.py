@@ -20,6 +20,7 @@ from qlvbayes.cli.options import (
     Pads,
     Prior,
     References,
+    Rested,
     Seed,
     Style,
     Tolerance,
@@ -42,6 +43,7 @@ def study_command(
     modes: Modes = 2,
     noise: Noise = "correlated",
     bonded: Bonded = None,
+    rested: Rested = False,
     prior: Prior = None,
     fix: Fix = None,
     add: Add = None,
@@ -64,7 +66,9 @@ def study_command(
     watcher = Terminal()
     for notice in study.notices:
         watcher.notice(notice)
-    choices = model_choices(study, elastic, modes, noise, bonded, prior, fix, add, effects_file)
+    choices = model_choices(
+        study, elastic, modes, noise, bonded, prior, fix, add, effects_file, rested
+    )
     settings = Settings(max_steps=max_steps, seed=seed)
     verdicts = run_study(
         study,

@@ -48,6 +48,7 @@ def diagnose(
     """
     settings = settings or Settings()
     choices = choices or Choices()
+    experiment = replace(experiment, rested=choices.rested)
     forget_compiled()
     ensemble = _ensemble(experiment, choices, kinds)
     samples = Samples.of(experiment, ensemble)
@@ -62,7 +63,8 @@ def diagnose(
     sampled = _nested(ensemble, path, seed, tell) if evidence == "nested" else ()
     protocol = protocol_of(experiment, bonded=choices.bonded)
     notices = pull_notices(experiment, bonded=choices.bonded, effects=choices.effects)
-    return replace(summed_up(found, protocol, sampled, settings), notices=notices)
+    summed = summed_up(found, protocol, sampled, settings)
+    return replace(summed, notices=(*notices, *summed.notices))
 
 
 def _nested(ensemble: Ensemble, path: Path, seed: int, tell: Tell) -> tuple[Sampled, ...]:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
+import numpy as np
 from scipy.special import softmax
 
+from qlvbayes.carried import carried_notices, clock_notices
 from qlvbayes.diagnosis.averaging import Explanation, averaged
 from qlvbayes.diagnosis.contest import Contender
 from qlvbayes.diagnosis.design import Suggestion, suggest
@@ -27,8 +30,9 @@ from qlvbayes.diagnosis.verdict import (
 )
 from qlvbayes.effects.effect import Protocol
 from qlvbayes.experiment import Experiment
-from qlvbayes.inference.gaussnewton import Point
+from qlvbayes.inference.gaussnewton import Point, pad_directions, predict_along
 from qlvbayes.inference.subset import Ensemble
+from qlvbayes.records.record import Record
 
 
 def summed_up(
@@ -60,7 +64,21 @@ def summed_up(
         not_ruled_out=_not_ruled_out(judged.explanations, settings),
         constants=_constants(work, judged.explanations),
         remainder=judged.remainder,
+        notices=_notices(work),
     )
+
+
+def _notices(work: Work) -> tuple[str, ...]:
+    """What the tests have from each other, by the last model that is told."""
+    experiment, ensemble = work.experiment, work.ensemble
+    constants = work.path.last.point.constants
+
+    def predict(record: Record) -> np.ndarray:
+        other = Ensemble(replace(ensemble.posterior, record=record), ensemble.costly, ensemble.own)
+        return predict_along(other, constants, pad_directions(np.zeros((1, constants.size))))[0]
+
+    carried = carried_notices(experiment, experiment.trials, ensemble.posterior.record, predict)
+    return (*carried, *(() if experiment.rested else clock_notices(experiment)))
 
 
 def _named(path: Path, group: tuple[str, ...]) -> tuple[str, ...]:

@@ -121,7 +121,7 @@ class Diagnosis:
     the likeliest explanations within the window of the one named, or of the likeliest if none is,
     none where the verdict is ``unexplained``; constants: the plain model's, averaged over all
     explanations in the window, or by the last model if there are none; remainder: size of what the
-    last model leaves; notices: about the measurements.
+    last model leaves; notices: what one should know of the tests.
     """
 
     pad: str

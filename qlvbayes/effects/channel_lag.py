@@ -40,7 +40,8 @@ class ChannelLag(AbstractEffect):
     def force(self, below: Law, motion: Motion) -> Array:
         """Force beneath at the delayed times."""
         late = motion.time - self.delay
-        late = jnp.where(late > motion.time[0], late, motion.time[0])
+        first = motion.alone.time[0]
+        late = jnp.where(late > first, late, first)
         joined = jax.tree.map(
             lambda new, old: jnp.concatenate([new, old]) if old.ndim else old,
             _at(motion, late),
@@ -69,4 +70,5 @@ def _at(motion: Motion, time: Array) -> Motion:
         motion.velocity[here] + motion.acceleration[here] * elapsed,
         motion.acceleration[here],
         motion.start,
+        None if motion.ago is None else jnp.zeros_like(motion.ago),
     )

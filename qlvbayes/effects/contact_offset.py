@@ -38,12 +38,13 @@ class ContactOffset(AbstractEffect):
         return cls(scales.signed(scales.stiffness))
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Shift the depth; the time before the test is one more grid point."""
+        """Shift the depth; the time before all that is known is one more grid point."""
         rested = Motion(
             jnp.concatenate([motion.time[:1] - _REST, motion.time]),
             jnp.concatenate([jnp.zeros(1), motion.displacement]),
             jnp.concatenate([jnp.zeros(1), motion.velocity]),
             jnp.concatenate([jnp.zeros(1), motion.acceleration]),
             motion.start,
+            None if motion.ago is None else jnp.concatenate([motion.ago[:1], motion.ago]),
         )
         return below.force(at_depth(rested, rested.displacement - self.gap))[1:]

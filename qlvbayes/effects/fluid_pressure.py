@@ -48,7 +48,8 @@ class FluidPressure(AbstractEffect):
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Add the pressure."""
-        xi = material_time(motion.time, motion.displacement, -self.a)
+        own = motion.alone
+        xi = material_time(own.time, own.displacement, -self.a)
         mode = Prony(jnp.array([0.0, 1.0]), jnp.reshape(1.0 / self.tau, (1,)))
-        depth = motion.displacement - motion.displacement[0]
+        depth = own.displacement - own.displacement[0]
         return below.force(motion) + hereditary_force(Linear(self.k), mode, xi, depth)

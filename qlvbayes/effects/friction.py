@@ -41,8 +41,8 @@ class Friction(AbstractEffect):
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Add the friction."""
-        way = jnp.cumsum(jnp.abs(jnp.diff(motion.displacement, prepend=motion.displacement[:1])))
+        place = motion.alone.displacement
+        way = jnp.cumsum(jnp.abs(jnp.diff(place, prepend=place[:1])))
         mode = Prony(jnp.array([0.0, 1.0]), jnp.reshape(1.0 / self.reach, (1,)))
-        depth = motion.displacement - motion.displacement[0]
-        slide = hereditary_force(Linear(1.0 / self.reach), mode, way, depth)
+        slide = hereditary_force(Linear(1.0 / self.reach), mode, way, place - place[0])
         return below.force(motion) + self.strength * slide

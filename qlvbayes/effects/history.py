@@ -9,10 +9,16 @@ from jaxtyping import Array, ArrayLike
 from qlvbayes.smoothmath import exp_slope
 
 
-def largest(depth: Array) -> Array:
-    """Largest ``depth`` (N,) so far, at each point; its slope is that of the point it came from."""
+def largest(depth: Array, ago: Array | None = None) -> Array:
+    """Largest ``depth`` (N,) so far in the test, at each point.
+
+    Its slope is that of the point it came from. ``ago``: the tests that the points lie in, as in
+    `Motion`; each has a largest depth of its own.
+    """
     place = jnp.arange(depth.shape[0])
     fixed = jax.lax.stop_gradient(depth)
+    if ago is not None:  # no depth of an earlier test comes up to one of a later test
+        fixed = fixed - (2.0 * jnp.max(jnp.abs(fixed)) + 1.0) * ago
     return depth[jax.lax.cummax(jnp.where(fixed >= jax.lax.cummax(fixed), place, 0))]
 
 

@@ -37,7 +37,7 @@ class PermanentSet(AbstractEffect):
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Lower the depth; while it is the largest so far, the set grows with it."""
-        deepest = jnp.maximum(largest(motion.displacement), 0.0)
+        deepest = jnp.maximum(largest(motion.displacement, motion.ago), 0.0)
         growing = (motion.displacement >= deepest) & (motion.velocity > 0.0)
         kept = jnp.where(growing, 1.0 - self.share, 1.0)
         slowed = replace(

@@ -36,7 +36,7 @@ class StressSoftening(AbstractEffect):
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Soften below the largest depth."""
-        deepest = largest(motion.displacement)
+        deepest = largest(motion.displacement, motion.ago)
         pressed = deepest > 0.0
         slack = 1.0 - motion.displacement / jnp.where(pressed, deepest, 1.0)
         return below.force(motion) * (1.0 - self.s * jnp.where(pressed, slack, 0.0))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -20,6 +21,8 @@ def batch(records: Sequence[Record]) -> Record:
     """Records along a leading axis; the grid's last point and masked blocks fill them up."""
     points = _rounded(max(r.motion.time.shape[0] for r in records), _GRID_STEP)
     blocks = _rounded(max(r.blocks.force.shape[0] for r in records), _BLOCK_STEP)
+    if any(record.motion.ago is not None for record in records):
+        records = [_with_ago(record) for record in records]
     padded = [_pad(record, points, blocks) for record in records]
     return jax.tree.map(lambda *leaves: jnp.stack(leaves), *padded)
 
@@ -36,6 +39,7 @@ def _pad(record: Record, points: int, blocks: int) -> Record:
         _extend(seen.velocity, points),
         _extend(seen.acceleration, points),
         seen.start,
+        None if seen.ago is None else _extend(seen.ago, points),
     )
     size = record.blocks.force.shape[0]
     full = Blocks(*(_extend(x, blocks) for x in jax.tree.leaves(record.blocks)))
@@ -43,6 +47,15 @@ def _pad(record: Record, points: int, blocks: int) -> Record:
     # one sample, of no duration: the noise model's closed forms stay finite in padding
     single = (full.force, jnp.where(real, full.count, 1.0), full.first, full.last, full.weight)
     return Record(motion, _extend(record.nodes, blocks), Blocks(*single, real))
+
+
+def _with_ago(record: Record) -> Record:
+    """The record; that no earlier test is carried along in it, told by number."""
+    motion = record.motion
+    if motion.ago is not None:
+        return record
+    alone = replace(motion, ago=jnp.zeros(motion.time.shape, int))
+    return Record(alone, record.nodes, record.blocks)
 
 
 def _extend(values: Array, size: int) -> Array:

@@ -17,6 +17,8 @@ from qlvbayes.data import Test
 from qlvbayes.kinematics.phases import Phase, find_phases
 from qlvbayes.kinematics.trajectory import Trajectory
 from qlvbayes.motion import Motion
+from qlvbayes.records.grid import grid_times, path_at
+from qlvbayes.records.past import Past
 from qlvbayes.records.record import Blocks, Record
 
 GROWTH = 0.2  # a block's width over the time since its phase began
@@ -26,7 +28,6 @@ _MOST_KINKS = 40
 _BESIDE = 1.2  # sampling intervals either side of a kink that are left out,
 _SPARED = 0.03  # if they are at most this share of the phases around it
 _EVEN = 1.5  # a gap this much longer than one beside it ends a block
-_CHORD = 1e-4  # of the stroke: how far the grid's straight lines may be from the motion
 
 
 def block_edges(phases: Sequence[Phase], kinks: np.ndarray, shortest: float) -> np.ndarray:
@@ -112,11 +113,12 @@ def reduce_test(
     sd_scale: float = 1.0,
     start: float = 0.0,
     blocks: bool = True,
+    past: Past | None = None,
 ) -> Record:
     """The record of one test: block means, their nodes, and the motion on a grid of times.
 
     sd_scale: what measured sds are divided by; start: the pad's clock at time 0 (s); blocks: False
-    keeps every sample by itself.
+    keeps every sample by itself; past: what the test remembers of earlier ones.
     """
     begin = np.arange(test.time.size)
     kept = np.ones(begin.size, dtype=bool)
@@ -130,9 +132,13 @@ def reduce_test(
     averaged = jax.tree.map(lambda x: x[kept], _average(test, begin, sd_scale))
     centre, half = (x[kept] for x in _nodes(test.time, begin))
     nodes = np.stack([centre - half, centre + half])
-    grid = _grid(trajectory, np.unique(nodes), test.time[0])
+    begun = past is None or not past.stays
+    grid = grid_times(trajectory, np.unique(nodes), test.time[0], begun=begun)
     motion = _motion(trajectory, grid, test.time[0], start)
-    return Record(motion, jnp.asarray(np.searchsorted(grid, nodes).T), averaged)
+    places = np.searchsorted(grid, nodes).T
+    if past is not None:
+        motion, places = _remembering(motion, past), places + past.time.size
+    return Record(motion, jnp.asarray(places), averaged)
 
 
 def planned_record(
@@ -144,8 +150,7 @@ def planned_record(
 
 
 def _motion(trajectory: Trajectory, grid: np.ndarray, first: float, start: float) -> Motion:
-    # what lies before the first sample is the approach: it begins at zero displacement
-    displacement = np.where(grid < first, 0.0, trajectory.displacement(grid))
+    displacement = path_at(trajectory, grid, first)
     velocity, acceleration = trajectory.velocity(grid), trajectory.acceleration(grid)
     return Motion(
         jnp.asarray(grid),
@@ -153,6 +158,22 @@ def _motion(trajectory: Trajectory, grid: np.ndarray, first: float, start: float
         jnp.asarray(velocity),
         jnp.asarray(acceleration),
         start,
+    )
+
+
+def _remembering(motion: Motion, past: Past) -> Motion:
+    """The motion with the earlier tests before it, at rest between their points."""
+    first = np.nextafter(float(motion.time[0]), -np.inf)
+    time = jnp.asarray(np.minimum(past.time, first))
+    still = jnp.zeros(time.shape)
+    join = lambda x, y: jnp.concatenate([x, y])  # noqa: E731
+    return Motion(
+        join(time, motion.time),
+        join(jnp.asarray(past.displacement), motion.displacement),
+        join(still, motion.velocity),
+        join(still, motion.acceleration),
+        motion.start,
+        join(jnp.asarray(past.ago), jnp.zeros(motion.time.shape, past.ago.dtype)),
     )
 
 
@@ -174,26 +195,3 @@ def _nodes(time: np.ndarray, begin: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     mean = np.add.reduceat(offset, begin) / count
     spread = np.add.reduceat((offset - np.repeat(mean, count)) ** 2, begin) / count
     return time[begin] + mean, np.sqrt(spread)
-
-
-def _grid(trajectory: Trajectory, nodes: np.ndarray, first: float) -> np.ndarray:
-    """Nodes, the beginning, kinks, and enough points between for straight lines to do."""
-    stroke = np.ptp(trajectory.displacement(trajectory.knots))
-    tolerance = max(0.25 * trajectory.resolution, _CHORD * stroke)
-    inner = trajectory.knots[(trajectory.knots > first) & (trajectory.knots < nodes[-1])]
-    points = np.unique(np.concatenate([_approach(trajectory, first), [first], inner, nodes]))
-    width = np.diff(points)
-    bend = np.abs(trajectory.acceleration(0.5 * (points[1:] + points[:-1])))
-    pieces = np.ceil(width * np.sqrt(bend / (8.0 * tolerance))).astype(int)
-    extra = [
-        np.linspace(points[k], points[k + 1], pieces[k] + 1)[1:-1]
-        for k in np.flatnonzero(pieces > 1)
-    ]
-    return np.unique(np.concatenate([points, *extra]))
-
-
-def _approach(trajectory: Trajectory, first: float) -> np.ndarray:
-    """When a record that begins on the move was last at zero displacement."""
-    depth = float(trajectory.displacement(np.array([first]))[0])
-    speed = float(trajectory.velocity(np.array([first]))[0])
-    return np.array([first - depth / speed]) if depth * speed > 0.0 else np.zeros(0)

@@ -50,7 +50,10 @@ def fit_into(
         found = fit_pad(
             experiment, choices, method=method, settings=settings, folder=chain, progress=progress
         )
-    summary = replace(summarise(found), notices=notices)
+    summary = summarise(found)
+    for text in summary.notices:
+        watcher.notice(text)
+    summary = replace(summary, notices=(*notices, *summary.notices))
     with watcher.doing(f"pad {pad.name}: writing"):
         tree = to_arviz(
             found,

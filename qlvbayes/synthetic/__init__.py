@@ -77,6 +77,7 @@ from .rig import (
     simulate_test,
 )
 from .sensors import ENCODER_STEP, NOISES, Noise, encode
+from .sequence import Sequence, join_programs, record_sequence
 
 __all__ = [
     "ENCODER_STEP",
@@ -126,6 +127,7 @@ __all__ = [
     "SaturatingLeak",
     "SecondContact",
     "SensorNonlinearity",
+    "Sequence",
     "SimulatedTest",
     "Slip",
     "SlowCreepJump",
@@ -145,9 +147,11 @@ __all__ = [
     "elastic_force",
     "encode",
     "full_retraction_protocol",
+    "join_programs",
     "pads_of_table_1",
     "paper_protocol",
     "parse_effect",
+    "record_sequence",
     "record_study",
     "record_test",
     "simulate_file",

@@ -105,7 +105,7 @@ def record_study(
         for label, program in programs.items():
             name = f"{pad}-{label}"
             platen = Platen(tuple(program), start_s=clock)
-            rng = _stream(seed, name)
+            rng = stream(seed, name)
             record = record_test(material, platen, noise, rng, max_rows=max_rows)
             tests.append(SimulatedTest(pad, name, clock, record))
             clock += platen.duration + _PAUSE_S
@@ -137,7 +137,8 @@ def simulate_study(
     return record_study(pads, programs, noise, seed, max_rows)
 
 
-def _stream(seed: int, name: str) -> np.random.Generator:
+def stream(seed: int, name: str) -> np.random.Generator:
+    """Random numbers of one test, from the study's seed (0 or more) and the test's name."""
     if seed < 0:
         raise InputError(f"the seed must be at least 0, not {seed}")
     return np.random.default_rng([seed, *name.encode()])

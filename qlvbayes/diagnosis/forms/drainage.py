@@ -141,7 +141,8 @@ def _pressures(record: Record, values: Array, reference: float, bonded: bool) ->
     """(T, B) block means of the pressure."""
 
     def one(single: Record) -> Array:
-        motion = single.motion if bonded else touching(single.motion)
+        own = single.motion.alone
+        motion = own if bonded else touching(own)
         return single.average(drained_pressure(motion, values, reference))
 
     return jax.vmap(one)(record)

@@ -1,0 +1,323 @@
+"""What has not relaxed in a pause goes on in the next test."""
+
+import json
+from dataclasses import fields, replace
+from functools import cache
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from qlvbayes.carried import carried_over
+from qlvbayes.choices import Choices
+from qlvbayes.data import Pad as MeasuredPad
+from qlvbayes.data import Test, read_study
+from qlvbayes.effects.catalogue import find
+from qlvbayes.elastic import Exponential
+from qlvbayes.experiment import prepare
+from qlvbayes.fit import build_posterior, fit_pad
+from qlvbayes.inference import compiled
+from qlvbayes.kinematics.trajectory import Trajectory
+from qlvbayes.model import Model
+from qlvbayes.motion import Motion
+from qlvbayes.records.past import REST, carried_tests, past_of
+from qlvbayes.relaxation import Prony
+from qlvbayes.summary import summarise
+from qlvbayes.synthetic import (
+    NOISES,
+    Constants,
+    HiddenPad,
+    Hold,
+    Pad,
+    Platen,
+    draw_effect,
+    full_retraction_protocol,
+    join_programs,
+    paper_protocol,
+    record_sequence,
+)
+from qlvbayes.units import PAD
+
+SLOW = Constants(m=0.34, b=1.165, c=(0.3, 0.5, 0.2), v=(3.0, 0.05))
+PAUSE, AT_ONCE, RETURN = 5.0, 1e8, 1e5  # s, mm/s2, mm/s: the platen goes back in 60 us
+CLOSE = 1e-6  # of the peak force
+PAPER = {"slow": paper_protocol(1.0), "fast": paper_protocol(20.0), "last": paper_protocol(5.0)}
+FULL = {"one": full_retraction_protocol(5.0), "two": full_retraction_protocol(30.0)}
+
+
+def plain(constants=SLOW, *, bonded=True):
+    relaxation = Prony(jnp.array(constants.c), jnp.array(constants.v))
+    return Model(Exponential(constants.m, constants.b), relaxation, bonded)
+
+
+def path_of(platen):
+    """The platen's exact motion."""
+    rows = [(p.displacement, p.velocity, p.acceleration) for p in platen.pieces]
+    knots = [p.start for p in platen.pieces] + [platen.duration]
+    return Trajectory(np.array(knots), *np.array(rows).T, 0.0)
+
+
+def dense(platen):
+    even, early = np.linspace(0.0, 1.0, 201), np.linspace(0.0, 1.0, 161) ** 4
+    parts = [p.start + p.duration * (even if p.velocity else early) for p in platen.pieces]
+    return np.unique(np.concatenate([*parts, [platen.duration]]))
+
+
+def alone(platen, time):
+    along = (platen.displacement(time), platen.velocity(time), platen.acceleration(time))
+    return Motion(*map(jnp.asarray, (time, *along)))
+
+
+def remembering(motion, past):
+    still = np.zeros(past.time.size)
+    own = (motion.time, motion.displacement, motion.velocity, motion.acceleration)
+    before = (past.time, past.displacement, still, still)
+    joined = [np.concatenate(pair) for pair in zip(before, own, strict=True)]
+    ago = np.concatenate([past.ago, np.zeros(motion.time.size, int)])
+    return Motion(*map(jnp.asarray, joined), motion.start, jnp.asarray(ago))
+
+
+def sequence(programs, *, acceleration=AT_ONCE, return_speed=RETURN, pause=PAUSE, time=None):
+    """The whole motion, and the last test's own, times (s) and what it remembers."""
+    whole = join_programs(
+        programs, pause, return_speed=return_speed, acceleration_limit=acceleration
+    )
+    platens, tests = [], []
+    for name, begin, end in zip(whole.names, whole.begins, whole.ends, strict=True):
+        program = tuple(programs[name])
+        if return_speed is None and begin > 0.0:
+            program = (Hold(end - begin),)
+        platens.append(Platen(program, acceleration))
+        time = dense(platens[-1])
+        tests.append(Test(name, "P", time, time, time, start_s=begin, start_known=True))
+    paths = [path_of(platen) for platen in platens]
+    past = past_of(len(tests) - 1, tests, paths, 30.0)
+    return whole, platens[-1], tests[-1].time, past
+
+
+def differences(programs, model, pad, *, acceleration=AT_ONCE):
+    """(n,) what the earlier tests add to the last one's force: by the model, by the equations."""
+    whole, platen, time, past = sequence(programs, acceleration=acceleration)
+    motion = alone(platen, time)
+    carried = np.asarray(model.force(remembering(motion, past)))[past.time.size :]
+    own = np.asarray(model.force(motion))
+    inside = np.clip(whole.begins[-1] + time, None, whole.platen.duration)
+    true = pad.force(whole.platen, inside) - pad.force(platen, time)
+    return carried - own, true, own.max()
+
+
+@pytest.mark.parametrize("programs", [PAPER, FULL])
+def test_the_past_adds_what_the_equations_add(programs):
+    """Solved by a stiff integrator through the pauses, a mode of 0.05/s after 5 s."""
+    found, true, peak = differences(programs, plain(), Pad(SLOW, bonded=True))
+    assert np.max(np.abs(true)) > 0.01 * peak
+    assert np.max(np.abs(found - true)) < CLOSE * peak
+
+
+def own(effect):
+    """The model's effect of the same constants as a simulated one."""
+    kind = find(effect.name)
+    return kind(**{field.name: getattr(effect, field.name) for field in fields(kind)})
+
+
+@pytest.mark.parametrize("name", ["contact_offset", "frame_compliance", "strain_dependent_rate"])
+def test_an_effect_on_depth_or_time_acts_on_the_past_too(name):
+    effect = draw_effect(name, np.random.default_rng(1), 1.4, 1.6, 30.0, 0.06, SLOW)
+    pad = HiddenPad(SLOW, (effect,))
+    model = plain(bonded=False) + own(effect)
+    found, true, peak = differences(FULL, model, pad, acceleration=1000.0)
+    unheeded, _, _ = differences(FULL, plain(bonded=False), pad, acceleration=1000.0)
+    assert np.max(np.abs(found - true)) < 1e-5 * peak
+    assert np.max(np.abs(unheeded - true)) > 1e-3 * peak
+
+
+PER_TEST = {
+    "viscous_drag": {"eta": 0.02},
+    "squeeze_film": {"eta": 0.01, "h": 3.0},
+    "fluid_pressure": {"k": 0.2, "tau": 0.4, "a": 0.3},
+    "friction": {"strength": 0.1, "reach": 0.05},
+    "stress_softening": {"s": 0.3},
+    "fluid_leak": {"rate": 1e-3},
+    "force_drift": {"rate": 1e-3},
+    "inertia": {"mass": 1e-4},
+    "channel_lag": {"delay": 0.02},
+}
+
+
+@pytest.mark.parametrize("name", PER_TEST)
+def test_what_an_effect_adds_to_a_relaxed_pad_is_that_of_the_test_alone(name):
+    """The modes here relax within a pause: then nothing that came before it matters."""
+    _, platen, time, past = sequence(PAPER)
+    motion = replace(alone(platen, time), start=jnp.asarray(500.0))
+    quick = Constants(m=0.34, b=1.165, c=(0.3, 0.5, 0.2), v=(20.0, 15.0))
+    model = plain(quick, bonded=False) + find(name)(**PER_TEST[name])
+    before = np.asarray(model.force(motion))
+    after = np.asarray(model.force(remembering(motion, past)))[past.time.size :]
+    np.testing.assert_allclose(after, before, atol=1e-12 * before.max())
+    assert np.max(np.abs(before - np.asarray(plain(quick, bonded=False).force(motion)))) > 1e-3
+
+
+def test_the_set_of_a_test_is_that_of_its_own_largest_depth():
+    """The test before went twice as deep; relaxed, it leaves no trace."""
+    deep = {
+        "deep": full_retraction_protocol(5.0, 1.6),
+        "shallow": full_retraction_protocol(5.0, 0.8),
+    }
+    _, platen, time, past = sequence(deep)
+    motion = alone(platen, time)
+    quick = Constants(m=0.34, b=1.165, c=(0.3, 0.5, 0.2), v=(20.0, 15.0))
+    model = plain(quick, bonded=False) + find("permanent_set")(share=0.1)
+    before = np.asarray(model.force(motion))
+    after = np.asarray(model.force(remembering(motion, past)))[past.time.size :]
+    np.testing.assert_allclose(after, before, atol=1e-12 * before.max())
+
+
+def test_a_platen_that_stays_keeps_pressing_through_the_pause():
+    """A test that holds where the one before ended is the end of one long test."""
+    programs = {"press": paper_protocol(5.0), "wait": (Hold(20.0),)}
+    whole = join_programs(programs, PAUSE, return_speed=None)
+    first = Platen(tuple(programs["press"]))
+    time = np.linspace(0.0, 20.0, 60)
+    rest = Trajectory(np.array([0.0, 20.0]), *np.array([[0.8], [0.0], [0.0]]), 0.0)
+    tests = [
+        Test("press", "P", dense(first), dense(first), dense(first), start_known=True),
+        Test("wait", "P", time, time, time, start_s=whole.begins[1], start_known=True),
+    ]
+    past = past_of(1, tests, [path_of(first), rest], 30.0)
+    assert past.stays
+    depth = np.full(time.size, 0.8)
+    motion = remembering(Motion(*map(jnp.asarray, (time, depth, 0 * time, 0 * time))), past)
+    found = np.asarray(plain().force(motion))[past.time.size :]
+    true = Pad(SLOW, bonded=True).force(
+        whole.platen, np.minimum(whole.begins[1] + time, whole.ends[1])
+    )
+    np.testing.assert_allclose(found, true, atol=1e-6 * 2.0)
+
+
+def clocked(*starts, known=True):
+    time = np.linspace(0.0, 60.0, 20)
+    return [
+        Test(f"T{k}", "P", time, time, time, start_s=start, start_known=known)
+        for k, start in enumerate(starts)
+    ]
+
+
+def test_a_pause_that_is_rest_ends_the_memory():
+    rest = REST * 30.0
+    assert carried_tests(3, clocked(0.0, 65.0, 125.0 + rest, 190.0 + rest), 30.0) == [2]
+    assert carried_tests(2, clocked(0.0, 65.0, 130.0), 30.0) == [1, 0]
+    assert carried_tests(1, clocked(0.0, 60.0 + rest), 30.0) == []
+
+
+def test_an_unknown_or_impossible_clock_carries_nothing():
+    assert carried_tests(1, clocked(0.0, 65.0, known=False), 30.0) == []
+    assert carried_tests(1, clocked(0.0, 30.0), 30.0) == []
+
+
+def test_the_order_is_that_of_the_clock():
+    assert carried_tests(0, clocked(65.0, 0.0), 30.0) == [1]
+
+
+@cache
+def measured(known=True, carried=True):
+    """Tests 5 s after one another on a pad of two modes, as a file would give them."""
+    programs = {f"{rate:g}": paper_protocol(rate) for rate in (1.0, 20.0, 5.0)}
+    found = record_sequence(
+        Pad(SLOW), programs, NOISES["white"], 3, pause_s=PAUSE, carried=carried, max_rows=400
+    )
+    return MeasuredPad(
+        "P",
+        tuple(
+            Test(
+                t.name,
+                "P",
+                t.record.time,
+                t.record.displacement,
+                t.record.force,
+                start_s=t.start_s,
+                start_known=known,
+            )
+            for t in found
+        ),
+        PAD,
+    )
+
+
+def test_rested_gives_the_record_of_tests_from_rest():
+    known, unknown = (prepare(measured(k), all_tests=True) for k in (True, False))
+    rested = build_posterior(known, Choices(rested=True), known.trials)
+    before = build_posterior(unknown, Choices(), unknown.trials)
+    assert rested.record.motion.ago is None
+    carried = build_posterior(known, Choices(), known.trials)
+    assert carried.record.motion.ago is not None
+    theta = np.linspace(-0.3, 0.3, before.size)[None]
+    assert compiled.log_densities(rested, theta) == compiled.log_densities(before, theta)
+    assert compiled.log_densities(carried, theta) != compiled.log_densities(before, theta)
+
+
+def test_blocks_and_samples_are_those_of_the_test_itself():
+    experiment = prepare(measured(), all_tests=True)
+    record = experiment.record(experiment.trials)
+    alone_ = replace(experiment, rested=True).record(experiment.trials)
+    places = np.asarray(record.nodes)
+    for k in range(3):
+        times = np.asarray(record.motion.time)[k][places[k]]
+        np.testing.assert_array_equal(
+            times, np.asarray(alone_.motion.time)[k][np.asarray(alone_.nodes)[k]]
+        )
+
+
+@cache
+def fitted(rested):
+    choices = Choices(noise="white", rested=rested)
+    return fit_pad(prepare(measured(), all_tests=True), choices, method="least-squares")
+
+
+def test_constants_are_found_where_tests_from_rest_would_bend_them():
+    truth = {"m": SLOW.m, "b": SLOW.b, "c[2]": SLOW.c[2], "v[2]": SLOW.v[1]}
+    carried, rested = summarise(fitted(False)), summarise(fitted(True))
+    for name, value in truth.items():
+        assert abs(carried[name].mean - value) < 4.0 * carried[name].sd, name
+    assert abs(rested["c[2]"].mean - SLOW.c[2]) > 8.0 * carried["c[2]"].sd
+    assert fitted(True).facts["residual_sd"] > 3.0 * fitted(False).facts["residual_sd"]
+
+
+def test_the_fit_says_what_was_still_relaxing():
+    (notice,) = summarise(fitted(False)).notices
+    assert "began 5 s after" in notice
+    assert "% of the largest force of" in notice
+    assert summarise(fitted(True)).notices == ()
+    assert summarise(fitted(False)).as_dict()["notices"] == [notice]
+
+
+def test_the_share_that_is_told_is_that_of_the_equations():
+    fit = fitted(False)
+    constants = np.median(fit.constants.reshape(-1, fit.constants.shape[-1]), axis=0)[None]
+
+    def predict(record):
+        return np.asarray(compiled.predictions(replace(fit.posterior, record=record), constants))[0]
+
+    _, second = carried_over(fit.experiment, fit.trials, fit.posterior.record, predict)
+    with_it, without = (measured(carried=c).tests[2].force for c in (True, False))
+    # the noise of both is the same
+    true = np.max(np.abs(with_it - without)) / np.max(measured().tests[1].force)
+    assert second.share == pytest.approx(true, rel=0.05)
+    assert second.pause == pytest.approx(PAUSE)
+
+
+def test_results_that_do_not_say_so_are_of_tests_from_rest():
+    old = Choices().as_dict()
+    del old["rested"]
+    assert Choices.from_dict(json.loads(json.dumps(old))).rested
+    assert not Choices.from_dict(json.loads(json.dumps(Choices().as_dict()))).rested
+
+
+def test_a_file_tells_whether_its_clock_is_known(tmp_path):
+    rows = [f"{t},{0.1 * t},{t}" for t in range(12)]
+    both = [f"{name},{row}" for name in "ab" for row in rows]
+    plain_file, timed = tmp_path / "plain.csv", tmp_path / "timed.csv"
+    plain_file.write_text("\n".join(["test,time_s,displacement_mm,force_N", *both]))
+    starts = [f"{0 if row[0] == 'a' else 30},{row}" for row in both]
+    timed.write_text("\n".join(["start_s,test,time_s,displacement_mm,force_N", *starts]))
+    assert [t.start_known for t in read_study(plain_file).pads[0].tests] == [False, False]
+    assert [t.start_known for t in read_study(timed).pads[0].tests] == [True, True]
