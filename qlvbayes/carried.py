@@ -80,8 +80,8 @@ def clock_notices(experiment: Experiment) -> tuple[str, ...]:
     """Tests that began, by the clock that was declared, before another had ended."""
     tests = sorted((t.test for t in experiment.trials), key=lambda test: test.start_s)
     early = [
-        f"pad {experiment.pad}: test {after.name} begins, by its start_s, before {before.name} has ended: nothing is "
-        "carried from one to the other"
+        f"pad {experiment.pad}: test {after.name} begins, by its start_s, before {before.name} has "
+        "ended: nothing is carried from one to the other"
         for before, after in pairwise(tests)
         if (pause(before, after) or 0.0) < -ROUNDED
     ]
