@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
+import jax.numpy as jnp
 import numpy as np
 
 from qlvbayes.fit import Fit
 from qlvbayes.inference.diagnostics import diagnose_chain, highest_density
 from qlvbayes.inference.ensemble import STEPS_PER_TIME
+from qlvbayes.unresolved import unresolved_times
 
 
 @dataclass(frozen=True)
@@ -32,13 +35,17 @@ class Constant:
 
 @dataclass(frozen=True)
 class Summary:
-    """All constants of one pad, and whether the sampling can be trusted."""
+    """All constants of one pad, and whether the sampling can be trusted.
+
+    notices: what the tests cannot say, in a sentence each.
+    """
 
     pad: str
     method: str
     effects: tuple[str, ...]
     constants: tuple[Constant, ...]
     troubles: tuple[str, ...]
+    notices: tuple[str, ...] = ()
 
     @property
     def converged(self) -> bool:
@@ -70,6 +77,7 @@ class Summary:
             "sampler": self.method,
             "converged": self.converged,
             "troubles": list(self.troubles),
+            "notices": list(self.notices),
             "parameters": parameters,
         }
 
@@ -95,8 +103,19 @@ def summarise(fit: Fit) -> Summary:
         )
     troubles = diagnostics.troubles if diagnostics else []
     return Summary(
-        fit.pad, fit.method, fit.choices.effects, tuple(rows), (*troubles, *_length_troubles(fit))
+        fit.pad,
+        fit.method,
+        fit.choices.effects,
+        tuple(rows),
+        (*troubles, *_length_troubles(fit)),
+        tuple(_notices(fit, rows)),
     )
+
+
+def _notices(fit: Fit, rows: list[Constant]) -> Iterator[str]:
+    medians = jnp.asarray([row.median for row in rows])
+    model = fit.posterior.with_constants(medians)[0]
+    return unresolved_times(model.relaxation, fit.experiment.scales)
 
 
 def _mean(values: np.ndarray) -> float:

@@ -17,11 +17,13 @@ from qlvbayes.cli.options import (
     EffectsFile,
     Elastic,
     Fix,
+    LawsFile,
     Modes,
     Noise,
     Out,
     Pads,
     Prior,
+    Relaxation,
     Seed,
     Style,
     chosen_pads,
@@ -41,13 +43,15 @@ def diagnose_command(
     output: Out,
     pads: Pads = "",
     elastic: Elastic = "exponential",
-    modes: Modes = 2,
+    relaxation: Relaxation = None,
+    modes: Modes = None,
     noise: Noise = "correlated",
     bonded: Bonded = None,
     prior: Prior = None,
     fix: Fix = None,
     add: Add = None,
     effects_file: EffectsFile = None,
+    laws_file: LawsFile = None,
     evidence: Evidence = "laplace",
     style: Style = None,
     seed: Seed = 0,
@@ -65,7 +69,9 @@ def diagnose_command(
     watcher = Terminal(quiet=as_json)
     for notice in study.notices:
         watcher.notice(notice)
-    choices = model_choices(study, elastic, modes, noise, bonded, prior, fix, add, effects_file)
+    choices = model_choices(
+        study, elastic, relaxation, modes, noise, bonded, prior, fix, add, effects_file, laws_file
+    )
     found = [
         diagnose_into(
             output / pad.name, pad, choices, evidence=evidence, seed=seed, watcher=watcher

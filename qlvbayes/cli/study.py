@@ -14,12 +14,14 @@ from qlvbayes.cli.options import (
     EffectsFile,
     Elastic,
     Fix,
+    LawsFile,
     Modes,
     Noise,
     Out,
     Pads,
     Prior,
     References,
+    Relaxation,
     Seed,
     Style,
     chosen_pads,
@@ -37,13 +39,15 @@ def study_command(
     output: Out,
     pads: Pads = "",
     elastic: Elastic = "exponential",
-    modes: Modes = 2,
+    relaxation: Relaxation = None,
+    modes: Modes = None,
     noise: Noise = "correlated",
     bonded: Bonded = None,
     prior: Prior = None,
     fix: Fix = None,
     add: Add = None,
     effects_file: EffectsFile = None,
+    laws_file: LawsFile = None,
     max_steps: Annotated[int, typer.Option(min=10, help="Steps of the sampler at most.")] = 100_000,
     references: References = None,
     style: Style = None,
@@ -60,7 +64,9 @@ def study_command(
     watcher = Terminal()
     for notice in study.notices:
         watcher.notice(notice)
-    choices = model_choices(study, elastic, modes, noise, bonded, prior, fix, add, effects_file)
+    choices = model_choices(
+        study, elastic, relaxation, modes, noise, bonded, prior, fix, add, effects_file, laws_file
+    )
     settings = Settings(max_steps=max_steps, seed=seed)
     verdicts = run_study(
         study,

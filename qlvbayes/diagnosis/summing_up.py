@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
+import jax.numpy as jnp
 from scipy.special import softmax
 
 from qlvbayes.diagnosis.averaging import Explanation, averaged
@@ -29,6 +30,7 @@ from qlvbayes.effects.effect import Protocol
 from qlvbayes.experiment import Experiment
 from qlvbayes.inference.gaussnewton import Point
 from qlvbayes.inference.subset import Ensemble
+from qlvbayes.unresolved import unresolved_times
 
 
 def summed_up(
@@ -52,6 +54,7 @@ def summed_up(
         coincident=tuple(coincident(ensemble, plain, scores)),
         refused=tuple(path.refused),
         warnings=(*_warnings(ensemble, path), *_disagreements(sampled)),
+        notices=_notices(work),
         suggestions=_suggestions(experiment, ensemble, judged.alike),
         work=work,
         nested=sampled,
@@ -84,6 +87,13 @@ def _warnings(ensemble: Ensemble, path: Path) -> tuple[str, ...]:
         return ()
     check = laplace_check(ensemble, path.last.point)
     return tuple(f"Laplace's evidence: {reason}" for reason in check.reasons)
+
+
+def _notices(work: Work) -> tuple[str, ...]:
+    """Relaxation times of the last model that the tests do not hold."""
+    constants = jnp.asarray(work.path.last.point.constants)
+    model = work.ensemble.posterior.with_constants(constants)[0]
+    return tuple(unresolved_times(model.relaxation, work.experiment.scales))
 
 
 def _suggestions(

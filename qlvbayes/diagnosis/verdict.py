@@ -137,6 +137,7 @@ class Diagnosis:
     suggestions: tuple[Suggestion, ...]
     work: Work
     nested: tuple[Sampled, ...] = ()
+    notices: tuple[str, ...] = ()
     discrepancy: float | None = None
     unlisted: dict[str, float] = field(default_factory=dict)
     outside: str | None = None
@@ -211,6 +212,7 @@ class Diagnosis:
             "coincident": [list(group) for group in self.coincident],
             "refused": [{"effect": name, "reason": why} for name, why in self.refused],
             "warnings": list(self.warnings),
+            "notices": list(self.notices),
             "suggestions": [
                 {"test": s.test, "expected_2_ln_bayes_factor": s.evidence} for s in self.suggestions
             ],
