@@ -15,11 +15,25 @@ from qlvbayes.diagnosis.words import paragraphs
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.effects.conformance import check_effect
 from qlvbayes.effects.effect import AbstractEffect, Level
-from qlvbayes.elastic import Exponential, HertzPower, Linear
 from qlvbayes.experiment import Experiment, prepare
 from qlvbayes.fit import Fit, fit_pad
 from qlvbayes.inference.ensemble import Settings
 from qlvbayes.law import Law
+from qlvbayes.laws.catalogue import LAWS, Laws
+from qlvbayes.laws.conformance import check_law
+from qlvbayes.laws.elastic.cubic import Cubic
+from qlvbayes.laws.elastic.exponential import Exponential
+from qlvbayes.laws.elastic.hertz import HertzPower
+from qlvbayes.laws.elastic.law import AbstractElastic
+from qlvbayes.laws.elastic.linear import Linear
+from qlvbayes.laws.elastic.quadratic import Quadratic
+from qlvbayes.laws.elastic.toe_exponential import ToeExponential
+from qlvbayes.laws.relaxation.fung import Fung
+from qlvbayes.laws.relaxation.law import AbstractRelaxation
+from qlvbayes.laws.relaxation.log_normal import LogNormalSpectrum
+from qlvbayes.laws.relaxation.power_law import PowerLaw
+from qlvbayes.laws.relaxation.prony import Prony
+from qlvbayes.laws.relaxation.stretched import StretchedExponential
 from qlvbayes.model import Model
 from qlvbayes.motion import Motion
 from qlvbayes.noise import Correlated, StudentT, White
@@ -34,7 +48,6 @@ from qlvbayes.priors import (
     Uniform,
 )
 from qlvbayes.recovery.rate import Recovery, recovery_rate
-from qlvbayes.relaxation import Prony
 from qlvbayes.report.write import write_report
 from qlvbayes.residuals import Check, check
 from qlvbayes.results import Saved, to_arviz

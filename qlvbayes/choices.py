@@ -6,10 +6,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from qlvbayes.checks import InputError
-from qlvbayes.defaults import LAWS, NOISES, default_model, default_noise
+from qlvbayes.defaults import NOISES, default_model, default_noise
 from qlvbayes.effects.catalogue import EFFECTS, find
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.effects.userfile import load
+from qlvbayes.laws.catalogue import LAWS, Laws, find_elastic, find_relaxation
+from qlvbayes.laws.relaxation.prony import Prony
+from qlvbayes.laws.userfile import load as load_laws
 from qlvbayes.model import Model
 from qlvbayes.noise import AbstractNoise
 from qlvbayes.overrides import override, parse
@@ -20,10 +23,11 @@ from qlvbayes.scales import Scales
 class Choices:
     """A model's description in words and numbers, as kept in the results.
 
-    law: elastic law; modes: relaxation modes r; bonded: whether the specimen can pull; noise: kind
-    of noise; priors, fixed: ``name=prior`` and ``name=number``, applied in this order; effects:
-    names of the effects in the model; effects_file: a user's own effects; rested: whether every
-    test begins with a pad at rest, whatever came before it.
+    law: elastic law; modes: r of a Prony series, of no account to other relaxations; bonded:
+    whether the specimen can pull; noise: kind of noise; priors, fixed: ``name=prior`` and
+    ``name=number``, applied in this order; effects: names of the effects in the model;
+    effects_file: a user's own effects; rested: whether every test begins with a pad at rest,
+    whatever came before it; relaxation: its law; laws_file: a user's own laws.
     """
 
     law: str = "exponential"
@@ -35,9 +39,12 @@ class Choices:
     effects: tuple[str, ...] = ()
     effects_file: str | None = None
     rested: bool = False
+    relaxation: str = "prony"
+    laws_file: str | None = None
 
     def __post_init__(self) -> None:
-        _one_of("elastic law", self.law, LAWS)
+        find_elastic(self.law, self.laws)
+        find_relaxation(self.relaxation, self.laws)
         _one_of("noise model", self.noise, NOISES)
         if self.modes < 1:
             raise InputError(f"{self.modes} relaxation modes", remedy="use one or more")
@@ -47,7 +54,14 @@ class Choices:
 
         Raises InputError where a setting cannot be applied.
         """
-        model = default_model(scales, self.law, self.modes, bonded=self.bonded)
+        model = default_model(
+            scales,
+            self.law,
+            self.modes,
+            relaxation=self.relaxation,
+            laws=self.laws,
+            bonded=self.bonded,
+        )
         for name in self.effects:
             model = model + find(name, self.kinds).default(scales)
         noise = default_noise(scales, self.noise)
@@ -62,6 +76,24 @@ class Choices:
         """Every effect that can be added, those of the package and the user's own."""
         own = load(Path(self.effects_file)) if self.effects_file else ()
         return (*EFFECTS, *own)
+
+    @property
+    def laws(self) -> Laws:
+        """Every law that can be chosen, those of the package and the user's own."""
+        if not self.laws_file:
+            return LAWS
+        own = load_laws(Path(self.laws_file))
+        return Laws(LAWS.elastic + own.elastic, LAWS.relaxation + own.relaxation)
+
+    @property
+    def is_prony(self) -> bool:
+        """Whether relaxation is a Prony series, of which ``modes`` counts the terms."""
+        return self.relaxation == Prony.name
+
+    @property
+    def relaxing(self) -> str:
+        """The relaxation as after ``--relaxation``: ``prony:2``, ``fung``."""
+        return f"{self.relaxation}:{self.modes}" if self.is_prony else self.relaxation
 
     def as_dict(self) -> dict[str, object]:
         """For JSON."""

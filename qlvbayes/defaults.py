@@ -4,41 +4,34 @@ from __future__ import annotations
 
 import math
 
-from qlvbayes.elastic import AbstractElastic, Exponential, HertzPower, Linear
+from qlvbayes.laws.catalogue import LAWS, Laws, find_elastic, find_relaxation
+from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model import Model
 from qlvbayes.noise import AbstractNoise, Correlated, StudentT, White
-from qlvbayes.priors import Dirichlet, HalfNormal, LogNormal, Ordered
-from qlvbayes.relaxation import Prony
+from qlvbayes.priors import HalfNormal
 from qlvbayes.scales import Scales, lognormal
 
-LAWS = ("exponential", "linear", "hertz")
 NOISES = ("correlated", "white", "student-t")
 
 
 def default_model(
-    scales: Scales, law: str = "exponential", modes: int = 2, *, bonded: bool = False
+    scales: Scales,
+    law: str = "exponential",
+    modes: int = 2,
+    *,
+    relaxation: str = "prony",
+    laws: Laws = LAWS,
+    bonded: bool = False,
 ) -> Model:
-    """QLV model with every constant free.
+    """QLV model with every constant free, each law under its own default priors.
 
-    m is within a factor 5 (one sd) of the record's secant stiffness, b of one over its depth;
-    fractions are uniform on the simplex; rates are alike, log-normal, with the measurable range
-    (one over the longest phase to one over the shortest interval) inside two sds.
+    law, relaxation: names of an elastic law and of a relaxation among ``laws``; modes: of a Prony
+    series. Raises InputError where there is no law of that name.
     """
-    rate = 1.0 / math.sqrt(scales.shortest * scales.longest)
-    width = max(math.log(scales.longest / scales.shortest) / 4.0, 1.0)
-    rates = Ordered(tuple(LogNormal(math.log(rate), width) for _ in range(modes)))
-    return Model(_default_law(law, scales), Prony(Dirichlet([1.0] * (modes + 1)), rates), bonded)
-
-
-def _default_law(law: str, scales: Scales) -> AbstractElastic:
-    stiffness = lognormal(scales.force / scales.depth, 5.0)
-    if law == "exponential":
-        return Exponential(stiffness, lognormal(1.0 / scales.depth, 5.0))
-    if law == "linear":
-        return Linear(stiffness)
-    if law == "hertz":
-        return HertzPower(lognormal(scales.force / scales.depth**1.5, 5.0), lognormal(1.5, 1.3))
-    raise ValueError(f"no elastic law {law!r}; choose one of {', '.join(LAWS)}")
+    elastic = find_elastic(law, laws).default(scales)
+    kind = find_relaxation(relaxation, laws)
+    relaxing = Prony.of_modes(scales, modes) if kind is Prony else kind.default(scales)
+    return Model(elastic, relaxing, bonded)
 
 
 def default_noise(scales: Scales, kind: str = "correlated") -> AbstractNoise:

@@ -15,8 +15,9 @@ from qlvbayes.parameters import Field, fields_of
 from qlvbayes.posterior import is_prior, value_shape
 from qlvbayes.scales import Scales
 
-# priors are replaced by draws, so that their scales do not matter
-_SCALES = Scales(force=1.0, depth=1.0, shortest=1e-3, longest=10.0, white=1e-2, ou=1e-2, tau=1.0)
+# priors are replaced by draws, so that their scales do not matter but for the number of nodes of a
+# continuous spectrum: ten decades (s) hold those of any tests
+_SCALES = Scales(force=1.0, depth=1.0, shortest=1e-5, longest=1e5, white=1e-2, ou=1e-2, tau=1.0)
 
 
 def described_model(choices: Choices) -> Model:

@@ -11,7 +11,8 @@ import numpy as np
 from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
 from qlvbayes.drawn import described_fields
-from qlvbayes.relaxation import Prony
+from qlvbayes.laws.catalogue import LAWS
+from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.units import PAD, STRAIN, UnitSystem, unit_system
 
 FEWEST = 100  # draws from which a 90 % interval can be read
@@ -28,23 +29,27 @@ def infer_choices(
 ) -> Choices:
     """The model that has constants of these names.
 
-    m and b make the exponential law, m alone the linear one, m and n Hertz's; c[0] .. c[r] and
-    v[1] .. v[r] make r modes; ``effect.constant`` puts the effect in; ``noise.*`` is the noise
-    (white where there is none, `has_noise`). Raises InputError naming what is missing.
+    m and b make the exponential law, m alone the linear one, m and n Hertz's, and so on; c[0] ..
+    c[r] and v[1] .. v[r] make r modes, the constants of another relaxation that one;
+    ``effect.constant`` puts the effect in; ``noise.*`` is the noise (white where there is none,
+    `has_noise`). Raises InputError naming what is missing.
     """
     given = set(names)
     if "m" not in given:
         raise InputError("the posterior has no m, the stiffness", remedy="name its constant m")
-    law = "exponential" if "b" in given else "hertz" if "n" in given else "linear"
+    fitting = [kind for kind in LAWS.elastic if set(kind.units) <= given]
+    law = max(fitting, key=lambda kind: len(kind.units)).name
     modes = max((k for name in given for k in _indices(name, "v")), default=0)
     modes = max([modes, *(k for name in given for k in _indices(name, "c"))])
-    if modes == 0:
+    relaxation = _relaxation(given)
+    if modes == 0 and relaxation == Prony.name:
         raise InputError("the posterior has no v[1] and c[0], c[1]", remedy="add its relaxation")
     effects = dict.fromkeys(name.split(".")[0] for name in sorted(given) if "." in name)
     effects.pop("noise", None)
     choices = Choices(
         law=law,
-        modes=modes,
+        modes=modes or Choices.modes,
+        relaxation=relaxation,
         bonded=bonded,
         noise=_noise(given),
         effects=tuple(effects),
@@ -56,7 +61,7 @@ def infer_choices(
     if missing := [name for name in wanted if name not in given]:
         raise InputError(
             f"the posterior lacks {', '.join(missing)}",
-            remedy=f"a model of {modes} relaxation modes has {', '.join(wanted)}",
+            remedy=f"{_model(choices)} has {', '.join(wanted)}",
         )
     return choices
 
@@ -80,6 +85,8 @@ def check_draws(choices: Choices, draws: Mapping[str, np.ndarray]) -> None:
     for name, values in draws.items():
         if not np.all(np.isfinite(values)):
             raise InputError(f"{name} has draws that are not finite", remedy="leave them out")
+    if not choices.is_prony:
+        return
     total = sum(draws[f"c[{k}]"] for k in range(choices.modes + 1))
     if np.max(np.abs(total - 1.0)) > _SUM:
         raise InputError("the fractions c do not sum to 1", remedy="give c[0] as 1 less the others")
@@ -131,6 +138,18 @@ def flat_names(key: str, labels: Sequence[object], size: int) -> list[str]:
 def pad_name(path: Path) -> str:
     """What a pad is called whose file does not say: its folder, as the results' folders are."""
     return path.resolve().parent.name or path.stem
+
+
+def _model(choices: Choices) -> str:
+    if choices.is_prony:
+        return f"a model of {choices.modes} relaxation modes"
+    return f"a model with the relaxation {choices.relaxation}"
+
+
+def _relaxation(given: set[str]) -> str:
+    """The relaxation whose constants are all there, a Prony series where there is none."""
+    found = [kind.name for kind in LAWS.relaxation if set(kind.units) <= given]
+    return found[0] if found else Prony.name
 
 
 def _indices(name: str, key: str) -> list[int]:

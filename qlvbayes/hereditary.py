@@ -17,12 +17,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from qlvbayes.elastic import AbstractElastic
-from qlvbayes.relaxation import Prony
+from qlvbayes.laws.elastic.law import AbstractElastic
+from qlvbayes.laws.relaxation.law import AbstractRelaxation
 
 
 def hereditary_force(
-    elastic: AbstractElastic, relaxation: Prony, time: Array, depth: Array
+    elastic: AbstractElastic, relaxation: AbstractRelaxation, time: Array, depth: Array
 ) -> Array:
     """Force (N,) of one test at the grid points ``time`` (s) and ``depth`` (mm), both (N,).
 
@@ -32,7 +32,8 @@ def hereditary_force(
     times, start_time = _chunks(time, length, time[0])
     depths, start_depth = _chunks(depth, length, jnp.zeros((), depth.dtype))
     instant = elastic.force(depths)
-    rates = relaxation.v[:, None]
+    fractions, rates = relaxation.spectrum()
+    rates = rates[:, None]
 
     def advance(state: tuple[Array, ...], point: tuple[Array, ...]) -> tuple:
         part, time_before, depth_before, instant_before = state
@@ -40,16 +41,16 @@ def hereditary_force(
         decay = rates * (time_now - time_before)
         step = elastic.relaxed_step(depth_before, depth_now, instant_before, instant_now, decay)
         part = jnp.exp(-decay) * part + step
-        local = jnp.sum(relaxation.c[1:, None] * part, axis=0)
+        local = jnp.sum(fractions[1:, None] * part, axis=0)
         return (part, time_now, depth_now, instant_now), local
 
-    lanes = (relaxation.v.shape[0], times.shape[1])
+    lanes = (rates.shape[0], times.shape[1])
     first = (jnp.zeros(lanes), start_time, start_depth, elastic.force(start_depth))
     local: Array
     (part, *_), local = jax.lax.scan(advance, first, (times, depths, instant))
     left = jnp.exp(-rates * (times - start_time)[:, None])
-    carried = relaxation.c[1:, None] * _carry(left[-1], part)
-    force = relaxation.c[0] * instant + local + jnp.sum(left * carried, axis=1)
+    carried = fractions[1:, None] * _carry(left[-1], part)
+    force = fractions[0] * instant + local + jnp.sum(left * carried, axis=1)
     return force.T.reshape(-1)[: time.shape[0]]
 
 

@@ -8,10 +8,10 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from qlvbayes.elastic import AbstractElastic
 from qlvbayes.hereditary import hereditary_force
+from qlvbayes.laws.elastic.law import AbstractElastic
+from qlvbayes.laws.relaxation.law import AbstractRelaxation
 from qlvbayes.motion import Motion
-from qlvbayes.relaxation import Prony
 
 
 class Layer(Protocol):
@@ -30,7 +30,7 @@ class Law(eqx.Module):
     """
 
     elastic: AbstractElastic
-    relaxation: Prony
+    relaxation: AbstractRelaxation
     layers: tuple[Layer, ...] = ()
 
     def force(self, motion: Motion) -> Array:

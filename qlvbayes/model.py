@@ -8,23 +8,23 @@ from jaxtyping import Array
 from qlvbayes.checks import InputError
 from qlvbayes.effects.adhesion import Adhesion
 from qlvbayes.effects.effect import AbstractEffect, Level
-from qlvbayes.elastic import AbstractElastic
 from qlvbayes.law import Contact, Law, Layer
+from qlvbayes.laws.elastic.law import AbstractElastic
+from qlvbayes.laws.relaxation.law import AbstractRelaxation
 from qlvbayes.motion import Motion
-from qlvbayes.relaxation import Prony
 
 
 class Model(eqx.Module):
     """Quasi-linear viscoelastic specimen (Fung), the paper's Eq. 6, with effects around it.
 
-    elastic: an elastic law; relaxation: a Prony series; bonded: whether the specimen is fixed to
+    elastic, relaxation: their laws; bonded: whether the specimen is fixed to
     the platen (one that is not cannot pull, `law.Contact`); effects: in the order in which they
     nest, innermost first, whatever the order in which they were added. A field of any part is a
     number (fixed) or a prior (free).
     """
 
     elastic: AbstractElastic
-    relaxation: Prony
+    relaxation: AbstractRelaxation
     bonded: bool = eqx.field(static=True, default=False)
     effects: tuple[AbstractEffect, ...] = ()
 

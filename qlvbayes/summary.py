@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+import jax.numpy as jnp
 import numpy as np
 
 from qlvbayes.carried import carried_notices, clock_notices
@@ -13,6 +15,7 @@ from qlvbayes.inference.diagnostics import diagnose_chain, highest_density
 from qlvbayes.inference.ensemble import STEPS_PER_TIME
 from qlvbayes.records.record import Record
 from qlvbayes.units import PAD, UnitSystem
+from qlvbayes.unresolved import unresolved_times
 
 
 @dataclass(frozen=True)
@@ -111,20 +114,23 @@ def summarise(fit: Fit) -> Summary:
         tuple(rows),
         (*(diagnostics.troubles if diagnostics else ()), *_length_troubles(fit)),
         fit.experiment.units,
-        _notices(fit),
+        tuple(_notices(fit)),
     )
 
 
-def _notices(fit: Fit) -> tuple[str, ...]:
-    """What the tests have from each other, by the median constants."""
-    constants = np.median(fit.constants.reshape(-1, fit.constants.shape[-1]), axis=0)[None]
+def _notices(fit: Fit) -> Iterator[str]:
+    """What the tests have from each other and cannot say, by the median constants."""
+    constants = np.median(fit.constants.reshape(-1, fit.constants.shape[-1]), axis=0)
 
     def predict(record: Record) -> np.ndarray:
         posterior = replace(fit.posterior, record=record)
-        return np.asarray(compiled.predictions(posterior, constants))[0]
+        return np.asarray(compiled.predictions(posterior, constants[None]))[0]
 
-    carried = carried_notices(fit.experiment, fit.trials, fit.posterior.record, predict)
-    return (*carried, *(() if fit.choices.rested else clock_notices(fit.experiment)))
+    yield from carried_notices(fit.experiment, fit.trials, fit.posterior.record, predict)
+    if not fit.choices.rested:
+        yield from clock_notices(fit.experiment)
+    model = fit.posterior.with_constants(jnp.asarray(constants))[0]
+    yield from unresolved_times(model.relaxation, fit.experiment.scales)
 
 
 def _mean(values: np.ndarray) -> float:

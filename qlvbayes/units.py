@@ -42,6 +42,16 @@ class UnitSystem:
         return self.force if self.dimensionless else f"{self.force}/{self.displacement}^n"
 
     @property
+    def quadratic_stiffness(self) -> str:
+        """Unit of force over the square of displacement."""
+        return self.force if self.dimensionless else f"{self.force}/{self.displacement}2"
+
+    @property
+    def cubic_stiffness(self) -> str:
+        """Unit of force over the cube of displacement."""
+        return self.force if self.dimensionless else f"{self.force}/{self.displacement}3"
+
+    @property
     def exponent(self) -> str:
         """Unit of b."""
         return "1" if self.dimensionless else f"1/{self.displacement}"

@@ -12,9 +12,9 @@ if worker := os.environ.get("PYTEST_XDIST_WORKER"):
     os.environ["QLVBAYES_CACHE"] = str(cache_folder() / worker)
 configure()
 
-from qlvbayes.elastic import Exponential  # noqa: E402
+from qlvbayes.laws.elastic.exponential import Exponential  # noqa: E402
+from qlvbayes.laws.relaxation.prony import Prony  # noqa: E402
 from qlvbayes.model import Model  # noqa: E402
-from qlvbayes.relaxation import Prony  # noqa: E402
 from qlvbayes.synthetic import TABLE_1  # noqa: E402
 
 

@@ -12,12 +12,12 @@ from qlvbayes.checked import check_pad
 from qlvbayes.choices import Choices
 from qlvbayes.data import Pad
 from qlvbayes.data import Test as Measured
-from qlvbayes.elastic import Exponential
 from qlvbayes.experiment import prepare
 from qlvbayes.hereditary import hereditary_force
+from qlvbayes.laws.elastic.exponential import Exponential
+from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.noisefloor import NoiseFloor
 from qlvbayes.predict import predict
-from qlvbayes.relaxation import Prony
 from qlvbayes.residuals import FALSE_ALARMS, check
 from qlvbayes.results import Saved
 from qlvbayes.synthetic import NOISES, simulate_study

@@ -32,11 +32,11 @@ from qlvbayes.effects.strain_dependent_strength import StrainDependentStrength
 from qlvbayes.effects.stress_softening import StressSoftening
 from qlvbayes.effects.userfile import load
 from qlvbayes.effects.viscous_drag import ViscousDrag
-from qlvbayes.elastic import Exponential
+from qlvbayes.laws.elastic.exponential import Exponential
+from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model import Model
 from qlvbayes.motion import Motion
 from qlvbayes.priors import HalfNormal, Uniform
-from qlvbayes.relaxation import Prony
 from qlvbayes.scales import Scales
 from qlvbayes.units import PAD, STRAIN
 

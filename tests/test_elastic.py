@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from numpy.polynomial.legendre import leggauss
 
-from qlvbayes.elastic import Exponential, HertzPower, Linear
+from qlvbayes.laws.elastic.exponential import Exponential
+from qlvbayes.laws.elastic.hertz import HertzPower
+from qlvbayes.laws.elastic.linear import Linear
 
 NODES, WEIGHTS = leggauss(40)
 LAWS = [

@@ -9,10 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.polynomial.legendre import leggauss
 
-from qlvbayes.elastic import Exponential, HertzPower, Linear
+from qlvbayes.laws.elastic.exponential import Exponential
+from qlvbayes.laws.elastic.hertz import HertzPower
+from qlvbayes.laws.elastic.linear import Linear
+from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model import Model
 from qlvbayes.motion import Motion
-from qlvbayes.relaxation import Prony
 from qlvbayes.synthetic import PAPER_RATES, TABLE_1, Pad, Platen, paper_protocol
 
 NODES, WEIGHTS = leggauss(20)

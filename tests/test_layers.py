@@ -11,7 +11,7 @@ ROOT = Path(qlvbayes.__file__).parent
 # One row a layer, top to bottom; an entry is a module or a whole subpackage of qlvbayes.
 LAYERS = [
     ["runtime", "checks", "units", "wording"],
-    ["files"],
+    ["files", "usermodule"],
     # measurements, and the motion in them
     ["reading"],
     ["data"],
@@ -22,8 +22,10 @@ LAYERS = [
     ["records"],
     # laws, priors, likelihood
     ["smoothmath"],
-    ["elastic", "relaxation", "priors"],
-    ["hereditary", "scales"],
+    ["priors"],
+    ["scales"],
+    ["laws"],
+    ["hereditary", "unresolved"],
     ["law"],
     ["effects"],
     ["model", "noise"],

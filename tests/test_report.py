@@ -34,7 +34,9 @@ from written_results import (
 from qlvbayes import InputError, Settings, Watcher, write_report
 from qlvbayes.choices import Choices
 from qlvbayes.data import read_study
-from qlvbayes.elastic import Exponential, HertzPower, Linear
+from qlvbayes.laws.elastic.exponential import Exponential
+from qlvbayes.laws.elastic.hertz import HertzPower
+from qlvbayes.laws.elastic.linear import Linear
 from qlvbayes.report.boxes import verdict_box
 from qlvbayes.report.charts import chart_of
 from qlvbayes.report.collect import Compared, collect

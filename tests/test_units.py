@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from qlvbayes.elastic import HertzPower
+from qlvbayes.laws.elastic.hertz import HertzPower
 from qlvbayes.units import PAD, STRAIN, SUFFIXES, column_name
 
 

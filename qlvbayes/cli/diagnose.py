@@ -17,11 +17,13 @@ from qlvbayes.cli.options import (
     EffectsFile,
     Elastic,
     Fix,
+    LawsFile,
     Modes,
     Noise,
     Out,
     Pads,
     Prior,
+    Relaxation,
     Rested,
     Seed,
     Style,
@@ -44,7 +46,8 @@ def diagnose_command(
     output: Out,
     pads: Pads = "",
     elastic: Elastic = "exponential",
-    modes: Modes = 2,
+    relaxation: Relaxation = None,
+    modes: Modes = None,
     noise: Noise = "correlated",
     bonded: Bonded = None,
     rested: Rested = False,
@@ -52,6 +55,7 @@ def diagnose_command(
     fix: Fix = None,
     add: Add = None,
     effects_file: EffectsFile = None,
+    laws_file: LawsFile = None,
     evidence: Evidence = "laplace",
     tolerance: Tolerance = "1%",
     style: Style = None,
@@ -72,7 +76,18 @@ def diagnose_command(
     for notice in study.notices:
         watcher.notice(notice)
     choices = model_choices(
-        study, elastic, modes, noise, bonded, prior, fix, add, effects_file, rested
+        study,
+        elastic,
+        relaxation,
+        modes,
+        noise,
+        bonded,
+        prior,
+        fix,
+        add,
+        effects_file,
+        laws_file,
+        rested=rested,
     )
     found = [
         diagnose_into(

@@ -16,12 +16,14 @@ from qlvbayes.cli.options import (
     EffectsFile,
     Elastic,
     Fix,
+    LawsFile,
     Modes,
     Noise,
     Out,
     Pads,
     Prior,
     References,
+    Relaxation,
     Rested,
     Seed,
     Style,
@@ -44,7 +46,8 @@ def fit(
     method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = "emcee",
     all_tests: Annotated[bool, typer.Option("--all-tests", help="Fit every test.")] = False,
     elastic: Elastic = "exponential",
-    modes: Modes = 2,
+    relaxation: Relaxation = None,
+    modes: Modes = None,
     noise: Noise = "correlated",
     bonded: Bonded = None,
     rested: Rested = False,
@@ -52,6 +55,7 @@ def fit(
     fix: Fix = None,
     add: Add = None,
     effects_file: EffectsFile = None,
+    laws_file: LawsFile = None,
     walkers: Annotated[int, typer.Option(min=4, help="Walkers of the ensemble.")] = 32,
     max_steps: Annotated[int, typer.Option(min=10, help="Steps at most.")] = 100_000,
     references: References = None,
@@ -68,7 +72,18 @@ def fit(
     with waiting("reading"):
         study = read_study(file)
     choices = model_choices(
-        study, elastic, modes, noise, bonded, prior, fix, add, effects_file, rested
+        study,
+        elastic,
+        relaxation,
+        modes,
+        noise,
+        bonded,
+        prior,
+        fix,
+        add,
+        effects_file,
+        laws_file,
+        rested=rested,
     )
     settings = Settings(walkers=walkers, max_steps=max_steps, seed=seed)
     if method not in METHODS:

@@ -15,6 +15,7 @@ from qlvbayes.cli.compare import compare_command
 from qlvbayes.cli.diagnose import diagnose_command
 from qlvbayes.cli.effects import effects
 from qlvbayes.cli.fit import fit
+from qlvbayes.cli.laws import laws
 from qlvbayes.cli.report import report
 from qlvbayes.cli.simulate import simulate
 from qlvbayes.cli.study import study_command
@@ -34,6 +35,7 @@ app.command("diagnose")(diagnose_command)
 app.command("compare")(compare_command)
 app.command()(report)
 app.command()(effects)
+app.command()(laws)
 app.command()(simulate)
 app.command()(benchmark)
 

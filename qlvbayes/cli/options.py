@@ -10,14 +10,32 @@ import typer
 from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
 from qlvbayes.data import Pad, Study
-from qlvbayes.defaults import LAWS, NOISES
+from qlvbayes.defaults import NOISES
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.effects.catalogue import find
+from qlvbayes.laws.catalogue import LAWS, names
+from qlvbayes.laws.relaxation.prony import MOST, Prony
 
 Out = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")]
 Pads = Annotated[str, typer.Option(help="Only these pads, as 'B,C'.")]
-Elastic = Annotated[str, typer.Option(help=f"Elastic law, one of {', '.join(LAWS)}.")]
-Modes = Annotated[int, typer.Option(min=1, max=6, help="Relaxation modes.")]
+Elastic = Annotated[
+    str, typer.Option(help=f"Elastic law, one of {', '.join(names(LAWS.elastic))}.")
+]
+Relaxation = Annotated[
+    str | None,
+    typer.Option(
+        help=f"Relaxation, one of {', '.join(names(LAWS.relaxation))}; prony:3 has 3 modes. "
+        "Default: prony:2.",
+        show_default=False,
+    ),
+]
+Modes = Annotated[
+    int | None,
+    typer.Option(min=1, max=MOST, help="Short for --relaxation prony:MODES.", show_default=False),
+]
+LawsFile = Annotated[
+    Path | None, typer.Option(help="A Python file with laws of your own.", show_default=False)
+]
 Bonded = Annotated[
     bool | None,
     typer.Option(
@@ -89,19 +107,25 @@ Seed = Annotated[int, typer.Option(min=0, help="Makes a run repeat.")]
 def model_choices(
     study: Study,
     elastic: str,
-    modes: int,
+    relaxation: str | None,
+    modes: int | None,
     noise: str,
     bonded: bool | None,
     prior: list[str] | None,
     fix: list[str] | None,
     add: list[str] | None,
     effects_file: Path | None,
+    laws_file: Path | None,
+    *,
     rested: bool,
 ) -> Choices:
     """The model's description from the options that every command shares."""
+    law, count = relaxation_of(relaxation, modes)
     choices = Choices(
         law=elastic,
-        modes=modes,
+        modes=count,
+        relaxation=law,
+        laws_file=None if laws_file is None else str(laws_file.resolve()),
         noise=noise,
         priors=tuple(prior or ()),
         fixed=tuple(fix or ()),
@@ -127,6 +151,26 @@ def share_of(text: str) -> float:
 def thresholds(tolerance: str) -> Settings:
     """How sure the diagnosis must be, and what is too small to matter."""
     return Settings(tolerance=share_of(tolerance))
+
+
+def relaxation_of(relaxation: str | None, modes: int | None) -> tuple[str, int]:
+    """Name and number of modes that ``--relaxation`` and ``--modes`` say together.
+
+    Raises InputError where they contradict each other.
+    """
+    name, colon, number = (relaxation or Prony.name).partition(":")
+    if not colon:
+        if modes is not None and name != Prony.name:
+            raise InputError(f"--modes is of a Prony series, not of {name}", remedy="leave it out")
+        return name, 2 if modes is None else modes
+    if name != Prony.name or not number.isdecimal() or not 1 <= int(number) <= MOST:
+        known = ", ".join(names(LAWS.relaxation))
+        raise InputError(
+            f"no relaxation {relaxation!r}", remedy=f"use {Prony.name}:1 to :{MOST}, or {known}"
+        )
+    if modes not in (None, int(number)):
+        raise InputError(f"--relaxation {relaxation} and --modes {modes} differ", remedy="give one")
+    return name, int(number)
 
 
 def split_names(text: str) -> list[str]:

@@ -14,12 +14,14 @@ from qlvbayes.cli.options import (
     EffectsFile,
     Elastic,
     Fix,
+    LawsFile,
     Modes,
     Noise,
     Out,
     Pads,
     Prior,
     References,
+    Relaxation,
     Rested,
     Seed,
     Style,
@@ -40,7 +42,8 @@ def study_command(
     output: Out,
     pads: Pads = "",
     elastic: Elastic = "exponential",
-    modes: Modes = 2,
+    relaxation: Relaxation = None,
+    modes: Modes = None,
     noise: Noise = "correlated",
     bonded: Bonded = None,
     rested: Rested = False,
@@ -48,6 +51,7 @@ def study_command(
     fix: Fix = None,
     add: Add = None,
     effects_file: EffectsFile = None,
+    laws_file: LawsFile = None,
     max_steps: Annotated[int, typer.Option(min=10, help="Steps of the sampler at most.")] = 100_000,
     tolerance: Tolerance = "1%",
     references: References = None,
@@ -67,7 +71,18 @@ def study_command(
     for notice in study.notices:
         watcher.notice(notice)
     choices = model_choices(
-        study, elastic, modes, noise, bonded, prior, fix, add, effects_file, rested
+        study,
+        elastic,
+        relaxation,
+        modes,
+        noise,
+        bonded,
+        prior,
+        fix,
+        add,
+        effects_file,
+        laws_file,
+        rested=rested,
     )
     settings = Settings(max_steps=max_steps, seed=seed)
     verdicts = run_study(

@@ -51,7 +51,9 @@ def _models(sides: Sequence[Side], shared: Sequence[Reading]) -> Iterator[str]:
             f"only {' and '.join(have)} was fitted with {effect}: its constants are not compared, "
             "and the other constants belong to different models"
         )
-    if len({side.choices.modes for side in sides}) > 1:
+    if len({side.choices.relaxation for side in sides}) > 1:
+        yield "different relaxations: their constants are not compared"
+    elif len({side.choices.relaxing for side in sides}) > 1:
         yield "different numbers of relaxation modes: c and v are not compared"
     if len({side.choices.law for side in sides}) > 1:
         yield "different elastic laws: their constants are not compared"

@@ -8,13 +8,14 @@ import numpy as np
 
 from qlvbayes.compare.readings import Reading
 from qlvbayes.compare.side import Side
+from qlvbayes.laws.catalogue import find_elastic
 
 
 def shared_constants(sides: Sequence[Side]) -> list[Reading]:
     """Constants that mean the same in all models and vary in one of them at least.
 
-    Those of an elastic law need the same law, c and v the same number of modes, an effect's that
-    all models have it. Noise and the rig's effects are not the pad's.
+    Those of an elastic law need the same law, those of a relaxation the same one (of as many
+    modes), an effect's that all models have it. Noise and the rig's effects are not the pad's.
     """
     first = sides[0]
     found = []
@@ -33,12 +34,12 @@ def shared_constants(sides: Sequence[Side]) -> list[Reading]:
 def _comparable(sides: Sequence[Side], name: str) -> tuple[str, ...]:
     """The name where it means the same in all models."""
     stem = name.split("[")[0]
-    laws = {side.choices.law for side in sides}
-    modes = {side.choices.modes for side in sides}
     if "." in name:
         return (name,)
-    same = len(modes) == 1 if stem in ("c", "v") else len(laws) == 1
-    return (name,) if same else ()
+    first = sides[0].choices
+    of_elastic = stem in find_elastic(first.law, first.laws).units
+    described = {s.choices.law if of_elastic else s.choices.relaxing for s in sides}
+    return (name,) if len(described) == 1 else ()
 
 
 def fixed_constants(sides: Sequence[Side]) -> list[str]:

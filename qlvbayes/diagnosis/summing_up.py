@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
+import jax.numpy as jnp
 import numpy as np
 from scipy.special import softmax
 
@@ -33,6 +34,7 @@ from qlvbayes.experiment import Experiment
 from qlvbayes.inference.gaussnewton import Point, pad_directions, predict_along
 from qlvbayes.inference.subset import Ensemble
 from qlvbayes.records.record import Record
+from qlvbayes.unresolved import unresolved_times
 
 
 def summed_up(
@@ -78,7 +80,9 @@ def _notices(work: Work) -> tuple[str, ...]:
         return predict_along(other, constants, pad_directions(np.zeros((1, constants.size))))[0]
 
     carried = carried_notices(experiment, experiment.trials, ensemble.posterior.record, predict)
-    return (*carried, *(() if experiment.rested else clock_notices(experiment)))
+    clock = () if experiment.rested else clock_notices(experiment)
+    model = ensemble.posterior.with_constants(jnp.asarray(constants))[0]
+    return (*carried, *clock, *unresolved_times(model.relaxation, experiment.scales))
 
 
 def _named(path: Path, group: tuple[str, ...]) -> tuple[str, ...]:

@@ -17,12 +17,12 @@ from jaxtyping import Array
 from qlvbayes.effects.adhesion import Adhesion
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
-from qlvbayes.elastic import Exponential
 from qlvbayes.law import Contact, Law, Layer
+from qlvbayes.laws.elastic.exponential import Exponential
+from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.motion import Motion
 from qlvbayes.priors import HalfNormal, Normal
 from qlvbayes.priors.distributions import AbstractScalarPrior
-from qlvbayes.relaxation import Prony
 from qlvbayes.scales import Scales
 from qlvbayes.units import PAD
 

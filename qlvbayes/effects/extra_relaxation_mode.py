@@ -11,9 +11,9 @@ from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.effects.spans import resolved_rates
 from qlvbayes.hereditary import hereditary_force
 from qlvbayes.law import Law
+from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.motion import Motion
 from qlvbayes.priors import LogUniform
-from qlvbayes.relaxation import Prony
 from qlvbayes.scales import Scales
 
 

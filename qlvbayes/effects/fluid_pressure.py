@@ -10,12 +10,12 @@ from jaxtyping import Array
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.effects.history import material_time
 from qlvbayes.effects.spans import resolved_times
-from qlvbayes.elastic import Linear
 from qlvbayes.hereditary import hereditary_force
 from qlvbayes.law import Law
+from qlvbayes.laws.elastic.linear import Linear
+from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.motion import Motion
 from qlvbayes.priors import HalfNormal, LogUniform
-from qlvbayes.relaxation import Prony
 from qlvbayes.scales import Scales
 
 

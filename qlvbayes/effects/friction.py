@@ -8,11 +8,11 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level
-from qlvbayes.elastic import Linear
 from qlvbayes.hereditary import hereditary_force
 from qlvbayes.law import Law
+from qlvbayes.laws.elastic.linear import Linear
+from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.motion import Motion
-from qlvbayes.relaxation import Prony
 from qlvbayes.scales import Scales, lognormal
 
 

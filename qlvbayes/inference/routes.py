@@ -16,9 +16,9 @@ from qlvbayes.experiment import Experiment, Trial
 from qlvbayes.inference import compiled
 from qlvbayes.inference.least_squares import least_squares, normal_approximation, without_noise
 from qlvbayes.inference.normal import NormalApproximation
+from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.noise import White
 from qlvbayes.posterior import Posterior
-from qlvbayes.relaxation import Prony
 
 _AGREEMENT = 1.001  # starts within 0.1 % of the best cost count as agreeing
 

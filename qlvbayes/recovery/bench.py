@@ -9,16 +9,16 @@ import numpy as np
 
 from qlvbayes.defaults import default_noise
 from qlvbayes.effects.effect import Protocol
-from qlvbayes.elastic import Exponential
 from qlvbayes.kinematics.programme import Stroke, planned
 from qlvbayes.kinematics.trajectory import Trajectory
+from qlvbayes.laws.elastic.exponential import Exponential
+from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model import Model
 from qlvbayes.posterior import Posterior
 from qlvbayes.priors import Dirichlet, Ordered
 from qlvbayes.records.batching import batch
 from qlvbayes.records.record import Record
 from qlvbayes.records.reduction import planned_record
-from qlvbayes.relaxation import Prony
 from qlvbayes.scales import Scales, lognormal
 
 SHOWING = Protocol(unloads=True, returns=True, tests=2, bonded=False, curved=True)

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from qlvbayes.checks import InputError
+from qlvbayes.choices import Choices
+from qlvbayes.laws.catalogue import find_elastic, find_relaxation
 from qlvbayes.report.boxes import seen
 from qlvbayes.report.collect import Model, PadResults
 from qlvbayes.report.numbers import DASH, NBSP, number, to_sd, with_unit
@@ -13,9 +17,6 @@ from qlvbayes.wording import joined
 
 _INDEXED = re.compile(r"([cv])\[(\d+)\]")
 _MEANINGS = {
-    "m": "stiffness at first contact, before anything relaxes",
-    "b": "how fast stiffness grows with depth",
-    "n": "the force grows with this power of depth",
     "noise.white": "noise of single samples",
     "noise.ou": "noise that lasts from sample to sample",
     "noise.tau": "how long it lasts",
@@ -70,11 +71,12 @@ def constants_rows(pads: Sequence[PadResults]) -> tuple[Row, ...]:
     for pad in pads:
         units |= {name: p["unit"] for name, p in _parameters(pad.final).items()}
     names = sorted(units, key=_place)
+    meanings = _MEANINGS | {n: text for pad in pads for n, text in _of_laws(pad).items()}
     return tuple(
         Row(
             name,
             "" if units[name] == "1" else units[name],
-            _meaning(name, power="n" in units),
+            _meaning(name, meanings),
             tuple(_value(_parameters(pad.final).get(name)) for pad in pads),
         )
         for name in names
@@ -86,7 +88,8 @@ def constants_words(pad: PadResults) -> str | None:
     summary = pad.final.summary
     if summary is None:
         return None
-    said = [_in_words(name, summary["parameters"]) for name in ("m", "c[0]", "v[1]")]
+    told = ("m", "c[0]", "c0", "v[1]")
+    said = [_in_words(name, summary["parameters"]) for name in told]
     added = f", with {joined(pad.final.effects)} in the model" if pad.final.effects else ""
     doubt = " But the model fails (question 3): these are constants of a wrong model."
     wrong = any(cell.get("fails") for cell in (pad.final.check or {"cells": []})["cells"])
@@ -129,7 +132,7 @@ def _in_words(name: str, parameters: dict) -> str:
     p = parameters.get(name)
     if p is None:
         return ""
-    if name == "c[0]":
+    if name in ("c[0]", "c0"):
         middle, low, high = (f"{100.0 * x:.1f}" for x in (p["median"], *p["hdi90"]))
         return f"{middle}{NBSP}% of the force never relaxes ({low} to {high}{NBSP}%)"
     if name == "v[1]" and p["median"] > 0.0:
@@ -151,17 +154,28 @@ def _value(parameter: dict | None) -> Value:
     return Value(to_sd(parameter["median"], sd), f"{low} to {high}" if sd else "fixed")
 
 
-def _meaning(name: str, *, power: bool) -> str:
-    """In words; power: under a power law, whose m is a force."""
-    if name == "m" and power:
-        return "force at a depth of 1, before anything relaxes"
+def _of_laws(pad: PadResults) -> dict[str, str]:
+    """What the constants of a pad's laws mean; nothing where a file of the user's own has gone."""
+    try:
+        given = Choices.from_dict(json.loads(pad.final.facts.get("choices", "{}")))
+        laws = (
+            find_elastic(given.law, given.laws),
+            find_relaxation(given.relaxation, given.laws),
+        )
+    except InputError:
+        return {}
+    return laws[0].meanings | laws[1].meanings
+
+
+def _meaning(name: str, meanings: dict[str, str]) -> str:
+    """In words."""
     match = _INDEXED.fullmatch(name)
     if match and match[1] == "c":
         index = int(match[2])
         return f"share that relaxes at v[{index}]" if index else "share that never relaxes"
     if match:
         return f"rate at which c[{match[2]}] relaxes"
-    return _MEANINGS.get(name) or seen(name.partition(".")[0])
+    return meanings.get(name) or seen(name.partition(".")[0])
 
 
 def _place(name: str) -> tuple[int, str, int]:

@@ -7,15 +7,12 @@ import shlex
 from dataclasses import dataclass
 from pathlib import Path
 
+from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
+from qlvbayes.laws.catalogue import find_elastic, find_relaxation
 from qlvbayes.report.collect import PadResults, Results
 from qlvbayes.report.numbers import DASH, number, percent, with_unit
 
-_LAWS = {
-    "exponential": "K(δ) = m exp(b δ)",
-    "linear": "K(δ) = m",
-    "hertz": "F(δ) = m δ^n, a power law",
-}
 _NOISES = {
     "correlated": "white noise plus an Ornstein-Uhlenbeck process (a load cell's noise lasts from "
     "sample to sample), whose standard deviations and correlation time are fitted with the rest",
@@ -59,7 +56,7 @@ class Methods:
     """Model, inference and provenance."""
 
     law: str
-    modes: int
+    relaxation: str
     contact: str
     noise: str
     effects: tuple[str, ...]
@@ -77,8 +74,7 @@ def methods_of(results: Results) -> Methods:
     choices = _choices(results)
     runs = list(results.runs.values())
     return Methods(
-        _LAWS.get(str(choices.get("law")), str(choices.get("law", DASH))),
-        int(choices.get("modes", 2)),
+        *_laws(choices),
         "bonded: the specimen can pull"
         if choices.get("bonded")
         else "loose: the pad cannot pull, so that its force is never negative",
@@ -92,6 +88,20 @@ def methods_of(results: Results) -> Methods:
         tuple(_versions(results).items()),
         tuple(run["command"] for run in runs) or _commands(results),
     )
+
+
+def _laws(choices: dict) -> tuple[str, str]:
+    """Elastic law and relaxation as equations; by name where a file of the user's own has gone."""
+    if "law" not in choices:
+        return DASH, DASH
+    try:
+        given = Choices.from_dict(choices)
+        elastic = find_elastic(given.law, given.laws)
+        relaxation = find_relaxation(given.relaxation, given.laws)
+    except InputError:
+        return str(choices.get("law", DASH)), str(choices.get("relaxation", DASH))
+    modes = f", of {given.modes} mode{'s' if given.modes != 1 else ''}"
+    return elastic.law, relaxation.law + modes * given.is_prony
 
 
 def _thresholds(runs: list[dict]) -> tuple[str, ...]:
@@ -161,9 +171,10 @@ def _commands(results: Results) -> tuple[str, ...]:
     plain = Choices()
     given = Choices.from_dict(_choices(results)) if _choices(results) else plain
     words = ["qlvbayes", "fit", name, "-o", results.out.name]
-    for key in ("law", "modes", "noise"):
+    options = {"elastic": "law", "relaxation": "relaxing", "noise": "noise"}
+    for option, key in options.items():
         if getattr(given, key) != getattr(plain, key):
-            words += [f"--{'elastic' if key == 'law' else key}", str(getattr(given, key))]
+            words += [f"--{option}", str(getattr(given, key))]
     for option, values in (("prior", given.priors), ("fix", given.fixed), ("add", given.effects)):
         words += [word for value in values for word in (f"--{option}", value)]
     return (shlex.join(words),)

@@ -1,0 +1,1 @@
+"""Laws of the material: elastic ones and relaxations, one class a file."""

@@ -1,0 +1,61 @@
+"""Every law that comes with the package, in the order in which they are listed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+from qlvbayes.checks import InputError
+from qlvbayes.laws.elastic.cubic import Cubic
+from qlvbayes.laws.elastic.exponential import Exponential
+from qlvbayes.laws.elastic.hertz import HertzPower
+from qlvbayes.laws.elastic.law import AbstractElastic
+from qlvbayes.laws.elastic.linear import Linear
+from qlvbayes.laws.elastic.quadratic import Quadratic
+from qlvbayes.laws.elastic.toe_exponential import ToeExponential
+from qlvbayes.laws.relaxation.fung import Fung
+from qlvbayes.laws.relaxation.law import AbstractRelaxation
+from qlvbayes.laws.relaxation.log_normal import LogNormalSpectrum
+from qlvbayes.laws.relaxation.power_law import PowerLaw
+from qlvbayes.laws.relaxation.prony import Prony
+from qlvbayes.laws.relaxation.stretched import StretchedExponential
+
+
+@dataclass(frozen=True)
+class Laws:
+    """Elastic laws and relaxations to choose from."""
+
+    elastic: tuple[type[AbstractElastic], ...]
+    relaxation: tuple[type[AbstractRelaxation], ...]
+
+
+LAWS = Laws(
+    (Exponential, Linear, HertzPower, Quadratic, Cubic, ToeExponential),
+    (Prony, Fung, PowerLaw, StretchedExponential, LogNormalSpectrum),
+)
+"""Every law that comes with the package."""
+
+Kind = TypeVar("Kind", bound=type[AbstractElastic] | type[AbstractRelaxation])
+
+
+def names(kinds: Sequence[type[AbstractElastic] | type[AbstractRelaxation]]) -> tuple[str, ...]:
+    """The laws' names, as on the command line."""
+    return tuple(kind.name for kind in kinds)
+
+
+def find_elastic(name: str, laws: Laws = LAWS) -> type[AbstractElastic]:
+    """The elastic law of that name; InputError lists the known ones otherwise."""
+    return _find("elastic law", name, laws.elastic)
+
+
+def find_relaxation(name: str, laws: Laws = LAWS) -> type[AbstractRelaxation]:
+    """The relaxation of that name; InputError lists the known ones otherwise."""
+    return _find("relaxation", name, laws.relaxation)
+
+
+def _find(what: str, name: str, kinds: Sequence[Kind]) -> Kind:
+    for kind in kinds:
+        if kind.name == name:
+            return kind
+    raise InputError(f"no {what} {name!r}", remedy=f"use one of {', '.join(names(kinds))}")

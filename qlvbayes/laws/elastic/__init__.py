@@ -1,0 +1,1 @@
+"""Elastic laws: the force of an infinitely fast displacement, F_e(delta)."""

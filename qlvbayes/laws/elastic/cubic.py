@@ -1,0 +1,64 @@
+"""A polynomial of three terms."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Self
+
+from jaxtyping import Array
+
+from qlvbayes.laws.elastic.law import AbstractElastic
+from qlvbayes.laws.elastic.steps import first_moment, second_moment
+from qlvbayes.priors import Normal
+from qlvbayes.scales import Scales, lognormal
+from qlvbayes.smoothmath import exp_slope
+
+
+class Cubic(AbstractElastic):
+    """F_e = m delta + k2 delta^2 + k3 delta^3.
+
+    m: initial stiffness (N/mm); k2 (N/mm2), k3 (N/mm3): of either sign.
+    """
+
+    m: Any
+    k2: Any
+    k3: Any
+    name: ClassVar[str] = "polynomial:3"
+    units: ClassVar[dict[str, str]] = {
+        "m": "stiffness",
+        "k2": "quadratic_stiffness",
+        "k3": "cubic_stiffness",
+    }
+    meanings: ClassVar[dict[str, str]] = {
+        "m": "stiffness at first contact, before anything relaxes",
+        "k2": "force by the square of depth",
+        "k3": "force by the cube of depth",
+    }
+    law: ClassVar[str] = "F(δ) = m δ + k2 δ² + k3 δ³"
+    reference: ClassVar[str] = "Rivlin & Saunders 1951, doi:10.1098/rsta.1951.0004"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """M as for a line; the other terms' parts of the peak force have an sd of all of it."""
+        stiffness = lognormal(scales.force / scales.depth, 5.0)
+        second, third = scales.force / scales.depth**2, scales.force / scales.depth**3
+        return cls(stiffness, Normal(0.0, second), Normal(0.0, third))
+
+    def force(self, depth: Array) -> Array:
+        """F_e = m depth + k2 depth^2 + k3 depth^3."""
+        return depth * (self.m + depth * (self.k2 + self.k3 * depth))
+
+    def stiffness(self, depth: Array) -> Array:
+        """K = m + 2 k2 depth + 3 k3 depth^2."""
+        return self.m + depth * (2.0 * self.k2 + 3.0 * self.k3 * depth)
+
+    def relaxed_step(
+        self, start: Array, stop: Array, force_start: Array, force_stop: Array, decay: Array
+    ) -> Array:
+        """Exact: dd (K(d0) M_0 + K'(d0) dd M_1 + 3 k3 dd^2 M_2), moments of e^{-v h (1-s)}."""
+        travel = stop - start
+        slope = 2.0 * self.k2 + 6.0 * self.k3 * start
+        return travel * (
+            self.stiffness(start) * exp_slope(-decay)
+            + travel * slope * first_moment(decay)
+            + 3.0 * self.k3 * travel**2 * second_moment(decay)
+        )

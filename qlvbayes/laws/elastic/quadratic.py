@@ -1,0 +1,54 @@
+"""A polynomial of two terms."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Self
+
+from jaxtyping import Array
+
+from qlvbayes.laws.elastic.law import AbstractElastic
+from qlvbayes.laws.elastic.steps import first_moment
+from qlvbayes.priors import Normal
+from qlvbayes.scales import Scales, lognormal
+from qlvbayes.smoothmath import exp_slope
+
+
+class Quadratic(AbstractElastic):
+    """F_e = m delta + k2 delta^2.
+
+    m: initial stiffness (N/mm); k2: how it stiffens (N/mm2), or softens where negative.
+    """
+
+    m: Any
+    k2: Any
+    name: ClassVar[str] = "polynomial:2"
+    units: ClassVar[dict[str, str]] = {"m": "stiffness", "k2": "quadratic_stiffness"}
+    meanings: ClassVar[dict[str, str]] = {
+        "m": "stiffness at first contact, before anything relaxes",
+        "k2": "force by the square of depth",
+    }
+    law: ClassVar[str] = "F(δ) = m δ + k2 δ²"
+    reference: ClassVar[str] = "Rivlin & Saunders 1951, doi:10.1098/rsta.1951.0004"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """M as for a line; the other term's part of the peak force has an sd of all of it."""
+        stiffness = lognormal(scales.force / scales.depth, 5.0)
+        return cls(stiffness, Normal(0.0, scales.force / scales.depth**2))
+
+    def force(self, depth: Array) -> Array:
+        """F_e = m depth + k2 depth^2."""
+        return depth * (self.m + self.k2 * depth)
+
+    def stiffness(self, depth: Array) -> Array:
+        """K = m + 2 k2 depth."""
+        return self.m + 2.0 * self.k2 * depth
+
+    def relaxed_step(
+        self, start: Array, stop: Array, force_start: Array, force_stop: Array, decay: Array
+    ) -> Array:
+        """Exact: dd (K(d0) M_0 + 2 k2 dd M_1), M_n the moments of e^{-v h (1-s)}."""
+        travel = stop - start
+        zeroth, first = exp_slope(-decay), first_moment(decay)
+        at_start = self.m + 2.0 * self.k2 * start
+        return travel * (at_start * zeroth + 2.0 * self.k2 * travel * first)

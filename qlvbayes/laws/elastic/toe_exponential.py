@@ -1,0 +1,75 @@
+"""A linear toe that goes over into an exponential."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Self
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from qlvbayes.laws.elastic.law import AbstractElastic
+from qlvbayes.scales import Scales, lognormal
+from qlvbayes.smoothmath import exp_difference_ratio, exp_growth, exp_slope
+
+
+class ToeExponential(AbstractElastic):
+    r"""Linear to the depth ``toe``, exponential from there on, with one stiffness where they meet.
+
+    .. math:: F_e = m \delta, \quad \delta \le d; \qquad
+              F_e = m d + \frac{m}{b}(e^{b (\delta - d)} - 1), \quad \delta > d
+
+    m: stiffness of the toe (N/mm); b: stiffening beyond it (1/mm); toe: d (mm), zero or more.
+    """
+
+    m: Any
+    b: Any
+    toe: Any
+    name: ClassVar[str] = "toe"
+    units: ClassVar[dict[str, str]] = {"m": "stiffness", "b": "exponent", "toe": "displacement"}
+    meanings: ClassVar[dict[str, str]] = {
+        "m": "stiffness of the toe, before anything relaxes",
+        "b": "how fast stiffness grows beyond the toe",
+        "toe": "depth at which it begins to stiffen",
+    }
+    law: ClassVar[str] = "K(δ) = m exp(b max(δ − toe, 0))"
+    reference: ClassVar[str] = "Fung 1993, doi:10.1007/978-1-4757-2257-4"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """M and b as of an exponential; a toe of a fifth of the depth, within a factor 2."""
+        stiffness = lognormal(scales.force / scales.depth, 5.0)
+        toe = lognormal(0.2 * scales.depth, 2.0)
+        return cls(stiffness, lognormal(1.0 / scales.depth, 5.0), toe)
+
+    def force(self, depth: Array) -> Array:
+        """F_e, continuous with its slope."""
+        beyond = jnp.maximum(depth - self.toe, 0.0)
+        return self.m * (jnp.minimum(depth, self.toe) + exp_growth(beyond, self.b))
+
+    def stiffness(self, depth: Array) -> Array:
+        """K = m e^{b max(depth - toe, 0)}."""
+        return self.m * jnp.exp(self.b * jnp.maximum(depth - self.toe, 0.0))
+
+    def relaxed_step(
+        self, start: Array, stop: Array, force_start: Array, force_stop: Array, decay: Array
+    ) -> Array:
+        """Exact: the step's parts in the toe and beyond it, each with its share of the time."""
+        travel = stop - start
+        in_toe = jnp.minimum(stop, self.toe) - jnp.minimum(start, self.toe)
+        moves = travel != 0.0
+        share = jnp.where(moves, in_toe / jnp.where(moves, travel, 1.0), start <= self.toe)
+        decay_toe, decay_beyond = share * decay, (1.0 - share) * decay
+        # what is passed first decays through the rest of the step
+        after_toe = jnp.where(travel >= 0.0, decay_beyond, 0.0)
+        after_beyond = jnp.where(travel >= 0.0, 0.0, decay_toe)
+        toe = self.m * in_toe * exp_slope(-decay_toe) * jnp.exp(-after_toe)
+        beyond = self._beyond(start, stop, decay_beyond) * jnp.exp(-after_beyond)
+        return toe + beyond
+
+    def _beyond(self, start: Array, stop: Array, decay: Array) -> Array:
+        """The step of the exponential law from where the toe ends."""
+        first, last = (jnp.maximum(depth - self.toe, 0.0) for depth in (start, stop))
+        travel = last - first
+        bottom = self.m * jnp.exp(self.b * first - decay)
+        top = self.m * jnp.exp(self.b * last)
+        return travel * exp_difference_ratio(top, bottom, self.b * travel + decay)

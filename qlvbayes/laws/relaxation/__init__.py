@@ -1,0 +1,1 @@
+"""Relaxations: the reduced relaxation function g(t), handed over as a discrete spectrum."""

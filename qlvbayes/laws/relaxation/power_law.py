@@ -1,0 +1,75 @@
+"""A power law in time that begins at 1."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, ClassVar, Self
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax.scipy.special import gammaln
+from jaxtyping import Array
+
+from qlvbayes.laws.relaxation.law import AbstractRelaxation, decades_of, middle_of, shared_out
+from qlvbayes.priors import LogNormal, Uniform
+from qlvbayes.scales import Scales, lognormal
+
+_STEP = 0.65  # of ln(rate tau): the trapezoid's error is of the order e^(-pi^2/0.65) = 3e-7
+_TOP = 3.6  # of ln(rate tau), above which a gamma density in the rate has e^-36
+_BELOW = 2.5  # decades of rate below one over the longest time that have nodes of their own
+
+
+class PowerLaw(AbstractRelaxation):
+    r"""A power law, regularised at short times; its spectrum is a gamma density in the rate.
+
+    .. math:: g(t) = c_0 + (1 - c_0)(1 + t/\tau)^{-\alpha}, \qquad
+              (1 + t/\tau)^{-\alpha} = \int_0^\infty
+              \frac{s^{\alpha - 1} e^{-s}}{\Gamma(\alpha)} e^{-s t/\tau} ds
+
+    c0: share that never relaxes; alpha: exponent, above 0; tau: when the power law begins (s).
+    nodes: of the trapezoid in ln s, the last of which stands for all slower rates, with their mean;
+    43 give 1e-6 of g(0) to t = 1e7 tau for alpha to 1 (3e-5 at 2, 2e-4 at 3).
+    """
+
+    c0: Any
+    alpha: Any
+    tau: Any
+    nodes: int = eqx.field(static=True, default=43)
+    name: ClassVar[str] = "power-law"
+    units: ClassVar[dict[str, str]] = {"c0": "fraction", "alpha": "count", "tau": "time"}
+    meanings: ClassVar[dict[str, str]] = {
+        "c0": "share that never relaxes",
+        "alpha": "exponent of relaxation in time",
+        "tau": "when the power law begins",
+    }
+    law: ClassVar[str] = "g(t) = c0 + (1 − c0)(1 + t/tau)^(−alpha)"
+    reference: ClassVar[str] = "Nutting 1921, doi:10.1016/S0016-0032(21)90171-6"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """c0 uniform; alpha within a factor 2.5 of 0.3; tau anywhere in the measurable range.
+
+        Nodes for times to ten times the longest phase and a tau from a tenth of the sampling
+        interval on.
+        """
+        lowest = math.log(10.0) * (decades_of(scales) + _BELOW)
+        nodes = math.ceil((lowest + _TOP) / _STEP) + 1
+        return cls(Uniform(0.0, 1.0), lognormal(0.3, 2.5), LogNormal(*middle_of(scales)), nodes)
+
+    def spectrum(self) -> tuple[Array, Array]:
+        """Trapezoid in ln s, closed by one term for all that is slower."""
+        steps = _TOP - _STEP * np.arange(self.nodes - 1)
+        weights = _STEP * jnp.exp(self.alpha * steps - np.exp(steps) - gammaln(self.alpha))
+        # the sum over all nodes below the lowest, where e^-s is 1, and their mean rate
+        slower, mean = (
+            1.0 / jnp.expm1(_STEP * self.alpha),
+            1.0 / jnp.expm1(_STEP * (self.alpha + 1.0)),
+        )
+        rates = jnp.append(np.exp(steps), math.exp(steps[-1]) * mean / slower)
+        weights = jnp.append(weights, weights[-1] * slower)
+        return shared_out(self.c0, weights), rates / self.tau
+
+    def times(self) -> dict[str, Array]:
+        """When the power law begins."""
+        return {"tau": self.tau}

@@ -1,0 +1,153 @@
+"""Relaxations: the spectrum that each hands over is its law, over twelve decades of time."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.special import exp1
+
+from qlvbayes.laws.catalogue import LAWS
+from qlvbayes.laws.conformance import check_law
+from qlvbayes.laws.relaxation.fung import Fung
+from qlvbayes.laws.relaxation.log_normal import LogNormalSpectrum
+from qlvbayes.laws.relaxation.power_law import PowerLaw
+from qlvbayes.laws.relaxation.prony import Prony
+from qlvbayes.laws.relaxation.stretched import StretchedExponential
+from qlvbayes.scales import Scales
+
+ERROR = 1e-6  # of g(0)
+TIME = np.concatenate([[0.0], np.geomspace(1e-6, 1e6, 400)])  # s
+SCALES = Scales(force=1.6, depth=1.6, shortest=1e-3, longest=30.0, white=6e-3, ou=8e-3, tau=0.5)
+
+
+def fung(c, first, last, t=TIME):
+    inside = np.log(last / first) if t is None else 0.0
+    with np.errstate(invalid="ignore"):
+        inside = np.where(t > 0.0, exp1(t / last) - exp1(t / first), np.log(last / first))
+    return (1.0 + c * inside) / (1.0 + c * np.log(last / first))
+
+
+def malkin(c, first, last, beta, t):
+    """FEBio's relaxation-Malkin by quadrature: spectrum tau^-beta between the ends."""
+    log_tau = np.linspace(np.log(first), np.log(last), 20001)
+    density = np.exp((1.0 - beta) * log_tau)
+    whole = np.trapezoid(density, log_tau)
+    decays = np.exp(-t[:, None] * np.exp(-log_tau))
+    box = np.trapezoid(decays * density, log_tau, axis=1) / whole
+    height = c * np.log(last / first)
+    return (1.0 + height * box) / (1.0 + height)
+
+
+def log_normal(c0, tau, sigma, t=TIME):
+    z = np.linspace(-7.5, 7.5, 6001)
+    normal = np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi)
+    decays = np.exp(-t[:, None] / tau * np.exp(-sigma * z))
+    return c0 + (1.0 - c0) * np.trapezoid(decays * normal, z, axis=1)
+
+
+@pytest.mark.parametrize(("decades", "nodes"), [(3, 14), (4, 18), (6, 26), (8, 34)])
+@pytest.mark.parametrize("c", [0.02, 0.3, 5.0])
+def test_the_box_spectrum_is_fungs_function(decades, nodes, c):
+    """Four nodes a decade and two more, against exponential integrals."""
+    first = 10.0 ** (-0.5 * decades)
+    law = Fung(c, first, 1.0 / first, nodes)
+    assert np.max(np.abs(law.curve(jnp.asarray(TIME)) - fung(c, first, 1.0 / first))) < ERROR
+
+
+def test_the_box_spectrum_is_malkins_at_beta_1():
+    """FEBio's Malkin spectrum goes over into the box from both sides, as beta goes to 1."""
+    t = np.concatenate([[0.0], np.geomspace(1e-3, 1e3, 60)])
+    box = np.asarray(Fung(0.2, 0.01, 10.0, 14).curve(jnp.asarray(t)))
+    np.testing.assert_allclose(malkin(0.2, 0.01, 10.0, 1.0, t), box, atol=ERROR)
+    for beta in (1.0 - 1e-6, 1.0 + 1e-6):
+        np.testing.assert_allclose(malkin(0.2, 0.01, 10.0, beta, t), box, atol=1e-5)
+    assert np.max(np.abs(malkin(0.2, 0.01, 10.0, 1.5, t) - box)) > 0.01
+
+
+def test_a_spectrum_uniform_in_time_is_another_law():
+    """What FEBio calls relaxation-Fung: it relaxes at the slow end."""
+    t = np.array([0.1, 1.0])
+    box = np.asarray(Fung(0.2, 0.01, 10.0).curve(jnp.asarray(t)))
+    assert np.all(malkin(0.2, 0.01, 10.0, 0.0, t) > box + 0.05)
+
+
+def test_the_box_has_no_first_end():
+    box, other = Fung(0.2, 0.01, 10.0), Fung(0.2, 10.0, 0.01)
+    np.testing.assert_allclose(box.curve(jnp.asarray(TIME)), other.curve(jnp.asarray(TIME)))
+
+
+@pytest.mark.parametrize(
+    ("alpha", "error"),
+    [*((a, ERROR) for a in (0.02, 0.1, 0.3, 0.5, 1.0)), (2.0, 3e-5), (3.0, 2e-4)],
+)
+def test_the_gamma_spectrum_is_the_power_law(alpha, error):
+    law = PowerLaw(0.2, alpha, 1.0)
+    exact = 0.2 + 0.8 * (1.0 + TIME) ** -alpha
+    assert np.max(np.abs(law.curve(jnp.asarray(TIME)) - exact)) < error
+
+
+@pytest.mark.parametrize("beta", [0.15, 0.3, 0.5, 0.7, 0.9, 0.95])
+def test_the_stable_spectrum_is_the_stretched_exponential(beta):
+    time = np.concatenate([[0.0], np.geomspace(1e-9, 1e4, 400)])
+    law = StretchedExponential(0.2, beta, 1.0)
+    exact = 0.2 + 0.8 * np.exp(-(time**beta))
+    assert np.max(np.abs(law.curve(jnp.asarray(time)) - exact)) < ERROR
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.1, 1.0, 2.0, 3.0])
+def test_the_normal_spectrum_is_its_integral(sigma):
+    law = LogNormalSpectrum(0.2, 2.0, sigma)
+    assert np.max(np.abs(law.curve(jnp.asarray(TIME)) - log_normal(0.2, 2.0, sigma))) < ERROR
+
+
+EXACT = [
+    (Fung, (0.2, 0.01, 10.0), fung),
+    (PowerLaw, (0.2, 0.3, 0.7), lambda c, a, tau, t: c + (1.0 - c) * (1.0 + t / tau) ** -a),
+    (
+        StretchedExponential,
+        (0.2, 0.4, 0.7),
+        lambda c, b, tau, t: c + (1.0 - c) * np.exp(-((t / tau) ** b)),
+    ),
+    (LogNormalSpectrum, (0.2, 0.7, 1.5), log_normal),
+]
+
+
+@pytest.mark.parametrize(("kind", "constants", "exact"), EXACT, ids=lambda x: str(x)[:30])
+def test_slopes_are_those_of_the_law(kind, constants, exact):
+    """Slopes of the spectrum's curve against central differences of the closed form."""
+    time = np.geomspace(1e-3, 1e3, 40)
+    found = jax.jacfwd(lambda x: kind(*x).curve(jnp.asarray(time)))(jnp.asarray(constants))
+    for k, value in enumerate(constants):
+        step = 1e-4 * value
+        more, less = (
+            exact(*constants[:k], value + x, *constants[k + 1 :], time) for x in (step, -step)
+        )
+        slope = (more - less) / (2.0 * step)
+        np.testing.assert_allclose(found[:, k] * value, slope * value, atol=2e-5)
+
+
+@pytest.mark.parametrize("kind", LAWS.relaxation, ids=lambda kind: kind.name)
+def test_every_relaxation_keeps_the_rules(kind):
+    check_law(kind)
+    check_law(kind, Scales(100.0, 5.0, 0.2, 2000.0, 1.0, 1.0, 1.0))
+
+
+@pytest.mark.parametrize("kind", LAWS.relaxation, ids=lambda kind: kind.name)
+def test_the_number_of_terms_hangs_on_the_tests_and_not_on_the_constants(kind):
+    """One compiled function serves every draw."""
+    law = kind.default(SCALES)
+    leaves, shape = jax.tree.flatten(law, is_leaf=lambda x: hasattr(x, "draw"))
+    rng = np.random.default_rng(1)
+    terms = set()
+    for _ in range(3):
+        drawn = jax.tree.unflatten(shape, [jnp.asarray(x.draw(rng)) for x in leaves])
+        terms.add(drawn.spectrum()[1].shape)
+    assert len(terms) == 1
+    assert terms.pop()[0] <= 60
+
+
+def test_prony_hands_over_its_own_constants():
+    law = Prony(jnp.array([0.3, 0.7]), jnp.array([2.0]))
+    assert law.spectrum()[0] is law.c
+    assert law.spectrum()[1] is law.v
+    assert law.times() == {"1/v[1]": 0.5}
