@@ -83,6 +83,8 @@ class Terminal(Watcher):
             out.print()
         for warning in found.warnings:
             err.print(f"warning: {warning}", markup=False)
+        for notice in found.notices:
+            err.print(f"notice: {notice}", markup=False)
         show_figures(figures)
 
 

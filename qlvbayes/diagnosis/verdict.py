@@ -118,7 +118,8 @@ class Diagnosis:
     discrepancy where structure is left; unlisted: log Bayes factors of rivals that no list holds
     against the last model, by name; outside: the one that clearly beats it, if any; not_ruled_out:
     the likeliest explanations within the window of the one named, or of the likeliest if none is,
-    none where the verdict is ``unexplained``; constants: the plain model's, averaged over all
+    none where the verdict is ``unexplained``; notices: relaxation times of the last model that the
+    tests do not hold; constants: the plain model's, averaged over all
     explanations in the window, or by the last model if there are none.
     """
 

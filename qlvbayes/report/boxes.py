@@ -139,6 +139,7 @@ def _warnings(pad: PadResults) -> list[str]:
     summary = pad.final.summary
     troubles = summary.get("troubles", []) if summary and not summary["converged"] else []
     found = [f"The sampling has not converged: {text}." for text in troubles]
+    found += [f"{text}." for text in (summary or {}).get("notices", [])]
     other = other_form(pad.diagnosis["steps"][-1]) if pad.diagnosis else None
     if other in ((pad.final.summary or {}).get("effects") or []):
         found.append(

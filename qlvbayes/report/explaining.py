@@ -68,7 +68,7 @@ def explaining_of(pad: PadResults) -> Explaining | None:
             (entry["test"], number(entry["expected_2_ln_bayes_factor"], 2))
             for entry in found.get("suggestions", [])
         ),
-        tuple(found.get("warnings", [])),
+        (*found.get("warnings", []), *found.get("notices", [])),
         pad.force_unit,
     )
 
