@@ -130,7 +130,8 @@ def _notices(fit: Fit) -> Iterator[str]:
     if not fit.choices.rested:
         yield from clock_notices(fit.experiment)
     model = fit.posterior.with_constants(jnp.asarray(constants))[0]
-    yield from unresolved_times(model.relaxation, fit.experiment.scales)
+    for text in unresolved_times(model.relaxation, fit.experiment.scales):
+        yield f"pad {fit.pad}: {text}"
 
 
 def _mean(values: np.ndarray) -> float:

@@ -6,9 +6,14 @@ import numpy as np
 import pytest
 from numpy.polynomial.legendre import leggauss
 
+from qlvbayes.laws.catalogue import LAWS as KNOWN
+from qlvbayes.laws.conformance import check_law
+from qlvbayes.laws.elastic.cubic import Cubic
 from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.elastic.hertz import HertzPower
 from qlvbayes.laws.elastic.linear import Linear
+from qlvbayes.laws.elastic.quadratic import Quadratic
+from qlvbayes.laws.elastic.toe_exponential import ToeExponential
 
 NODES, WEIGHTS = leggauss(40)
 LAWS = [
@@ -16,9 +21,13 @@ LAWS = [
     Exponential(0.34, 1.165),
     Exponential(0.34, -0.7),
     Exponential(0.34, 0.0),
+    Quadratic(0.3, 0.2),
+    Cubic(0.3, -0.1, 0.15),
+    ToeExponential(0.3, 1.2, 0.45),
+    ToeExponential(0.3, 0.0, 0.0),
     HertzPower(0.5, 1.5),
 ]
-CLOSED_FORM = LAWS[:4]
+CLOSED_FORM = LAWS[:-1]
 DECAYS = [0.0, 1e-12, 1e-3, 0.0999, 0.1001, 0.3, 1.0, 30.0, 1e4]
 
 
@@ -31,6 +40,9 @@ def integral(law, start, stop, decay):
     """Integral over the step, in panels that shrink toward its end as e^{-decay (1 - s)} does."""
     far = np.concatenate([[0.0], np.geomspace(1e-6, 1.0, 60)])
     edges = 1.0 - far[::-1]
+    if isinstance(law, ToeExponential) and start != stop:  # a panel ends where stiffness has a kink
+        kink = (law.toe - start) / (stop - start)
+        edges = np.sort(np.append(edges, kink)) if 0.0 < kink < 1.0 else edges
     half = 0.5 * np.diff(edges)[:, None]
     s = edges[:-1, None] + half * (1.0 + NODES)
     stiffness = np.asarray(law.stiffness(jnp.asarray(start + (stop - start) * s)))
@@ -83,3 +95,22 @@ def test_slopes_of_a_step_are_finite(law, decay):
     for start, stop in [(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (0.7, 0.7), (-0.1, 0.1)]:
         found = slopes(law, start, stop, decay)
         assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(found))
+
+
+@pytest.mark.parametrize("kind", KNOWN.elastic, ids=lambda kind: kind.name)
+def test_every_elastic_law_keeps_the_rules(kind):
+    check_law(kind)
+
+
+def test_the_toe_meets_the_exponential_with_one_force_and_one_stiffness():
+    law = ToeExponential(0.3, 1.2, 0.45)
+    below, above = (jnp.asarray(0.45 + x) for x in (-1e-9, 1e-9))
+    assert np.isclose(law.force(below), law.force(above), rtol=1e-8)
+    assert np.isclose(law.stiffness(below), law.stiffness(above), rtol=1e-8)
+    assert law.stiffness(jnp.asarray(1.45)) == pytest.approx(0.3 * np.exp(1.2))
+
+
+def test_a_toe_of_no_length_is_the_exponential_law():
+    depth = jnp.linspace(0.0, 1.6, 20)
+    toe, plain = ToeExponential(0.34, 1.165, 0.0), Exponential(0.34, 1.165)
+    np.testing.assert_allclose(toe.force(depth), plain.force(depth), rtol=1e-14)

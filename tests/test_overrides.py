@@ -218,7 +218,7 @@ def test_fixed_constants_leave_theta_and_keep_their_names():
 
 
 def test_unknown_laws_and_noises_are_programming_errors():
-    with pytest.raises(ValueError, match="choose one of exponential"):
+    with pytest.raises(InputError, match="use one of exponential"):
         default_model(SCALES, "cubic")
     with pytest.raises(ValueError, match="choose one of correlated"):
         default_noise(SCALES, "pink")

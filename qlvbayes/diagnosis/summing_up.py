@@ -82,7 +82,8 @@ def _notices(work: Work) -> tuple[str, ...]:
     carried = carried_notices(experiment, experiment.trials, ensemble.posterior.record, predict)
     clock = () if experiment.rested else clock_notices(experiment)
     model = ensemble.posterior.with_constants(jnp.asarray(constants))[0]
-    return (*carried, *clock, *unresolved_times(model.relaxation, experiment.scales))
+    times = unresolved_times(model.relaxation, experiment.scales)
+    return (*carried, *clock, *(f"pad {experiment.pad}: {text}" for text in times))
 
 
 def _named(path: Path, group: tuple[str, ...]) -> tuple[str, ...]:

@@ -1,0 +1,224 @@
+"""Laws on the command line: chosen by name, listed, taken from a file of one's own."""
+
+import json
+
+import pytest
+from endtoend import PADS, call, read_json
+
+from qlvbayes import check_law
+from qlvbayes.checks import InputError
+from qlvbayes.choices import Choices
+from qlvbayes.cli.options import relaxation_of
+from qlvbayes.laws.catalogue import LAWS
+from qlvbayes.laws.conformance import LawError
+from qlvbayes.laws.userfile import load
+
+FIT = ("--pads", "B", "--method", "least-squares", "--noise", "white")
+
+OWN = '''
+from typing import Any, ClassVar
+
+import jax.numpy as jnp
+from qlvbayes import AbstractElastic, AbstractRelaxation
+from qlvbayes.laws.elastic.steps import quadratic_force_step
+from qlvbayes.priors import Uniform
+from qlvbayes.scales import lognormal
+
+
+class Tangent(AbstractElastic):
+    """F_e = m tan(delta/2)."""
+
+    m: Any
+    name: ClassVar[str] = "tangent"
+    units: ClassVar[dict] = {"m": "force"}
+    meanings: ClassVar[dict] = {"m": "force at half a turn's quarter"}
+    law: ClassVar[str] = "F = m tan(delta/2)"
+    reference: ClassVar[str] = "nobody"
+
+    @classmethod
+    def default(cls, scales):
+        return cls(lognormal(scales.force, 5.0))
+
+    def force(self, depth):
+        return self.m * jnp.tan(0.5 * depth)
+
+    def stiffness(self, depth):
+        return 0.5 * self.m / jnp.cos(0.5 * depth) ** 2
+
+    def relaxed_step(self, start, stop, force_start, force_stop, decay):
+        middle = self.force(0.5 * (start + stop))
+        return quadratic_force_step(force_start, middle, force_stop, decay)
+
+
+class Maxwell(AbstractRelaxation):
+    """g = s + (1 - s) e^{-t/tau}."""
+
+    s: Any
+    tau: Any
+    name: ClassVar[str] = "maxwell"
+    units: ClassVar[dict] = {"s": "fraction", "tau": "time"}
+    meanings: ClassVar[dict] = {"s": "what stays", "tau": "its time"}
+    law: ClassVar[str] = "g = s + (1 - s) exp(-t/tau)"
+    reference: ClassVar[str] = "Maxwell 1867"
+
+    @classmethod
+    def default(cls, scales):
+        return cls(Uniform(0.0, 1.0), lognormal(1.0, 5.0))
+
+    def spectrum(self):
+        return jnp.stack([self.s, 1.0 - self.s]), jnp.reshape(1.0 / self.tau, (1,))
+
+    def times(self):
+        return {"tau": self.tau}
+'''
+
+
+def check_all(laws):
+    for kind in (*laws.elastic, *laws.relaxation):
+        check_law(kind)
+
+
+@pytest.fixture
+def own(tmp_path):
+    path = tmp_path / "my_laws.py"
+    path.write_text(OWN)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("relaxation", "modes", "wanted"),
+    [
+        (None, None, ("prony", 2)),
+        (None, 3, ("prony", 3)),
+        ("prony", 4, ("prony", 4)),
+        ("prony:3", None, ("prony", 3)),
+        ("prony:3", 3, ("prony", 3)),
+        ("fung", None, ("fung", 2)),
+    ],
+)
+def test_relaxation_and_modes_say_one_thing(relaxation, modes, wanted):
+    assert relaxation_of(relaxation, modes) == wanted
+
+
+@pytest.mark.parametrize(
+    ("relaxation", "modes", "problem"),
+    [
+        ("fung", 3, "--modes is of a Prony series, not of fung"),
+        ("prony:2", 3, "--relaxation prony:2 and --modes 3 differ"),
+        ("prony:0", None, "no relaxation 'prony:0'"),
+        ("prony:7", None, "no relaxation 'prony:7'"),
+        ("fung:2", None, "no relaxation 'fung:2'"),
+    ],
+)
+def test_a_clash_is_refused(relaxation, modes, problem):
+    with pytest.raises(InputError, match=problem):
+        relaxation_of(relaxation, modes)
+
+
+def test_an_unknown_law_is_refused_in_one_line(tmp_path):
+    for option, word in (("--elastic", "cubic"), ("--relaxation", "pony")):
+        status, _, err = call("fit", PADS, "-o", tmp_path, option, word)
+        assert status == 2
+        assert f"'{word}'; use one of" in err
+        assert err.count("\n") == 1
+
+
+def test_laws_are_listed(own):
+    status, out, _ = call("laws", "--json", "--laws-file", own)
+    assert status == 0
+    listed = {(entry["option"], entry["name"]): entry for entry in json.loads(out)}
+    for kind in LAWS.elastic:
+        assert set(listed["--elastic", kind.name]["parameters"]) == set(kind.units)
+    for kind in LAWS.relaxation:
+        assert set(listed["--relaxation", kind.name]["parameters"]) == set(kind.units)
+    assert listed["--elastic", "tangent"]["parameters"] == {"m": "N"}
+    status, out, _ = call("laws")
+    assert status == 0
+    assert "power-law" in out
+    assert "alpha" in out
+
+
+def test_choices_of_older_results_are_a_prony_series():
+    old = {"law": "hertz", "modes": 3, "noise": "white", "priors": [], "fixed": [], "effects": []}
+    found = Choices.from_dict(old)
+    assert found.relaxing == "prony:3"
+    assert Choices.from_dict(json.loads(json.dumps(found.as_dict()))) == found
+
+
+def test_laws_of_ones_own_keep_the_rules_and_are_found(own):
+    laws = load(own)
+    check_all(laws)
+    assert load(own).elastic[0] is laws.elastic[0]  # compiled once
+    choices = Choices(law="tangent", relaxation="maxwell", laws_file=str(own))
+    assert choices.relaxing == "maxwell"
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        (('"tangent"', '"hertz"'), "a law called hertz comes with the package"),
+        (("def stiffness", "def slope"), "the law Tangent lacks stiffness"),
+        (('    reference: ClassVar[str] = "nobody"\n', ""), "the law Tangent lacks reference"),
+        (("import jax.numpy", "import jax.nonsense"), "ModuleNotFoundError"),
+    ],
+)
+def test_a_bad_file_is_refused_with_its_place(own, change, problem):
+    own.write_text(OWN.replace(*change))
+    with pytest.raises(InputError, match=problem) as caught:
+        load(own)
+    assert str(own) in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        (("0.5 * self.m / jnp.cos", "self.m / jnp.cos"), "stiffness is off the slope"),
+        (("jnp.tan(0.5 * depth)", "(0.1 + jnp.tan(0.5 * depth))"), "force at zero depth"),
+        (("force_stop, decay)\n\n\nclass", "force_stop, 2.0 * decay)\n\n\nclass"), "its integral"),
+        (("1.0 - self.s]", "0.9 - self.s]"), "sum to 0.9"),
+        (("[self.s, 1.0 - self.s]", "[1.5 + 0 * self.s, -0.5 + 0 * self.s]"), "is negative"),
+        (('"tau": "time"}', '"tau": "parsec"}'), "no kind of unit"),
+        (('"tau": "time"}', '"t": "time"}'), "units must name exactly"),
+    ],
+)
+def test_a_law_that_breaks_a_rule_is_told_which(own, change, problem):
+    text = OWN.replace(*change)
+    assert text != OWN
+    own.write_text(text)
+    with pytest.raises(LawError, match=problem):
+        check_all(load(own))
+
+
+def test_a_fit_with_laws_of_ones_own_is_saved_checked_and_reported(tmp_path, own):
+    """From the command to the page, through every file between."""
+    out = tmp_path / "out"
+    words = ("--elastic", "tangent", "--relaxation", "maxwell", "--laws-file", own)
+    status, _, err = call("fit", PADS, "-o", out, *FIT, *words)
+    assert status == 0, err
+    found = read_json(out / "B" / "summary.json")["parameters"]
+    assert list(found) == ["m", "s", "tau", "noise.white"]
+    assert found["tau"]["unit"] == "s"
+    assert call("check", out)[0] == 0
+    assert call("report", out)[0] == 0
+    page = (out / "report.html").read_text()
+    assert "g = s + (1 - s) exp(-t/tau)" in page
+    assert "what stays" in page
+
+
+def test_a_time_that_the_tests_do_not_hold_is_noticed(tmp_path):
+    """The simulated pad relaxes from 0.16 s on: a box fixed to begin at 1 us lies below 1 ms."""
+    words = ("--relaxation", "fung", "--fix", "tau1=1e-6", "--fix", "tau2=1000")
+    status, _, err = call("fit", PADS, "-o", tmp_path, *FIT, *words)
+    assert status == 0, err
+    notices = read_json(tmp_path / "B" / "summary.json")["notices"]
+    assert any("tau1 is about 1e-06 s, below the sampling interval" in text for text in notices)
+    assert any("tau2 is about 1e+03 s, beyond the longest hold" in text for text in notices)
+
+
+def test_two_step_needs_no_prony_series(tmp_path):
+    words = ("--relaxation", "stretched", "--method", "two-step")
+    status, _, err = call("fit", PADS, "-o", tmp_path, *FIT, *words)
+    assert status == 0, err
+    assert list(read_json(tmp_path / "B" / "summary.json")["parameters"])[:5] == [
+        "m", "b", "c0", "beta", "tau",
+    ]  # fmt: skip
