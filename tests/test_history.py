@@ -13,15 +13,15 @@ from qlvbayes.choices import Choices
 from qlvbayes.data import Pad as MeasuredPad
 from qlvbayes.data import Test, read_study
 from qlvbayes.effects.catalogue import find
-from qlvbayes.elastic import Exponential
 from qlvbayes.experiment import prepare
 from qlvbayes.fit import build_posterior, fit_pad
 from qlvbayes.inference import compiled
 from qlvbayes.kinematics.trajectory import Trajectory
+from qlvbayes.laws.elastic.exponential import Exponential
+from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model import Model
 from qlvbayes.motion import Motion
 from qlvbayes.records.past import REST, carried_tests, past_of
-from qlvbayes.relaxation import Prony
 from qlvbayes.summary import summarise
 from qlvbayes.synthetic import (
     NOISES,

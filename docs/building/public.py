@@ -10,7 +10,7 @@ from typing import Any
 # Which parts of the package stand on which page of the API; what is in none, on the last one.
 SECTIONS = {
     "measurements": ("data", "experiment", "checks", "units"),
-    "model": ("model", "motion", "elastic", "relaxation", "law", "noise", "scales", "priors"),
+    "model": ("model", "motion", "laws", "law", "noise", "scales", "priors"),
     "fitting": ("choices", "fit", "inference", "summary", "predict", "residuals", "results"),
     "diagnosis": ("diagnosis",),
     "effects": ("effects", "recovery"),

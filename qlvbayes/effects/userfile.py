@@ -21,7 +21,7 @@ def load(path: str | Path) -> tuple[type[AbstractEffect], ...]:
         name that another effect has.
     """
     path = Path(path)
-    found = own_classes(path, AbstractEffect, "effects")
+    found = own_classes(path, AbstractEffect, "effects")  # type: ignore[type-abstract]
     if not found:
         raise InputError(
             "defines no effect", file=path, remedy="write a class that extends AbstractEffect"

@@ -18,7 +18,7 @@ from qlvbayes.priors.distributions import AbstractPrior
 from qlvbayes.scales import Scales
 from qlvbayes.units import PAD
 
-Law = TypeVar("Law", AbstractElastic, AbstractRelaxation)
+Law = TypeVar("Law", bound=AbstractElastic | AbstractRelaxation)
 
 _DRAWS = 16
 # those of the paper's tests, where no others are given

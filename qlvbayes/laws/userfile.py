@@ -22,8 +22,8 @@ def load(path: str | Path) -> Laws:
         that another law has.
     """
     path = Path(path)
-    elastic = own_classes(path, AbstractElastic, "laws")
-    relaxation = own_classes(path, AbstractRelaxation, "laws")
+    elastic = own_classes(path, AbstractElastic, "laws")  # type: ignore[type-abstract]
+    relaxation = own_classes(path, AbstractRelaxation, "laws")  # type: ignore[type-abstract]
     if not elastic and not relaxation:
         raise InputError(
             "defines no law",
