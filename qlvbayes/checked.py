@@ -36,5 +36,6 @@ def check_pad(saved: Saved, pad: Pad, *, seed: int = 0) -> CheckedPad:
     experiment = prepare(pad, all_tests=saved.all_tests)
     constants = dict(zip(saved.names, saved.draws.T, strict=True))
     predictions = predict(experiment, saved.choices, constants, experiment.trials, seed=seed)
-    found = check(pad.name, experiment.floor.total, predictions, saved.choices.effects)
+    floor = experiment.floor
+    found = check(pad.name, floor.total, predictions, saved.choices.effects, floor.notices)
     return CheckedPad(experiment, tuple(predictions), found)

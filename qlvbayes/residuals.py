@@ -36,12 +36,13 @@ class Cell:
 
 @dataclass(frozen=True)
 class Check:
-    """All cells of one pad, the noise floor (sd, N) and which cells fail."""
+    """All cells of one pad, the noise floor (sd, N), which cells fail, and notices of the noise."""
 
     pad: str
     noise: float
     cells: tuple[Cell, ...]
     effects: tuple[str, ...] = ()
+    notices: tuple[str, ...] = ()
 
     def fails(self, cell: Cell) -> bool:
         """Whether structure beyond noise is left in a cell (1 % false alarms over all cells)."""
@@ -69,12 +70,17 @@ class Check:
             "pad": self.pad,
             "effects": list(self.effects),
             "noise_N": self.noise,
+            "notices": list(self.notices),
             "cells": cells,
         }
 
 
 def check(
-    pad: str, noise: float, predictions: Sequence[Prediction], effects: Sequence[str] = ()
+    pad: str,
+    noise: float,
+    predictions: Sequence[Prediction],
+    effects: Sequence[str] = (),
+    notices: Sequence[str] = (),
 ) -> Check:
     """Compare predictions with what was measured; cells without samples are left out."""
     cells = [
@@ -83,7 +89,7 @@ def check(
         for kind in KINDS
         if np.any(prediction.phase == kind)
     ]
-    return Check(pad, noise, tuple(cells), tuple(effects))
+    return Check(pad, noise, tuple(cells), tuple(effects), tuple(notices))
 
 
 def _cell(prediction: Prediction, kind: str) -> Cell:

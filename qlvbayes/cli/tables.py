@@ -75,6 +75,7 @@ def _cell(parameter: dict | None) -> str:
 def check_table(check: Check, force_unit: str, speed_unit: str) -> Table:
     """One pad: every cell of test and phase against the noise floor, failing ones marked."""
     title = f"pad {check.pad}: prediction errors, noise floor {check.noise:.3g} {force_unit}"
+    title = "\n".join([title, *check.notices])
     table = Table(title=title, title_justify="left", title_style="bold")
     for name in ("test", "role", "phase"):
         table.add_column(name, no_wrap=True, overflow="fold")

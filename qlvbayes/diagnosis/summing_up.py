@@ -51,7 +51,11 @@ def summed_up(
         bends=tuple(bends(ensemble, plain, scores)),
         coincident=tuple(coincident(ensemble, plain, scores)),
         refused=tuple(path.refused),
-        warnings=(*_warnings(ensemble, path), *_disagreements(sampled)),
+        warnings=(
+            *experiment.floor.notices,
+            *_warnings(ensemble, path),
+            *_disagreements(sampled),
+        ),
         suggestions=_suggestions(experiment, ensemble, judged.alike),
         work=work,
         nested=sampled,
@@ -95,14 +99,14 @@ def _suggestions(
 
 def _stage(work: Work, k: int, settings: Settings) -> Stage:
     step, tested = work.path.steps[k], work.adequacies[k]
-    level = 0.5 * settings.false_alarms / len(tested.cells)  # the other half is the noise's
+    level = 0.5 * settings.false_alarms / len(tested.cells)  # the other half is all cells' together
     return Stage(
         effects=step.effects,
         rmse=step.rmse,
         heldout_rmse=step.heldout.rmse,
         log_evidence=float(step.point.log_evidence),
         p_value=tested.p_value,
-        noise_p_value=tested.noise_p_value,
+        testable=tested.testable,
         sound=tested.is_sound(settings),
         cells=tuple(cell_errors(work.samples, step.residuals)),
         failing=tuple((c.test, c.phase) for c in tested.cells if c.p_value < level),

@@ -43,10 +43,17 @@ def paragraphs(diagnosis: Diagnosis) -> list[str]:
         text += _runner_up(diagnosis)
     text += _not_ruled_out(diagnosis)
     text += _honest(diagnosis)
+    text += _of_noise(diagnosis)
     text += _next_test(diagnosis)
     text += _unseen(diagnosis)
     text += _bent(diagnosis)
     return text
+
+
+def _of_noise(diagnosis: Diagnosis) -> list[str]:
+    """What the reader must know of the noise floor."""
+    notices = diagnosis.work.experiment.floor.notices
+    return [f"Of the noise: {'; '.join(notices)}."] if notices else []
 
 
 def _units(diagnosis: Diagnosis) -> UnitSystem:
@@ -122,8 +129,6 @@ def _unexplained(d: Diagnosis) -> str:
     cells = list(dict.fromkeys(f"{_PHASE[phase]} of {test}" for test, phase in last.failing))
     more = f" and {len(cells) - _MOST_CELLS} more" if len(cells) > _MOST_CELLS else ""
     where = f", in the {joined(cells[:_MOST_CELLS])}{more}" if cells else ""
-    if last.noise_p_value < last.p_value:
-        where += "; the fit takes it for noise that the rests between motions do not have"
     return (
         f"Pad {d.pad}: unexplained.{tried} structure remains beyond the noise floor of "
         f"{d.noise:.3g} {unit} ({_p(last.p_value)}){where}. The largest error left is "
