@@ -41,8 +41,9 @@ def check_pad(saved: Saved, pad: Pad, *, seed: int = 0) -> CheckedPad:
     by = factors(saved.choices, constants, saved.units, pad.units)
     constants = {name: by[name] * draws for name, draws in constants.items()}
     predictions = predict(experiment, saved.choices, constants, experiment.trials, seed=seed)
-    found = check(pad.name, experiment.floor.total, predictions, saved.choices.effects)
-    chosen = saved.choices
-    notices = pull_notices(experiment, bonded=chosen.bonded, effects=chosen.effects)
-    found = replace(found, units=pad.units, notices=notices)
+    chosen, floor = saved.choices, experiment.floor
+    found = check(pad.name, floor.total, predictions, chosen.effects)
+    pulling = pull_notices(experiment, bonded=chosen.bonded, effects=chosen.effects)
+    of_noise = [f"pad {pad.name}: {text}" for text in floor.notices]
+    found = replace(found, units=pad.units, notices=(*pulling, *of_noise))
     return CheckedPad(experiment, tuple(predictions), found)

@@ -37,14 +37,16 @@ def default_model(
 def default_noise(scales: Scales, kind: str = "correlated") -> AbstractNoise:
     """Noise model with every scale free.
 
-    The white sd is within a factor 1.2 of the one measured inside holds without the model; the
-    correlated sd is half-normal, so that none at all is possible, and its time is within a factor
-    3 of the measured one.
+    The white sd is within a factor of 1.2 of the one measured inside holds without the model, or
+    what the holds leave open if that is more; the correlated sd is half-normal, so that none at all
+    is possible, and its time is within a factor of 3 of the measured one, or more likewise.
     """
     total = math.hypot(scales.white, scales.ou)
     if kind == "correlated":
         return Correlated(
-            lognormal(scales.white, 1.2), HalfNormal(3.0 * total), lognormal(scales.tau, 3.0)
+            lognormal(scales.white, scales.white_factor),
+            HalfNormal(3.0 * total),
+            lognormal(scales.tau, scales.tau_factor),
         )
     if kind == "white":
         return White(lognormal(total, 3.0))

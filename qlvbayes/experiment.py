@@ -16,12 +16,13 @@ from qlvbayes.noisefloor import NoiseFloor, measure
 from qlvbayes.records.batching import batch
 from qlvbayes.records.past import Past, past_of
 from qlvbayes.records.record import Record
-from qlvbayes.records.reduction import reduce_test
+from qlvbayes.records.reduction import Care, reduce_test
 from qlvbayes.scales import Scales
 from qlvbayes.stiffness import largest_stiffness
 from qlvbayes.units import UnitSystem
 
 FIT_RATE = 20.0  # mm/s (or 1/s of a strain), the paper's identification test
+_CHORD_SHARE = 0.1  # of the noise, that the grid's straight lines may add
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,18 @@ class Experiment:
     @property
     def noise_at_rest(self) -> Correlated:
         """The noise floor as a noise model."""
-        return Correlated(*map(jnp.asarray, (self.floor.white, self.floor.ou, self.floor.tau)))
+        return Correlated(*map(jnp.asarray, (self.floor.white, self.floor.ou, self.floor.memory)))
+
+    @property
+    def care(self) -> Care:
+        """How finely records are to be described for this noise.
+
+        Straight lines may make a tenth of what the noise changes by between two readings.
+        """
+        floor, scales = self.floor, self.scales
+        change = np.sqrt(2.0 * -np.expm1(-scales.shortest / floor.memory))
+        sudden = float(np.hypot(floor.white, floor.ou * change))
+        return Care(floor, scales.stiffness, _CHORD_SHARE * sudden / scales.stiffness)
 
     def with_role(self, role: str) -> tuple[Trial, ...]:
         """The trials that are fitted, or those that validate."""
@@ -88,11 +100,13 @@ class Experiment:
             longest=self.longest,
             white=floor.white,
             ou=floor.ou,
-            tau=floor.tau,
+            tau=floor.memory,
             speed=max(path.top_speed for path in paths),
             acceleration=max(path.top_acceleration for path in paths),
             clock=max(t.start_s + float(t.time[-1]) for t in tests) - self.clock_zero,
             stiffness=largest_stiffness(tests),
+            white_factor=max(1.2, floor.factor("white")),
+            tau_factor=max(3.0, floor.factor("tau")),
         )
 
     @property
@@ -111,6 +125,7 @@ class Experiment:
                     sd_scale=self.sd_scale,
                     start=t.test.start_s - self.clock_zero,
                     past=self.past(t),
+                    care=self.care,
                 )
                 for t in trials
             ]

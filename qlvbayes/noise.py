@@ -63,10 +63,11 @@ class White(AbstractGaussian):
     units: ClassVar[dict[str, str]] = {"white": "force"}
 
     def _scale(self, blocks: Blocks) -> Array:
-        return self.white * blocks.weight / jnp.sqrt(blocks.count)
+        own = self.white * blocks.weight * blocks.scale
+        return jnp.hypot(own / jnp.sqrt(blocks.count), blocks.extra)
 
     def innovations(self, residual: Array, blocks: Blocks) -> tuple[Array, Array]:
-        """The residuals, of variance white^2/count."""
+        """The residuals, of variance (white scale)^2/count + extra^2."""
         variances = jnp.where(blocks.real, self._scale(blocks) ** 2, 1.0)
         return jnp.where(blocks.real, residual, 0.0), variances
 
@@ -116,7 +117,8 @@ class Correlated(AbstractGaussian):
     correlation time (s), so that cov(t, s) = ou^2 e^{-abs(t - s)/tau}. The likelihood is a Kalman
     filter, O(B), exact for averages over evenly spaced samples and for uneven gaps between them.
     Measured sds weigh the white part only: a correlated part proportional to the data would draw
-    the fit below them (Peelle's puzzle).
+    the fit below them (Peelle's puzzle). Noise that grows with the force is the same process times
+    ``Blocks.scale``; errors of the motion add ``Blocks.extra`` once a block.
     """
 
     white: Any
@@ -128,6 +130,7 @@ class Correlated(AbstractGaussian):
         """What the Kalman filter leaves of the residuals."""
         links = _links(blocks, self.tau)
         white = (self.white * blocks.weight) ** 2 / blocks.count
+        white += (blocks.extra / blocks.scale) ** 2
 
         def step(state: tuple[Array, Array], block: tuple) -> tuple[tuple[Array, Array], tuple]:
             link, white_variance, value, real = block
@@ -145,7 +148,10 @@ class Correlated(AbstractGaussian):
             return kept, (error, spread)
 
         start = (jnp.zeros(()), self.ou**2 * jnp.ones(()))
-        _, (errors, spreads) = jax.lax.scan(step, start, (links, white, residual, blocks.real))
+        _, (errors, spreads) = jax.lax.scan(
+            step, start, (links, white, residual / blocks.scale, blocks.real)
+        )
+        errors, spreads = errors * blocks.scale, spreads * blocks.scale**2
         return jnp.where(blocks.real, errors, 0.0), jnp.where(blocks.real, spreads, 1.0)
 
     def draw(self, key: Array, blocks: Blocks) -> Array:
@@ -165,7 +171,8 @@ class Correlated(AbstractGaussian):
 
         start = self.ou * jax.random.normal(jax.random.fold_in(key, 1))
         _, means = jax.lax.scan(step, start, (links, draws.T))
-        return means + self.white * blocks.weight / jnp.sqrt(blocks.count) * draws[3]
+        white = self.white * blocks.weight / jnp.sqrt(blocks.count) * draws[3]
+        return blocks.scale * (means + white)
 
     def sample_sd(self, weight: Array) -> Array:
         """Square root of (white weight)^2 + ou^2."""

@@ -11,6 +11,7 @@ import numpy as np
 from qlvbayes.choices import Choices
 from qlvbayes.experiment import Experiment, Trial
 from qlvbayes.inference import compiled
+from qlvbayes.inference.floor_noise import realisations
 from qlvbayes.parameters import names
 from qlvbayes.posterior import Posterior
 from qlvbayes.records.batching import batch
@@ -27,7 +28,8 @@ class Prediction:
 
     observed: measured force; mean: posterior mean of the model's force; low, high: 90 % predictive
     interval with noise; forces (draws, n): the model's force for each posterior draw; floor
-    (draws, n): realisations of the noise floor that was measured without the model.
+    (draws, n): realisations of the noise floor that was measured without the model, each of its own
+    draw of what the rests leave open.
     """
 
     trial: Trial
@@ -126,6 +128,7 @@ def _single_samples(experiment: Experiment, trial: Trial, rows: np.ndarray) -> R
         start=test.start_s - experiment.clock_zero,
         blocks=False,
         past=experiment.past(trial),
+        care=experiment.care,
     )
 
 
@@ -147,8 +150,13 @@ def _noise(posterior: Posterior, matrix: np.ndarray, rng: np.random.Generator) -
 def _floor_draws(
     experiment: Experiment, posterior: Posterior, rng: np.random.Generator
 ) -> np.ndarray:
-    keys = rng.integers(0, 2**32, (DRAWS, 2), dtype=np.uint32)
-    return np.asarray(compiled.noise_draws(experiment.noise_at_rest, posterior.record.blocks, keys))
+    """(DRAWS, T, B) realisations of the floor, each of its own draw of the floor given the rests."""
+    blocks = posterior.record.blocks
+    floors = experiment.floor.draws(DRAWS)
+    tests = [
+        jax.tree.map(lambda x, k=k: np.asarray(x[k]), blocks) for k in range(len(blocks.force))
+    ]
+    return np.stack([realisations(floors, test, rng) for test in tests], axis=1)
 
 
 def _prediction(

@@ -39,7 +39,7 @@ class Cell:
 class Check:
     """All cells of one pad, the noise floor (sd, in the unit of force) and which cells fail.
 
-    notices: about the measurements.
+    notices: about the measurements and their noise.
     """
 
     pad: str
@@ -82,7 +82,10 @@ class Check:
 
 
 def check(
-    pad: str, noise: float, predictions: Sequence[Prediction], effects: Sequence[str] = ()
+    pad: str,
+    noise: float,
+    predictions: Sequence[Prediction],
+    effects: Sequence[str] = (),
 ) -> Check:
     """Compare predictions with what was measured; cells without samples are left out."""
     cells = [

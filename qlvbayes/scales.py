@@ -17,7 +17,8 @@ class Scales:
     force (N), depth (mm), speed (mm/s), acceleration (mm/s2): largest magnitudes; stiffness (N/mm):
     of the pad where the force is largest; shortest, longest (s): the sampling interval and the
     longest phase; clock (s): from the first test's beginning to the last one's end; white, ou (N)
-    and tau (s): the noise floor, measured without the model.
+    and tau (s): the noise floor, measured without the model; white_factor, tau_factor: by which one
+    sd of its uncertainty changes white and tau.
     """
 
     force: float
@@ -31,6 +32,8 @@ class Scales:
     acceleration: float = 1.0
     clock: float = 1.0
     stiffness: float = 1.0
+    white_factor: float = 1.2
+    tau_factor: float = 3.0
 
     def positive(self, response: float) -> HalfNormal:
         """Prior of an effect's amplitude, zero or more, whose unit adds ``response`` (N) at most.

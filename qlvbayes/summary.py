@@ -130,7 +130,8 @@ def _notices(fit: Fit) -> Iterator[str]:
     if not fit.choices.rested:
         yield from clock_notices(fit.experiment)
     model = fit.posterior.with_constants(jnp.asarray(constants))[0]
-    for text in unresolved_times(model.relaxation, fit.experiment.scales):
+    times = unresolved_times(model.relaxation, fit.experiment.scales)
+    for text in (*fit.experiment.floor.notices, *times):
         yield f"pad {fit.pad}: {text}"
 
 

@@ -54,7 +54,7 @@ class Terminal(Watcher):
         lines = [
             f"pad {experiment.pad}: fitting {tests}",
             f"  noise floor {floor.total:.3g} {unit}: white {floor.white:.3g}, "
-            f"correlated {floor.ou:.3g} over {floor.tau:.2g} s",
+            f"correlated {floor.ou:.3g} over {floor.memory:.2g} s",
         ]
         for part in choices.build(experiment.scales):
             lines += [f"  {name} ~ {text}" for name, text in described(fields_of(part)).items()]

@@ -1,57 +1,54 @@
 r"""Is structure left? Cell by cell (test and phase), against the noise measured without the model.
 
-Under a right model the residual is noise of a known floor, less what the fitted constants take. In
-each cell four smooth curves (Legendre polynomials of order 0 to 3 over the cell's blocks) are
-tried, and the generalised least-squares statistic
+Under a right model the residual r is noise of covariance Sigma, less what the fitted constants
+take. In each cell four smooth curves B (Legendre polynomials of order 0 to 3 over the cell's
+blocks) are tried. With the sensitivities J of what was fitted, A = J^T Sigma^{-1} J,
 
-.. math:: s^T V^{-1} s / q, \quad s = B^T \Sigma^{-1} r, \quad
+.. math:: T = s^T V^{-1} s, \quad
+          s = B^T \Sigma^{-1} (r - J A^{-1} J^T \Sigma^{-1} r), \quad
           V = B^T \Sigma^{-1} B - B^T \Sigma^{-1} J A^{-1} J^T \Sigma^{-1} B
 
-has an F distribution with q and nu degrees of freedom, nu those of the floor's own estimate; so
-has that of all cells' curves together, which sees what is spread thinly. The
-noise is the fit's only as far as the rests alone, without any model, allow it (99.9 % by their
-restricted likelihood; its white part may be what suits them) and with no memory longer than a
-twentieth of a rest, which they could not tell from a trend: it cannot swallow structure by
-swelling.
+is chi^2 with as many degrees of freedom as curves, in each cell (the worst one's p-value p_1 is
+corrected for their number by Sidak) and over all cells' curves together (p_a, which sees what is
+spread thinly); the smaller of both counts:
 
-Where the fit needs more correlated noise than the floor has, that speaks too: with its sd and
-correlation time, and what white noise suits them best, the rests lose so much likelihood that a
-chi^2 with two degrees of freedom gives p_n (white noise may well grow while the platen moves: no
-structure looks like it). With p_1 of the
-worst cell (Sidak's correction for their number), p_a of all together and p_f of cells and noise by
-Fisher's method,
+.. math:: p = 1 - (1 - \min(p_1, p_a))^2.
 
-.. math:: p = 2 \min(p_c, p_f), \quad p_c = 2 \min(p_1, p_a), \quad
-          p_f = P(\chi^2_4 > -2 \ln p_c - 2 \ln p_n)
+Sigma is that of the floor, never the fit's, which structure would have swollen. The floor is
+uncertain: p is averaged over draws of it given the rests alone (a posterior predictive p-value;
+with a sd that alone is uncertain the mean is the F test's, exactly). Errors of the motion count as
+noise where the platen moves. Without any rest whether noise is correlated cannot be measured
+without the model: the fit's own noise is taken then, with its uncertainty, and what looks like it
+is *not testable*.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from numpy.polynomial import legendre
-from scipy.stats import chi2, combine_pvalues
-from scipy.stats import f as fisher
+from scipy.linalg import cholesky, solve_triangular
+from scipy.stats import chi2
 
+from qlvbayes.diagnosis.block_noise import covariance
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.experiment import Experiment, Trial
 from qlvbayes.inference.gaussnewton import Point, pad_directions, predict_along
 from qlvbayes.inference.linearised import whitened
 from qlvbayes.inference.subset import Ensemble
-from qlvbayes.noise import AbstractGaussian, Correlated
+from qlvbayes.noise import AbstractGaussian
+from qlvbayes.noisefloor import NoiseFloor
 from qlvbayes.records.record import Blocks, Record
 
 _ORDERS = 4
-_ALLOWED = 0.5 * float(chi2.ppf(0.999, 3))  # log-likelihood of the rests that noise may lose
-_TRIES = 21
-_MEMORY = 0.05  # longest correlation time over a rest
-_LEAST = 1e-12
-_LITTLE = 0.03  # of the noise: the least that its correlated part can be told from none
-_LEAST_P = 1e-300
+_DRAWS = 12  # of the floor, over which p-values are averaged
 _FEWEST = 3  # blocks a curve, at least
+_LEAST_NOISE = 1e-6  # sd of a block mean over the peak force, which keeps covariances invertible
+_WIDEST = 1.0  # sd of the logarithm of a noise scale that the fit leaves open
 
 
 @dataclass(frozen=True)
@@ -67,25 +64,16 @@ class CellTest:
 
 @dataclass(frozen=True)
 class Adequacy:
-    """Each cell, all together, and the noise that the fit needs; the module has the p-values."""
+    """Each cell, all together, and both; the module has the p-values.
+
+    testable: False where no rest shows whether noise is correlated, so that it was taken from the
+    fit and structure that looks like it is not seen.
+    """
 
     cells: tuple[CellTest, ...]
     joint_p_value: float
-    noise_p_value: float
-
-    @property
-    def cells_p_value(self) -> float:
-        """Of the worst cell, corrected for their number, and of all together."""
-        smallest = self.worst.p_value
-        worst = float(-np.expm1(len(self.cells) * np.log1p(-smallest))) if smallest < 1.0 else 1.0
-        return min(2.0 * min(worst, self.joint_p_value), 1.0)
-
-    @property
-    def p_value(self) -> float:
-        """Of cells and noise."""
-        cells = self.cells_p_value
-        both = float(combine_pvalues([max(p, _LEAST_P) for p in (cells, self.noise_p_value)])[1])
-        return min(2.0 * min(cells, both), 1.0)
+    p_value: float
+    testable: bool = True
 
     def is_sound(self, settings: Settings) -> bool:
         """Whether no structure is left that chance would not make."""
@@ -118,19 +106,71 @@ def adequacy_along(
     record = ensemble.posterior.record
     residual = np.asarray(record.blocks.force) - predicted
     cells, curves = _curves(experiment.trials, record.blocks)
-    noise = allowed_noise(ensemble, point, experiment)
-    r, J, B = (
-        whitened_vectors(noise, record, vectors) for vectors in (residual[None], slopes, curves)
+    slopes = slopes[np.any(slopes != 0.0, axis=(1, 2))]
+    vectors = np.concatenate([residual[None], slopes, curves])
+    least = _LEAST_NOISE * experiment.scales.force
+    found = []
+    for floor in _floors(experiment, ensemble, point):
+        products = _products(floor, record.blocks, vectors, least)
+        found.append(_p_values(products, len(slopes), [rows for _, rows in cells]))
+    cell_ps = np.mean([ps for ps, _, _ in found], axis=0)
+    joint, both = np.mean([one[1:] for one in found], axis=0)
+    tests = tuple(
+        CellTest(*cell, len(rows), float(p)) for (cell, rows), p in zip(cells, cell_ps, strict=True)
     )
-    left = B - (B @ J.T) @ np.linalg.solve(_information(J, point), J)
-    score, spread = left @ r[0], left @ B.T
-    freedom = floor_freedom(experiment)
-    tests = []
-    for cell, rows in cells:
-        p, rank = _p_value(score[rows], spread[np.ix_(rows, rows)], freedom)
-        tests.append(CellTest(cell[0], cell[1], cell[2], rank, p))
-    joint, _ = _p_value(score, spread, freedom)
-    return Adequacy(tuple(tests), joint, swollen(ensemble, point, experiment))
+    return Adequacy(tests, float(joint), float(both), experiment.floor.testable)
+
+
+def combined(worst: float, cells: int, joint: float) -> float:
+    """P-value of the smaller of the worst cell's, corrected for their number, and the joint one."""
+    one = -np.expm1(cells * np.log1p(-min(worst, 1.0 - 1e-16)))
+    least = min(float(one), joint)
+    return float(least * (2.0 - least))
+
+
+def _p_values(
+    products: np.ndarray, slopes: int, cells: list[list[int]]
+) -> tuple[np.ndarray, float, float]:
+    """Of each cell, of all together and combined, from products of residual, slopes and curves."""
+    J, B = slice(1, 1 + slopes), slice(1 + slopes, None)
+    information = products[J, J]
+    ridge = 1e-9 * np.maximum(np.diag(information), 1e-3)
+    taken = np.linalg.solve(information + np.diag(ridge), products[J])
+    left = products[B] - products[B, J] @ taken
+    score, spread = left[:, 0], left[:, B]
+    ps = np.array([_p_value(score[rows], spread[np.ix_(rows, rows)]) for rows in cells])
+    joint = _p_value(score, spread)
+    return ps, joint, combined(float(ps.min()), ps.size, joint)
+
+
+def _products(floor: NoiseFloor, blocks: Blocks, vectors: np.ndarray, least: float) -> np.ndarray:
+    """(M, M) products v^T Sigma^-1 w of vectors (M, T, B) under a floor."""
+    total = np.zeros((len(vectors), len(vectors)))
+    for k in range(vectors.shape[1]):
+        real = np.asarray(blocks.real[k])
+        of_test = jax.tree.map(lambda x, k=k, real=real: np.asarray(x[k])[real], blocks)
+        some = np.flatnonzero(np.any(vectors[:, k, real] != 0.0, axis=1))
+        root = cholesky(covariance(floor, of_test, least), lower=True, check_finite=False)
+        white = solve_triangular(root, vectors[some, k][:, real].T, lower=True, check_finite=False)
+        total[np.ix_(some, some)] += white.T @ white
+    return total
+
+
+def _floors(experiment: Experiment, ensemble: Ensemble, point: Point) -> list[NoiseFloor]:
+    """Draws of the floor given the rests; without any, of the fit's noise."""
+    floor = experiment.floor
+    if floor.testable:
+        return floor.draws(_DRAWS)
+    count = len(ensemble.posterior.noise.units)
+    fitted = point.constants[-count:]
+    spread = point.constants_covariance[-count:, -count:] / np.outer(fitted, fitted)
+    values, vectors = np.linalg.eigh(spread)
+    root = vectors * np.sqrt(np.clip(values, 0.0, _WIDEST**2))
+    draws = np.random.default_rng(0).standard_normal((_DRAWS, count)) @ root.T
+    sizes = fitted * np.exp(draws)
+    if count == 1:  # white noise was asked for
+        return [replace(floor, white=float(one[0]), ou=0.0) for one in sizes]
+    return [replace(floor, white=one[0], ou=one[1], tau=one[2]) for one in sizes.tolist()]
 
 
 def is_sound(
@@ -142,64 +182,6 @@ def is_sound(
     return adequacy(experiment, ensemble, point).is_sound(settings)
 
 
-def swollen(ensemble: Ensemble, point: Point, experiment: Experiment) -> float:
-    """P-value of the rests under the fit's correlated noise; 1 where that is below the floor's."""
-    fitted, measured = _noises(ensemble, point, experiment)
-    if fitted[1] <= measured[1]:  # always so where white noise was asked for
-        return 1.0
-    lost = experiment.floor.surprise_of_correlated(*fitted[1:])
-    return float(chi2.sf(2.0 * max(lost, 0.0), 2))
-
-
-def _noises(
-    ensemble: Ensemble, point: Point, experiment: Experiment
-) -> tuple[np.ndarray, np.ndarray]:
-    """(3,) white sd, correlated sd and correlation time: fitted, and measured at rest."""
-    floor = experiment.floor
-    count = len(ensemble.posterior.noise.units)
-    fitted = point.constants[-count:].copy()
-    measured = np.array([floor.white, max(floor.ou, _LITTLE * floor.total), floor.tau])
-    if count == 1:  # white noise was asked for
-        fitted = np.array([fitted[0], 0.0, floor.tau])
-        measured[:2] = floor.total, 0.0
-    fitted[2] = min(fitted[2], max(floor.tau, _MEMORY * float(np.median(resting(experiment)))))
-    return np.maximum(fitted, _LEAST), np.maximum(measured, _LEAST)
-
-
-def allowed_noise(ensemble: Ensemble, point: Point, experiment: Experiment) -> Correlated:
-    """The fitted noise, drawn towards the floor until the rests allow it.
-
-    Where they do not, its white part is first what suits them best beside the correlated one.
-    """
-    floor, (fitted, measured) = experiment.floor, _noises(ensemble, point, experiment)
-    if floor.surprise(*fitted) > _ALLOWED:
-        fitted[0] = floor.white_beside(*fitted[1:])
-    for share in np.linspace(0.0, 1.0, _TRIES):
-        tried = fitted ** (1.0 - share) * measured**share
-        if floor.surprise(*tried) <= _ALLOWED:
-            break
-    return Correlated(*(jnp.asarray(x) for x in tried))
-
-
-def resting(experiment: Experiment) -> list[float]:
-    """Lengths (s) of all holds and recoveries; 0 alone where there is none."""
-    found = [
-        phase.stop - phase.start
-        for trial in experiment.trials
-        for phase in trial.phases
-        if phase.kind in ("hold", "recovery")
-    ]
-    return found or [0.0]
-
-
-def floor_freedom(experiment: Experiment) -> float:
-    """Degrees of freedom of the floor: independent stretches of the correlated part at rest."""
-    floor = experiment.floor
-    if floor.ou > 0.0:
-        return max(0.5 * sum(resting(experiment)) / floor.tau, 5.0)
-    return float(max(sum(t.test.time.size for t in experiment.trials) / 2, 5))
-
-
 def whitened_vectors(noise: AbstractGaussian, record: Record, vectors: np.ndarray) -> np.ndarray:
     """(M, T*B) vectors (M, T, B) filtered to unit white noise if they are it, 16 at a time."""
     out = []
@@ -209,15 +191,6 @@ def whitened_vectors(noise: AbstractGaussian, record: Record, vectors: np.ndarra
         out.append(np.asarray(whitened(noise, record, jnp.asarray(full)))[: len(some)])
     found = np.concatenate(out)
     return found.reshape(len(found), -1)
-
-
-def _information(J: np.ndarray, point: Point) -> np.ndarray:
-    """(K, K): of the sensitivities; padding and what the data leave open kept finite."""
-    matrix = J @ J.T
-    free = point.gradient.size
-    ridge = np.ones(len(J))
-    ridge[:free] = 1e-9 * np.maximum(np.diag(matrix)[:free], 1e-3)
-    return matrix + np.diag(ridge)
 
 
 def _curves(
@@ -244,10 +217,10 @@ def _curves(
     return cells, np.array(rows)
 
 
-def _p_value(score: np.ndarray, spread: np.ndarray, freedom: float) -> tuple[float, int]:
-    """Of some curves' statistic, and how many of them the constants leave."""
+def _p_value(score: np.ndarray, spread: np.ndarray) -> float:
+    """Of some curves' statistic; 1 where the constants leave none of them."""
     statistic, rank = _quadratic(score, spread)
-    return (float(fisher.sf(statistic / rank, rank, freedom)) if rank else 1.0), rank
+    return float(chi2.sf(statistic, rank)) if rank else 1.0
 
 
 def _quadratic(score: np.ndarray, spread: np.ndarray) -> tuple[float, int]:

@@ -83,7 +83,8 @@ def _notices(work: Work) -> tuple[str, ...]:
     clock = () if experiment.rested else clock_notices(experiment)
     model = ensemble.posterior.with_constants(jnp.asarray(constants))[0]
     times = unresolved_times(model.relaxation, experiment.scales)
-    return (*carried, *clock, *(f"pad {experiment.pad}: {text}" for text in times))
+    said = [f"pad {experiment.pad}: {text}" for text in (*experiment.floor.notices, *times)]
+    return (*carried, *clock, *said)
 
 
 def _named(path: Path, group: tuple[str, ...]) -> tuple[str, ...]:
@@ -119,14 +120,14 @@ def _suggestions(
 
 def _stage(work: Work, k: int, settings: Settings) -> Stage:
     step, tested = work.path.steps[k], work.adequacies[k]
-    level = 0.5 * settings.false_alarms / len(tested.cells)  # the other half is the noise's
+    level = 0.5 * settings.false_alarms / len(tested.cells)  # the other half is all cells' together
     return Stage(
         effects=step.effects,
         rmse=step.rmse,
         heldout_rmse=step.heldout.rmse,
         log_evidence=float(step.point.log_evidence),
         p_value=tested.p_value,
-        noise_p_value=tested.noise_p_value,
+        testable=tested.testable,
         sound=tested.is_sound(settings),
         cells=tuple(cell_errors(work.samples, step.residuals)),
         failing=tuple((c.test, c.phase) for c in tested.cells if c.p_value < level),

@@ -58,7 +58,7 @@ class Stage:
     """A model on the way to the verdict and what it leaves.
 
     rmse, heldout_rmse: over all samples (N), fitted and with each test left out in turn; p_value:
-    of the adequacy test, noise_p_value: of its part that looks at the noise; cells: errors by test
+    of the adequacy test, testable: whether the rests show if noise is correlated; cells: errors by test
     and phase; sound: whether the test is passed; shape: of the effect that has another form than
     the list's.
     """
@@ -68,7 +68,7 @@ class Stage:
     heldout_rmse: float
     log_evidence: float
     p_value: float
-    noise_p_value: float
+    testable: bool
     sound: bool
     cells: tuple[CellError, ...]
     failing: tuple[tuple[str, str], ...]
@@ -264,7 +264,7 @@ def _stage(stage: Stage) -> dict:
         "heldout_rmse_N": stage.heldout_rmse,
         "log_evidence": _finite(stage.log_evidence),
         "adequacy_p_value": stage.p_value,
-        "noise_p_value": stage.noise_p_value,
+        "noise_testable": stage.testable,
         "failing": [{"test": test, "phase": phase} for test, phase in stage.failing],
         "cells": [
             {

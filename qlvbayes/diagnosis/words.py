@@ -123,8 +123,6 @@ def _unexplained(d: Diagnosis) -> str:
     cells = list(dict.fromkeys(f"{_PHASE[phase]} of {test}" for test, phase in last.failing))
     more = f" and {len(cells) - _MOST_CELLS} more" if len(cells) > _MOST_CELLS else ""
     where = f", in the {joined(cells[:_MOST_CELLS])}{more}" if cells else ""
-    if last.noise_p_value < last.p_value:
-        where += "; the fit takes it for noise that the rests between motions do not have"
     return (
         f"Pad {d.pad}: unexplained.{tried} structure remains beyond the noise floor of "
         f"{plain(d.noise)} {unit} ({_p(last.p_value)}){where}. The largest error left is "

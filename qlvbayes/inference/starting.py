@@ -19,7 +19,8 @@ def block_scale(posterior: Posterior, floor: NoiseFloor) -> np.ndarray:
     """(T, B) sd of each block mean under the noise floor, as if blocks were independent."""
     blocks = posterior.record.blocks
     variance = floor.white**2 / np.asarray(blocks.count) + floor.ou**2
-    return np.asarray(blocks.weight) * np.sqrt(variance)
+    own = np.asarray(blocks.weight) * np.asarray(blocks.scale) * np.sqrt(variance)
+    return np.hypot(own, np.asarray(blocks.extra))
 
 
 def starting_point(posterior: Posterior, floor: NoiseFloor, rng: np.random.Generator) -> Optimum:

@@ -97,6 +97,11 @@ class Trajectory:
         k, s, inside = self._locate(t)
         return np.where(inside, self.start_velocity[k] + s * self.start_acceleration[k], 0.0)
 
+    def displacement_sd(self, t: ArrayLike) -> Array:
+        """Sd of the displacement's error at times ``t``: resolution/sqrt(12), 0 at rest."""
+        moving = (self.velocity(t) != 0.0) | (self.acceleration(t) != 0.0)
+        return np.where(moving, self.resolution / np.sqrt(12.0), 0.0)
+
     def acceleration(self, t: ArrayLike) -> Array:
         """Acceleration at times ``t`` (any shape); 0 outside the record."""
         k, _, inside = self._locate(t)

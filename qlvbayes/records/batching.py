@@ -45,8 +45,9 @@ def _pad(record: Record, points: int, blocks: int) -> Record:
     full = Blocks(*(_extend(x, blocks) for x in jax.tree.leaves(record.blocks)))
     real = jnp.asarray(np.arange(blocks) < size)
     # one sample, of no duration: the noise model's closed forms stay finite in padding
-    single = (full.force, jnp.where(real, full.count, 1.0), full.first, full.last, full.weight)
-    return Record(motion, _extend(record.nodes, blocks), Blocks(*single, real))
+    count = jnp.where(real, full.count, 1.0)
+    single = replace(full, count=count, real=real)
+    return Record(motion, _extend(record.nodes, blocks), single)
 
 
 def _with_ago(record: Record) -> Record:

@@ -6,19 +6,27 @@ import numpy as np
 
 from qlvbayes.kinematics.trajectory import Trajectory
 
-_CHORD = 1e-4  # of the stroke: how far the grid's straight lines may be from the motion
+_CHORD = 1e-4  # of the stroke: how far the grid's straight lines may be from the motion,
+_FINEST = 3e-6  # and the least that very quiet noise asks for
 
 
 def grid_times(
-    trajectory: Trajectory, nodes: np.ndarray, first: float, *, begun: bool = True
+    trajectory: Trajectory,
+    nodes: np.ndarray,
+    first: float,
+    *,
+    chord: float = np.inf,
+    begun: bool = True,
 ) -> np.ndarray:
     """Nodes, the beginning, kinks, and enough points between for straight lines to do.
 
-    first: time of the first sample; begun: whether a record that begins on the move came from zero
-    displacement, by an approach that goes before it.
+    first: time of the first sample; chord: how far the lines may be from the motion (in units of
+    displacement), where less than usual; begun: whether a record that begins on the move came from
+    zero displacement, by an approach that goes before it.
     """
     stroke = np.ptp(trajectory.displacement(trajectory.knots))
     tolerance = max(0.25 * trajectory.resolution, _CHORD * stroke)
+    tolerance = min(tolerance, max(chord, _FINEST * stroke))
     inner = trajectory.knots[(trajectory.knots > first) & (trajectory.knots < nodes[-1])]
     approach = _approach(trajectory, first) if begun else np.zeros(0)
     points = np.unique(np.concatenate([approach, [first], inner, nodes]))

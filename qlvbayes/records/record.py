@@ -15,7 +15,8 @@ class Blocks(eqx.Module):
 
     force: mean of the samples (N); count: how many; first, last: times of the first and the last
     (s); weight: measured sd of the samples over its root mean square in the pad (1 where none was
-    measured); real: False for padding.
+    measured); scale: sd of all noise at the block's force over the one at the floor's level; extra:
+    sd (N) of the error that the motion's makes, one a block; real: False for padding.
     """
 
     force: Array
@@ -23,13 +24,16 @@ class Blocks(eqx.Module):
     first: Array
     last: Array
     weight: Array
+    scale: Array
+    extra: Array
     real: Array
 
     @classmethod
     def of_samples(cls, time: np.ndarray, force: np.ndarray, weight: np.ndarray) -> Blocks:
         """Every sample its own block."""
-        count = np.ones(time.shape)
-        return cls(*map(jnp.asarray, (force, count, time, time, weight, count > 0.0)))
+        one = np.ones(time.shape)
+        fields = (force, one, time, time, weight, one, np.zeros_like(one), one > 0.0)
+        return cls(*map(jnp.asarray, fields))
 
 
 class Record(eqx.Module):

@@ -8,6 +8,7 @@ minus one sd of the sample times, exact for a force that is cubic in time.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import jax
 import jax.numpy as jnp
@@ -17,6 +18,7 @@ from qlvbayes.data import Test
 from qlvbayes.kinematics.phases import Phase, find_phases
 from qlvbayes.kinematics.trajectory import Trajectory
 from qlvbayes.motion import Motion
+from qlvbayes.noisefloor import NoiseFloor
 from qlvbayes.records.grid import grid_times, path_at
 from qlvbayes.records.past import Past
 from qlvbayes.records.record import Blocks, Record
@@ -28,6 +30,21 @@ _MOST_KINKS = 40
 _BESIDE = 1.2  # sampling intervals either side of a kink that are left out,
 _SPARED = 0.03  # if they are at most this share of the phases around it
 _EVEN = 1.5  # a gap this much longer than one beside it ends a block
+_SURE = 3.0  # sds of the displacement over which a slope is known
+
+
+@dataclass(frozen=True)
+class Care:
+    """How finely a record is to be described, given what its noise would hide.
+
+    floor: tells how noise grows with the force; stiffness: the pad's largest (N/mm), by which an
+    error of the motion becomes one of the force; chord: how far the grid's straight lines may be
+    from the motion (mm), where less than usual.
+    """
+
+    floor: NoiseFloor
+    stiffness: float
+    chord: float
 
 
 def block_edges(phases: Sequence[Phase], kinks: np.ndarray, shortest: float) -> np.ndarray:
@@ -114,11 +131,13 @@ def reduce_test(
     start: float = 0.0,
     blocks: bool = True,
     past: Past | None = None,
+    care: Care | None = None,
 ) -> Record:
     """The record of one test: block means, their nodes, and the motion on a grid of times.
 
     sd_scale: what measured sds are divided by; start: the pad's clock at time 0 (s); blocks: False
-    keeps every sample by itself; past: what the test remembers of earlier ones.
+    keeps every sample by itself; past: what the test remembers of earlier ones; care: None where
+    force and noise are not known yet.
     """
     begin = np.arange(test.time.size)
     kept = np.ones(begin.size, dtype=bool)
@@ -132,8 +151,11 @@ def reduce_test(
     averaged = jax.tree.map(lambda x: x[kept], _average(test, begin, sd_scale))
     centre, half = (x[kept] for x in _nodes(test.time, begin))
     nodes = np.stack([centre - half, centre + half])
+    if care is not None:
+        averaged = _with_care(averaged, trajectory, centre, care)
+    chord = np.inf if care is None else care.chord
     begun = past is None or not past.stays
-    grid = grid_times(trajectory, np.unique(nodes), test.time[0], begun=begun)
+    grid = grid_times(trajectory, np.unique(nodes), test.time[0], chord=chord, begun=begun)
     motion = _motion(trajectory, grid, test.time[0], start)
     places = np.searchsorted(grid, nodes).T
     if past is not None:
@@ -184,8 +206,25 @@ def _average(test: Test, begin: np.ndarray, sd_scale: float) -> Blocks:
     weight = np.ones_like(count)
     if test.force_sd is not None:
         weight = np.sqrt(np.add.reduceat((test.force_sd / sd_scale) ** 2, begin) / count)
-    fields = (force, count, test.time[begin], test.time[last], weight, count > 0.0)
+    times = test.time[begin], test.time[last]
+    fields = (force, count, *times, weight, np.ones_like(count), 0.0 * count, count > 0.0)
     return Blocks(*map(jnp.asarray, fields))
+
+
+def _with_care(blocks: Blocks, trajectory: Trajectory, centre: np.ndarray, care: Care) -> Blocks:
+    """Noise at each block's force, and what an error of the motion makes of it.
+
+    The stiffness is the record's own slope, no steeper than the pad's steepest.
+    """
+    force, depth = np.asarray(blocks.force), trajectory.displacement(centre)
+    sd = trajectory.displacement_sd(centre)
+    stiffness = np.zeros_like(force)
+    if force.size > 2:
+        rise, way = np.gradient(force), np.gradient(depth)
+        sure = np.maximum(way**2, np.maximum(_SURE * sd, 1e-9 * np.ptp(depth) + 1e-100) ** 2)
+        stiffness = np.abs(rise * way) / sure
+    extra = np.minimum(stiffness, care.stiffness) * sd
+    return replace(blocks, scale=jnp.asarray(care.floor.scale(force)), extra=jnp.asarray(extra))
 
 
 def _nodes(time: np.ndarray, begin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import jax
 import numpy as np
 
-from qlvbayes.diagnosis.discrepancy.noise_covariance import floor_covariance
+from qlvbayes.diagnosis.block_noise import floor_covariance
 from qlvbayes.diagnosis.discrepancy.process import Inputs, Residuals
 from qlvbayes.diagnosis.verdict import Work
 from qlvbayes.experiment import Experiment, Trial

@@ -1,0 +1,64 @@
+"""Realisations of the noise floor at single readings, what is uncertain of it included."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from qlvbayes.noisefloor import NoiseFloor
+from qlvbayes.records.record import Blocks
+
+
+def realisations(
+    floors: Sequence[NoiseFloor], samples: Blocks, rng: np.random.Generator
+) -> np.ndarray:
+    """(len(floors), n) errors of single readings (n,), one realisation of each floor (N).
+
+    An error of the motion is drawn once for all readings.
+    """
+    time, weight, scale, extra = (
+        np.asarray(x) for x in (samples.first, samples.weight, samples.scale, samples.extra)
+    )
+    white, ou, tau = (
+        np.array([getattr(floor, name) for floor in floors])[:, None]
+        for name in ("white", "ou", "tau")
+    )
+    shape = (len(floors), time.size)
+    walk = _smooth_walk if floors[0].smooth else _walk
+    errors = scale * (white * weight * rng.standard_normal(shape) + ou * walk(time, tau[:, 0], rng))
+    return np.asarray(errors + extra * rng.standard_normal((len(floors), 1)))
+
+
+def _walk(time: np.ndarray, tau: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """(D, n) unit Ornstein-Uhlenbeck processes of correlation times tau (D,)."""
+    memory = np.exp(-np.diff(time) / tau[:, None])
+    kicks = rng.standard_normal((tau.size, time.size))
+    kicks[:, 1:] *= np.sqrt(1.0 - memory**2)
+    for k in range(1, time.size):
+        kicks[:, k] += memory[:, k - 1] * kicks[:, k - 1]
+    return kicks
+
+
+def _smooth_walk(time: np.ndarray, tau: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """(D, n) unit processes of correlation (1 + x) e^-x, x = t/tau, with their slopes as state."""
+    found = np.empty((tau.size, time.size))
+    value, slope = rng.standard_normal((2, tau.size))
+    found[:, 0] = value
+    for k, gap in enumerate(np.diff(time), start=1):
+        x = gap / tau
+        decay = np.exp(-x)
+        own = np.maximum(1.0 - decay**2 * (1.0 + 2.0 * x + 2.0 * x**2), 4.0 / 3.0 * x**3 * decay**4)
+        cross = 2.0 * (x * decay) ** 2
+        rest = 1.0 - decay**2 * (1.0 - 2.0 * x + 2.0 * x**2)
+        first, second = rng.standard_normal((2, tau.size))
+        root = np.sqrt(own)
+        tilt = np.where(root > 0.0, cross / np.where(root > 0.0, root, 1.0), 0.0)
+        value, slope = (
+            decay * ((1.0 + x) * value + x * slope) + root * first,
+            decay * ((1.0 - x) * slope - x * value)
+            + tilt * first
+            + np.sqrt(np.maximum(rest - tilt**2, 0.0)) * second,
+        )
+        found[:, k] = value
+    return found

@@ -1,0 +1,84 @@
+"""What is known of the noise, and how well."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from qlvbayes.noisefloor.posterior import Rests
+
+Array = NDArray[np.float64]
+
+_SPREAD = 40  # draws that tell the spread
+_MOST = 5.0  # a wider prior would tell nothing
+
+
+@dataclass(frozen=True)
+class NoiseFloor:
+    r"""White noise of sd ``white`` plus a correlated process of sd ``ou``, both times s(F).
+
+    cov(t, t') = s(F) s(F') {white^2 [t = t'] + ou^2 rho(|t - t'|/tau)}, rho(x) = e^{-x} (an
+    Ornstein-Uhlenbeck process), or (1 + x) e^{-x} where ``smooth`` (a second-order low-pass);
+    s(F) = (1 + growth |F|)/(1 + growth level).
+
+    Sds in units of force, at a force of ``level``; ``tau`` in s; ``growth`` in 1/force, 0 where the
+    noise does not grow with the force; ``step``: of the digitised force, 0 if none was seen, its
+    variance of step^2/12 is in ``white``. ``ou`` is 0 where no correlation is seen; ``tau`` is then
+    a neutral tenth of a hold. ``testable``: False where no hold shows whether the noise is
+    correlated; ``notices``: what the reader must know, in words; ``rests``: the readings behind
+    it, None where there were none.
+    """
+
+    white: float
+    ou: float
+    tau: float
+    growth: float = 0.0
+    level: float = 0.0
+    step: float = 0.0
+    smooth: bool = False
+    testable: bool = True
+    notices: tuple[str, ...] = ()
+    rests: Rests | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def total(self) -> float:
+        """The sd of a single reading."""
+        return float(np.hypot(self.white, self.ou))
+
+    @property
+    def memory(self) -> float:
+        """Time (s) over which an Ornstein-Uhlenbeck process has the same mean correlation."""
+        return 2.0 * self.tau if self.smooth else self.tau
+
+    def scale(self, force: ArrayLike) -> Array:
+        """Sd at a force, any shape, over the one at ``level``."""
+        size = np.abs(np.asarray(force, dtype=np.float64))
+        return np.asarray((1.0 + self.growth * size) / (1.0 + self.growth * self.level))
+
+    def surprise(self, white: float, ou: float, tau: float) -> float:
+        """Log-likelihood of the rests that other noise loses against the best; 0 without rests."""
+        if self.rests is None:
+            return 0.0
+        return self.rests.best - self.rests.log_likelihood(white, ou, tau)
+
+    def factor(self, name: str) -> float:
+        """By which one sd of what the rests leave open changes ``white`` or ``tau``, 5 at most."""
+        if self.ou == 0.0:  # its time is nobody's then
+            return 1.0
+        spread = np.std(np.log([getattr(floor, name) for floor in self.draws(_SPREAD)]))
+        return float(np.exp(min(spread, np.log(_MOST))))
+
+    def draws(self, count: int) -> list[NoiseFloor]:
+        """Equally likely floors (count of them, the same at every call), given the rests alone.
+
+        Without rests nothing is known of the uncertainty: all are this one.
+        """
+        if self.rests is None:
+            return [self] * count
+        least = self.step / np.sqrt(12.0)
+        return [
+            replace(self, white=max(white, least), ou=ou, tau=tau)
+            for white, ou, tau in self.rests.draw(count)
+        ]

@@ -1,0 +1,147 @@
+"""Empty pads under one kind of noise: simulated, fitted with the right model, tested."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from scipy.signal import butter, lfilter
+
+from qlvbayes import Choices, Pad, Test, check, predict, prepare
+from qlvbayes.diagnosis.adequacy import adequacy
+from qlvbayes.experiment import Experiment
+from qlvbayes.inference.gaussnewton import Point, climb
+from qlvbayes.inference.multistart import wide_climbs
+from qlvbayes.inference.subset import Ensemble, with_every_effect
+from qlvbayes.parameters import names
+from qlvbayes.posterior import Posterior
+from qlvbayes.synthetic import Noise, SimulatedTest, draw_constants, simulate_study, thin
+from qlvbayes.units import PAD
+
+RATES = (1.0, 20.0, 100.0)
+ROWS = 500
+PADS = 10  # sets of constants that are simulated; each gets fresh noise many times
+_NO_NOISE = Noise(white=0.0, correlated=0.0)
+
+Errors = Callable[[np.ndarray, np.ndarray, np.random.Generator], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of noise: in words, and the force read (n,) of times (s), true force (N), stream.
+
+    jitter: sd of the clock (s); rests: False cuts the holds off.
+    """
+
+    words: str
+    read: Errors
+    jitter: float = 0.0
+    rests: bool = True
+
+
+def _plus(noise: Noise) -> Errors:
+    return lambda t, force, rng: force + noise.draw(t, rng)
+
+
+def _low_passed(t: np.ndarray, force: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    b, a = butter(2, 10.0, fs=1.0 / float(np.median(np.diff(t))))
+    errors = lfilter(b, a, rng.standard_normal(t.size + 2000))[2000:]
+    return force + 0.008 * errors / errors.std()
+
+
+def _growing(t: np.ndarray, force: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    return force + (0.003 + 0.01 * force) * rng.standard_normal(t.size)
+
+
+def _digitised(t: np.ndarray, force: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    return np.round((force + 0.004 * rng.standard_normal(t.size)) / 0.01) * 0.01
+
+
+KINDS = {
+    "a": Kind("correlated, without a white part", _plus(Noise(0.0, 0.006, 1.0))),
+    "b": Kind("white, low-passed at 10 Hz by a second-order filter", _low_passed),
+    "c": Kind("white of 4 mN, digitised in steps of 10 mN", _digitised),
+    "d": Kind("growing with the force", _growing),
+    "e": Kind(
+        "correlated, with a clock that jitters by 20 us", _plus(Noise(0.0, 0.006, 0.2)), 2e-5
+    ),
+    "f": Kind("correlated over a quarter of a hold", _plus(Noise(0.006, 0.008, 7.5))),
+    "g": Kind("white and correlated, without any hold", _plus(Noise()), rests=False),
+    "h": Kind("none", _plus(_NO_NOISE)),
+}
+
+
+class Bench:
+    """Compiled functions and true forces that all pads of a kind share."""
+
+    def __init__(self, kind: str, seed: int) -> None:
+        self.kind, self.letter, self.seed = KINDS[kind], kind, seed
+        self._tops: dict[int, np.ndarray] = {}
+        self._ensemble: Ensemble | None = None
+        self.true = cache(self._true)
+
+    def run(self, index: int) -> dict:
+        """Pad ``index``: p-values of adequacy, and of the cells of ``check``."""
+        rng = np.random.default_rng([self.seed, index, ord(self.letter)])
+        begun = time.perf_counter()
+        experiment = prepare(self._measured(index % PADS, rng), all_tests=True)
+        ensemble, point = self._fitted(experiment, index % PADS)
+        found = adequacy(experiment, ensemble, point)
+        cells = self._check(experiment, ensemble, point, rng)
+        return {
+            "index": index,
+            "p": found.p_value,
+            "testable": found.testable,
+            "cells": [cell.p_value for cell in cells.cells],
+            "alarm": any(cells.fails(cell) for cell in cells.cells),
+            "seconds": time.perf_counter() - begun,
+        }
+
+    def _true(self, pad: int) -> list[SimulatedTest]:
+        constants = draw_constants(np.random.default_rng([self.seed, pad]))
+        return simulate_study({"pad": constants}, RATES, _NO_NOISE, 0)
+
+    def _measured(self, pad: int, rng: np.random.Generator) -> Pad:
+        return Pad("pad", tuple(self._test(test, rng) for test in self.true(pad)), PAD)
+
+    def _test(self, test: SimulatedTest, rng: np.random.Generator) -> Test:
+        record = test.record
+        force = self.kind.read(record.time, record.true_force, rng)
+        kept = thin(record.time, record.displacement, ROWS)
+        if not self.kind.rests:
+            kept = kept[record.time[kept] <= _first_turn(record.time, record.displacement)]
+        stamp = record.time[kept]
+        if self.kind.jitter:
+            stamp = np.sort(stamp + self.kind.jitter * rng.standard_normal(stamp.size))
+        return Test(
+            test.name, "pad", stamp, record.displacement[kept], force[kept], start_s=test.start_s
+        )
+
+    def _fitted(self, experiment: Experiment, pad: int) -> tuple[Ensemble, Point]:
+        """The right model at its highest point, from where the last noise had it."""
+        model, noise = Choices().build(experiment.scales)
+        posterior = Posterior(model, noise, experiment.record(experiment.trials))
+        ensemble = with_every_effect(posterior, ())
+        if pad not in self._tops:
+            self._tops[pad] = wide_climbs(ensemble, ensemble.subset(), ensemble.centre)[0].constants
+        start = posterior.unconstrain(self._tops[pad])
+        return ensemble, climb(ensemble, ensemble.subset(), start)
+
+    def _check(
+        self, experiment: Experiment, ensemble: Ensemble, point: Point, rng: np.random.Generator
+    ):
+        """Cells of ``check``, from normal draws about the highest point."""
+        root = np.linalg.cholesky(point.covariance)
+        theta = point.theta + rng.standard_normal((400, point.theta.size)) @ root.T
+        draws = np.array([ensemble.posterior.constants(row) for row in theta[:100]])
+        constants = dict(zip(names(ensemble.posterior), draws.T, strict=True))
+        predictions = predict(experiment, Choices(), constants, experiment.trials)
+        return check("pad", experiment.floor.total, predictions)
+
+
+def _first_turn(time: np.ndarray, displacement: np.ndarray) -> float:
+    """Time at which the ramp ends."""
+    return float(time[np.argmax(displacement >= displacement.max())])
