@@ -34,6 +34,7 @@ _EXTRA_KNOTS = 2
 _INWARD = 0.8  # of the first span: how far an end may move into it
 _FEW_KNOTS = 10  # beyond, another one is not tried
 _PLAIN = 4  # pieces of a trapezoid of velocity and one more: nothing smooth is simpler
+_PER_PIECE = 2.5  # numbers a piece costs: its acceleration, its knot, now and then a kink
 _MOST_PIECES = 400  # beyond, only a smooth curve is tried first
 
 
@@ -79,7 +80,7 @@ def fitted(
             return _constant(plain, window)
     ends = Joints(knots[[0, -1]], np.array([False, False]), left, right)
     curve = _smooth(ends, window, tol)
-    if curve is not None and (curve.numbers <= 2 * knots.size or knots.size > _MOST_PIECES):
+    if curve is not None and (curve.numbers <= _PER_PIECE * knots.size or knots.size > _MOST_PIECES):
         return curve
     plain = _simplest(knots, left, right, window, tol)
     plain = insert_until_faithful(plain, window, tol.rest)

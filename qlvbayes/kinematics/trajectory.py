@@ -290,9 +290,10 @@ def _unresolved(
 
 
 def _share(sds: Array, values: Array) -> float:
-    """Root mean square of the sds over the largest value, each weighted by its value squared."""
+    """The median sd over the largest value, each weighted by the square of its value."""
     most = float(np.max(np.abs(values)))
     if most == 0.0:
         return np.inf
-    weight = (values / most) ** 2
-    return float(np.sqrt(np.sum(weight * sds**2) / np.sum(weight))) / most
+    order = np.argsort(sds)
+    weight = np.cumsum(values[order] ** 2)
+    return float(sds[order][np.searchsorted(weight, 0.5 * weight[-1])]) / most
