@@ -87,9 +87,7 @@ def evaluated(stretch: Stretch, t: Array) -> Array:
     if part.higher is not None:
         for row in part.higher[::-1]:
             value = s * (value + row[k])
-    return part.displacement[k] + s * (
-        part.velocity[k] + s * (0.5 * part.acceleration[k] + value)
-    )
+    return part.displacement[k] + s * (part.velocity[k] + s * (0.5 * part.acceleration[k] + value))
 
 
 def _full_knots(joints: Joints, degree: int) -> tuple[Array, slice]:

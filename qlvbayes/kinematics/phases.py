@@ -112,11 +112,11 @@ def _turning(
         before, end, way = joined[-1]
         pause = times[first] - times[end]
         shorter = min(times[end] - times[before], times[last] - times[first])
-        if way != sign and first > end and pause < _DWELL * shorter:
-            if not _rests(trajectory, times[end : first + 1]):
-                depth = trajectory.displacement(times[end : first + 1])
-                first = end + int(np.argmax(way * depth))
-                joined[-1] = (before, first, way)
+        meeting = way != sign and first > end and pause < _DWELL * shorter
+        if meeting and not _rests(trajectory, times[end : first + 1]):
+            depth = trajectory.displacement(times[end : first + 1])
+            first = end + int(np.argmax(way * depth))
+            joined[-1] = (before, first, way)
         joined.append((first, last, sign))
     if joined and not _rests(trajectory, times[joined[-1][1] :]):
         first, last, sign = joined[-1]

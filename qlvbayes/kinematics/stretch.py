@@ -80,7 +80,9 @@ def fitted(
             return _constant(plain, window)
     ends = Joints(knots[[0, -1]], np.array([False, False]), left, right)
     curve = _smooth(ends, window, tol)
-    if curve is not None and (curve.numbers <= _PER_PIECE * knots.size or knots.size > _MOST_PIECES):
+    if curve is not None and (
+        curve.numbers <= _PER_PIECE * knots.size or knots.size > _MOST_PIECES
+    ):
         return curve
     plain = _simplest(knots, left, right, window, tol)
     plain = insert_until_faithful(plain, window, tol.rest)
