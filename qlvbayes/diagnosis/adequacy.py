@@ -2,7 +2,9 @@ r"""Is structure left? Cell by cell (test and phase), against the noise measured
 
 Under a right model the residual r is noise of covariance Sigma, less what the fitted constants
 take. In each cell four smooth curves B (Legendre polynomials of order 0 to 3 over the cell's
-blocks) are tried. With the sensitivities J of what was fitted, A = J^T Sigma^{-1} J,
+blocks) are tried; the phases of many cycles are one cell, whose curves repeat from cycle to cycle
+and may drift from one to the next. With the sensitivities J of what was fitted,
+A = J^T Sigma^{-1} J,
 
 .. math:: T = s^T V^{-1} s, \quad
           s = B^T \Sigma^{-1} (r - J A^{-1} J^T \Sigma^{-1} r), \quad
@@ -31,6 +33,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from numpy.polynomial import legendre
+from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 from scipy.stats import chi2
 
@@ -40,6 +43,7 @@ from qlvbayes.experiment import Experiment, Trial
 from qlvbayes.inference.gaussnewton import Point, pad_directions, predict_along
 from qlvbayes.inference.linearised import whitened
 from qlvbayes.inference.subset import Ensemble
+from qlvbayes.kinematics.phases import Phase
 from qlvbayes.noise import AbstractGaussian
 from qlvbayes.noisefloor import NoiseFloor
 from qlvbayes.records.record import Blocks, Record
@@ -49,6 +53,8 @@ _DRAWS = 12  # of the floor, over which p-values are averaged
 _FEWEST = 3  # blocks a curve, at least
 _LEAST_NOISE = 1e-6  # sd of a block mean over the peak force, which keeps covariances invertible
 _WIDEST = 1.0  # sd of the logarithm of a noise scale that the fit leaves open
+_MOST_APART = 5  # phases of a kind in a test: of more, as in cycles, one cell is made,
+_CYCLE_ORDERS = 2  # whose mean over a cycle may drift by a straight line and a parabola
 
 
 @dataclass(frozen=True)
@@ -202,19 +208,49 @@ def _curves(
     rows: list[np.ndarray] = []
     for k, trial in enumerate(trials):
         middle = np.where(real[k], 0.5 * (first[k] + last[k]), np.inf)
-        for phase in trial.phases:
-            inside = np.flatnonzero((middle > phase.start) & (middle <= phase.stop))
+        for phases in _pooled(trial.phases):
+            inside, places = _places(middle, phases)
             count = min(_ORDERS, inside.size // _FEWEST)
             if not count:
                 continue
-            place = np.linspace(-1.0, 1.0, inside.size) if inside.size > 1 else np.zeros(1)
             begin = len(rows)
-            for order in range(count):
-                curve = np.zeros(real.shape)
-                curve[k, inside] = legendre.legval(place, np.eye(_ORDERS)[order])
-                rows.append(curve)
-            cells.append(((trial.name, phase.kind, phase.start), list(range(begin, len(rows)))))
+            for place in places:
+                for order in range(count if place is places[0] else min(_CYCLE_ORDERS, count)):
+                    curve = np.zeros(real.shape)
+                    skip = 0 if place is places[0] else 1  # the level is in already
+                    curve[k, inside] = legendre.legval(place, np.eye(_ORDERS)[order + skip])
+                    rows.append(curve)
+            cell = (trial.name, phases[0].kind, phases[0].start)
+            cells.append((cell, list(range(begin, len(rows)))))
     return cells, np.array(rows)
+
+
+def _pooled(phases: Sequence[Phase]) -> list[list[Phase]]:
+    """Phases by themselves; those of many cycles together, by kind."""
+    kinds = {phase.kind: [p for p in phases if p.kind == phase.kind] for phase in phases}
+    found: list[list[Phase]] = []
+    for same in kinds.values():
+        found += [same] if len(same) > _MOST_APART else [[phase] for phase in same]
+    return sorted(found, key=lambda same: same[0].start)
+
+
+def _places(
+    middle: np.ndarray, phases: Sequence[Phase]
+) -> tuple[NDArray[np.intp], list[np.ndarray]]:
+    """Blocks inside, their places (-1 to 1) in their phase and, of many, among the cycles."""
+    parts = [np.flatnonzero((middle > p.start) & (middle <= p.stop)) for p in phases]
+    parts = [part for part in parts if part.size]
+    if not parts:
+        return np.zeros(0, dtype=np.intp), [np.zeros(0)]
+    places = [_spread(part.size) for part in parts]
+    if len(parts) == 1:
+        return parts[0], places
+    cycle = np.repeat(_spread(len(parts)), [part.size for part in parts])
+    return np.concatenate(parts), [np.concatenate(places), cycle]
+
+
+def _spread(size: int) -> np.ndarray:
+    return np.linspace(-1.0, 1.0, size) if size > 1 else np.zeros(1)
 
 
 def _p_value(score: np.ndarray, spread: np.ndarray) -> float:

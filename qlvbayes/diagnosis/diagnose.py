@@ -8,6 +8,7 @@ from dataclasses import replace
 from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
 from qlvbayes.diagnosis.ahead import compile_ahead
+from qlvbayes.diagnosis.gate import unmeasured
 from qlvbayes.diagnosis.judging import judged
 from qlvbayes.diagnosis.protocol import protocol_of
 from qlvbayes.diagnosis.remainder import leaves_little
@@ -54,14 +55,15 @@ def diagnose(
     samples = Samples.of(experiment, ensemble)
     tell("compiling")
     compile_ahead(ensemble, samples)
-    candidates = ensemble.candidates
+    protocol = protocol_of(experiment, bonded=choices.bonded)
+    hidden = {unseen.effect for unseen in unmeasured(ensemble, protocol)}
+    candidates = [name for name in ensemble.candidates if name not in hidden]
     path = search(ensemble, samples, candidates, settings, tell)
     if leaves_little(experiment, ensemble, samples, path.last.point, settings):
         settle(ensemble, samples, path, candidates, settings, tell)
     tell("testing what is left")
     found = judged(experiment, ensemble, samples, path, settings, tell)
     sampled = _nested(ensemble, path, seed, tell) if evidence == "nested" else ()
-    protocol = protocol_of(experiment, bonded=choices.bonded)
     notices = pull_notices(experiment, bonded=choices.bonded, effects=choices.effects)
     summed = summed_up(found, protocol, sampled, settings)
     return replace(summed, notices=(*notices, *summed.notices))

@@ -98,6 +98,17 @@ def unseen(
     return found
 
 
+def unmeasured(ensemble: Ensemble, protocol: Protocol) -> list[Unseen]:
+    """Candidates made of a velocity or an acceleration that the displacement records do not give.
+
+    They are not tried: what is fitted in their place is the records' error.
+    """
+    reasons = {
+        name: type(ensemble.effect(name)).unmeasured(protocol) for name in ensemble.candidates
+    }
+    return [Unseen(name, reason) for name, reason in reasons.items() if reason is not None]
+
+
 def bends(ensemble: Ensemble, point: Point, scores: dict[str, list[Score]]) -> list[Bend]:
     """Effects of which the constants take nearly all, and what that would do to each constant."""
     names = ensemble.names

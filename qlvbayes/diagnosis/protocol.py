@@ -17,7 +17,8 @@ def protocol_of(experiment: Experiment, *, bonded: bool) -> Protocol:
         returns=any(_returns(experiment, trial) for trial in experiment.trials),
         tests=len(experiment.trials),
         bonded=bonded,
-        curved=experiment.scales.acceleration > 0.0,
+        curved=any(trial.trajectory.acceleration_resolved for trial in experiment.trials),
+        timed=any(trial.trajectory.velocity_resolved for trial in experiment.trials),
     )
 
 

@@ -15,7 +15,7 @@ from qlvbayes.diagnosis.averaging import Explanation, averaged
 from qlvbayes.diagnosis.contest import Contender
 from qlvbayes.diagnosis.design import Suggestion, suggest
 from qlvbayes.diagnosis.evidence import laplace_check
-from qlvbayes.diagnosis.gate import bends, coincident, unseen
+from qlvbayes.diagnosis.gate import bends, coincident, unmeasured, unseen
 from qlvbayes.diagnosis.judging import Judged
 from qlvbayes.diagnosis.samples import cell_errors, rmse
 from qlvbayes.diagnosis.search import Path, Step
@@ -53,7 +53,10 @@ def summed_up(
         group=judged.group if named else (),
         stages=tuple(_stage(work, k, settings) for k in range(len(path.steps))),
         ranking=_ranking(work, settings),
-        not_identifiable=tuple(unseen(ensemble, plain, scores, protocol)),
+        not_identifiable=(
+            *unseen(ensemble, plain, scores, protocol),
+            *unmeasured(ensemble, protocol),
+        ),
         bends=tuple(bends(ensemble, plain, scores)),
         coincident=tuple(coincident(ensemble, plain, scores)),
         refused=tuple(path.refused),

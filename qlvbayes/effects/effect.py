@@ -33,7 +33,8 @@ class Protocol:
     """What the tests of a study do, as far as it decides which effects they can show.
 
     unloads: a test moves back; returns: a test moves back to (nearly) zero depth; tests: how many;
-    bonded: whether the specimen is fixed to the platen; curved: whether accelerations are resolved.
+    bonded: whether the specimen is fixed to the platen; timed, curved: whether the displacement
+    records give velocity and acceleration.
     """
 
     unloads: bool
@@ -41,6 +42,7 @@ class Protocol:
     tests: int
     bonded: bool
     curved: bool
+    timed: bool = True
 
 
 class AbstractEffect(eqx.Module):
@@ -50,7 +52,8 @@ class AbstractEffect(eqx.Module):
     (constants are called ``name.field``); ``level`` and, within it, ``rank`` say where it nests;
     ``units`` names the kind of unit of each constant (`units.UnitSystem.of`); ``null`` gives the
     constants, each with its value, at which the effect vanishes exactly (the first is its
-    amplitude); ``law``, ``seen``, ``reference``: for people, in one line each; ``reshapes``:
+    amplitude); ``law``, ``seen``, ``reference``: for people, in one line each; ``needs``: what of
+    the motion its force is made of: records that do not give it cannot show it; ``reshapes``:
     whether it is still this effect if its size changes with depth or with the clock.
     """
 
@@ -62,6 +65,7 @@ class AbstractEffect(eqx.Module):
     seen: eqx.AbstractClassVar[str]
     reference: eqx.AbstractClassVar[str]
     rank: ClassVar[int] = 0
+    needs: ClassVar[str] = "displacement"
     reshapes: ClassVar[bool] = True
 
     @property
@@ -81,4 +85,13 @@ class AbstractEffect(eqx.Module):
     @classmethod
     def blind(cls, protocol: Protocol) -> str | None:
         """Why no test of this protocol can show the effect, in a few words; None if one may."""
+        return cls.unmeasured(protocol)
+
+    @classmethod
+    def unmeasured(cls, protocol: Protocol) -> str | None:
+        """Why the displacement records do not give what the effect's force is made of."""
+        if cls.needs == "velocity" and not protocol.timed:
+            return "the displacement records do not give the speed"
+        if cls.needs == "acceleration" and not protocol.curved:
+            return "no acceleration is resolved"
         return None

@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Self
 
 from jaxtyping import Array
 
-from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
+from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.law import Law
 from qlvbayes.motion import Motion
 from qlvbayes.scales import Scales
@@ -25,6 +25,7 @@ class Inertia(AbstractEffect):
     null: ClassVar[dict[str, float]] = {"mass": 0.0}
     law: ClassVar[str] = "F += mass a"
     seen: ClassVar[str] = "pulses of the force while the platen speeds up or brakes"
+    needs: ClassVar[str] = "acceleration"
     reference: ClassVar[str] = "Newton 1687, second law"
 
     @classmethod
@@ -35,8 +36,3 @@ class Inertia(AbstractEffect):
     def force(self, below: Law, motion: Motion) -> Array:
         """Add mass times acceleration."""
         return below.force(motion) + self.mass * motion.acceleration
-
-    @classmethod
-    def blind(cls, protocol: Protocol) -> str | None:
-        """It needs accelerations."""
-        return None if protocol.curved else "no acceleration is resolved"

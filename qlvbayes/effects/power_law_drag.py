@@ -30,6 +30,7 @@ class PowerLawDrag(AbstractEffect):
     null: ClassVar[dict[str, float]] = {"k": 0.0}
     law: ClassVar[str] = "F += k |v|^n sgn v"
     seen: ClassVar[str] = "steps of the force at each start and stop that grow slowly with speed"
+    needs: ClassVar[str] = "velocity"
     reference: ClassVar[str] = "Herschel & Bulkley 1926, doi:10.1007/BF01432034"
 
     @classmethod

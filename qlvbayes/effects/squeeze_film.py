@@ -31,6 +31,7 @@ class SqueezeFilm(AbstractEffect):
     null: ClassVar[dict[str, float]] = {"eta": 0.0}
     law: ClassVar[str] = "F += eta v / (1 - delta/h)^3"
     seen: ClassVar[str] = "drag that grows with depth"
+    needs: ClassVar[str] = "velocity"
     reference: ClassVar[str] = "Reynolds 1886, doi:10.1098/rstl.1886.0005"
 
     @classmethod

@@ -25,6 +25,7 @@ class ViscousDrag(AbstractEffect):
     null: ClassVar[dict[str, float]] = {"eta": 0.0}
     law: ClassVar[str] = "F += eta v"
     seen: ClassVar[str] = "steps of the force at each start and stop, proportional to speed"
+    needs: ClassVar[str] = "velocity"
     reference: ClassVar[str] = "Kelvin & Voigt; Findley, Lai & Onaran 1976, ch. 5"
 
     @classmethod

@@ -19,7 +19,10 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 _STIFFNESS = 1e-9  # keeps a piece without samples straight
-MOST_FREE_KNOTS = 10
+_FEW = 10  # knots that are moved one by one;
+_APART = 6  # of more, every sixth is nudged at once
+_STEPS = (25, 10)  # of the search, with few knots and with many
+_MOST_MOVED = 200  # knots that are moved at all
 _MOST_PER_PIECE = 400
 
 
@@ -45,12 +48,17 @@ class Window:
 
 @dataclass(frozen=True)
 class Pieces:
-    """Constant-acceleration pieces: displacement, velocity, acceleration at each start."""
+    """Displacement, velocity and acceleration (k,) at the start of each of k polynomial pieces.
+
+    ``higher`` (m, k): the coefficients of (t - start)^3, (t - start)^4, ...; none if the
+    acceleration is constant.
+    """
 
     knots: Array
     displacement: Array
     velocity: Array
     acceleration: Array
+    higher: Array | None = None
 
 
 def _full_knots(joints: Joints) -> Array:
@@ -157,25 +165,19 @@ def _thinned(joints: Joints, window: Window) -> tuple[Array, Array]:
 def optimise(joints: Joints, window: Window) -> Joints:
     """Move the knots to the least squared residual (Levenberg-Marquardt on the knots alone).
 
-    An end knot moves only where it joins a rest. With more than ten knots they stay put.
+    An end knot moves only where it joins a rest.
     """
     free = np.ones(joints.knots.size, dtype=bool)
     free[0], free[-1] = joints.left is not None, joints.right is not None
     which = np.flatnonzero(free)
-    if which.size == 0 or which.size > MOST_FREE_KNOTS:
+    if which.size == 0 or which.size > _MOST_MOVED:
         return joints
     time, x = _thinned(joints, window)
     gap = 0.5 * float(np.median(np.diff(window.time)))
-    nudge = 0.02 * gap
     best = residuals(joints, time, x)
     damping = 1e-3
-    for _ in range(25):
-        jacobian = np.empty((time.size, which.size))
-        for column, k in enumerate(which):
-            moved = joints.knots.copy()
-            side = -nudge if k == joints.knots.size - 1 else nudge
-            moved[k] += side
-            jacobian[:, column] = (residuals(replace(joints, knots=moved), time, x) - best) / side
+    for _ in range(_STEPS[which.size > _FEW]):
+        jacobian = _jacobian(joints, time, x, which, 0.02 * gap, best)
         gram, slope = jacobian.T @ jacobian, jacobian.T @ best
         gained = 0.0
         for _ in range(6):
@@ -194,6 +196,29 @@ def optimise(joints: Joints, window: Window) -> Joints:
         if gained <= 1e-6 * float(best @ best):
             break
     return joints
+
+
+def _jacobian(
+    joints: Joints, time: Array, x: Array, which: NDArray[np.intp], nudge: float, now: Array
+) -> Array:
+    """Slopes (n, knots) of the residuals, which are ``now``.
+
+    A knot is felt by a few pieces around it: distant knots are nudged at once, and each takes the
+    change about it.
+    """
+    jacobian = np.zeros((time.size, which.size))
+    last = joints.knots.size - 1
+    apart = _APART if which.size > _FEW else which.size
+    for first in range(apart):
+        some = np.arange(first, which.size, apart)
+        sides = np.where(which[some] == last, -nudge, nudge)
+        moved = joints.knots.copy()
+        moved[which[some]] += sides
+        change = residuals(replace(joints, knots=moved), time, x) - now
+        middles = 0.5 * (joints.knots[which[some][1:]] + joints.knots[which[some][:-1]])
+        owner = np.searchsorted(middles, time)
+        jacobian[np.arange(time.size), some[owner]] = change / sides[owner]
+    return jacobian
 
 
 def _ordered(knots: Array, window: Window, gap: float) -> Array:

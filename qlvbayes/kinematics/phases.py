@@ -18,6 +18,7 @@ KINDS: tuple[Kind, ...] = ("ramp", "hold", "unload", "recovery")
 _LEAST_SHARE = 0.01  # of the stroke: a smaller movement is drift or jitter
 _LEAST_STEPS = 5.0  # encoder steps, for the same reason
 _CREEP = 0.02  # of a movement's own speed: slower ends of it belong to the rest
+_DWELL = 0.2  # of the shorter movement beside it: a longer slow turn is a rest
 _LEAST_SPEED = 1e-4  # of the record's top speed
 
 
@@ -48,7 +49,7 @@ def find_phases(trajectory: Trajectory) -> tuple[Phase, ...]:
     phases: list[Phase] = []
     resting: Kind = "hold"
     at = start
-    moves = _from_the_start(moves, times)
+    moves = _turning(_from_the_start(moves, times), times, trajectory)
     for first, last, sign in moves:
         if times[first] > at:
             phases.append(Phase(resting, at, float(times[first])))
@@ -83,10 +84,7 @@ def loading_rate(trajectory: Trajectory, phases: tuple[Phase, ...]) -> float:
 
 def _turning_points(trajectory: Trajectory) -> tuple[Array, Array]:
     """Knots and reversals with their depth: between two of them the motion is monotone."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        delay = -trajectory.start_velocity / trajectory.start_acceleration
-    inside = np.isfinite(delay) & (delay > 0.0) & (delay < np.diff(trajectory.knots))
-    times = np.unique(np.concatenate([trajectory.knots, (trajectory.knots[:-1] + delay)[inside]]))
+    times = np.unique(np.concatenate([trajectory.knots, trajectory.turning_points]))
     return times, trajectory.displacement(times)
 
 
@@ -100,6 +98,36 @@ def _from_the_start(moves: list[tuple[int, int, int]], times: Array) -> list[tup
     first, last, sign = moves[0]
     late = times[first] - times[0] < times[last] - times[first]
     return [(0, last, sign), *moves[1:]] if late else moves
+
+
+def _turning(
+    moves: list[tuple[int, int, int]], times: Array, trajectory: Trajectory
+) -> list[tuple[int, int, int]]:
+    """Opposite movements meet where they turn, unless the platen rested there or dwelt long.
+
+    The slow ends of smooth cycles are no rest.
+    """
+    joined = moves[:1]
+    for first, last, sign in moves[1:]:
+        before, end, way = joined[-1]
+        pause = times[first] - times[end]
+        shorter = min(times[end] - times[before], times[last] - times[first])
+        meeting = way != sign and first > end and pause < _DWELL * shorter
+        if meeting and not _rests(trajectory, times[end : first + 1]):
+            depth = trajectory.displacement(times[end : first + 1])
+            first = end + int(np.argmax(way * depth))
+            joined[-1] = (before, first, way)
+        joined.append((first, last, sign))
+    if joined and not _rests(trajectory, times[joined[-1][1] :]):
+        first, last, sign = joined[-1]
+        if times[-1] - times[last] < _DWELL * (times[last] - times[first]):
+            joined[-1] = (first, times.size - 1, sign)
+    return joined
+
+
+def _rests(trajectory: Trajectory, times: Array) -> bool:
+    """Whether the platen stands still between two of these neighbouring times."""
+    return bool(np.any(trajectory.velocity(0.5 * (times[1:] + times[:-1])) == 0.0))
 
 
 def _movements(times: Array, depth: Array, resolution: float) -> list[tuple[int, int, int]]:

@@ -12,6 +12,8 @@ Array = NDArray[np.float64]
 
 _FIT_SAMPLES = 200  # a quadratic needs no more samples than this
 _FEWEST_IN_REST = 5
+_LEAST_STEP = 1e-6  # of the range: finer rounding is no encoder's
+_UNSEEN = 0.3  # of the bound on each residual: their root mean square in an exact record
 
 
 @dataclass(frozen=True)
@@ -26,6 +28,12 @@ class Tolerance:
     rest: float
     noise: float
     step: float
+
+    @property
+    def variance(self) -> float:
+        """Mean square of a reading's error: rounding, scatter, or what needs no following."""
+        known = self.step**2 / 12.0 + self.noise**2
+        return max(known, (_UNSEEN * self.sample) ** 2 if known == 0.0 else 0.0)
 
 
 def encoder_step(displacement: Array) -> float:
@@ -51,9 +59,11 @@ def encoder_step(displacement: Array) -> float:
         rest = rest[rest > max(0.05 * step, 1e-9 * span)]
         if rest.size == 0:
             counts = np.round(sizes / step)
+            if step < _LEAST_STEP * span:
+                return 0.0
             return float(sizes @ counts / (counts @ counts))
         step = float(rest.min())
-        if step < 1e-7 * span:
+        if step < _LEAST_STEP * span:
             return 0.0
     return 0.0
 
@@ -139,8 +149,8 @@ def _quadratic_fits(time: Array, x: Array, tol: Tolerance) -> bool:
     design = np.stack([np.ones_like(v), v, v * v])
     a, b, c = np.linalg.solve(design @ design.T, design @ (y - x[0]))
     residual = x - x[0] - (a + u * (b + u * c))
-    if float(np.abs(residual).max()) > tol.sample:
-        return False
+    if float(np.abs(residual).max()) > tol.sample and float(np.ptp(residual)) > 1.25 * tol.step:
+        return False  # a curve parallel to the fitted one may yet round to every reading
     return tol.noise == 0.0 or _blocks_centred(residual, tol)
 
 

@@ -3,23 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import PPoly
 
 from qlvbayes.checks import InputError
-from qlvbayes.kinematics.freeknots import (
-    MOST_FREE_KNOTS,
-    Joints,
-    Pieces,
-    Window,
-    insert_until_faithful,
-    optimise,
-    pieces,
-    residuals,
-    with_knot_at_worst,
-)
+from qlvbayes.kinematics.errors import Errors, errors
 from qlvbayes.kinematics.segments import (
     Rest,
     Tolerance,
@@ -28,24 +20,29 @@ from qlvbayes.kinematics.segments import (
     greedy_segments,
     tolerance,
 )
+from qlvbayes.kinematics.stretch import Stretch, fitted
 
 Array = NDArray[np.float64]
 
-_FEWEST_PER_PIECE = 5
-_FEWEST_RESOLVED = 3  # samples that show an acceleration
-_EXTRA_KNOTS = 2
+_SPEED_KNOWN = 0.05  # of the top speed: the usual error, at most, of a known velocity,
+_ACCELERATION_KNOWN = 0.2  # and the same for the acceleration
+_JUMPS = 0.5  # share of the changes of velocity that are too quick to be resolved
+_EXACT = 1e-6  # of the range: no record is better than that
+_SAME = 1e-6  # of the largest: smaller jumps are rounding
 
 
 @dataclass(frozen=True)
 class Trajectory:
-    """A continuous motion of constant acceleration a_k between knots t_k and t_{k+1}.
+    """A continuous motion, a polynomial between each two knots t_k and t_{k+1}.
 
-    delta(t) = d_k + v_k (t - t_k) + a_k (t - t_k)^2 / 2 for t_k <= t < t_{k+1}.
+    delta(t) = d_k + v_k s + a_k s^2 / 2 + sum_j h_jk s^(3 + j), s = t - t_k, t_k <= t < t_{k+1}.
 
     ``knots`` (k+1,) in s; ``start_displacement``, ``start_velocity``, ``start_acceleration`` (k,)
     in mm, mm/s, mm/s2 (or strain, 1/s, 1/s2); ``resolution`` the encoder step in units of
-    displacement, 0 if none was seen. Outside the record the motion is at rest at its end value.
-    At a kink the velocity and acceleration are those just after it.
+    displacement, 0 if none was seen; ``higher`` (m, k) the h_jk, None for constant accelerations.
+    Outside the record the motion is at rest at its end value. At a kink the velocity and
+    acceleration are those just after it. ``unresolved``: what the record cannot give ("velocity",
+    "acceleration"), with the reason in a few words.
     """
 
     knots: Array
@@ -53,59 +50,107 @@ class Trajectory:
     start_velocity: Array
     start_acceleration: Array
     resolution: float
+    higher: Array | None = None
+    unresolved: tuple[tuple[str, str], ...] = ()
+    error: Errors | None = None
+
+    @cached_property
+    def _path(self) -> tuple[PPoly, PPoly, PPoly]:
+        rows = [0.5 * self.start_acceleration, self.start_velocity, self.start_displacement]
+        higher = [] if self.higher is None else list(self.higher[::-1])
+        path = PPoly(np.array([*higher, *rows]), self.knots)
+        return path, path.derivative(1), path.derivative(2)
+
+    @cached_property
+    def _jumps(self) -> tuple[Array, Array]:
+        """Size (k-1,) of the jumps of velocity and acceleration at the inner knots."""
+        _, velocity, acceleration = self._path
+        length, inner = np.diff(self.knots)[:-1], slice(0, -1)
+        found = []
+        for poly, most in ((velocity, self.top_speed), (acceleration, self.top_acceleration)):
+            last = np.zeros(length.size)
+            for row in poly.c:
+                last = last * length + row[inner]
+            jump = np.abs(poly.c[-1, 1:] - last)
+            found.append(np.where(jump > _SAME * max(most, 1e-300), jump, 0.0))
+        return found[0], found[1]
 
     @property
     def kinks(self) -> Array:
-        """Times (k-1,) at which the velocity or the acceleration jumps."""
-        return self.knots[1:-1]
+        """Times (j,) at which the velocity or the acceleration jumps."""
+        return self.knots[1:-1][self._at_kinks]
 
     @property
     def speed_jumps(self) -> Array:
-        """Size (k-1,) of the jump of velocity at each inner knot: changes too quick to resolve."""
-        ends = self.start_velocity + np.diff(self.knots) * self.start_acceleration
-        jumps = np.abs(self.start_velocity[1:] - ends[:-1])
-        return np.where(jumps > 1e-9 * max(self.top_speed, 1e-300), jumps, 0.0)
+        """Size (j,) of the jump of velocity at each kink: changes too quick to resolve."""
+        return self._jumps[0][self._at_kinks]
 
     @property
+    def _at_kinks(self) -> NDArray[np.bool_]:
+        return (self._jumps[0] > 0.0) | (self._jumps[1] > 0.0)
+
+    @cached_property
     def top_speed(self) -> float:
         """Largest speed."""
-        last = self.start_velocity + np.diff(self.knots) * self.start_acceleration
-        return float(max(np.max(np.abs(self.start_velocity)), np.max(np.abs(last))))
+        return _largest(self._path[1], self._path[2])
 
-    @property
+    @cached_property
     def top_acceleration(self) -> float:
         """Largest magnitude of the acceleration; 0 where only straight lines were resolved."""
-        return float(np.max(np.abs(self.start_acceleration)))
+        return _largest(self._path[2], self._path[2].derivative(1))
 
-    def _locate(self, t: ArrayLike) -> tuple[NDArray[np.intp], Array, NDArray[np.bool_]]:
+    @cached_property
+    def turning_points(self) -> Array:
+        """Times between the knots at which the motion reverses."""
+        roots = self._path[1].roots(discontinuity=False, extrapolate=False)
+        return np.asarray(roots[np.isfinite(roots)])
+
+    @property
+    def velocity_resolved(self) -> bool:
+        """Whether the record gives the velocity."""
+        return "velocity" not in dict(self.unresolved)
+
+    @property
+    def acceleration_resolved(self) -> bool:
+        """Whether the record gives the acceleration."""
+        return "acceleration" not in dict(self.unresolved)
+
+    def _at(self, order: int, t: ArrayLike) -> Array:
         asked = np.asarray(t, dtype=np.float64)
-        inside = np.asarray((asked >= self.knots[0]) & (asked <= self.knots[-1]))
         clipped = np.clip(asked, self.knots[0], self.knots[-1])
-        piece = np.asarray(np.searchsorted(self.knots[1:-1], clipped, side="right"))
-        return piece, np.asarray(clipped - self.knots[piece]), inside
+        value = np.asarray(self._path[order](clipped))
+        if order == 0:
+            return value
+        inside = (asked >= self.knots[0]) & (asked <= self.knots[-1])
+        return np.where(inside, value, 0.0)
 
     def displacement(self, t: ArrayLike) -> Array:
         """Displacement at times ``t`` (any shape)."""
-        k, s, _ = self._locate(t)
-        return np.asarray(
-            self.start_displacement[k]
-            + s * (self.start_velocity[k] + 0.5 * s * self.start_acceleration[k])
-        )
+        return self._at(0, t)
 
     def velocity(self, t: ArrayLike) -> Array:
         """Velocity at times ``t`` (any shape); 0 outside the record."""
-        k, s, inside = self._locate(t)
-        return np.where(inside, self.start_velocity[k] + s * self.start_acceleration[k], 0.0)
+        return self._at(1, t)
 
     def displacement_sd(self, t: ArrayLike) -> Array:
-        """Sd of the displacement's error at times ``t``: resolution/sqrt(12), 0 at rest."""
-        moving = (self.velocity(t) != 0.0) | (self.acceleration(t) != 0.0)
-        return np.where(moving, self.resolution / np.sqrt(12.0), 0.0)
+        """Sd of the error of ``displacement(t)`` (any shape), in units of displacement.
 
-    def acceleration(self, t: ArrayLike) -> Array:
-        """Acceleration at times ``t`` (any shape); 0 outside the record."""
-        k, _, inside = self._locate(t)
-        return np.where(inside, self.start_acceleration[k], 0.0)
+        It comes from the encoder's rounding and the sensor's scatter, less what the fit averages
+        out; 0 for a planned motion.
+        """
+        asked = np.asarray(t, dtype=np.float64)
+        if self.error is None:
+            return np.zeros(asked.shape)
+        return np.asarray(np.interp(asked, self.error.time, self.error.displacement))
+
+
+def _largest(poly: PPoly, slope: PPoly) -> float:
+    """Largest magnitude of a piecewise polynomial whose derivative is given."""
+    ends = [poly.c[-1], sum(c * np.diff(poly.x) ** k for k, c in enumerate(poly.c[::-1]))]
+    if poly.c.shape[0] > 2:
+        roots = slope.roots(discontinuity=False, extrapolate=False)
+        ends.append(poly(roots[np.isfinite(roots)]))
+    return float(max(np.max(np.abs(e), initial=0.0) for e in ends))
 
 
 def smooth(time: ArrayLike, displacement: ArrayLike, resolution: float | None = None) -> Trajectory:
@@ -136,7 +181,8 @@ def smooth(time: ArrayLike, displacement: ArrayLike, resolution: float | None = 
     tol = tolerance(t, x, step)
     segments = greedy_segments(t, x, tol)
     rests = find_rests(t, x, segments, tol)
-    return _assembled(t, x, segments, rests, tol)
+    parts = _stretches(t, x, segments, rests, tol)
+    return _joined(t, parts, rests, tol)
 
 
 def _check(time: Array, displacement: Array) -> None:
@@ -150,110 +196,100 @@ def _check(time: Array, displacement: Array) -> None:
         raise InputError("time does not increase")
 
 
-def _assembled(
+def _stretches(
     t: Array, x: Array, segments: list[tuple[int, int]], rests: list[Rest], tol: Tolerance
-) -> Trajectory:
-    parts: list[Pieces] = []
-    bounds = [None, *rests, None]
-    for before, after in pairwise(bounds):
+) -> list[Stretch]:
+    """Fit what lies between the rests."""
+    parts: list[Stretch] = []
+    for before, after in pairwise([None, *rests, None]):
         if before is None and after is not None and after.first == 0:
             continue
         if after is None and before is not None and before.stop == t.size:
             continue
-        parts.append(_stretch(t, x, segments, before, after, tol))
-    return _joined(t, parts, rests, tol.step)
+        parts.append(fitted(t, x, segments, before, after, tol))
+    return parts
 
 
-def _joined(t: Array, parts: list[Pieces], rests: list[Rest], step: float) -> Trajectory:
+def _joined(t: Array, parts: list[Stretch], rests: list[Rest], tol: Tolerance) -> Trajectory:
     """Put moving parts and rests in order of time."""
-    starts: list[Array] = []
-    values: list[Array] = []
-    for part in parts:
-        starts.append(part.knots[:-1])
-        values.append(np.stack([part.displacement, part.velocity, part.acceleration]))
+    most = max((_order(p) for p in parts), default=0)
+    starts = [part.pieces.knots[:-1] for part in parts]
+    values = [_rows(part, most) for part in parts]
     for rest in rests:
-        into = [p.knots[-1] for p in parts if p.knots[-1] <= t[rest.stop - 1]]
+        into = [p.pieces.knots[-1] for p in parts if p.pieces.knots[-1] <= t[rest.stop - 1]]
         starts.append(np.array([max(into) if into and rest.first > 0 else t[0]]))
-        values.append(np.array([[rest.level], [0.0], [0.0]]))
+        values.append(np.array([[rest.level], *[[0.0]] * (2 + most)]))
     knots = np.concatenate(starts)
     order = np.argsort(knots, kind="stable")
-    d, v, a = np.concatenate(values, axis=1)[:, order]
-    return Trajectory(np.append(knots[order], t[-1]), d, v, a, step)
+    d, v, a, *higher = np.concatenate(values, axis=1)[:, order]
+    found = [errors(part, tol) for part in parts]
+    plain = Trajectory(
+        np.append(knots[order], t[-1]), d, v, a, tol.step, np.array(higher) if higher else None
+    )
+    error = _all_errors(t, parts, found, rests, tol)
+    return replace(plain, error=error, unresolved=_unresolved(plain, parts, found))
 
 
-def _stretch(
-    t: Array,
-    x: Array,
-    segments: list[tuple[int, int]],
-    before: Rest | None,
-    after: Rest | None,
-    tol: Tolerance,
-) -> Pieces:
-    """Fit the motion between two rests (None: the record begins or ends in motion)."""
-    first = 0 if before is None else before.stop
-    stop = t.size if after is None else after.first
-    low = first - 1 if before is not None else first
-    high = stop if after is not None else stop - 1
-    left, right = (r.level if r is not None else None for r in (before, after))
-    window = _window(t, x, first, stop, before, after)
-    if stop - first < 3:
-        joints = Joints(t[low : high + 1], np.ones(high + 1 - low, dtype=bool), left, right)
-        return pieces(joints, window)
-    # The last piece of a record that ends in motion may be a leftover of a few samples.
-    end = stop if after is not None else stop - _FEWEST_PER_PIECE
-    cuts = [0.5 * (t[i - 1] + t[i]) for i, _ in segments if first < i < end]
-    knots = np.array([t[low], *cuts, t[high]])
-    joints = _simplest(knots, left, right, window, tol)
-    return pieces(insert_until_faithful(joints, window, tol.rest), window)
+def _order(part: Stretch) -> int:
+    return 0 if part.pieces.higher is None else len(part.pieces.higher)
 
 
-def _window(
-    t: Array, x: Array, first: int, stop: int, before: Rest | None, after: Rest | None
-) -> Window:
-    """Take in part of the rests beside a stretch, so that its end knots can move."""
-    reach = max(20, (stop - first) // 4)
-    i = first if before is None else first - min(reach, (before.stop - before.first) // 2)
-    j = stop if after is None else stop + min(reach, (after.stop - after.first) // 2)
-    return Window(t[i:j], x[i:j], float(t[i]), float(t[j - 1]))
+def _rows(part: Stretch, most: int) -> Array:
+    """Displacement, velocity, acceleration and ``most`` higher coefficients of each piece."""
+    p = part.pieces
+    higher = np.zeros((0, p.velocity.size)) if p.higher is None else p.higher
+    missing = np.zeros((most - len(higher), p.velocity.size))
+    return np.concatenate([[p.displacement, p.velocity, p.acceleration], higher, missing])
 
 
-def _simplest(
-    knots: Array, left: float | None, right: float | None, window: Window, tol: Tolerance
-) -> Joints:
-    """Return the first faithful choice of joints.
-
-    In order: smooth; kinks between the long pieces only; smooth with one or two more knots than
-    the segments have; kinks throughout. If none is faithful, the one with the smallest largest
-    residual. The looser bound for the smooth choices is there because a knot too many costs more
-    than a residual of one step.
-    """
-    many = np.diff(np.searchsorted(window.time, knots)) >= _FEWEST_PER_PIECE
-    long = np.concatenate([[True], many[:-1] & many[1:], [True]])
-    smooth_start = Joints(knots, np.zeros(knots.size, dtype=bool), left, right)
-    best = optimise(smooth_start, window)
-    least = _worst(best, window)
-    if least <= tol.rest and _fewest_samples(best, window) >= _FEWEST_RESOLVED:
-        return best
-    merged = Joints(knots[long], np.ones(int(long.sum()), dtype=bool), left, right)
-    trial = optimise(merged, window)
-    if _worst(trial, window) <= tol.sample:
-        return trial
-    trial = best
-    for _ in range(_EXTRA_KNOTS):
-        if least <= tol.rest or trial.knots.size > MOST_FREE_KNOTS:
-            break
-        trial = optimise(with_knot_at_worst(trial, window), window)
-        if (worst := _worst(trial, window)) < least:
-            best, least = trial, worst
-    if least <= tol.rest and _fewest_samples(best, window) >= _FEWEST_RESOLVED:
-        return best
-    trial = optimise(replace(smooth_start, kinked=np.ones(knots.size, dtype=bool)), window)
-    return trial if _worst(trial, window) < max(least, tol.sample) else best
+def _all_errors(
+    t: Array, parts: list[Stretch], found: list[Errors], rests: list[Rest], tol: Tolerance
+) -> Errors:
+    """Of stretches and rests, in order of time. At rest the rounding is not averaged out."""
+    begins = np.array([p.joints.knots[0] for p in parts] + [t[-1]])
+    ends = np.array([t[0]] + [p.joints.knots[-1] for p in parts])
+    rounding = tol.step**2 / 12.0 if tol.noise < 0.5 * tol.step else 0.0
+    every = list(found)
+    for rest in rests:
+        middle = 0.5 * (t[rest.first] + t[rest.stop - 1])
+        span = np.array([ends[ends <= middle].max(), begins[begins >= middle].min()])
+        sd = np.full(2, np.sqrt(tol.noise**2 / (rest.stop - rest.first) + rounding))
+        every.append(Errors(span, sd, np.zeros(2), np.zeros(2)))
+    joined = _concatenated(every)
+    least = max((float(np.ptp(p.window.displacement)) for p in parts), default=0.0)
+    return replace(joined, displacement=np.maximum(joined.displacement, _EXACT * least))
 
 
-def _worst(joints: Joints, window: Window) -> float:
-    return float(np.abs(residuals(joints, window.time, window.displacement)).max())
+def _concatenated(parts: list[Errors]) -> Errors:
+    order = np.argsort(np.concatenate([p.time for p in parts]), kind="stable")
+    names = ("time", "displacement", "velocity", "acceleration")
+    return Errors(*(np.concatenate([getattr(p, name) for p in parts])[order] for name in names))
 
 
-def _fewest_samples(joints: Joints, window: Window) -> int:
-    return int(np.diff(np.searchsorted(window.time, joints.knots)).min())
+def _unresolved(
+    motion: Trajectory, parts: list[Stretch], found: list[Errors]
+) -> tuple[tuple[str, str], ...]:
+    """What the readings do not give of velocity and acceleration, and why."""
+    if not parts:
+        return (("velocity", "the platen never moves"), ("acceleration", "the platen never moves"))
+    doubts = []
+    every = _concatenated(found)
+    speed = _share(every.velocity, motion.velocity(every.time))
+    if speed > _SPEED_KNOWN:
+        doubts.append(("velocity", "the displacement record does not give the speed"))
+    rate = _share(every.acceleration, motion.acceleration(every.time))
+    jumps = float(np.sum(motion.speed_jumps))
+    smoothly = float(np.sum(np.abs(np.diff(motion.start_velocity)))) - jumps
+    if rate > _ACCELERATION_KNOWN or (jumps > 0.0 and jumps > _JUMPS * (jumps + smoothly)):
+        doubts.append(("acceleration", "the displacement record does not give the acceleration"))
+    return tuple(doubts)
+
+
+def _share(sds: Array, values: Array) -> float:
+    """The median sd over the largest value, each weighted by the square of its value."""
+    most = float(np.max(np.abs(values)))
+    if most == 0.0:
+        return np.inf
+    order = np.argsort(sds)
+    weight = np.cumsum(values[order] ** 2)
+    return float(sds[order][np.searchsorted(weight, 0.5 * weight[-1])]) / most
