@@ -33,9 +33,10 @@ class Move:
 
 @dataclass(frozen=True)
 class Hold:
-    """Stand still for `seconds`."""
+    """Stand still for `seconds`, or move on by `creep` (mm) at even speed meanwhile."""
 
     seconds: float
+    creep: float = 0.0
 
     def __post_init__(self) -> None:
         if not 0 < self.seconds < inf:
@@ -81,7 +82,8 @@ class Platen(Motion):
         clock, place = 0.0, 0.0
         for step in self.program:
             if isinstance(step, Hold):
-                stretch = [Piece(clock, step.seconds, place, 0.0, 0.0)]
+                stretch = [Piece(clock, step.seconds, place, step.creep / step.seconds, 0.0)]
+                place += step.creep
             else:
                 stretch = _stroke(clock, place, step, self.acceleration_limit)
                 place = step.target

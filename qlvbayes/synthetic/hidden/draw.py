@@ -23,6 +23,8 @@ _STROKE = 1.6  # mm, of the protocols
 _PAUSE_S = 120.0
 _TRIAL_CELLS = 60
 _ROUNDS = 8
+_MANY_PIECES = 50  # smooth motion: nothing happens at a kink
+_EVEN_MOMENTS = 1000
 _CLOSE = 0.02
 _SOON_S = np.linspace(0.0, 0.15, 16)
 
@@ -348,6 +350,8 @@ def _scaled(step: Step, stretch: float) -> Step:
 
 def _moments(platen: Motion) -> Array:
     """Moments at which something may show: even in each piece, and soon after it began."""
+    if len(platen.pieces) > _MANY_PIECES:
+        return np.linspace(0.0, platen.duration, _EVEN_MOMENTS)
     shares = np.concatenate([[0.0], np.geomspace(1e-4, 0.03, 8), np.linspace(0.04, 0.999, 25)])
     times = [piece.start + shares * piece.duration for piece in platen.pieces]
     soon = np.concatenate([kink + _SOON_S for kink in platen.kinks])

@@ -15,6 +15,7 @@ from .mesh import Array
 from .path import Path
 
 _LEAST_HOLD_S = 1.0
+_STILL = 1e-3  # mm/s: a hold may creep
 
 
 @dataclass(frozen=True)
@@ -89,7 +90,7 @@ class Slip(Effect):
 
     def moment(self, platen: Motion) -> float:
         """When it slips, s into the test; never without a hold of at least 1 s."""
-        holds = [p for p in platen.pieces if p.velocity == 0 == p.acceleration]
+        holds = [p for p in platen.pieces if abs(p.velocity) < _STILL and p.acceleration == 0]
         holds = [p for p in holds if p.duration >= _LEAST_HOLD_S]
         if not holds:
             return np.inf

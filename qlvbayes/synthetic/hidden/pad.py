@@ -17,7 +17,6 @@ from .mesh import Array, Mesh, graded
 from .path import Path
 
 _ROUNDS = 200
-_SETTLED = 1e-10  # share of the stroke
 _SEARCHES = 2
 _COARSER = 4
 
@@ -43,6 +42,7 @@ class HiddenPad:
     cells : of time, in each stretch of constant acceleration
     frame_speed : where the frame yields by y(F), the pad's velocity is V / (1 + y'(F) K(d)), that of
         an elastic pad of stiffness K, in place of the platen's V
+    settled : change of the frame's yielding at which frame and pad agree, as a share of the stroke
     """
 
     constants: Constants | Law
@@ -50,6 +50,7 @@ class HiddenPad:
     bonded: bool = False
     cells: int = 600
     frame_speed: bool = False
+    settled: float = 1e-10
 
     def force(self, platen: Motion, times: NDArray[np.float64]) -> NDArray[np.float64]:
         """Force (N) at ascending `times` (s); continuous from the right where it jumps.
@@ -130,7 +131,7 @@ class HiddenPad:
             wanted = sum((e.deflection(force) for e in self._nested), np.zeros_like(force))
             change = (wanted - given) / (1.0 + self._gain(path, force, wanted))
             given = given + change
-            if np.abs(change).max() <= _SETTLED * stroke:
+            if np.abs(change).max() <= self.settled * stroke:
                 return path, force, given
         raise RuntimeError("the simulation stopped: frame and pad find no balance")
 
