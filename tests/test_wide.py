@@ -79,7 +79,9 @@ def test_the_sine_is_one():
     speed = 0.8 * turn
     assert np.abs(track.displacement(t) - 0.8 * (1 - np.cos(turn * t))).max() < 1e-3 * 1.6
     assert np.abs(track.velocity(t) - speed * np.sin(turn * t)).max() < 2e-3 * speed
-    assert np.abs(track.acceleration(t) - speed * turn * np.cos(turn * t)).max() < 0.06 * speed * turn
+    assert (
+        np.abs(track.acceleration(t) - speed * turn * np.cos(turn * t)).max() < 0.06 * speed * turn
+    )
 
 
 def test_a_swing_goes_from_rest_to_rest_over_its_stroke():

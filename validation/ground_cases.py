@@ -70,7 +70,9 @@ def make(folder: Path) -> None:
     for index, ground in enumerate(grounds()):
         rng = np.random.default_rng([18, index])
         plan = session(ground.protocol, ground.carried, 30.0, 0.0, rng)
-        pad = HiddenPad(ground.law, cells=12 if plan.smooth else 150, frame_speed=True, settled=1e-7)
+        pad = HiddenPad(
+            ground.law, cells=12 if plan.smooth else 150, frame_speed=True, settled=1e-7
+        )
         effects = _effects(ground, pad, plan, rng)
         _write(folder / f"{ground.name}.csv", ground, replace(pad, effects=effects), plan, rng)
         truth = {

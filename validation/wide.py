@@ -32,15 +32,15 @@ _LOOK_S = 5.0
 def main() -> None:
     options = _options()
     if options.register:
-        promise = Registration.of_present(
-            options.name, options.seed, options.studies, options.note
-        )
+        promise = Registration.of_present(options.name, options.seed, options.studies, options.note)
         print(f"{promise.write()}: commit it before the run")
         return
     promise = Registration.read(options.name)
     broken = promise.broken()
     if broken:
-        sys.exit(f"{', '.join(broken)} changed since '{options.name}' was registered: register anew")
+        sys.exit(
+            f"{', '.join(broken)} changed since '{options.name}' was registered: register anew"
+        )
     population = Population(promise.seed)
     file = ROOT / "build" / "validation" / f"{options.name}-{promise.code}.jsonl"
     if options.part is not None:

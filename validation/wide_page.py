@@ -24,12 +24,14 @@ _HEAD = """# Blind studies away from the paper's rig
 | machine | {machine} |
 | studies | {done}, of which {seen} could be seen; {seconds} s for one (median) |
 """
-_INTRO = """The strata are crossed at random and every level of each comes equally often. Rig, law and
-noise are the simulator's own: contact begins up to 0.02 mm below the start and within some um, holds
-creep by less than half an encoder step, relaxation is a closed form carried by the simulator's own
-modes, and where a frame yields the pad moves more slowly than the platen. Effects are 0.5 to 15 % of
-the peak force. What *could be seen* follows from the simulator alone. Rates are over those studies,
-with one-sided 95 % bounds (Clopper-Pearson). Seeds, code and rules were committed before the run."""
+_INTRO = """
+The strata are crossed at random and every level of each comes equally often. Rig, law and
+noise are the simulator's own: contact begins up to 0.02 mm below the start and within some um,
+holds creep by less than half an encoder step, relaxation is a closed form carried by the
+simulator's own modes, and where a frame yields the pad moves more slowly than the platen.
+Effects are 0.5 to 15 % of the peak force. What *could be seen* follows from the simulator
+alone. Rates are over those studies, with one-sided 95 % bounds (Clopper-Pearson). Seeds, code
+and rules were committed before the run."""
 
 
 def wide_page(report: WideReport, promise: Registration, origin: Origin) -> str:
@@ -66,7 +68,10 @@ def _rates(report: WideReport, promise: Registration) -> str:
 
 
 def _strata(report: WideReport) -> str:
-    lines = ["## By stratum\n", "| stratum | level | studies | right | bound | wrong name | bound |"]
+    lines = [
+        "## By stratum\n",
+        "| stratum | level | studies | right | bound | wrong name | bound |",
+    ]
     lines.append("|---|---|---|---|---|---|---|")
     for stratum, levels in report.by_level().items():
         for level, found in levels.items():

@@ -93,7 +93,7 @@ class Population:
 
 
 def kin(name: str) -> frozenset[str]:
-    """Listed effects that a hidden one may be called by: itself, or those that a form stands for."""
+    """Listed effects that a hidden one may be called by: itself, or those a form stands for."""
     forms = {**FORMS, **FOREIGN}
     if name in forms:
         return frozenset(forms[name].family.split("/"))

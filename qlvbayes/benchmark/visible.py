@@ -2,13 +2,13 @@ r"""Could the tests show what is hidden? From the simulator alone.
 
 The pattern of an effect is the difference of two simulations without noise, with it and without,
 both with all other hidden effects. The part of it that no constant of the pad takes is what is left
-after a least-squares fit of the simulator's own slopes by its law's constants (finite differences in
-their logarithms), all whitened by the true covariance of the errors:
+after a least-squares fit of the simulator's own slopes by its law's constants (finite differences
+in their logarithms), all whitened by the true covariance of the errors:
 
 .. math:: \chi^2 = \min_x |L^{-1} (p - S x)|^2, \qquad L L^T = \Sigma.
 
-An effect with k constants could be seen where :math:`\chi^2 - k \ln(1 + \chi^2) > 10`, twice the log
-Bayes factor with each constant known to about :math:`1/\chi` of its prior. Nothing of the model or
+An effect with k constants could be seen where :math:`\chi^2 - k \ln(1 + \chi^2) > 10`, twice the
+log Bayes factor with each constant known to about :math:`1/\chi` of its prior. Nothing of the model or
 of the diagnosis takes part.
 """
 

@@ -93,9 +93,7 @@ def run(pad: HiddenPad, plan: Session, times: Sequence[np.ndarray]) -> list[np.n
 
 
 def _material(law: Law, effects: Sequence[Effect], smooth: bool) -> HiddenPad:
-    return HiddenPad(
-        law, tuple(effects), cells=_CELLS[smooth], frame_speed=True, settled=_SETTLED
-    )
+    return HiddenPad(law, tuple(effects), cells=_CELLS[smooth], frame_speed=True, settled=_SETTLED)
 
 
 def _hidden(
@@ -132,7 +130,11 @@ def _measure(
     for label, motion in plan.motions.items():
         every = _clock(motion.duration, logger, label)
         place, error = cell.position(motion.displacement(every)), cell.draw(every, rng)
-        kept = thin(every, encode(motion.displacement(every)), ROWS) if logger == "thinned" else np.arange(every.size)
+        kept = (
+            thin(every, encode(motion.displacement(every)), ROWS)
+            if logger == "thinned"
+            else np.arange(every.size)
+        )
         times.append(every[kept])
         read.append(place[kept])
         errors.append(error[kept])

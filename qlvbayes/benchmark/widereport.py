@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,8 +39,10 @@ class WideReport:
         return found
 
     def reliability(self) -> list[dict]:
-        """Mean probability of the first-ranked hypothesis against its share right, nothing or one
-        listed effect hidden, by fifths of probability."""
+        """Mean probability of the first-ranked hypothesis against its share right, by fifths.
+
+        Of the studies with nothing or one listed effect hidden.
+        """
         pairs = [_first(c) for c in self.cases if c["kind"] in ("none", "single")]
         known = [pair for pair in pairs if pair is not None]
         rows = []

@@ -30,17 +30,17 @@ def exponential(d: Array, m: float, b: float) -> Array:
 
 
 def hertz(d: Array, k: float) -> Array:
-    """k d^1.5 where d > 0, else 0; N/mm^1.5."""
+    """Hertz: k d^1.5 where d > 0, else 0; N/mm^1.5."""
     return k * np.maximum(d, 0.0) ** 1.5
 
 
 def polynomial(d: Array, k: float, second: float, third: float) -> Array:
-    """k (d + second d^2 + third d^3); N/mm, 1/mm, 1/mm^2."""
+    """Cubic: k (d + second d^2 + third d^3); N/mm, 1/mm, 1/mm^2."""
     return k * d * (1.0 + d * (second + third * d))
 
 
 def toe(d: Array, k: float, b: float, depth: float) -> Array:
-    """k d up to `depth`, then k depth + k/b (e^{b (d - depth)} - 1): slope continuous; N/mm, 1/mm."""
+    """Linear, k d, up to `depth`, then k depth + k/b (e^{b (d - depth)} - 1); N/mm, 1/mm."""
     beyond = np.maximum(d - depth, 0.0)
     return k * np.minimum(d, depth) + k / b * np.expm1(b * beyond)
 
@@ -54,12 +54,12 @@ def box(t: Array, c: float, short: float, long: float) -> Array:
 
 
 def power(t: Array, rest: float, time: float, exponent: float) -> Array:
-    """rest + (1 - rest) (1 + t/time)^-exponent; s."""
+    """Rest + (1 - rest) (1 + t/time)^-exponent; s."""
     return rest + (1.0 - rest) * (1.0 + t / time) ** -exponent
 
 
 def stretched(t: Array, rest: float, time: float, exponent: float) -> Array:
-    """rest + (1 - rest) e^{-(t/time)^exponent}; s."""
+    """Rest + (1 - rest) e^{-(t/time)^exponent}; s."""
     return rest + (1.0 - rest) * np.exp(-((t / time) ** exponent))
 
 

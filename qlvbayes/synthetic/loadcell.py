@@ -16,7 +16,8 @@ Array = NDArray[np.float64]
 class LoadCell:
     r"""Errors of force and clock.
 
-    cov(s, t) = f(s) f(t) {white^2 [s = t] + correlated^2 e^{-r/time} + low^2 (1 + r/lag) e^{-r/lag}},
+    cov(s, t) = f(s) f(t) {white^2 [s = t] + correlated^2 e^{-r/time}
+    + low^2 (1 + r/lag) e^{-r/lag}},
 
     r = abs(s - t), f = 1 + growth F / peak; the last term is white noise behind two equal low
     passes of time constant lag. Then the reading is rounded to `step`.
@@ -65,7 +66,9 @@ class LoadCell:
             return displacement
         return np.round(displacement / self.encoder) * self.encoder + 0.0
 
-    def covariance(self, times: Array, force: Array, slope: Array, speed: Array, peak: float) -> Array:
+    def covariance(
+        self, times: Array, force: Array, slope: Array, speed: Array, peak: float
+    ) -> Array:
         """Of the reading about the force that the read displacement promises, N^2, (n, n).
 
         Rounding counts as white noise of step^2/12; the clock and the encoder count with the

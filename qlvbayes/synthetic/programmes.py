@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from math import cos, pi, sin
 
 import numpy as np
@@ -64,7 +65,13 @@ def session(
     moves on in every hold, mm.
     """
     programs, smooth = _programs(protocol, hold, rng)
-    holds = [s.seconds for p in programs.values() if not isinstance(p, Track) for s in p if isinstance(s, Hold)]
+    holds = [
+        s.seconds
+        for p in programs.values()
+        if not isinstance(p, Track)
+        for s in p
+        if isinstance(s, Hold)
+    ]
     motions: dict[str, Motion] = {}
     clock, pause = 0.0, 5.0 if carried else 120.0
     for name, program in programs.items():
@@ -87,7 +94,9 @@ def _programs(
     if protocol == "other_speeds":
         return _jerk_limited(hold, rng), True
     if protocol == "cycles":
-        return {f"{r:g}": (Move(_STROKE_MM, r), Move(0.0, r)) * _CYCLES for r in _CYCLE_RATES}, False
+        return {
+            f"{r:g}": (Move(_STROKE_MM, r), Move(0.0, r)) * _CYCLES for r in _CYCLE_RATES
+        }, False
     if protocol == "random_order":
         rates = [rates[k] for k in rng.permutation(len(rates))]
     if protocol == "three_tests":
@@ -127,7 +136,7 @@ def _jerk_limited(hold: float, rng: np.random.Generator) -> dict[str, tuple[Step
 
 
 def sine(stroke: float, frequency: float, cycles: int) -> Track:
-    """d = stroke (1 - cos(2 pi f t))/2 in pieces of constant acceleration, velocities exact at ends."""
+    """Sine stroke (1 - cos(2 pi f t))/2 in pieces of constant acceleration, their ends' speed exact."""
     omega, count = 2.0 * pi * frequency, cycles * _PIECES_A_CYCLE
     step = 1.0 / (frequency * _PIECES_A_CYCLE)
     velocities = [0.5 * stroke * omega * sin(omega * step * k) for k in range(count + 1)]
@@ -146,7 +155,7 @@ def swing(stroke: float, speed: float) -> tuple[Piece, ...]:
 def _of_velocities(velocities: Sequence[float], step: float) -> tuple[Piece, ...]:
     """Pieces between velocities (mm/s) at even steps (s), from displacement 0."""
     pieces, place = [], 0.0
-    for k, (v, w) in enumerate(zip(velocities, velocities[1:], strict=False)):
+    for k, (v, w) in enumerate(pairwise(velocities)):
         pieces.append(Piece(k * step, step, place, v, (w - v) / step))
         place = pieces[-1].end
     return tuple(pieces)

@@ -199,7 +199,9 @@ _RECIPES = {
     "one_way_friction": _Recipe("strength", per=_peak, shape=_reach),
     "healing_softening": _Recipe("s", 0.3, 0.9, shape=lambda x: {"time": x.spread(0.3, 10.0)}),
     "viscous_heating": _Recipe(
-        "share", 0.1, 0.9,
+        "share",
+        0.1,
+        0.9,
         shape=lambda x: {"power": x.peak * x.spread(0.5, 5.0), "time": x.spread(0.5, 20.0)},
     ),
     "backlash": _Recipe("play", 0.02, 0.5, _depth),
@@ -214,13 +216,17 @@ _RECIPES = {
         "drop", per=_peak, shape=lambda x: {"depth": x.depth * x.even(0.4, 0.8)}
     ),
     "thixotropy": _Recipe(
-        "share", 0.1, 0.9,
+        "share",
+        0.1,
+        0.9,
         shape=lambda x: {"time": x.spread(2.0, 60.0), "way": x.depth * x.even(0.2, 1.0)},
     ),
     "curing": _Recipe(
-        "share", 0.1,
+        "share",
+        0.1,
         shape=lambda x: {
-            "middle": x.study_s * x.even(0.3, 0.7), "width": x.study_s * x.even(0.03, 0.1),
+            "middle": x.study_s * x.even(0.3, 0.7),
+            "width": x.study_s * x.even(0.03, 0.1),
         },
     ),
 }
@@ -258,7 +264,7 @@ def draw_effect(
     InputError
         Unknown name, or a number that is not above 0.
     """
-    cls = effect_class(name)
+    effect_class(name)  # refuses one that is not known
     if not min(pad_peak_force, depth, top_speed, size) > 0 or not size < 1:
         raise InputError("peak force, depth, speed and size must be above 0, and size below 1")
     recipe = _RECIPES[name]

@@ -121,7 +121,7 @@ class OneWayFriction(Effect):
 
 @dataclass(frozen=True)
 class HealingSoftening(Effect):
-    """F -> F (1 - s (1 - d/dmax) y), y' = (x - y)/time, x = 1 - d/dmax: softening that takes time."""
+    """F -> F (1 - s (1 - d/dmax) y), y' = (x - y)/time, x = 1 - d/dmax: softening with delay."""
 
     name: ClassVar[str] = "healing_softening"
     order: ClassVar[int] = 20

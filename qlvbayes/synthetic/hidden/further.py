@@ -96,7 +96,7 @@ class LoadCellCreep(Effect):
 
 @dataclass(frozen=True)
 class StickSlip(Effect):
-    """F -> F + amplitude saw(s / pitch) sgn(way), s the way travelled: builds up and lets go; N, mm.
+    """F -> F + amplitude saw(s / pitch) sgn(way), s the way travelled; N, mm.
 
     saw rises from 0 to 1 over nine tenths of a pitch and falls in the rest; at rest it stays.
     """
@@ -121,7 +121,7 @@ class StickSlip(Effect):
 class SnapThrough(Effect):
     """F -> F - drop x, x in {0, 1}: a wall that buckles at `depth` going in, back at 0.8 depth.
 
-    The state changes within 2 % of the depth, so that the force falls steeply but not at once; mm, N.
+    The state changes within 2 % of the depth, so that the force falls steeply, not at once; mm, N.
     """
 
     name: ClassVar[str] = "snap_through"

@@ -40,8 +40,8 @@ class HiddenPad:
     effects : in any order
     bonded : the pad can pull
     cells : of time, in each stretch of constant acceleration
-    frame_speed : where the frame yields by y(F), the pad's velocity is V / (1 + y'(F) K(d)), that of
-        an elastic pad of stiffness K, in place of the platen's V
+    frame_speed : where the frame yields by y(F), the pad's velocity is V / (1 + y'(F) K(d)), that
+        of an elastic pad of stiffness K, in place of the platen's V
     settled : change of the frame's yielding at which frame and pad agree, as a share of the stroke
     """
 
