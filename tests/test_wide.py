@@ -19,6 +19,7 @@ from qlvbayes.benchmark.population import STRATA, Population, kin
 from qlvbayes.benchmark.rate import Rate
 from qlvbayes.benchmark.visible import visible
 from qlvbayes.benchmark.wide import make_wide
+from qlvbayes.benchmark.widereport import WideReport
 from qlvbayes.checks import InputError
 from qlvbayes.synthetic import FOREIGN, FURTHER, HiddenPad, Hold, Move, Platen
 from qlvbayes.synthetic.hidden import NearContact
@@ -30,7 +31,10 @@ from qlvbayes.synthetic.programmes import PROTOCOL_NAMES, session, sine, swing
 sys.path.append(str(Path(__file__).parents[1] / "validation"))
 
 import registration
+from ground import page
+from page import Origin
 from registration import Registration
+from wide_page import wide_page
 
 LAW = Law("exponential", (0.5, 0.8), "prony:2", (0.4, 6.0, 0.2, 0.2))
 
@@ -268,3 +272,25 @@ def test_a_run_under_other_code_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(registration, "code_digest", lambda: "other")
     monkeypatch.setattr(registration, "rules_digest", lambda: "other")
     assert promise.broken() == ["the code", "the rules of the count"]
+
+
+def test_the_page_shows_rates_with_bounds_and_wrong_verdicts():
+    items = [Population(1).item(k) for k in range(6)]
+    cases = [
+        case(i.levels["kind"], i.names, "adequate")
+        | {"index": i.index, "strata": i.levels, "seconds": {}, "probabilities": {"none": 0.9}}
+        for i in items
+    ]
+    report = WideReport(1, tuple(cases))
+    text = wide_page(report, Registration.of_present("a", 1, 6), Origin("c", "d", "e", "f"))
+    assert "nothing hidden: adequate | at least 95 % | 100.0 % | > 5.0 % | 1 | met" in text
+    assert "Wrong verdicts where the truth could be seen: 5" in text
+    assert report.as_dict()["rates"]["single_named"]["hits"] == 0
+
+
+def test_before_and_after_stand_side_by_side():
+    given = {"row": "sine, drag", "hidden": ["viscous_drag"]}
+    before = {"a": given | {"verdict": "missing_effect", "effects": ["fluid_pressure"]}}
+    after = {"a": given | {"verdict": "missing_effect", "effects": ["viscous_drag"]}}
+    wanted = "| sine, drag (1) | viscous_drag | 1 x fluid_pressure (wrong) | 1 x viscous_drag |"
+    assert wanted in page(before, after)

@@ -8,8 +8,8 @@ in their logarithms), all whitened by the true covariance of the errors:
 .. math:: \chi^2 = \min_x |L^{-1} (p - S x)|^2, \qquad L L^T = \Sigma.
 
 An effect with k constants could be seen where :math:`\chi^2 - k \ln(1 + \chi^2) > 10`, twice the
-log Bayes factor with each constant known to about :math:`1/\chi` of its prior. Nothing of the model or
-of the diagnosis takes part.
+log Bayes factor with each constant known to about :math:`1/\chi` of its prior. Nothing of the
+model or of the diagnosis takes part.
 """
 
 from __future__ import annotations

@@ -136,7 +136,7 @@ def _jerk_limited(hold: float, rng: np.random.Generator) -> dict[str, tuple[Step
 
 
 def sine(stroke: float, frequency: float, cycles: int) -> Track:
-    """Sine stroke (1 - cos(2 pi f t))/2 in pieces of constant acceleration, their ends' speed exact."""
+    """Sine stroke (1 - cos(2 pi f t))/2 in pieces of constant acceleration, their ends exact."""
     omega, count = 2.0 * pi * frequency, cycles * _PIECES_A_CYCLE
     step = 1.0 / (frequency * _PIECES_A_CYCLE)
     velocities = [0.5 * stroke * omega * sin(omega * step * k) for k in range(count + 1)]
