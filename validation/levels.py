@@ -62,7 +62,10 @@ def levels(report: Report) -> list[Level]:
     errors, left = report.reliability, report.heldout["single"]
     rows = [
         _share("one effect: named", seen["single_right"], low=0.95),
-        _share("one effect: named, or of at most 3 left open", seen["single_left_open"], low=0.99),
+        _share(
+            "one effect: named, or in a group of at most 3",
+            seen["single_right_or_group"], low=0.99,
+        ),
         _share("nothing missing: an effect named", seen["false_alarm"], high=0.02),
         _share("two effects: both named", seen["double_both"], low=0.85),
         _share("other form: its family named", seen["form_family"], low=0.90),

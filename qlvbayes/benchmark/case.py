@@ -45,7 +45,7 @@ def _fill(case: Case, study: Study) -> None:
     least = 2.0 * Settings().decisive
     case["chance"] = {name: effect.chance(least) for name, effect in effects.items()}
     between = time.perf_counter()
-    case |= _verdict(diagnose(experiment, Choices(noise=study.fitted)))
+    case |= verdict_of(diagnose(experiment, Choices(noise=study.fitted)))
     case["seconds"] = {"detect": between - begun, "diagnose": time.perf_counter() - between}
 
 
@@ -61,13 +61,16 @@ def _truth(study: Study) -> dict:
     }
 
 
-def _verdict(found: Diagnosis) -> dict:
+def verdict_of(found: Diagnosis) -> dict:
+    """All of a verdict that a stranger needs to score it again, as plain values."""
     return {
         "verdict": found.verdict,
         "effects": list(found.effects),
         "group": list(found.group),
         "not_ruled_out": [list(one.effects) for one in found.not_ruled_out],
+        "alternatives": [[list(one.effects), one.probability] for one in found.not_ruled_out],
         "floor": found.noise,
+        "log_bayes_factors": {ranked.effect: ranked.log_bayes_factor for ranked in found.ranking},
         "probabilities": {ranked.effect: ranked.probability for ranked in found.ranking},
         "refused": [list(pair) for pair in found.refused],
         "stages": [_stage(stage) for stage in found.stages],
@@ -82,6 +85,7 @@ def _stage(stage: Stage) -> dict:
         "heldout_rmse": stage.heldout_rmse,
         "log_evidence": stage.log_evidence,
         "p_value": stage.p_value,
+        "noise_p_value": stage.noise_p_value,
         "parameters": _pairs(stage.parameters),
     }
 

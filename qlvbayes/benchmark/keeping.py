@@ -9,7 +9,17 @@ from pathlib import Path
 
 import qlvbayes
 
-_SCORING = ("rate", "scores", "confusion", "reliability", "constants", "report")
+_SCORING = (
+    "rate",
+    "scores",
+    "confusion",
+    "reliability",
+    "constants",
+    "report",
+    "counting",
+    "widereport",
+    "widerun",
+)
 _ONLY_LOOKS = (  # parts of the package that only look at finished studies
     "cli/",
     "plots/",

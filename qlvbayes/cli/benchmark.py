@@ -19,6 +19,8 @@ from rich.progress import (
 )
 from rich.table import Table
 
+from qlvbayes.checks import InputError
+from qlvbayes.cli.benchmark_wide import run_wide_benchmark
 from qlvbayes.cli.console import err, out
 from qlvbayes.cli.options import Style, split_names
 from qlvbayes.files import results_folder, write_json
@@ -38,6 +40,9 @@ def benchmark(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")] = Path(
         "benchmark"
     ),
+    population: Annotated[
+        str, typer.Option(help="paper, or wide: other protocols, laws, noise and loggers too.")
+    ] = "paper",
     style: Style = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
 ) -> None:
@@ -46,8 +51,23 @@ def benchmark(
     Of 20 pads, 8 hide one effect of the list, 3 two, 3 another form of one, 2 something outside the
     list, and 4 nothing. Finished pads are kept; the same command goes on where it stopped.
 
-    Leaves OUT/benchmark.json and OUT/benchmark.png and .pdf.
+    With --population wide, equally many hide nothing, one, two, another form, something outside
+    the list, or that beside a listed effect, each over every protocol, law, history, kind of noise
+    and logger; rates come with one-sided 95 % bounds.
+
+    Leaves OUT/benchmark.json and, of the paper's population, OUT/benchmark.png and .pdf.
     """
+    if population not in ("paper", "wide"):
+        raise InputError(f"no population {population!r}", remedy="use paper or wide")
+    if population == "wide":
+        if effects or noise != "correlated":
+            raise InputError(
+                "the wide population decides effects and noise itself",
+                remedy="leave --effects and --noise out",
+            )
+        with counting("studies") as tell:
+            run_wide_benchmark(studies, seed, results_folder(output), as_json, tell)
+        return
     # here, so that the other commands do not wait for what only this one needs
     from qlvbayes.benchmark.keeping import Kept
     from qlvbayes.benchmark.plan import Plan

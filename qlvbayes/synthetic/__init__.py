@@ -7,7 +7,9 @@ in the fast model cannot hide in its own data.
 from .constants import TABLE_1, Constants, draw_constants, pads_of_table_1
 from .files import simulate_file, write_csv
 from .hidden import (
+    FOREIGN,
     FORMS,
+    FURTHER,
     HIDDEN,
     OUTSIDE,
     Adhesion,
@@ -51,6 +53,7 @@ from .hidden import (
     Toe,
     ViscousDrag,
     draw_effect,
+    draw_effect_in,
     effect_class,
     parse_effect,
 )
@@ -81,7 +84,9 @@ from .sequence import Sequence, join_programs, record_sequence
 
 __all__ = [
     "ENCODER_STEP",
+    "FOREIGN",
     "FORMS",
+    "FURTHER",
     "HIDDEN",
     "NOISES",
     "OUTSIDE",
@@ -143,6 +148,7 @@ __all__ = [
     "ViscousDrag",
     "draw_constants",
     "draw_effect",
+    "draw_effect_in",
     "effect_class",
     "elastic_force",
     "encode",

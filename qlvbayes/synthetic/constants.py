@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from math import exp, inf, log
 
 import numpy as np
+from numpy.typing import NDArray
 
 from qlvbayes.checks import InputError
 
@@ -42,6 +43,14 @@ class Constants:
             raise InputError(f"{len(self.v)} rates need {len(self.v) + 1} shares c, not {self}")
         if not all(x >= 0 for x in self.c) or abs(sum(self.c) - 1.0) > 1e-9:
             raise InputError(f"the shares c must be at least 0 and sum to 1, not {self.c}")
+
+    def force(self, depth: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Force (N) of an infinitely fast test to `depth` (mm): m/b (e^{b d} - 1)."""
+        return self.m / self.b * np.expm1(self.b * depth)
+
+    def stiffness(self, depth: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Its slope (N/mm): m e^{b d}."""
+        return self.m * np.exp(self.b * depth)
 
 
 TABLE_1 = {

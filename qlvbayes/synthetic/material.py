@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 from qlvbayes.checks import InputError
 
 from .constants import Constants
-from .platen import Piece, Platen
+from .motion import Motion, Piece
 
 _RTOL = 1e-10
 _ATOL = 1e-12
@@ -22,7 +22,7 @@ _ATOL = 1e-12
 class Material(Protocol):
     """Anything that answers a platen's motion with a force."""
 
-    def force(self, platen: Platen, times: NDArray[np.float64]) -> NDArray[np.float64]:
+    def force(self, platen: Motion, times: NDArray[np.float64]) -> NDArray[np.float64]:
         """Force (N, compression positive) at ascending `times` (s) within the program."""
         ...
 
@@ -40,7 +40,7 @@ class Pad:
     constants: Constants
     bonded: bool = False
 
-    def force(self, platen: Platen, times: NDArray[np.float64]) -> NDArray[np.float64]:
+    def force(self, platen: Motion, times: NDArray[np.float64]) -> NDArray[np.float64]:
         """Force (N) at ascending `times` (s); right to 1e-8 of the peak.
 
         Raises
@@ -57,10 +57,10 @@ class Pad:
 
 def elastic_force(constants: Constants, displacement: NDArray[np.float64]) -> NDArray[np.float64]:
     """Force (N) of an infinitely fast test: m/b (e^{b d} - 1)."""
-    return constants.m / constants.b * np.expm1(constants.b * displacement)
+    return constants.force(displacement)
 
 
-def check_times(platen: Platen, times: NDArray[np.float64]) -> None:
+def check_times(platen: Motion, times: NDArray[np.float64]) -> None:
     """Refuse times that do not ascend or that leave the program."""
     if np.any(np.diff(times) < 0):
         raise InputError("the times of a simulation must ascend")
@@ -69,7 +69,7 @@ def check_times(platen: Platen, times: NDArray[np.float64]) -> None:
 
 
 def _overstress(
-    constants: Constants, platen: Platen, times: NDArray[np.float64]
+    constants: Constants, platen: Motion, times: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """q_i at the times, shape (r, n); each piece on its own, as the solver needs smoothness."""
     q = np.zeros((len(constants.v), times.size))

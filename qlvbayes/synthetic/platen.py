@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from math import inf, isfinite, sqrt
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
 from qlvbayes.checks import InputError
+
+from .motion import Motion, Piece
 
 PAPER_RATES = (0.1, 1.0, 10.0, 20.0, 30.0, 100.0)
 """Loading rates of the paper, mm/s."""
@@ -34,9 +33,10 @@ class Move:
 
 @dataclass(frozen=True)
 class Hold:
-    """Stand still for `seconds`."""
+    """Stand still for `seconds`, or move on by `creep` (mm) at even speed meanwhile."""
 
     seconds: float
+    creep: float = 0.0
 
     def __post_init__(self) -> None:
         if not 0 < self.seconds < inf:
@@ -47,21 +47,7 @@ Step = Move | Hold
 
 
 @dataclass(frozen=True)
-class Piece:
-    """A stretch of constant acceleration: d = displacement + velocity t + acceleration t^2 / 2.
-
-    t runs from 0 to `duration` (s); the piece begins `start` seconds into the program.
-    """
-
-    start: float
-    duration: float
-    displacement: float
-    velocity: float
-    acceleration: float
-
-
-@dataclass(frozen=True)
-class Platen:
+class Platen(Motion):
     """Exact motion of one run of a program that starts from rest at displacement 0, time 0.
 
     Each move is a trapezoid of velocity, or a triangle if the stroke is too short to reach
@@ -96,7 +82,8 @@ class Platen:
         clock, place = 0.0, 0.0
         for step in self.program:
             if isinstance(step, Hold):
-                stretch = [Piece(clock, step.seconds, place, 0.0, 0.0)]
+                stretch = [Piece(clock, step.seconds, place, step.creep / step.seconds, 0.0)]
+                place += step.creep
             else:
                 stretch = _stroke(clock, place, step, self.acceleration_limit)
                 place = step.target
@@ -104,50 +91,6 @@ class Platen:
             if stretch:
                 clock = stretch[-1].start + stretch[-1].duration
         return tuple(pieces)
-
-    @property
-    def duration(self) -> float:
-        """Length of the program, s."""
-        return self.pieces[-1].start + self.pieces[-1].duration
-
-    @cached_property
-    def kinks(self) -> NDArray[np.float64]:
-        """Times (s) at which the acceleration jumps, from the start of the motion on."""
-        before = np.concatenate([[0.0], self._table[:, 3]])
-        after = np.concatenate([self._table[:, 3], [0.0]])
-        times = np.concatenate([self._table[:, 0], [self.duration]])
-        return times[before != after]
-
-    def displacement(self, t: ArrayLike) -> NDArray[np.float64]:
-        """Displacement (mm) at times `t` (s); the platen rests before and after the program."""
-        _, tau, (d, v, a) = self._locate(t)
-        return d + tau * (v + 0.5 * a * tau)
-
-    def velocity(self, t: ArrayLike) -> NDArray[np.float64]:
-        """Velocity (mm/s) at times `t` (s)."""
-        inside, tau, (_, v, a) = self._locate(t)
-        return np.where(inside, v + a * tau, 0.0)
-
-    def acceleration(self, t: ArrayLike) -> NDArray[np.float64]:
-        """Acceleration (mm/s2) at times `t` (s), continuous from the right."""
-        inside, _, (_, _, a) = self._locate(t)
-        return np.where(inside, a, 0.0)
-
-    @cached_property
-    def _table(self) -> NDArray[np.float64]:
-        return np.array(
-            [[p.start, p.displacement, p.velocity, p.acceleration] for p in self.pieces]
-        )
-
-    def _locate(
-        self, t: ArrayLike
-    ) -> tuple[NDArray[np.bool_], NDArray[np.float64], NDArray[np.float64]]:
-        times = np.asarray(t, dtype=np.float64)
-        inside = (times >= 0.0) & (times < self.duration)
-        times = np.clip(times, 0.0, self.duration)
-        start = self._table[:, 0]
-        index = np.searchsorted(start, times, side="right") - 1
-        return inside, times - start[index], np.moveaxis(self._table[index, 1:], -1, 0)
 
 
 def paper_protocol(rate: float) -> tuple[Step, ...]:

@@ -13,6 +13,7 @@ from qlvbayes.checks import InputError
 from .constants import Constants
 from .logger import thin
 from .material import Material, Pad
+from .motion import Motion
 from .platen import PAPER_RATES, Platen, Step, paper_protocol
 from .sensors import NOISES, Noise, encode
 
@@ -56,7 +57,7 @@ class SimulatedTest:
 
 def record_test(
     material: Material,
-    platen: Platen,
+    platen: Motion,
     noise: Noise,
     rng: np.random.Generator,
     sample_rate: float = SAMPLE_RATE,

@@ -4,9 +4,9 @@ The effects change the depth on its way in and the force on its way out, from th
 pad, contact and frame to the sensor; see `HiddenPad`.
 """
 
-from .catalogue import FORMS, HIDDEN, OUTSIDE, effect_class
+from .catalogue import FOREIGN, FORMS, FURTHER, HIDDEN, OUTSIDE, effect_class
 from .contact_effects import Adhesion, ContactOffset, FrameCompliance, PermanentSet
-from .draw import draw_effect
+from .draw import draw_effect, draw_effect_in
 from .effect import Effect
 from .forms import (
     BendingFrame,
@@ -44,10 +44,13 @@ from .pad_effects import (
     ViscousDrag,
 )
 from .parse import parse_effect
+from .rigs import NearContact
 from .sensor_effects import ChannelLag, ForceDrift, ForceOffset, Inertia
 
 __all__ = [
+    "FOREIGN",
     "FORMS",
+    "FURTHER",
     "HIDDEN",
     "OUTSIDE",
     "Adhesion",
@@ -70,6 +73,7 @@ __all__ = [
     "HiddenPad",
     "Inertia",
     "LinearRate",
+    "NearContact",
     "PermanentSet",
     "PowerLawDrag",
     "QuadraticPressure",
@@ -91,6 +95,7 @@ __all__ = [
     "Toe",
     "ViscousDrag",
     "draw_effect",
+    "draw_effect_in",
     "effect_class",
     "parse_effect",
 ]

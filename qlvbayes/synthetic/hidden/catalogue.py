@@ -4,7 +4,16 @@ from __future__ import annotations
 
 from qlvbayes.checks import InputError
 
-from . import contact_effects, forms, material_effects, outside, pad_effects, sensor_effects
+from . import (
+    contact_effects,
+    foreign,
+    forms,
+    further,
+    material_effects,
+    outside,
+    pad_effects,
+    sensor_effects,
+)
 from .effect import Effect
 
 
@@ -63,15 +72,38 @@ OUTSIDE = _by_name(
 """Effects that no entry of the list explains."""
 
 
+FOREIGN = _by_name(
+    foreign.CavitatingFilm,
+    foreign.PoroelasticDiffusion,
+    foreign.TiltedPlaten,
+    foreign.RootLeak,
+    foreign.OneWayFriction,
+    foreign.HealingSoftening,
+)
+"""Forms of listed effects that no form of the diagnosis was written with in view."""
+
+FURTHER = _by_name(
+    further.ViscousHeating,
+    further.Backlash,
+    further.DriveRipple,
+    further.LoadCellCreep,
+    further.StickSlip,
+    further.SnapThrough,
+    further.Thixotropy,
+    further.Curing,
+)
+"""Effects outside the list that nothing of the package stands for."""
+
+
 def effect_class(name: str) -> type[Effect]:
-    """Class of the effect with this name, of any of the three kinds.
+    """Class of the effect with this name, of any kind.
 
     Raises
     ------
     InputError
         There is none.
     """
-    known = {**HIDDEN, **FORMS, **OUTSIDE}
+    known = {**HIDDEN, **FORMS, **OUTSIDE, **FOREIGN, **FURTHER}
     if name not in known:
         raise InputError(f"no effect '{name}'", remedy=f"use one of {', '.join(known)}")
     return known[name]

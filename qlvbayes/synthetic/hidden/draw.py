@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from math import exp, log
 from typing import Any
@@ -12,6 +12,7 @@ import numpy as np
 from qlvbayes.checks import InputError
 
 from ..constants import TABLE_1, Constants
+from ..motion import Motion
 from ..platen import PAPER_RATES, Move, Platen, Step, full_retraction_protocol, paper_protocol
 from .catalogue import effect_class
 from .effect import Effect
@@ -22,6 +23,8 @@ _STROKE = 1.6  # mm, of the protocols
 _PAUSE_S = 120.0
 _TRIAL_CELLS = 60
 _ROUNDS = 8
+_MANY_PIECES = 50  # smooth motion: nothing happens at a kink
+_EVEN_MOMENTS = 1000
 _CLOSE = 0.02
 _SOON_S = np.linspace(0.0, 0.15, 16)
 
@@ -187,6 +190,45 @@ _RECIPES = {
         "amplitude", per=_peak, shape=lambda x: {"period": x.peak / x.even(1.2, 1.8)}
     ),
     "amplifier_clipping": _Recipe("level", per=_peak),
+    "cavitating_film": _Recipe(
+        "eta", 0.001, per=_peak, shape=lambda x: _film(x) | {"limit": x.peak * x.even(0.005, 0.03)}
+    ),
+    "poroelastic_diffusion": _Recipe("c", 0.1, 0.6, shape=lambda x: {"time": x.spread(0.3, 30.0)}),
+    "tilted_platen": _Recipe("rise", 0.1, 1.0, _depth),
+    "root_leak": _Recipe("k", 0.05, 5.0, lambda x: x.study_s**-0.5),
+    "one_way_friction": _Recipe("strength", per=_peak, shape=_reach),
+    "healing_softening": _Recipe("s", 0.3, 0.9, shape=lambda x: {"time": x.spread(0.3, 10.0)}),
+    "viscous_heating": _Recipe(
+        "share",
+        0.1,
+        0.9,
+        shape=lambda x: {"power": x.peak * x.spread(0.5, 5.0), "time": x.spread(0.5, 20.0)},
+    ),
+    "backlash": _Recipe("play", 0.02, 0.5, _depth),
+    "drive_ripple": _Recipe(
+        "amplitude", per=_peak, shape=lambda x: {"pitch": x.depth * x.even(0.1, 0.4)}
+    ),
+    "load_cell_creep": _Recipe("share", 0.05, 0.9, shape=lambda x: {"time": x.spread(2.0, 60.0)}),
+    "stick_slip": _Recipe(
+        "amplitude", per=_peak, shape=lambda x: {"pitch": x.depth * x.even(0.08, 0.3)}
+    ),
+    "snap_through": _Recipe(
+        "drop", per=_peak, shape=lambda x: {"depth": x.depth * x.even(0.4, 0.8)}
+    ),
+    "thixotropy": _Recipe(
+        "share",
+        0.1,
+        0.9,
+        shape=lambda x: {"time": x.spread(2.0, 60.0), "way": x.depth * x.even(0.2, 1.0)},
+    ),
+    "curing": _Recipe(
+        "share",
+        0.1,
+        shape=lambda x: {
+            "middle": x.study_s * x.even(0.3, 0.7),
+            "width": x.study_s * x.even(0.03, 0.1),
+        },
+    ),
 }
 
 
@@ -222,12 +264,38 @@ def draw_effect(
     InputError
         Unknown name, or a number that is not above 0.
     """
-    cls = effect_class(name)
+    effect_class(name)  # refuses one that is not known
     if not min(pad_peak_force, depth, top_speed, size) > 0 or not size < 1:
         raise InputError("peak force, depth, speed and size must be above 0, and size below 1")
     recipe = _RECIPES[name]
     trial = _trial(constants, protocol or recipe.protocols[0], pad_peak_force, depth, top_speed)
     draw = Draw(rng, trial.peak, depth, trial.pad.constants.v, trial.study_s)
+    return _drawn(name, draw, trial, size)
+
+
+def draw_effect_in(
+    name: str,
+    rng: np.random.Generator,
+    pad: HiddenPad,
+    motions: Sequence[Motion],
+    size: float,
+    rates: Sequence[float] = (),
+) -> Effect:
+    """Draw an effect whose largest contribution to these tests of this pad is `size` of the peak.
+
+    As `draw_effect`, but of any pad in any motions (with their clocks); `rates` (1/s) are those
+    that an extra relaxation mode keeps away from.
+    """
+    times = tuple(_moments(motion) for motion in motions)
+    forces = tuple(pad.force(p, t) for p, t in zip(motions, times, strict=True))
+    peak = max(float(f.max()) for f in forces)
+    depth = max(float(p.displacement(t).max()) for p, t in zip(motions, times, strict=True))
+    trial = _Trial(pad, tuple(motions), times, forces, peak)
+    return _drawn(name, Draw(rng, peak, depth, tuple(rates), trial.study_s), trial, size)
+
+
+def _drawn(name: str, draw: Draw, trial: _Trial, size: float) -> Effect:
+    cls, recipe, rng = effect_class(name), _RECIPES[name], draw.rng
     if name == "amplifier_clipping":
         return cls(**{recipe.size: trial.peak * (1.0 - size)})
     shape = recipe.shape(draw)
@@ -245,7 +313,7 @@ class _Trial:
     """Tests of a study, some moments of each, and the forces of the pad at them."""
 
     pad: HiddenPad
-    platens: tuple[Platen, ...]
+    platens: tuple[Motion, ...]
     times: tuple[Array, ...]
     forces: tuple[Array, ...]
     peak: float
@@ -257,7 +325,7 @@ class _Trial:
 
     def share(self, effect: Effect) -> float:
         """Largest contribution of the effect, as a share of the peak force."""
-        pad = replace(self.pad, effects=(effect,))
+        pad = replace(self.pad, effects=(*self.pad.effects, effect))
         runs = zip(self.platens, self.times, self.forces, strict=True)
         return max(float(np.abs(pad.force(p, t) - f).max()) for p, t, f in runs) / self.peak
 
@@ -286,8 +354,10 @@ def _scaled(step: Step, stretch: float) -> Step:
     return replace(step, target=step.target * stretch) if isinstance(step, Move) else step
 
 
-def _moments(platen: Platen) -> Array:
+def _moments(platen: Motion) -> Array:
     """Moments at which something may show: even in each piece, and soon after it began."""
+    if len(platen.pieces) > _MANY_PIECES:
+        return np.linspace(0.0, platen.duration, _EVEN_MOMENTS)
     shares = np.concatenate([[0.0], np.geomspace(1e-4, 0.03, 8), np.linspace(0.04, 0.999, 25)])
     times = [piece.start + shares * piece.duration for piece in platen.pieces]
     soon = np.concatenate([kink + _SOON_S for kink in platen.kinks])

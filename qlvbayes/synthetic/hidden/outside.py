@@ -8,12 +8,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..platen import PAPER_ACCELERATION, Platen
+from ..motion import Motion
+from ..platen import PAPER_ACCELERATION
 from .effect import Effect
 from .mesh import Array
 from .path import Path
 
 _LEAST_HOLD_S = 1.0
+_STILL = 1e-3  # mm/s: a hold may creep
 
 
 @dataclass(frozen=True)
@@ -86,9 +88,9 @@ class Slip(Effect):
         slipped = path.time >= self.moment(path.platen)
         return force * np.where(slipped, 1.0 - self.share, 1.0)
 
-    def moment(self, platen: Platen) -> float:
+    def moment(self, platen: Motion) -> float:
         """When it slips, s into the test; never without a hold of at least 1 s."""
-        holds = [p for p in platen.pieces if p.velocity == 0 == p.acceleration]
+        holds = [p for p in platen.pieces if abs(p.velocity) < _STILL and p.acceleration == 0]
         holds = [p for p in holds if p.duration >= _LEAST_HOLD_S]
         if not holds:
             return np.inf
@@ -178,5 +180,5 @@ class SlowCreepJump(Effect):
         return force - self.offset * np.expm1(-np.maximum(path.clock - self.begin, 0.0) / self.time)
 
 
-def _stream(seed: int, platen: Platen) -> np.random.Generator:
+def _stream(seed: int, platen: Motion) -> np.random.Generator:
     return np.random.default_rng([seed, round(1000.0 * platen.start_s)])

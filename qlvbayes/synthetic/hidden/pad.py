@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..constants import Constants
-from ..material import check_times, elastic_force
-from ..platen import Piece, Platen
+from ..laws import Law
+from ..material import check_times
+from ..motion import Motion, Piece
 from .effect import CONTACT, FRAME, Effect
 from .mesh import Array, Mesh, graded
 from .path import Path
 
 _ROUNDS = 200
-_SETTLED = 1e-10  # share of the stroke
 _SEARCHES = 2
 _COARSER = 4
 
@@ -36,18 +36,23 @@ class HiddenPad:
 
     Parameters
     ----------
-    constants : of the quasi-linear law
+    constants : of the quasi-linear law, or another law
     effects : in any order
     bonded : the pad can pull
     cells : of time, in each stretch of constant acceleration
+    frame_speed : where the frame yields by y(F), the pad's velocity is V / (1 + y'(F) K(d)), that
+        of an elastic pad of stiffness K, in place of the platen's V
+    settled : change of the frame's yielding at which frame and pad agree, as a share of the stroke
     """
 
-    constants: Constants
+    constants: Constants | Law
     effects: tuple[Effect, ...] = ()
     bonded: bool = False
     cells: int = 600
+    frame_speed: bool = False
+    settled: float = 1e-10
 
-    def force(self, platen: Platen, times: NDArray[np.float64]) -> NDArray[np.float64]:
+    def force(self, platen: Motion, times: NDArray[np.float64]) -> NDArray[np.float64]:
         """Force (N) at ascending `times` (s); continuous from the right where it jumps.
 
         Raises
@@ -76,7 +81,7 @@ class HiddenPad:
             shares, rates = effect.modes(shares, rates)
         return shares, rates
 
-    def _levels(self, platen: Platen) -> Array:
+    def _levels(self, platen: Motion) -> Array:
         """Displacements at which the depth or its effects may have a kink."""
         ends = platen.displacement([p.start + p.duration for p in platen.pieces])
         largest = np.unique(np.maximum.accumulate(np.maximum(ends, 0.0)))
@@ -86,7 +91,7 @@ class HiddenPad:
             lost += effect.lost()
         return np.unique(np.concatenate(levels))
 
-    def _settled(self, platen: Platen, breaks: Array, seen: Array) -> tuple[Path, Array, Mesh]:
+    def _settled(self, platen: Motion, breaks: Array, seen: Array) -> tuple[Path, Array, Mesh]:
         """Path and contact force, on a mesh that has the times `seen` among its edges.
 
         Where contact ends is known in advance only for a stiff frame. Otherwise, and where the
@@ -104,7 +109,7 @@ class HiddenPad:
         return path, force, mesh
 
     def _balance(
-        self, platen: Platen, mesh: Mesh, guess: tuple[Array, Array]
+        self, platen: Motion, mesh: Mesh, guess: tuple[Array, Array]
     ) -> tuple[Path, Array, Array]:
         """Find path, force and deflection with d = D - deflection(F), from a guess over time."""
         displacement = platen.displacement(mesh.time)
@@ -115,21 +120,25 @@ class HiddenPad:
         given = np.interp(mesh.time, *guess)
         for _ in range(_ROUNDS):
             depth, _ = self._let_through(displacement - given, velocity)
-            path = Path(platen, mesh, depth, velocity, elastic_force(self.constants, depth))
+            path = Path(platen, mesh, depth, velocity, self.constants.force(depth))
             force = self._contact_force(path)
             if not yielding:
                 return path, force, given
+            if self.frame_speed:
+                slowed = velocity / (1.0 + self._gain(path, force, given))
+                path = replace(path, velocity=slowed)
+                force = self._contact_force(path)
             wanted = sum((e.deflection(force) for e in self._nested), np.zeros_like(force))
             change = (wanted - given) / (1.0 + self._gain(path, force, wanted))
             given = given + change
-            if np.abs(change).max() <= _SETTLED * stroke:
+            if np.abs(change).max() <= self.settled * stroke:
                 return path, force, given
         raise RuntimeError("the simulation stopped: frame and pad find no balance")
 
     def _gain(self, path: Path, force: Array, yielded: Array) -> Array:
         """Estimate how far the frame yields back for 1 mm: compliance times stiffness."""
         pressed = force > 0
-        stiffness = self.constants.m * np.exp(self.constants.b * path.depth)
+        stiffness = self.constants.stiffness(path.depth)
         return np.where(pressed, yielded / np.where(pressed, force, 1.0) * stiffness, 0.0)
 
     def _let_through(self, depth: Array, velocity: Array) -> tuple[Array, Array]:
@@ -157,13 +166,13 @@ class HiddenPad:
         return force
 
 
-def _velocity(platen: Platen, mesh: Mesh) -> Array:
+def _velocity(platen: Motion, mesh: Mesh) -> Array:
     """Velocity of the platen at the nodes, 0 where it has left the pad's surface behind."""
     away = platen.displacement(mesh.time) < 0
     return np.where(away, 0.0, platen.velocity(mesh.time))
 
 
-def _breaks(platen: Platen, levels: Array) -> Array:
+def _breaks(platen: Motion, levels: Array) -> Array:
     """Times where acceleration jumps or the displacement crosses a level."""
     starts = [piece.start for piece in platen.pieces]
     crossings = [_crossings(piece, level) for piece in platen.pieces for level in levels]

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..platen import Platen
+from ..motion import Motion
 from .mesh import Array, Mesh, recur
 
 
@@ -22,7 +22,7 @@ class Path:
     elastic : force of an infinitely fast test to this depth, N
     """
 
-    platen: Platen
+    platen: Motion
     mesh: Mesh
     depth: Array
     velocity: Array

@@ -1,0 +1,189 @@
+"""More effects outside of every list: no law, form or free curve of the package stands for them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+from typing import ClassVar
+
+import numpy as np
+
+from .effect import Effect
+from .mesh import Array
+from .path import Path
+
+
+@dataclass(frozen=True)
+class ViscousHeating(Effect):
+    """F -> F (1 - share T), T' = (|F v| / power - T) / time: the pad warms by what it dissipates.
+
+    power in N mm/s, time in s; T is 1 where the power acts for long.
+    """
+
+    name: ClassVar[str] = "viscous_heating"
+    order: ClassVar[int] = 22
+    positive: ClassVar[tuple[str, ...]] = ("power", "time")
+
+    share: float
+    power: float
+    time: float
+
+    def on_force(self, force: Array, path: Path) -> Array:
+        """Soften by the warmth."""
+        heat = np.abs(force * path.velocity) / self.power
+        warm = path.follow(1.0 / self.time, heat, start=0.0)
+        return force * np.maximum(1.0 - self.share * warm, 0.05)
+
+
+@dataclass(frozen=True)
+class Backlash(Effect):
+    """d -> p + play/2, p' = 0 until d leaves p -+ play/2: play between encoder and platen; mm.
+
+    Pressed inwards the depth is the encoder's; on the way back the platen waits for the play.
+    """
+
+    name: ClassVar[str] = "backlash"
+    order: ClassVar[int] = 42
+
+    play: float
+
+    def on_depth(self, depth: Array, velocity: Array) -> tuple[Array, Array]:
+        """The operator of play along the nodes."""
+        place, followed = float(depth.flat[0]), []
+        for d in depth.ravel().tolist():
+            place = max(place, d) if d > place else min(place, d + self.play)
+            followed.append(place)
+        behind = np.array(followed).reshape(depth.shape)
+        lag = behind - depth
+        waits = (lag > 0.0) & (lag < self.play * (1.0 - 1e-9))
+        return behind, np.where(waits, 0.0, velocity)
+
+
+@dataclass(frozen=True)
+class DriveRipple(Effect):
+    """F -> F + amplitude sin(2 pi d / pitch) while the platen moves: the motor's current; N, mm."""
+
+    name: ClassVar[str] = "drive_ripple"
+    order: ClassVar[int] = 63
+    positive: ClassVar[tuple[str, ...]] = ("pitch",)
+
+    amplitude: float
+    pitch: float
+
+    def on_force(self, force: Array, path: Path) -> Array:
+        """Add the ripple; at rest the current is gone. Below 1e-3 mm/s the drive counts as idle."""
+        place = path.platen.displacement(path.time)
+        speed = np.abs(path.platen.velocity(path.time))
+        driven = speed / (speed + 1e-3)
+        return force + self.amplitude * driven * np.sin(2.0 * pi * place / self.pitch)
+
+
+@dataclass(frozen=True)
+class LoadCellCreep(Effect):
+    """F -> F + share y, y' = (F - y)/time: the load cell's own after-effect; s."""
+
+    name: ClassVar[str] = "load_cell_creep"
+    order: ClassVar[int] = 67
+    positive: ClassVar[tuple[str, ...]] = ("time",)
+
+    share: float
+    time: float
+
+    def on_force(self, force: Array, path: Path) -> Array:
+        """Creep towards the load."""
+        return force + self.share * path.follow(1.0 / self.time, force)
+
+
+@dataclass(frozen=True)
+class StickSlip(Effect):
+    """F -> F + amplitude saw(s / pitch) sgn(way), s the way travelled; N, mm.
+
+    saw rises from 0 to 1 over nine tenths of a pitch and falls in the rest; at rest it stays.
+    """
+
+    name: ClassVar[str] = "stick_slip"
+    order: ClassVar[int] = 37
+    positive: ClassVar[tuple[str, ...]] = ("pitch",)
+
+    amplitude: float
+    pitch: float
+
+    def on_force(self, force: Array, path: Path) -> Array:
+        """Add the sawtooth."""
+        travel = np.diff(path.depth.ravel(), prepend=path.depth.flat[0])
+        phase = np.mod(np.cumsum(np.abs(travel)) / self.pitch, 1.0)
+        saw = np.minimum(phase / 0.9, (1.0 - phase) / 0.1)
+        way = _last_way(travel)
+        return force + self.amplitude * (saw * way).reshape(force.shape)
+
+
+@dataclass(frozen=True)
+class SnapThrough(Effect):
+    """F -> F - drop x, x in {0, 1}: a wall that buckles at `depth` going in, back at 0.8 depth.
+
+    The state changes within 2 % of the depth, so that the force falls steeply, not at once; mm, N.
+    """
+
+    name: ClassVar[str] = "snap_through"
+    order: ClassVar[int] = 38
+    positive: ClassVar[tuple[str, ...]] = ("depth",)
+
+    drop: float
+    depth: float
+
+    def on_force(self, force: Array, path: Path) -> Array:
+        """Take away the wall's share."""
+        width = 0.02 * self.depth
+        rise = np.clip((path.depth - self.depth) / width, 0.0, 1.0).ravel()
+        stay = np.clip((path.depth - 0.8 * self.depth) / width, 0.0, 1.0).ravel()
+        state, states = 0.0, []
+        for low, high in zip(rise.tolist(), stay.tolist(), strict=True):
+            state = min(max(state, low), high)
+            states.append(state)
+        return force - self.drop * np.array(states).reshape(force.shape)
+
+
+@dataclass(frozen=True)
+class Thixotropy(Effect):
+    """F -> F (1 - share (1 - x)), x' = (1 - x)/time - |v| x / way: broken by motion, heals at rest.
+
+    x = 1 at first; time in s, way in mm.
+    """
+
+    name: ClassVar[str] = "thixotropy"
+    order: ClassVar[int] = 23
+    shares: ClassVar[tuple[str, ...]] = ("share",)
+    positive: ClassVar[tuple[str, ...]] = ("time", "way")
+
+    share: float
+    time: float
+    way: float
+
+    def on_force(self, force: Array, path: Path) -> Array:
+        """Weaken by what is broken."""
+        rate = 1.0 / self.time + np.abs(path.velocity) / self.way
+        whole = path.follow(rate, 1.0 / (self.time * rate), start=1.0)
+        return force * (1.0 - self.share * (1.0 - whole))
+
+
+@dataclass(frozen=True)
+class Curing(Effect):
+    """F -> F (1 + share / (1 + e^{-(t - middle)/width})), t the clock: the material sets; s."""
+
+    name: ClassVar[str] = "curing"
+    order: ClassVar[int] = 24
+    positive: ClassVar[tuple[str, ...]] = ("width",)
+
+    share: float
+    middle: float
+    width: float
+
+    def on_force(self, force: Array, path: Path) -> Array:
+        """Stiffen with the clock."""
+        return force * (1.0 + self.share / (1.0 + np.exp(-(path.clock - self.middle) / self.width)))
+
+
+def _last_way(travel: Array) -> Array:
+    """Sign of the last step that was one."""
+    moved = np.where(travel != 0.0, np.arange(travel.size), 0)
+    return np.sign(travel[np.maximum.accumulate(moved)])

@@ -1,0 +1,296 @@
+"""The wide population: balance, determinism, simulator's additions, the count, registration."""
+
+import sys
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from qlvbayes.benchmark.counting import (
+    is_grouped,
+    is_named,
+    lower,
+    names_kin,
+    names_wrongly,
+    upper,
+)
+from qlvbayes.benchmark.population import STRATA, Population, kin
+from qlvbayes.benchmark.rate import Rate
+from qlvbayes.benchmark.visible import visible
+from qlvbayes.benchmark.wide import make_wide
+from qlvbayes.benchmark.widereport import WideReport
+from qlvbayes.checks import InputError
+from qlvbayes.synthetic import FOREIGN, FURTHER, HiddenPad, Hold, Move, Platen
+from qlvbayes.synthetic.hidden import NearContact
+from qlvbayes.synthetic.laws import ELASTIC, RELAXATION, Law, draw_law
+from qlvbayes.synthetic.loadcell import CELLS, LoadCell, draw_cell
+from qlvbayes.synthetic.motion import Piece, Track
+from qlvbayes.synthetic.programmes import PROTOCOL_NAMES, session, sine, swing
+
+sys.path.append(str(Path(__file__).parents[1] / "validation"))
+
+import registration
+from ground import page
+from page import Origin
+from registration import Registration
+from wide_page import wide_page
+
+LAW = Law("exponential", (0.5, 0.8), "prony:2", (0.4, 6.0, 0.2, 0.2))
+
+
+# the population
+
+
+def test_every_level_comes_equally_often():
+    items = [Population(3).item(k) for k in range(240)]
+    for stratum, levels in STRATA.items():
+        count = Counter(item.levels[stratum] for item in items)
+        assert set(count) == set(levels)
+        assert min(count.values()) == max(count.values()) == 240 // len(levels) >= 20
+
+
+def test_strata_are_crossed():
+    """No level of the protocol sees one kind of noise only: chi-squared of 80 cells, 63 degrees."""
+    pairs = Counter(
+        (i.levels["protocol"], i.levels["noise"]) for i in map(Population(0).item, range(800))
+    )
+    assert sum((pairs[p, n] - 10) ** 2 / 10 for p in PROTOCOL_NAMES for n in CELLS) < 110.0
+
+
+def test_the_population_repeats_and_the_seed_changes_it():
+    items = [Population(1).item(k) for k in range(60)]
+    assert items == [Population(1).item(k) for k in range(60)]
+    assert items != [Population(2).item(k) for k in range(60)]
+
+
+def test_hidden_effects_are_of_their_kind():
+    for item in map(Population(4).item, range(120)):
+        kind, names = item.levels["kind"], item.names
+        listed = [name for name in names if name in kin(name)]
+        want = {"none": (0, 0), "single": (1, 1), "double": (2, 2), "form": (1, 0)}
+        want |= {"outside": (1, 0), "outside_beside": (2, 1)}
+        assert (len(names), len(listed)) == want[kind]
+
+
+# motion, law, noise
+
+
+def test_the_sine_is_one():
+    track = sine(1.6, 0.5, 3)
+    t = np.linspace(0.0, track.duration, 5000, endpoint=False)
+    turn = 2.0 * np.pi * 0.5
+    speed = 0.8 * turn
+    assert np.abs(track.displacement(t) - 0.8 * (1 - np.cos(turn * t))).max() < 1e-3 * 1.6
+    assert np.abs(track.velocity(t) - speed * np.sin(turn * t)).max() < 2e-3 * speed
+    assert (
+        np.abs(track.acceleration(t) - speed * turn * np.cos(turn * t)).max() < 0.06 * speed * turn
+    )
+
+
+def test_a_swing_goes_from_rest_to_rest_over_its_stroke():
+    pieces = swing(-0.7, 3.0)
+    assert pieces[-1].end == pytest.approx(-0.7, rel=1e-12)
+    assert min(p.velocity for p in pieces) == pytest.approx(-3.0)
+    with pytest.raises(InputError, match="gap"):
+        Track((Piece(0.0, 1.0, 0.0, 1.0, 0.0), Piece(1.0, 1.0, 0.0, 0.0, 0.0)))
+
+
+def test_a_creeping_hold_moves_on():
+    platen = Platen((Move(1.0, 10.0), Hold(5.0, creep=3e-4)))
+    assert platen.displacement(platen.duration) == pytest.approx(1.0003, abs=1e-12)
+
+
+@pytest.mark.parametrize("relaxation", RELAXATION)
+def test_modes_carry_the_closed_form(relaxation):
+    law = draw_law("hertz", relaxation, np.random.default_rng(2), 1.6)
+    t = np.append(0.0, np.logspace(-3.0, 3.0, 300))
+    modes = law.c[0] + np.exp(-np.outer(t, law.v)) @ np.array(law.c[1:])
+    assert sum(law.c) == pytest.approx(1.0)
+    assert np.abs(modes - law.fade(t)).max() < 2e-3
+
+
+@pytest.mark.parametrize("elastic", ELASTIC)
+def test_a_held_pad_falls_like_its_relaxation(elastic):
+    """After a ramp of 16 ms the force at t is between g(t) and g(t - 16 ms) of the elastic one."""
+    law = draw_law(elastic, "prony:3", np.random.default_rng(1), 1.6)
+    platen = Platen((Move(1.6, 1e4), Hold(10.0)), acceleration_limit=1e6)
+    t = np.linspace(0.1, 10.0, 40)
+    whole = law.force(np.array([1.6]))
+    force = HiddenPad(law).force(platen, t)
+    assert np.all(force >= whole * law.fade(t) * (1 - 1e-9))
+    assert np.all(force <= whole * law.fade(t - 0.016) * (1 + 1e-9))
+
+
+def test_a_carried_test_remembers_and_a_long_pause_forgets():
+    rng = np.random.default_rng(0)
+    near, far = session("paper", True, 10.0, 0.0, rng), session("paper", False, 10.0, 0.0, rng)
+    pad = HiddenPad(LAW, cells=60)
+    second = list(near.motions.values())[1]
+    t = np.array([second.duration])
+    rested = pad.force(list(far.motions.values())[1], t)
+    carried = pad.force(near.whole, t + second.start_s)
+    slow = 0.2 * np.exp(-0.2 * second.duration)  # what the slow mode still can hold of it
+    assert 0.0 < abs(carried - rested) < slow * LAW.force(np.array([1.6]))
+
+
+@pytest.mark.parametrize("kind", CELLS)
+def test_errors_have_the_covariance_that_is_stated(kind):
+    rng = np.random.default_rng(5)
+    cell = draw_cell(kind, 1.0, 30.0, rng)
+    t = np.array([0.0, 0.001, 0.01, 0.5])
+    draws = np.array([cell.draw(t, rng) for _ in range(20_000)])
+    zero = np.zeros(4)
+    wanted = cell.covariance(t, zero, zero, zero, 1.0) - cell.step**2 / 12.0 * np.eye(4)
+    scale = wanted[0, 0] + 1e-30
+    # the standard error of a covariance of normals is at most sqrt(2 / n) of the variance
+    assert np.abs(np.cov(draws.T) - wanted).max() <= 5.0 * np.sqrt(2.0 / 20_000) * scale
+
+
+def test_readings_are_steps_and_errors_grow_with_force():
+    cell = LoadCell(growth=3.0, step=0.01)
+    reading = cell.read(np.linspace(0.0, 1.0, 50), np.zeros(50), 1.0)
+    np.testing.assert_allclose(reading / 0.01, np.round(reading / 0.01), atol=1e-9)
+    assert LoadCell(growth=3.0).read(np.array([1.0]), np.array([0.01]), 1.0) == pytest.approx(1.04)
+
+
+# effects of no list
+
+
+NEW = {**FOREIGN, **FURTHER}
+VALUES = {
+    "cavitating_film": (1e-3, 2.5, 0.02), "poroelastic_diffusion": (0.2, 3.0),
+    "tilted_platen": (0.3,), "root_leak": (0.01,), "one_way_friction": (0.05, 0.05),
+    "healing_softening": (0.4, 1.0), "viscous_heating": (0.3, 2.0, 5.0), "backlash": (0.05,),
+    "drive_ripple": (0.05, 0.4), "load_cell_creep": (0.2, 10.0), "stick_slip": (0.05, 0.2),
+    "snap_through": (0.05, 1.0), "thixotropy": (0.2, 5.0, 0.5), "curing": (0.3, 40.0, 10.0),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NEW)
+def test_new_effects_vanish_at_their_null(name):
+    program = (Move(1.6, 20.0), Hold(3.0), Move(0.4, 5.0), Hold(3.0))
+    platen = Platen(program, start_s=50.0)
+    t = np.linspace(0.0, platen.duration, 300)
+    plain = HiddenPad(LAW, cells=90).force(platen, t)
+    null = NEW[name](0.0, *VALUES[name][1:])
+    there = NEW[name](*VALUES[name])
+    assert np.abs(HiddenPad(LAW, (null,), cells=90).force(platen, t) - plain).max() < 1e-8
+    assert np.abs(HiddenPad(LAW, (there,), cells=90).force(platen, t) - plain).max() > 5e-3
+
+
+def test_contact_comes_where_the_gap_ends():
+    """Far beyond it, the depth is less by the gap; at the start the pad rests."""
+    depth, _ = NearContact(0.02, 0.002).on_depth(np.array([0.0, 0.02, 1.0]), np.ones(3))
+    assert depth[0] == 0.0
+    assert depth[1] == pytest.approx(0.002 * np.log(2.0), rel=1e-3)
+    assert depth[2] == pytest.approx(0.98, abs=1e-6)
+
+
+# a study
+
+
+@pytest.fixture(scope="module")
+def place():
+    """The first study with one listed effect, three tests and a thinned record."""
+    for index in range(2000):
+        levels = Population(0).item(index).levels
+        quick = levels["logger"] == "thinned" and levels["history"] == "rested"
+        if quick and levels["kind"] == "single" and levels["protocol"] == "three_tests":
+            return index
+    raise AssertionError
+
+
+def test_a_study_repeats_and_its_effect_counts(place):
+    one, two = (make_wide(Population(0), place) for _ in range(2))
+    for first, second in zip(one.pad.tests, two.pad.tests, strict=True):
+        np.testing.assert_array_equal(first.force, second.force)
+    found = visible(one)
+    assert set(found) == set(one.item.names)
+    assert found == visible(two)
+
+
+# the count
+
+
+def case(kind="single", names=("friction",), verdict="missing_effect", effects=(), group=()):
+    return {
+        "kind": kind, "names": list(names), "kin": {n: sorted(kin(n)) for n in names},
+        "verdict": verdict, "effects": list(effects), "group": list(group), "seen": True,
+    }  # fmt: skip
+
+
+def test_named_is_exactly_what_is_hidden():
+    assert is_named(case(effects=("friction",)))
+    assert not is_named(case(effects=("friction", "inertia")))
+    assert not is_named(case(verdict="ambiguous", effects=("friction",)))
+    assert is_named(case("none", (), "adequate"))
+    assert is_named(case("outside", ("slip",), "unexplained"))
+    beside = ("slip", "friction")
+    assert is_named(case("outside_beside", beside, "partly_explained", ("friction",)))
+    assert not is_named(case("outside_beside", beside, "unexplained"))
+
+
+def test_a_group_is_the_verdicts_own_and_small():
+    def ambiguous(*group):
+        return case(verdict="ambiguous", effects=("inertia",), group=group)
+
+    assert is_grouped(ambiguous("inertia", "friction"))
+    assert not is_grouped(ambiguous("inertia", "adhesion"))
+    assert not is_grouped(ambiguous("inertia", "friction", "adhesion", "channel_lag"))
+    wrong = case(effects=("inertia",), group=("friction",))
+    assert not is_grouped(wrong | {"not_ruled_out": [["inertia"], ["friction"]]})
+    assert names_wrongly(wrong)
+    assert not is_grouped(case("none", (), "ambiguous", ("inertia",), ("inertia",)))
+
+
+def test_a_form_may_be_called_by_its_family():
+    assert names_kin(case("form", ("root_leak",), effects=("fluid_leak",)))
+    assert not names_kin(case("form", ("root_leak",), effects=("fluid_leak", "inertia")))
+    assert not names_wrongly(case("form", ("root_leak",), effects=("fluid_leak",)))
+
+
+def test_bounds_are_those_of_clopper_and_pearson():
+    """Of no hit in n, p with (1 - p)^n = 0.05; of all hits, its mirror."""
+    assert upper(Rate(0, 30)) == pytest.approx(1.0 - 0.05 ** (1 / 30))
+    assert lower(Rate(30, 30)) == pytest.approx(0.05 ** (1 / 30))
+    assert lower(Rate(0, 30)) == 0.0
+    assert upper(Rate(30, 30)) == 1.0
+
+
+# registration
+
+
+def test_a_run_under_other_code_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(registration, "FOLDER", tmp_path)
+    promise = Registration.of_present("a", 1, 10)
+    promise.write()
+    assert Registration.read("a") == promise
+    assert not Registration.read("a").broken()
+    with pytest.raises(FileExistsError):
+        promise.write()
+    monkeypatch.setattr(registration, "code_digest", lambda: "other")
+    monkeypatch.setattr(registration, "rules_digest", lambda: "other")
+    assert promise.broken() == ["the code", "the rules of the count"]
+
+
+def test_the_page_shows_rates_with_bounds_and_wrong_verdicts():
+    items = [Population(1).item(k) for k in range(6)]
+    cases = [
+        case(i.levels["kind"], i.names, "adequate")
+        | {"index": i.index, "strata": i.levels, "seconds": {}, "probabilities": {"none": 0.9}}
+        for i in items
+    ]
+    report = WideReport(1, tuple(cases))
+    text = wide_page(report, Registration.of_present("a", 1, 6), Origin("c", "d", "e", "f"))
+    assert "nothing hidden: adequate | at least 95 % | 100.0 % | > 5.0 % | 1 | met" in text
+    assert "Wrong verdicts where the truth could be seen: 5" in text
+    assert report.as_dict()["rates"]["single_named"]["hits"] == 0
+
+
+def test_before_and_after_stand_side_by_side():
+    given = {"row": "sine, drag", "hidden": ["viscous_drag"]}
+    before = {"a": given | {"verdict": "missing_effect", "effects": ["fluid_pressure"]}}
+    after = {"a": given | {"verdict": "missing_effect", "effects": ["viscous_drag"]}}
+    wanted = "| sine, drag (1) | viscous_drag | 1 x fluid_pressure (wrong) | 1 x viscous_drag |"
+    assert wanted in page(before, after)

@@ -1,0 +1,88 @@
+"""What is promised before a run: seeds, studies, strata, levels asked, and the code's digests."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import subprocess
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from qlvbayes.benchmark import counting
+from qlvbayes.benchmark.keeping import code_digest
+from qlvbayes.benchmark.population import STRATA
+
+ROOT = Path(__file__).resolve().parents[1]
+FOLDER = Path(__file__).parent / "registered"
+
+ASKED = {
+    "none_adequate": 0.95, "false_name": 0.02, "single_named": 0.80, "single_group": 0.95,
+    "double_named": 0.70, "form_kin": 0.80, "outside_open": 0.90, "beside_named": 0.70,
+    "wrong": 0.05, "failed": 0.0,
+}  # fmt: skip
+"""Shares asked of each rate: at least, or for what is bad at most. Aims, none met by a "before"."""
+
+
+@dataclass(frozen=True)
+class Registration:
+    """A run as promised.
+
+    code: digest of all code that a study's outcome may depend on; tree: git's hash of the package's
+    folder; rules: of the file with the rules of the count.
+    """
+
+    name: str
+    seed: int
+    studies: int
+    code: str
+    tree: str
+    rules: str
+    strata: dict[str, list[str]]
+    asked: dict[str, float]
+    note: str = ""
+
+    @classmethod
+    def of_present(cls, name: str, seed: int, studies: int, note: str = "") -> Registration:
+        """Of the code as it is."""
+        strata = {key: list(levels) for key, levels in STRATA.items()}
+        tree = _tree()
+        return cls(name, seed, studies, code_digest(), tree, rules_digest(), strata, ASKED, note)
+
+    @classmethod
+    def read(cls, name: str) -> Registration:
+        """From validation/registered/NAME.json."""
+        return cls(**json.loads((FOLDER / f"{name}.json").read_text(encoding="utf-8")))
+
+    def write(self) -> Path:
+        """To its file; a registration is never overwritten.
+
+        Raises
+        ------
+        FileExistsError
+            There is one of this name.
+        """
+        FOLDER.mkdir(exist_ok=True)
+        path = FOLDER / f"{self.name}.json"
+        with path.open("x", encoding="utf-8") as file:
+            file.write(json.dumps(asdict(self), indent=2) + "\n")
+        return path
+
+    def broken(self) -> list[str]:
+        """In what the present code is not what was registered; empty if it is."""
+        pairs = {
+            "the code": (self.code, code_digest()),
+            "the rules of the count": (self.rules, rules_digest()),
+            "the strata": (self.strata, {key: list(levels) for key, levels in STRATA.items()}),
+        }
+        return [what for what, (then, now) in pairs.items() if then != now]
+
+
+def rules_digest() -> str:
+    """Of the file with the rules of the count."""
+    return hashlib.sha256(Path(str(counting.__file__)).read_bytes()).hexdigest()[:12]
+
+
+def _tree() -> str:
+    command = ("git", "rev-parse", "HEAD:qlvbayes")
+    found = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    return found.stdout.strip() or "unknown"

@@ -1,0 +1,108 @@
+"""The page docs/wide_studies.md, from scored studies of the wide population."""
+
+from __future__ import annotations
+
+from textwrap import fill
+
+from page import Origin
+from registration import Registration
+
+from qlvbayes.benchmark.counting import COUNTS, bound, is_right
+from qlvbayes.benchmark.population import STRATA
+from qlvbayes.benchmark.widereport import WideReport
+
+_HEAD = """# Blind studies away from the paper's rig
+
+{intro}
+
+| | |
+|---|---|
+| registration | `validation/registered/{name}.json`: seed {seed}, {studies} studies |
+| code, rules of the count | {code}, {rules} |
+| command | `{command}` |
+| date, commit | {date}, {commit} |
+| machine | {machine} |
+| studies | {done}, of which {seen} could be seen; {seconds} s for one (median) |
+"""
+_INTRO = """
+The strata are crossed at random and every level of each comes equally often. Rig, law and
+noise are the simulator's own: contact begins up to 0.02 mm below the start and within some um,
+holds creep by less than half an encoder step, relaxation is a closed form carried by the
+simulator's own modes, and where a frame yields the pad moves more slowly than the platen.
+Effects are 0.5 to 15 % of the peak force. What *could be seen* follows from the simulator
+alone. Rates are over those studies, with one-sided 95 % bounds (Clopper-Pearson). Seeds, code
+and rules were committed before the run."""
+
+
+def wide_page(report: WideReport, promise: Registration, origin: Origin) -> str:
+    """Markdown."""
+    head = _HEAD.format(
+        intro=fill(" ".join(_INTRO.split()), 100), name=promise.name, seed=promise.seed,
+        studies=promise.studies, code=promise.code, rules=promise.rules, command=origin.command,
+        date=origin.date, commit=origin.commit, machine=origin.machine, done=len(report.cases),
+        seen=sum(case["seen"] for case in report.cases),
+        seconds="-" if report.seconds is None else f"{report.seconds:.0f}",
+    )  # fmt: skip
+    note = [fill(promise.note, 100) + "\n"] if promise.note else []
+    parts = [head, *note, _rates(report, promise), _strata(report), _reliability(report)]
+    return "\n".join([*parts, _wrong(report)])
+
+
+def _rates(report: WideReport, promise: Registration) -> str:
+    lines = ["## Rates\n", "| hidden: verdict | asked | found | 95 % bound | n | |"]
+    lines.append("|---|---|---|---|---|---|")
+    for count in COUNTS:
+        rate, asked = report.rate(count), promise.asked.get(count.name)
+        if rate.share is None:
+            continue
+        sign, most = (">", "at least") if count.good else ("<", "at most")
+        limit = f"{sign} {100 * bound(rate, count.good):.1f} %"
+        wanted, met = "-", ""
+        if asked is not None:
+            wanted = f"{most} {100 * asked:g} %"
+            fine = rate.share >= asked if count.good else rate.share <= asked
+            met = "met" if fine else "**not met**"
+        row = f"{count.words} | {wanted} | {100 * rate.share:.1f} % | {limit} | {rate.n} | {met}"
+        lines.append(f"| {row} |")
+    return "\n".join([*lines, ""])
+
+
+def _strata(report: WideReport) -> str:
+    lines = [
+        "## By stratum\n",
+        "| stratum | level | studies | right | bound | wrong name | bound |",
+    ]
+    lines.append("|---|---|---|---|---|---|---|")
+    for stratum, levels in report.by_level().items():
+        for level, found in levels.items():
+            shown = [_share(found[key], sign) for key, sign in (("right", ">"), ("wrong", "<"))]
+            lines.append(f"| {stratum} | {level} | {found['studies']} | {' | '.join(shown)} |")
+    return "\n".join([*lines, ""])
+
+
+def _share(found: dict, sign: str) -> str:
+    if not found["n"]:
+        return "- | -"
+    return f"{found['hits']}/{found['n']} | {sign} {100 * found['bound95']:.0f} %"
+
+
+def _reliability(report: WideReport) -> str:
+    lines = ["## Probability of the first-ranked hypothesis against its share right\n"]
+    lines += ["Nothing or one listed effect hidden, all studies.\n"]
+    lines += ["| probability (mean) | right | n |", "|---|---|---|"]
+    for row in report.reliability():
+        lines.append(f"| {row['mean']:.2f} | {100 * row['share']:.0f} % | {row['n']} |")
+    return "\n".join([*lines, ""])
+
+
+def _wrong(report: WideReport) -> str:
+    wrong = [case for case in report.cases if case["seen"] and not is_right(case)]
+    lines = [f"## Wrong verdicts where the truth could be seen: {len(wrong)}\n"]
+    keys = [key for key in STRATA if key != "kind"]
+    lines += ["| study | hidden | verdict | named | group | strata |", "|---|---|---|---|---|---|"]
+    for case in wrong:
+        hidden, named, group = (" + ".join(case[k]) or "-" for k in ("names", "effects", "group"))
+        strata = ", ".join(case["strata"][key] for key in keys)
+        row = f"{case['index']} | {hidden} | {case['verdict']} | {named} | {group} | {strata}"
+        lines.append(f"| {row} |")
+    return "\n".join([*lines, ""])
