@@ -85,7 +85,7 @@ def _stage(stage: Stage) -> dict:
         "heldout_rmse": stage.heldout_rmse,
         "log_evidence": stage.log_evidence,
         "p_value": stage.p_value,
-        "noise_p_value": stage.noise_p_value,
+        "testable": stage.testable,
         "parameters": _pairs(stage.parameters),
     }
 

@@ -140,7 +140,7 @@ def _measure(
         errors.append(error[kept])
     forces = run(pad, plan, [cell.moments(t, rng) for t in times])
     tests = [
-        Test(label, name, t, d, cell.read(f, e, peak), start_s=motion.start_s)
+        Test(label, name, t, d, cell.read(f, e, peak), start_s=motion.start_s, start_known=True)
         for (label, motion), t, d, f, e in zip(
             plan.motions.items(), times, read, forces, errors, strict=True
         )

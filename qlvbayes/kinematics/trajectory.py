@@ -132,6 +132,10 @@ class Trajectory:
         """Velocity at times ``t`` (any shape); 0 outside the record."""
         return self._at(1, t)
 
+    def acceleration(self, t: ArrayLike) -> Array:
+        """Acceleration at times ``t`` (any shape); 0 outside the record."""
+        return self._at(2, t)
+
     def displacement_sd(self, t: ArrayLike) -> Array:
         """Sd of the error of ``displacement(t)`` (any shape), in units of displacement.
 
