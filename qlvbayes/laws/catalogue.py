@@ -30,7 +30,7 @@ class Laws:
     relaxation: tuple[type[AbstractRelaxation], ...]
 
 
-LAWS = Laws(
+LAWS: Laws = Laws(
     (Exponential, Linear, HertzPower, Quadratic, Cubic, ToeExponential),
     (Prony, Fung, PowerLaw, StretchedExponential, LogNormalSpectrum),
 )
