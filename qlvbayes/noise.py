@@ -148,7 +148,9 @@ class Correlated(AbstractGaussian):
             return kept, (error, spread)
 
         start = (jnp.zeros(()), self.ou**2 * jnp.ones(()))
-        _, (errors, spreads) = jax.lax.scan(step, start, (links, white, residual / blocks.scale, blocks.real))
+        _, (errors, spreads) = jax.lax.scan(
+            step, start, (links, white, residual / blocks.scale, blocks.real)
+        )
         errors, spreads = errors * blocks.scale, spreads * blocks.scale**2
         return jnp.where(blocks.real, errors, 0.0), jnp.where(blocks.real, spreads, 1.0)
 

@@ -7,9 +7,9 @@ from endtoend import experiment
 from hidden_pads import ensemble_of
 
 from qlvbayes.data import Pad, Test
+from qlvbayes.diagnosis.block_noise import averaged_correlation
 from qlvbayes.diagnosis.discrepancy import Discrepancy, fit_discrepancy
 from qlvbayes.diagnosis.discrepancy.coverage import HeldOutCoverage
-from qlvbayes.diagnosis.block_noise import averaged_correlation
 from qlvbayes.diagnosis.discrepancy.process import Inputs, Kernel, Residuals, fit_scales
 from qlvbayes.diagnosis.samples import Samples
 from qlvbayes.diagnosis.search import Path, plain_fits

@@ -49,8 +49,9 @@ def _plus(noise: Noise) -> Errors:
 
 
 def _low_passed(t: np.ndarray, force: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    b, a = butter(2, 10.0, fs=1.0 / float(np.median(np.diff(t))))
-    errors = lfilter(b, a, rng.standard_normal(t.size + 2000))[2000:]
+    # four times as fast as the readings: an amplifier's filter is analogue
+    b, a = butter(2, 10.0, fs=4.0 / float(np.median(np.diff(t))))
+    errors = lfilter(b, a, rng.standard_normal(4 * t.size + 8000))[8000::4]
     return force + 0.008 * errors / errors.std()
 
 

@@ -143,9 +143,7 @@ def _p_values(
     return ps, joint, combined(float(ps.min()), ps.size, joint)
 
 
-def _products(
-    floor: NoiseFloor, blocks: Blocks, vectors: np.ndarray, least: float
-) -> np.ndarray:
+def _products(floor: NoiseFloor, blocks: Blocks, vectors: np.ndarray, least: float) -> np.ndarray:
     """(M, M) products v^T Sigma^-1 w of vectors (M, T, B) under a floor."""
     total = np.zeros((len(vectors), len(vectors)))
     for k in range(vectors.shape[1]):

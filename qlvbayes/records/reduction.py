@@ -8,7 +8,6 @@ minus one sd of the sample times, exact for a force that is cubic in time.
 from __future__ import annotations
 
 from collections.abc import Sequence
-
 from dataclasses import dataclass, replace
 
 import jax
