@@ -58,8 +58,8 @@ class Stage:
 
     rmse, heldout_rmse: over all samples (N), fitted and with each test left out in turn; p_value:
     of the adequacy test; testable: whether the rests show if noise is correlated; cells: errors by
-    test and phase; sound: whether the test is passed; shape: of the effect that has another form than
-    the list's.
+    test and phase; sound: whether the test is passed; shape: of the effect that has another form
+    than the list's.
     """
 
     effects: tuple[str, ...]
