@@ -150,7 +150,7 @@ def _noise(posterior: Posterior, matrix: np.ndarray, rng: np.random.Generator) -
 def _floor_draws(
     experiment: Experiment, posterior: Posterior, rng: np.random.Generator
 ) -> np.ndarray:
-    """(DRAWS, T, B) realisations of the floor, each of its own draw of the floor given the rests."""
+    """(DRAWS, T, B) realisations of the floor, each of its own draw of it given the rests."""
     blocks = posterior.record.blocks
     floors = experiment.floor.draws(DRAWS)
     tests = [

@@ -6,10 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hidden_pads import hidden_pad
-from scipy.stats import chi2
 
 from qlvbayes import Choices, InputError
-from qlvbayes.diagnosis.adequacy import Adequacy, CellTest, adequacy, allowed_noise, swollen
+from qlvbayes.diagnosis.adequacy import adequacy
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.gate import Bend
 from qlvbayes.diagnosis.words import paragraphs
@@ -115,17 +114,6 @@ def test_an_error_that_rose_is_not_said_to_fall(drag):
     assert "falls from" not in paragraphs(replace(drag, stages=(nearer, *others)))[0]
 
 
-def test_the_words_say_where_structure_was_taken_for_noise(outside):
-    last = outside.stages[-1]
-    swallowed = replace(last, failing=(), p_value=1e-3, noise_p_value=1e-4)
-    found = replace(outside, stages=(*outside.stages[:-1], swallowed))
-    assert "takes it for noise that the rests" in paragraphs(found)[0]
-    assert (
-        "takes it for noise"
-        not in paragraphs(replace(found, stages=(replace(swallowed, p_value=1e-6),)))[0]
-    )
-
-
 def test_adhesion_shows_only_where_the_platen_retracts():
     """A ramp and hold that never unloads cannot show softening, set or adhesion."""
     experiment = measured(protocol=lambda rate: paper_protocol(rate)[:2], rates=(1.0, 100.0))
@@ -178,76 +166,6 @@ def test_adequacy_p_values_are_uniform_under_a_right_model(plain):
         found = _plain_point(experiment, work)
         below += adequacy(experiment, *found).p_value < 0.1
     assert below <= 6  # binomial: more than 6 of 20 has probability 0.002
-
-
-@pytest.mark.parametrize(
-    ("white", "ou", "low", "high"),
-    [(1.0, 0.5, 1.0, 1.0), (2.0, 0.5, 1.0, 1.0), (1.0, 2.0, 0.0, 1e-6)],
-)
-def test_correlated_noise_larger_than_the_rests_show_is_told(plain, white, ou, low, high):
-    """Smaller noise does not speak, as structure can only add to it, and white noise never."""
-    work, last = plain.work, plain.work.path.last.point
-    constants = last.constants.copy()
-    constants[-3:-1] *= white, ou
-    p = swollen(work.ensemble, replace(last, constants=constants), work.experiment)
-    assert low <= p <= high
-
-
-def test_a_floor_too_faint_to_show_its_memory_does_not_alarm(plain):
-    """Rests that say little of it: all counts as white then, which the fit must not be held to."""
-    work, last = plain.work, plain.work.path.last.point
-    floor = work.experiment.floor
-    assert floor.ou > 0.0
-    constants = last.constants.copy()
-    constants[-3:] = floor.white, floor.ou, floor.tau
-    blind = replace(work.experiment, floor=replace(floor, white=floor.total, ou=0.0))
-    assert swollen(work.ensemble, replace(last, constants=constants), blind) > 0.5
-
-
-def test_memory_that_the_rests_allow_is_kept_beside_a_floor_without_one(plain):
-    """Also where the fit's white noise is too small for them."""
-    work, last = plain.work, plain.work.path.last.point
-    floor = work.experiment.floor
-    constants = last.constants.copy()
-    constants[-3:] = 0.8 * floor.white, floor.ou, floor.tau
-    blind = replace(work.experiment, floor=replace(floor, white=floor.total, ou=0.0))
-    noise = allowed_noise(work.ensemble, replace(last, constants=constants), blind)
-    assert float(noise.ou) == floor.ou
-    assert float(noise.white) == pytest.approx(floor.white, rel=0.02)
-
-
-def test_noise_of_a_right_model_is_that_of_the_rests(plain):
-    """One in ten is below a tenth, at most: the fit and the rests see the same noise."""
-    p_values = []
-    for seed in range(20):
-        experiment = measured(seed=200 + seed)
-        ensemble, point = _plain_point(experiment, plain.work)
-        p_values.append(swollen(ensemble, point, experiment))
-    assert sum(p < 0.1 for p in p_values) <= 6  # binomial: more has probability 0.002
-
-
-def adequacies(statistics, noise):
-    """From each cell's chi^2 of four curves and the p-value of the noise."""
-    for cells, p_n in zip(statistics, noise, strict=True):
-        tests = tuple(CellTest("B", "hold", 0.0, 4, p) for p in chi2.sf(cells, 4))
-        yield Adequacy(tests, float(chi2.sf(cells.sum(), 4 * cells.size)), p_n)
-
-
-def test_cells_and_noise_together_alarm_as_often_as_they_say():
-    rng = np.random.default_rng(0)
-    found = [a.p_value for a in adequacies(rng.chisquare(4, (20_000, 12)), rng.random(20_000))]
-    for level in (0.003, 0.05):
-        share, error = np.mean(np.array(found) < level), np.sqrt(level / len(found))
-        assert 0.4 * level < share < level + 3.0 * error
-
-
-def test_what_is_spread_thinly_is_seen_by_all_cells_together():
-    rng = np.random.default_rng(0)
-    thin = rng.noncentral_chisquare(4, 6.0, (500, 24))  # 144 in all, no cell much
-    found = list(adequacies(thin, np.ones(500)))
-    alarms = np.mean([a.p_value < 0.003 for a in found])
-    alone = np.mean([len(a.cells) * a.worst.p_value < 0.003 for a in found])
-    assert alarms > 0.95 > 0.7 > alone
 
 
 def _plain_point(experiment, work):

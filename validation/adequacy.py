@@ -1,4 +1,4 @@
-"""Are adequacy p-values uniform on right models, whatever the noise? On simulated pads; writes a page.
+"""Are adequacy p-values uniform on right models, whatever the noise? Writes a page.
 
 Interrupted, it goes on where it was: finished pads lie in build/validation.
 """
@@ -21,9 +21,8 @@ ROOT = Path(__file__).resolve().parents[1]
 
 def main() -> None:
     options = _options()
-    origin = Origin.now(
-        shlex.join([".venv/bin/python", "validation/adequacy.py", *sys.argv[1:]]), ROOT
-    )
+    command = shlex.join([".venv/bin/python", "validation/adequacy.py", *sys.argv[1:]])
+    origin = Origin.now(command, ROOT)
     folder = ROOT / "build" / "validation" / code_digest()
     results = {kind: _of_kind(kind, options, folder) for kind in options.kinds.split(",")}
     write(options.output, results, origin)

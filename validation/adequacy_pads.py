@@ -13,17 +13,19 @@ from scipy.signal import butter, lfilter
 from qlvbayes import Choices, Pad, Test, check, predict, prepare
 from qlvbayes.diagnosis.adequacy import adequacy
 from qlvbayes.experiment import Experiment
+from qlvbayes.inference import compiled
 from qlvbayes.inference.gaussnewton import Point, climb
 from qlvbayes.inference.multistart import wide_climbs
 from qlvbayes.inference.subset import Ensemble, with_every_effect
 from qlvbayes.parameters import names
 from qlvbayes.posterior import Posterior
+from qlvbayes.residuals import Check
 from qlvbayes.synthetic import Noise, SimulatedTest, draw_constants, simulate_study, thin
 from qlvbayes.units import PAD
 
 RATES = (1.0, 20.0, 100.0)
 ROWS = 500
-PADS = 10  # sets of constants that are simulated; each gets fresh noise many times
+PADS = 4  # sets of constants that are simulated; each gets fresh noise many times
 _NO_NOISE = Noise(white=0.0, correlated=0.0)
 
 Errors = Callable[[np.ndarray, np.ndarray, np.random.Generator], np.ndarray]
@@ -47,8 +49,9 @@ def _plus(noise: Noise) -> Errors:
 
 
 def _low_passed(t: np.ndarray, force: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    b, a = butter(2, 10.0, fs=1.0 / float(np.median(np.diff(t))))
-    errors = lfilter(b, a, rng.standard_normal(t.size + 2000))[2000:]
+    # four times as fast as the readings: an amplifier's filter is analogue
+    b, a = butter(2, 10.0, fs=4.0 / float(np.median(np.diff(t))))
+    errors = lfilter(b, a, rng.standard_normal(4 * t.size + 8000))[8000::4]
     return force + 0.008 * errors / errors.std()
 
 
@@ -132,11 +135,11 @@ class Bench:
 
     def _check(
         self, experiment: Experiment, ensemble: Ensemble, point: Point, rng: np.random.Generator
-    ):
+    ) -> Check:
         """Cells of ``check``, from normal draws about the highest point."""
         root = np.linalg.cholesky(point.covariance)
         theta = point.theta + rng.standard_normal((400, point.theta.size)) @ root.T
-        draws = np.array([ensemble.posterior.constants(row) for row in theta[:100]])
+        draws = np.asarray(compiled.constants(ensemble.posterior, theta))
         constants = dict(zip(names(ensemble.posterior), draws.T, strict=True))
         predictions = predict(experiment, Choices(), constants, experiment.trials)
         return check("pad", experiment.floor.total, predictions)

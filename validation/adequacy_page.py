@@ -61,7 +61,8 @@ def _row(kind: str, pads: Sequence[dict]) -> str:
     alarms = sum(pad["alarm"] for pad in pads)
     most = binomtest(alarms, ps.size, alternative="less").proportion_ci().high
     cells = [
-        f"({kind}) {KINDS[kind].words}", str(ps.size), f"{kstest(ps, 'uniform').pvalue:.2g}", *tails,
+        f"({kind}) {KINDS[kind].words}", str(ps.size), f"{kstest(ps, 'uniform').pvalue:.2g}",
+        *tails,
         f"{alarms / ps.size:.1%} (at most {most:.1%})",
     ]  # fmt: skip
     return f"| {' | '.join(cells)} |"

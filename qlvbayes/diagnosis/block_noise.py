@@ -9,7 +9,6 @@ from qlvbayes.noisefloor import NoiseFloor
 from qlvbayes.records.record import Blocks
 
 _LEAST_NOISE = 1e-6  # sd, over the largest force, that keeps the covariance invertible
-_NUDGE = 1e-3  # relative step of the correlation time, for the smooth process
 
 
 def floor_covariance(experiment: Experiment, blocks: Blocks) -> np.ndarray:
@@ -36,27 +35,26 @@ def covariance(floor: NoiseFloor, blocks: Blocks, least: float) -> np.ndarray:
     return np.diag(white) + correlated * correlation(first, last, floor.tau) + motion
 
 
-def averaged_correlation(first: np.ndarray, last: np.ndarray, tau: float) -> np.ndarray:
+def averaged_correlation(first: np.ndarray, last: np.ndarray, tau: complex) -> np.ndarray:
     r"""Correlation (N, N) of averages over stretches of an Ornstein-Uhlenbeck process.
 
     Of lengths x, y in units of tau and a gap d between them: e^{-d} f(x) f(y), f(x) =
     (1 - e^{-x})/x; of a stretch with itself: 2 (x - 1 + e^{-x})/x^2.
     """
-    length = np.maximum((last - first) / tau, 1e-6)
+    length = np.maximum(last - first, 1e-6 * abs(tau)) / tau
     mean = -np.expm1(-length) / length
     gap = np.maximum(first[None, :] - last[:, None], 0.0) / tau
-    far = np.exp(-np.maximum(gap, gap.T)) * np.outer(mean, mean)
+    far = np.exp(-(gap + gap.T)) * np.outer(mean, mean)
     own = np.where(
-        length < 1e-3, 1.0 - length / 3.0, 2.0 * (length + np.expm1(-length)) / length**2
+        np.abs(length) < 1e-3,
+        1.0 - length / 3.0,
+        2.0 * (length + np.expm1(-length)) / length**2,
     )
     np.fill_diagonal(far, own)
     return far
 
 
 def _smooth_correlation(first: np.ndarray, last: np.ndarray, tau: float) -> np.ndarray:
-    """The same of the process of correlation (1 + x) e^-x = (1 + d/d ln tau) e^-x, x = t/tau."""
-    less, same, more = (
-        averaged_correlation(first, last, tau * factor)
-        for factor in (1.0 - _NUDGE, 1.0, 1.0 + _NUDGE)
-    )
-    return same + (more - less) / (2.0 * _NUDGE)
+    """The same of the process of correlation e^-x (cos x + sin x) = Re (1 - i) e^-(1 - i)x."""
+    factor = 1.0 - 1.0j
+    return np.real(factor * averaged_correlation(first, last, tau / factor))

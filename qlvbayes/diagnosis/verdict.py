@@ -58,9 +58,9 @@ class Stage:
     """A model on the way to the verdict and what it leaves.
 
     rmse, heldout_rmse: over all samples (N), fitted and with each test left out in turn; p_value:
-    of the adequacy test, testable: whether the rests show if noise is correlated; cells: errors by test
-    and phase; sound: whether the test is passed; shape: of the effect that has another form than
-    the list's.
+    of the adequacy test; testable: whether the rests show if noise is correlated; cells: errors by
+    test and phase; sound: whether the test is passed; shape: of the effect that has another form
+    than the list's.
     """
 
     effects: tuple[str, ...]

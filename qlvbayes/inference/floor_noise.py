@@ -41,22 +41,22 @@ def _walk(time: np.ndarray, tau: np.ndarray, rng: np.random.Generator) -> np.nda
 
 
 def _smooth_walk(time: np.ndarray, tau: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """(D, n) unit processes of correlation (1 + x) e^-x, x = t/tau, with their slopes as state."""
+    """(D, n) unit processes of correlation e^-x (cos x + sin x), x = t/tau; state: their slopes."""
     found = np.empty((tau.size, time.size))
     value, slope = rng.standard_normal((2, tau.size))
     found[:, 0] = value
     for k, gap in enumerate(np.diff(time), start=1):
         x = gap / tau
-        decay = np.exp(-x)
-        own = np.maximum(1.0 - decay**2 * (1.0 + 2.0 * x + 2.0 * x**2), 4.0 / 3.0 * x**3 * decay**4)
-        cross = 2.0 * (x * decay) ** 2
-        rest = 1.0 - decay**2 * (1.0 - 2.0 * x + 2.0 * x**2)
+        decay, sine, cosine = np.exp(-x), np.sin(x), np.cos(x)
+        beside = np.sqrt(2.0) * sine
+        own = 1.0 - decay**2 * (2.0 + np.sin(2.0 * x) - np.cos(2.0 * x))
+        own = np.where(x < 1e-2, 8.0 / 3.0 * x**3 * (1.0 - 1.5 * x), own)
+        rest = 1.0 - decay**2 * (2.0 - np.cos(2.0 * x) - np.sin(2.0 * x))
+        tilt = decay**2 * 2.0 * np.sqrt(2.0) * sine**2 / np.sqrt(own)
         first, second = rng.standard_normal((2, tau.size))
-        root = np.sqrt(own)
-        tilt = np.where(root > 0.0, cross / np.where(root > 0.0, root, 1.0), 0.0)
         value, slope = (
-            decay * ((1.0 + x) * value + x * slope) + root * first,
-            decay * ((1.0 - x) * slope - x * value)
+            decay * ((cosine + sine) * value + beside * slope) + np.sqrt(own) * first,
+            decay * ((cosine - sine) * slope - beside * value)
             + tilt * first
             + np.sqrt(np.maximum(rest - tilt**2, 0.0)) * second,
         )

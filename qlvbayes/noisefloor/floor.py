@@ -20,7 +20,8 @@ class NoiseFloor:
     r"""White noise of sd ``white`` plus a correlated process of sd ``ou``, both times s(F).
 
     cov(t, t') = s(F) s(F') {white^2 [t = t'] + ou^2 rho(|t - t'|/tau)}, rho(x) = e^{-x} (an
-    Ornstein-Uhlenbeck process), or (1 + x) e^{-x} where ``smooth`` (a second-order low-pass);
+    Ornstein-Uhlenbeck process), or e^{-x} (cos x + sin x) where ``smooth``
+    (white noise through a second-order low-pass, Butterworth's, of cut-off 2^{1/2}/tau);
     s(F) = (1 + growth |F|)/(1 + growth level).
 
     Sds in units of force, at a force of ``level``; ``tau`` in s; ``growth`` in 1/force, 0 where the
@@ -49,8 +50,8 @@ class NoiseFloor:
 
     @property
     def memory(self) -> float:
-        """Time (s) over which an Ornstein-Uhlenbeck process has the same mean correlation."""
-        return 2.0 * self.tau if self.smooth else self.tau
+        """Correlation time (s) of the Ornstein-Uhlenbeck process with the same slow part."""
+        return self.tau
 
     def scale(self, force: ArrayLike) -> Array:
         """Sd at a force, any shape, over the one at ``level``."""

@@ -30,7 +30,7 @@ _GROWTHS = np.array([0.3, 1.0, 3.0, 10.0, 30.0])  # growth over the peak force, 
 _GROWS = 4.0  # log-likelihood by which noise that grows with the force must win
 _STEP_SAMPLES = 20_000  # readings that show the step of a digitised force
 _LEAST_STEP = 1e-4  # of the force range: a smaller step is the file's last digit
-EXACT = 1e-4  # of the peak force: the motion between the readings is not known any better
+EXACT = 3e-4  # of the peak force: the motion between the readings is not known any better
 _TINY = float(np.finfo(np.float64).tiny) ** 0.5
 
 
@@ -45,7 +45,7 @@ def measure(tests: Sequence[Record], phases: Sequence[Sequence[Phase]]) -> Noise
     noise is taken as proportional to it, and the sds returned hold at its root mean square.
 
     Without any usable rest the white noise comes from high-order differences of the records, and
-    whether noise is correlated is not testable. Noise below 1e-4 of the peak force is taken as that
+    whether noise is correlated is not testable. Noise below 3e-4 of the peak force is taken as that
     much: the motion between the readings is not known any better.
 
     Parameters

@@ -17,7 +17,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve_banded, cholesky, cholesky_banded, solve_triangular
-from scipy.special import gammainc
 
 from qlvbayes.noisefloor.rests import Rest, run_scale, trend
 
@@ -131,10 +130,10 @@ def _side_by_side(trends: list[Array]) -> Array:
 
 def _mean_variance(x: Array, smooth: bool) -> Array:
     """Variance of a unit process's mean over a stretch of length x (in tau)."""
-    x = np.maximum(x, 1e-3)
-    if smooth:
-        return np.asarray(2.0 * (2.0 * x - 3.0 + (x + 3.0) * np.exp(-x)) / x**2)
-    return np.asarray(2.0 * (x + np.expm1(-x)) / x**2)
+    factor = 1.0 - 1.0j if smooth else 1.0
+    z = factor * np.maximum(x, 1e-3)
+    found = np.real(factor * 2.0 * (z + np.expm1(-z)) / z**2)
+    return np.where(x < 1e-3, 1.0, found)
 
 
 def _precision(x: Array) -> tuple[Array, float]:
@@ -149,17 +148,19 @@ def _precision(x: Array) -> tuple[Array, float]:
 
 
 def _smooth_precision(x: Array) -> tuple[Array, float]:
-    """The same (4, 2n) of the process of correlation (1 + x) e^-x and its slope times tau.
+    """The same (4, 2n) of the process of correlation e^-x (cos x + sin x), and its slope.
 
-    Over a gap the state moves by A = e^-x [[1 + x, x], [-x, 1 - x]] and gains the variance
-    W = 1 - A A^T.
+    A second-order low-pass (Butterworth's) of white noise: over a gap the state moves by A = e^-x
+    [[cos x + sin x, 2^(1/2) sin x], [-2^(1/2) sin x, cos x - sin x]] and gains W = 1 - A A^T.
     """
-    x = np.minimum(x, 700.0)
-    decay = np.exp(-x)
-    A = decay * np.array([[1.0 + x, x], [-x, 1.0 - x]])
-    own = gammainc(3.0, 2.0 * x)  # 1 - e^-2x (1 + 2x + 2x^2), without cancellation
-    cross = 2.0 * (x * decay) ** 2
-    slope = -np.expm1(-2.0 * x) + 2.0 * decay**2 * x * (1.0 - x)
+    x = np.minimum(x, 300.0)
+    decay, sine, cosine = np.exp(-x), np.sin(x), np.cos(x)
+    beside = np.sqrt(2.0) * sine
+    A = decay * np.array([[cosine + sine, beside], [-beside, cosine - sine]])
+    own = 1.0 - decay**2 * (2.0 + np.sin(2.0 * x) - np.cos(2.0 * x))
+    own = np.where(x < 1e-2, 8.0 * x**3 * (1.0 / 3.0 - 0.5 * x + x**2 / 3.0), own)
+    cross = decay**2 * 2.0 * np.sqrt(2.0) * sine**2
+    slope = 1.0 - decay**2 * (2.0 - np.cos(2.0 * x) - np.sin(2.0 * x))
     det = own * slope - cross**2
     inverse = np.array([[slope, -cross], [-cross, own]]) / det
     back = np.einsum("ijn,ikn->jkn", inverse, A)  # W^-1 A, first index of A summed

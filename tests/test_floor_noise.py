@@ -1,0 +1,88 @@
+"""The likelihood of noise at rest, its averages and its realisations, against dense algebra."""
+
+import numpy as np
+import pytest
+
+from qlvbayes.diagnosis.adequacy import combined
+from qlvbayes.diagnosis.block_noise import covariance
+from qlvbayes.inference.floor_noise import realisations
+from qlvbayes.noisefloor import NoiseFloor
+from qlvbayes.noisefloor.pool import Pool
+from qlvbayes.noisefloor.rests import Rest
+from qlvbayes.records.record import Blocks
+
+
+def correlation(lag, tau, smooth):
+    x = np.abs(lag) / tau
+    return np.exp(-x) * (np.cos(x) + np.sin(x) if smooth else 1.0)
+
+
+def rest(rng, n=60):
+    time = np.cumsum(rng.uniform(0.01, 0.2, n))
+    return Rest(time, rng.standard_normal(n), np.ones(n), np.arange(n))
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+@pytest.mark.parametrize(("ratio", "tau"), [(1.0, 0.3), (30.0, 0.05), (1e3, 0.8)])
+def test_the_banded_likelihood_is_that_of_the_dense_covariance(smooth, ratio, tau):
+    """With the trends' own directions taken out of data and covariance (Patterson & Thompson)."""
+    rng = np.random.default_rng(0)
+    rests = [rest(rng), rest(rng)]
+    pool = Pool.of(rests, 2.0)
+    dense, freedom, power = 0.0, 0, 0.0
+    for k, (one, q) in enumerate(zip(rests, pool.trends, strict=True)):
+        lag = one.time[:, None] - one.time
+        matrix = np.eye(one.time.size) + ratio * correlation(lag, tau, smooth)
+        free = np.linalg.svd(q)[0][:, q.shape[1] :]
+        inner = free.T @ matrix @ free
+        y = free.T @ pool.y[60 * k : 60 * (k + 1)]
+        power += y @ np.linalg.solve(inner, y)
+        dense -= 0.5 * np.linalg.slogdet(inner)[1]
+        freedom += y.size
+    dense -= 0.5 * freedom * np.log(power / freedom)
+    found, variance = pool.likelihood(np.log(ratio), np.log(tau), smooth)
+    assert found == pytest.approx(dense, rel=1e-6)
+    assert variance == pytest.approx(power / freedom, rel=1e-6)
+
+
+def samples(time, scale=None):
+    one = np.ones(time.size)
+    scale = one if scale is None else scale
+    return Blocks(one, one, time, time, one, scale, 0.0 * one, one > 0.0)
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+def test_realisations_have_the_covariance_of_the_floor(smooth):
+    time = np.concatenate([[0.0, 1e-3], np.cumsum(np.full(12, 0.1))])
+    given = samples(np.sort(time), np.linspace(1.0, 2.0, time.size))
+    floor = NoiseFloor(0.3, 1.0, 0.25, smooth=smooth)
+    drawn = realisations([floor] * 20_000, given, np.random.default_rng(1))
+    assert np.allclose(drawn.T @ drawn / 20_000, covariance(floor, given, 0.0), atol=0.2)
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+def test_averages_have_the_covariance_of_many_readings(smooth):
+    floor = NoiseFloor(0.0, 1.0, 0.4, smooth=smooth)
+    first = np.array([0.0, 0.5, 2.0])
+    last = np.array([0.4, 1.9, 2.1])
+    n = 400
+    times = np.concatenate([np.linspace(a, b, n) for a, b in zip(first, last, strict=True)])
+    mean = np.kron(np.eye(3), np.full(n, 1.0 / n))
+    dense = mean @ correlation(times[:, None] - times, 0.4, smooth) @ mean.T
+    one = np.ones(3)
+    blocks = Blocks(one, n * one, first, last, one, one, 0.0 * one, one > 0.0)
+    assert np.allclose(covariance(floor, blocks, 0.0), dense, atol=5e-3)
+
+
+def test_the_combined_p_value_is_uniform_under_chance():
+    """Of independent cells; the worst one and all together are nearly independent too."""
+    from scipy.stats import chi2
+
+    rng = np.random.default_rng(2)
+    cells = rng.chisquare(4, (20_000, 12))
+    worst = chi2.sf(cells.max(axis=1), 4)
+    joint = chi2.sf(cells.sum(axis=1), 48)
+    found = np.array([combined(a, 12, b) for a, b in zip(worst, joint, strict=True)])
+    for level in (0.001, 0.01, 0.05, 0.5, 0.95, 0.99):
+        slack = 4.0 * np.sqrt(level * (1.0 - level) / found.size)
+        assert 0.6 * level - slack < np.mean(found < level) < level + slack + 0.03 * (level > 0.4)
