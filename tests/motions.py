@@ -33,13 +33,13 @@ class Known:
 def clear_of(motion, t, samples, step):
     """(n,) False at the ``samples`` readings on either side of a jump, and until it shows.
 
-    A jump of velocity or acceleration shows when it has moved the reading by an encoder step.
+    A jump of velocity or acceleration shows when it has moved the reading by two encoder steps.
     """
     clear = np.ones(t.size, dtype=bool)
     for jump in motion.jumps:
         (_, _), (v0, v1), (a0, a1) = (y for y in motion.at(jump + np.array([-1e-7, 1e-7])))
         change = max(abs(v1 - v0), 1e-300), max(abs(a1 - a0), 1e-300)
-        shown = min(step / change[0], np.sqrt(2.0 * step / change[1]))
+        shown = min(2.0 * step / change[0], np.sqrt(4.0 * step / change[1]))
         k = np.searchsorted(t, [jump - shown, jump + shown])
         clear[max(k[0] - samples, 0) : k[1] + samples] = False
     return clear
@@ -214,3 +214,14 @@ def read(x, step, seed=0):
         return x, 0.0
     offset = np.random.default_rng(seed).uniform(0.0, step)
     return np.round((x + offset) / step) * step, offset
+
+
+def stairs_that_creep():
+    """A staircase up and down whose set point creeps by 5 um in each hold."""
+    return trapezoids(10.0, (0.4, 0.4, 0.4, -0.4, -0.4), hold=2.0, creep=0.005)
+
+
+def uneven(motion, readings, seed=5):
+    """Times of a logger that thins: gaps between samples vary by a factor of 8."""
+    gaps = np.exp(np.random.default_rng(seed).uniform(0.0, np.log(8.0), readings - 1))
+    return np.append(0.0, np.cumsum(gaps)) * motion.duration / gaps.sum()

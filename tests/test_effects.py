@@ -483,6 +483,12 @@ def test_what_a_protocol_cannot_show():
     assert StressSoftening.blind(poor) == "no test unloads"
 
 
+def test_effects_made_of_a_speed_that_the_records_do_not_give():
+    untimed = Protocol(unloads=True, returns=True, tests=6, bonded=False, curved=False, timed=False)
+    blind = {kind.name for kind in EFFECTS if kind.unmeasured(untimed)}
+    assert blind == {"viscous_drag", "power_law_drag", "squeeze_film", "inertia"}
+
+
 # files of users
 
 SOURCE = '''

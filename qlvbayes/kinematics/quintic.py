@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 
 DEGREE = 5
 _FEWEST = 2  # samples in a span that may not be halved further
+_MANY = 16  # samples in a span that is halved because all together leave too much
+_LITTLE = 0.1  # of the readings' variance: less is not worth more knots
 _ROUNDS = 24  # of halving: enough for 2^24 readings
 _SURE = 3.0  # sds by which a span's mean square must exceed its expectation
 _ROUNDOFF = 1e-11  # of the normal matrix, so that it can be inverted
@@ -111,7 +113,7 @@ def unfaithful(spline: Quintic, window: Window, tol: Tolerance) -> NDArray[np.bo
     """(k,) spans with a residual or a mean square beyond what the readings' own errors make.
 
     Rounding of a slow motion repeats itself from sample to sample: only a change of reading counts
-    as a reading of its own.
+    as a reading of its own. What no single span shows may show in all of them together.
     """
     knots, r = spline.joints.knots, spline.residuals
     count = knots.size - 1
@@ -124,7 +126,12 @@ def unfaithful(spline: Quintic, window: Window, tol: Tolerance) -> NDArray[np.bo
     np.maximum.at(most, span, r)
     np.minimum.at(least, span, r)
     far = (np.maximum(most, -least) > tol.sample) & (most - least > 1.25 * tol.step)
-    return far | (square > tol.variance * (1.0 + _SURE * np.sqrt(2.0 / own)))
+    loud = square > tol.variance * (1.0 + _SURE * np.sqrt(2.0 / own))
+    failing = far | (loud & (samples >= 2 * _FEWEST))
+    beyond = max(_LITTLE, _SURE * float(np.sqrt(2.0 / own.sum())))
+    if not failing.any() and np.mean(r * r) > tol.variance * (1.0 + beyond):
+        failing = (square > tol.variance) & (samples >= _MANY)
+    return failing
 
 
 def _fixed(joints: Joints) -> tuple[int, int]:

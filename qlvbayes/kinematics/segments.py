@@ -214,7 +214,18 @@ def find_rests(
         if not alone and beside * (time[stop - 1] - time[first]) < 4.0 * tol.rest:
             continue
         rests.append(Rest(first, stop, float(x.mean())))
-    return _stretched(displacement, _distinct(rests, tol), tol)
+    found = _stretched(displacement, _distinct(rests, tol), tol)
+    return [rest for rest in found if not _turns(time, displacement, rest, tol)]
+
+
+def _turns(time: Array, displacement: Array, rest: Rest, tol: Tolerance) -> bool:
+    """Whether one parabola follows the rest and twice its length on either side: it only turns."""
+    reach = 2 * (rest.stop - rest.first)
+    around = slice(max(rest.first - reach, 0), rest.stop + reach)
+    x = displacement[around]
+    if x.size < 2 * (rest.stop - rest.first):
+        return False
+    return float(np.ptp(x)) > 4.0 * tol.rest and _quadratic_fits(time[around], x, tol)
 
 
 def _speed(time: Array, displacement: Array, segment: tuple[int, int]) -> float:

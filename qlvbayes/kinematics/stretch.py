@@ -35,6 +35,7 @@ _INWARD = 0.8  # of the first span: how far an end may move into it
 _FEW_KNOTS = 10  # beyond, another one is not tried
 _PLAIN = 4  # pieces of a trapezoid of velocity and one more: nothing smooth is simpler
 _PER_PIECE = 2.5  # numbers a piece costs: its acceleration, its knot, now and then a kink
+_PER_KINK = 2.5  # times the numbers that a curve may take where the pieces end in straight lines
 _MOST_PIECES = 400  # beyond, only a smooth curve is tried first
 
 
@@ -85,9 +86,10 @@ def fitted(
     ):
         return curve
     plain = _simplest(knots, left, right, window, tol)
-    plain = insert_until_faithful(plain, window, tol.rest)
-    found = _constant(plain, window)
-    return curve if curve is not None and curve.numbers < found.numbers else found
+    faithful = insert_until_faithful(plain, window, tol.rest)
+    found = _constant(faithful, window)
+    price = _PER_KINK if faithful.knots.size > plain.knots.size else 1.0
+    return curve if curve is not None and curve.numbers < price * found.numbers else found
 
 
 def _constant(joints: Joints, window: Window) -> Stretch:
