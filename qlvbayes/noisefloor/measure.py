@@ -147,7 +147,7 @@ def _fitted(pool: Pool, longest: float, usual: float) -> Rests:
     most = max(_LONGEST * longest, 2.0 * shortest)
     taus = np.log([shortest, most])
     bounds = np.array([[_LEAST_RATIO, taus[0]], [_MOST_RATIO, taus[1]]])
-    starts = [(r, t) for t in np.linspace(taus[0], taus[1], _TAUS) for r in _RATIOS]
+    starts = [(r, t) for t in np.linspace(float(taus[0]), float(taus[1]), _TAUS) for r in _RATIOS]
     rough = _mode(pool, bounds, usual_log_tau(usual), starts, smooth=False)
     if rough.best - pool.of_white()[0] < _DECISIVE:
         return rough

@@ -78,9 +78,7 @@ class Rests:
         places = mode + z @ root.T
         inside = np.all((places > self.bounds[0]) & (places < self.bounds[1]), axis=1)
         places, z = places[inside], z[inside]
-        found = [
-            self.pool.likelihood(float(ratio), float(tau), self.smooth) for ratio, tau in places
-        ]
+        found = [self.pool.likelihood(r, log_tau, self.smooth) for r, log_tau in places.tolist()]
         logs, variances = np.array(found).T
         proposal = -0.5 * (_HEAVY + 2.0) * np.log1p(np.sum(z**2, axis=1) / _HEAVY)
         weights = np.exp(logs + self._log_prior(places[:, 1]) - proposal - self.best)
