@@ -118,9 +118,9 @@ class UnitSystem:
         """What a number of that kind is multiplied by to be in the other system's unit.
 
         Both must have displacement and force, or both strain and stress; the kind must not be that
-        of a power law's factor, whose unit goes with its exponent.
+        of a power law's factor, whose unit goes with its exponent (KeyError).
         """
-        length, force = _DIMENSIONS.get(kind, (0, 0))
+        length, force = _DIMENSIONS[kind]
         way = 0 if self.dimensionless else _decades(self.displacement, other.displacement)
         return 10.0 ** (length * way + force * _decades(self.force, other.force))
 
@@ -144,12 +144,18 @@ _JOULES = {
 }  # fmt: skip
 # Powers of displacement and of force in each kind of unit; the others have neither.
 _DIMENSIONS = {
+    "time": (0, 0),
+    "rate": (0, 0),
+    "fraction": (0, 0),
+    "count": (0, 0),
     "displacement": (1, 0),
     "speed": (1, 0),
     "exponent": (-1, 0),
     "force": (0, 1),
     "force_rate": (0, 1),
     "stiffness": (-1, 1),
+    "quadratic_stiffness": (-2, 1),
+    "cubic_stiffness": (-3, 1),
     "drag": (-1, 1),
     "mass": (-1, 1),
     "compliance": (1, -1),

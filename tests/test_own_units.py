@@ -2,14 +2,20 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from qlvbayes import parameters
+from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
 from qlvbayes.conversion import factors
 from qlvbayes.data import read_study
 from qlvbayes.drawn import described_fields
+from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.experiment import prepare
+from qlvbayes.fit import build_posterior
+from qlvbayes.inference import compiled
+from qlvbayes.posterior import central
 from qlvbayes.summary import Summary
 from qlvbayes.units import PAD, STRAIN, unit_system
 from qlvbayes.wording import plain
@@ -51,6 +57,7 @@ def test_motion_roles_and_noise_do_not_depend_on_units(tmp_path, length, force):
         assert theirs == pytest.approx(FORCES[force] * ours, rel=1e-4)
 
 
+@settings(deadline=None)  # the first example imports and compiles
 @given(st.sampled_from(SYSTEMS), st.sampled_from(SYSTEMS))
 def test_converted_constants_give_the_same_force(given_units, wanted_units):
     first, second = unit_system(*given_units), unit_system(*wanted_units)
@@ -68,8 +75,32 @@ def test_converted_constants_give_the_same_force(given_units, wanted_units):
     assert by["v[1]"] == by["c[0]"] == 1.0
 
 
+@pytest.mark.parametrize("law", ["exponential", "linear", "polynomial:3", "toe"])
+@pytest.mark.parametrize(("length", "force"), [("um", "nN"), ("m", "mN")])
+def test_posterior_does_not_depend_on_units(tmp_path, law, length, force):
+    """Priors and likelihood: the same theta has the same constants and, but for one over the
+    volume of the data's unit, the same density."""
+    # drag by a power of the speed has its prior at the unit's own speed
+    kinds = tuple(kind.name for kind in EFFECTS if kind.name != "power_law_drag")
+    choices = Choices(law=law, effects=tuple(set(kinds) - {"adhesion"}))
+    first, second = (
+        prepare(read_study(written(tmp_path, *names)).pads[0], all_tests=True)
+        for names in (("mm", "N"), (length, force))
+    )
+    ours, theirs = (build_posterior(e, choices, e.trials) for e in (first, second))
+    rng = np.random.default_rng(5)
+    thetas = central(ours) + 0.1 * rng.standard_normal((4, ours.size))
+    constants = [np.asarray(compiled.constants(one, thetas)) for one in (ours, theirs)]
+    names = parameters.names(ours)
+    by = factors(choices, dict(zip(names, constants[0].T, strict=True)), first.units, second.units)
+    for name, before, after in zip(names, constants[0].T, constants[1].T, strict=True):
+        np.testing.assert_allclose(after, by[name] * before, rtol=1e-4, err_msg=name)
+    densities = [np.asarray(compiled.log_densities(one, thetas)) for one in (ours, theirs)]
+    np.testing.assert_allclose(*(x - x[0] for x in densities), rtol=1e-3, atol=0.1)
+
+
 def test_strain_is_no_length():
-    with pytest.raises(ValueError, match="cannot be converted"):
+    with pytest.raises(InputError, match="cannot be converted"):
         factors(Choices(), {}, PAD, STRAIN)
 
 
