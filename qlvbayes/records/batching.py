@@ -28,6 +28,8 @@ def batch(records: Sequence[Record]) -> Record:
 
 
 def _rounded(size: int, step: int) -> int:
+    """Up to a multiple of ``step``; of an eighth of the size or so, where that is coarser."""
+    step = max(step, 1 << max(size.bit_length() - 3, 0))
     return -(-size // step) * step
 
 
