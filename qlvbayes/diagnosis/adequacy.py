@@ -116,15 +116,16 @@ def adequacy_along(
     vectors = np.concatenate([residual[None], slopes, curves])
     least = _LEAST_NOISE * experiment.scales.force
     found = []
+    tests = _tests(record.blocks)
     for floor in _floors(experiment, ensemble, point):
-        products = _products(floor, record.blocks, vectors, least)
+        products = _products(floor, tests, vectors, least)
         found.append(_p_values(products, len(slopes), [rows for _, rows in cells]))
     cell_ps = np.mean([ps for ps, _, _ in found], axis=0)
     joint, both = np.mean([one[1:] for one in found], axis=0)
-    tests = tuple(
+    tested = tuple(
         CellTest(*cell, len(rows), float(p)) for (cell, rows), p in zip(cells, cell_ps, strict=True)
     )
-    return Adequacy(tests, float(joint), float(both), experiment.floor.testable)
+    return Adequacy(tested, float(joint), float(both), experiment.floor.testable)
 
 
 def combined(worst: float, cells: int, joint: float) -> float:
@@ -149,12 +150,21 @@ def _p_values(
     return ps, joint, combined(float(ps.min()), ps.size, joint)
 
 
-def _products(floor: NoiseFloor, blocks: Blocks, vectors: np.ndarray, least: float) -> np.ndarray:
+def _tests(blocks: Blocks) -> list[tuple[np.ndarray, Blocks]]:
+    """Of each test, which of its blocks (B,) are no padding, and those."""
+    arrays = jax.tree.map(np.asarray, blocks)
+    return [
+        (real, jax.tree.map(lambda x, k=k, real=real: x[k][real], arrays))
+        for k, real in enumerate(arrays.real)
+    ]
+
+
+def _products(
+    floor: NoiseFloor, tests: list[tuple[np.ndarray, Blocks]], vectors: np.ndarray, least: float
+) -> np.ndarray:
     """(M, M) products v^T Sigma^-1 w of vectors (M, T, B) under a floor."""
     total = np.zeros((len(vectors), len(vectors)))
-    for k in range(vectors.shape[1]):
-        real = np.asarray(blocks.real[k])
-        of_test = jax.tree.map(lambda x, k=k, real=real: np.asarray(x[k])[real], blocks)
+    for k, (real, of_test) in enumerate(tests):
         some = np.flatnonzero(np.any(vectors[:, k, real] != 0.0, axis=1))
         root = cholesky(covariance(floor, of_test, least), lower=True, check_finite=False)
         white = solve_triangular(root, vectors[some, k][:, real].T, lower=True, check_finite=False)
