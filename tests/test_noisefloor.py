@@ -109,7 +109,9 @@ def test_a_kink_where_contact_is_regained_is_no_noise():
     early = np.geomspace(1, 29_990, 140).astype(int)
     rows = np.unique(np.concatenate([early, 30_000 + early]))
     floors = [measure(*pad(rng, rows=rows, law=pressed_again)) for _ in range(20)]
-    lost = np.array([floor.surprise(WHITE, OU, TAU) for floor in floors])
+    lost = np.array(
+        [floor.rests.best - floor.rests.log_likelihood(WHITE, OU, TAU) for floor in floors]
+    )
     assert lost.mean() < 1.5 + 3.0 * np.sqrt(1.5 / lost.size)
 
 

@@ -58,12 +58,6 @@ class NoiseFloor:
         size = np.abs(np.asarray(force, dtype=np.float64))
         return np.asarray((1.0 + self.growth * size) / (1.0 + self.growth * self.level))
 
-    def surprise(self, white: float, ou: float, tau: float) -> float:
-        """Log-likelihood of the rests that other noise loses against the best; 0 without rests."""
-        if self.rests is None:
-            return 0.0
-        return self.rests.best - self.rests.log_likelihood(white, ou, tau)
-
     def factor(self, name: str) -> float:
         """By which one sd of what the rests leave open changes ``white`` or ``tau``, 5 at most."""
         if self.ou == 0.0:  # its time is nobody's then
