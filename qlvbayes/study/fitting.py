@@ -68,7 +68,5 @@ def fit_into(
         if figures:
             draw_fit(folder, found, experiment)
     remove_chain(chain)
-    for notice in summary.notices:
-        watcher.notice(f"pad {pad.name}: {notice}")
     watcher.fitted(summary)
     return summary
