@@ -53,18 +53,18 @@ def _check_steps(law: AbstractElastic, depth: float) -> None:
 
 def _step(law: AbstractElastic, start: float, stop: float, decay: float) -> float:
     """Compiled and plain, which must agree."""
-
-    def run(law: AbstractElastic, start: Array, stop: Array, decay: Array) -> Array:
-        return law.relaxed_step(start, stop, law.force(start), law.force(stop), decay)
-
     given = [jnp.asarray(x) for x in (start, stop, decay)]
-    plain, compiled = float(run(law, *given)), float(_COMPILED(run, law, *given))
+    plain, compiled = float(_run(law, *given)), float(_compiled(law, *given))
     if not np.isclose(plain, compiled, rtol=1e-10, atol=1e-14):
         raise LawError(f"{law}: compiled and plain steps differ: {compiled:.12g}, {plain:.12g}")
     return plain
 
 
-_COMPILED = eqx.filter_jit(lambda run, *given: run(*given))
+def _run(law: AbstractElastic, start: Array, stop: Array, decay: Array) -> Array:
+    return law.relaxed_step(start, stop, law.force(start), law.force(stop), decay)
+
+
+_compiled = eqx.filter_jit(_run)  # once for all draws of a law
 
 
 def _integral(law: AbstractElastic, start: float, stop: float, decay: float) -> float:

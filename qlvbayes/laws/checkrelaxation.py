@@ -32,12 +32,15 @@ def check_relaxation(law: AbstractRelaxation, shortest: float, longest: float) -
     curve = law.curve(jnp.concatenate([jnp.zeros(1), time]))
     if abs(float(curve[0]) - 1.0) > _EXACT or np.max(np.diff(curve)) > _EXACT:
         raise LawError(f"{law}: g must begin at 1 and fall")
-    compiled = eqx.filter_jit(lambda law, time: law.curve(time))(law, time)
+    compiled = _compiled(law, time)
     if not np.allclose(compiled, curve[1:], rtol=0.0, atol=1e-10):
         raise LawError(f"{law}: compiled and plain evaluation differ")
     _check_slopes(law, time)
     if not all(float(x) > 0.0 for x in law.times().values()):
         raise LawError(f"{law}: its times must be above 0")
+
+
+_compiled = eqx.filter_jit(lambda law, time: law.curve(time))  # once for all draws of a law
 
 
 def _check_slopes(law: AbstractRelaxation, time: Array) -> None:
