@@ -34,11 +34,6 @@ def top(ensemble):
     return top
 
 
-def test_from_there_the_film_is_worth_nothing(ensemble, top):
-    beside = climb(ensemble, ensemble.subset(("squeeze_film",)), top.theta)
-    assert beside.log_evidence - top.log_evidence < 1.0
-
-
 def test_it_is_found_though_the_next_best_spectrum_is_wrong_too(ensemble, top, monkeypatch):
     """Without the wider search, which the best contenders alone get."""
     monkeypatch.setattr("qlvbayes.diagnosis.contest._widened", lambda e, base, ranked, best: ranked)
@@ -49,3 +44,6 @@ def test_it_is_found_though_the_next_best_spectrum_is_wrong_too(ensemble, top, m
     assert found.best.effect == "squeeze_film"
     rate = found.best.point.constants[ensemble.names.index("v[1]")]
     assert rate == pytest.approx(PAD.v[0], rel=0.1)
+    # a local fit from there sees next to nothing of what the film is worth
+    beside = climb(ensemble, ensemble.subset(("squeeze_film",)), top.theta)
+    assert beside.log_evidence - top.log_evidence < 0.05 * found.best.log_bayes_factor
