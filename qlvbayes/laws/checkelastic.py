@@ -14,7 +14,9 @@ from qlvbayes.laws.lawerror import LawError
 
 _EXACT = 1e-9  # of the largest force or stiffness
 _STEP = 2e-3  # of the depth: one step of a grid as the model's is
-_STEP_ERROR = 1e-5  # of the integral, for laws whose step has no closed form
+_STEP_ERROR = 1e-5  # of the integral, for laws whose step has no closed form;
+# at first contact, where a power is not smooth, of the largest force: a tenth of what the straight
+_TOUCH_ERROR = 1e-5  # lines of the model's grid may add
 _DECAYS = (0.0, 1e-3, 0.3, 3.0)
 _PANELS = 64  # of the quadrature of a step, each of 8 nodes
 _NODES, _WEIGHTS = leggauss(8)
@@ -43,8 +45,10 @@ def _check_steps(law: AbstractElastic, depth: float) -> None:
         for stop in (start + _STEP * depth, max(start - _STEP * depth, 0.0)):
             for decay in _DECAYS:
                 found, exact = _step(law, start, stop, decay), _integral(law, start, stop, decay)
-                scale = abs(float(law.force(jnp.asarray(depth)))) * _STEP
-                if not abs(found - exact) <= _STEP_ERROR * max(abs(exact), scale):
+                most = abs(float(law.force(jnp.asarray(depth))))
+                least = _TOUCH_ERROR * most if start == 0.0 else 0.0
+                allowed = max(_STEP_ERROR * max(abs(exact), _STEP * most), least)
+                if not abs(found - exact) <= allowed:
                     raise LawError(
                         f"{law}: the step from {start:.3g} to {stop:.3g} at a decay of {decay:g} "
                         f"is {found:.6g}, its integral {exact:.6g}"
