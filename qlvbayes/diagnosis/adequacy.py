@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 from scipy.stats import chi2
 
-from qlvbayes.diagnosis.block_noise import covariance
+from qlvbayes.diagnosis.block_noise import LEAST_NOISE, covariance
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.experiment import Experiment, Trial
 from qlvbayes.inference.gaussnewton import Point, pad_directions, predict_along
@@ -51,7 +51,6 @@ from qlvbayes.records.record import Blocks, Record
 _ORDERS = 4
 _DRAWS = 12  # of the floor, over which p-values are averaged
 _FEWEST = 3  # blocks a curve, at least
-_LEAST_NOISE = 1e-6  # sd of a block mean over the peak force, which keeps covariances invertible
 _WIDEST = 1.0  # sd of the logarithm of a noise scale that the fit leaves open
 _MOST_APART = 5  # phases of a kind in a test: of more, as in cycles, one cell is made,
 _CYCLE_ORDERS = 2  # whose mean over a cycle may drift by a straight line and a parabola
@@ -114,7 +113,7 @@ def adequacy_along(
     cells, curves = _curves(experiment.trials, record.blocks)
     slopes = slopes[np.any(slopes != 0.0, axis=(1, 2))]
     vectors = np.concatenate([residual[None], slopes, curves])
-    least = _LEAST_NOISE * experiment.scales.force
+    least = LEAST_NOISE * experiment.scales.force
     found = []
     tests = _tests(record.blocks)
     for floor in _floors(experiment, ensemble, point):

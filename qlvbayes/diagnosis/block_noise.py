@@ -8,12 +8,12 @@ from qlvbayes.experiment import Experiment
 from qlvbayes.noisefloor import NoiseFloor
 from qlvbayes.records.record import Blocks
 
-_LEAST_NOISE = 1e-6  # sd, over the largest force, that keeps the covariance invertible
+LEAST_NOISE = 1e-6  # sd of a block mean, over the largest force, that keeps covariances invertible
 
 
 def floor_covariance(experiment: Experiment, blocks: Blocks) -> np.ndarray:
     """Covariance (N, N) of the noise floor of one test's block means (N^2)."""
-    return covariance(experiment.floor, blocks, _LEAST_NOISE * experiment.scales.force)
+    return covariance(experiment.floor, blocks, LEAST_NOISE * experiment.scales.force)
 
 
 def covariance(floor: NoiseFloor, blocks: Blocks, least: float) -> np.ndarray:
