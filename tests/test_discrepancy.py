@@ -7,7 +7,6 @@ from endtoend import experiment
 from hidden_pads import ensemble_of
 
 from qlvbayes.data import Pad, Test
-from qlvbayes.diagnosis.block_noise import averaged_correlation
 from qlvbayes.diagnosis.discrepancy import Discrepancy, fit_discrepancy
 from qlvbayes.diagnosis.discrepancy.coverage import HeldOutCoverage
 from qlvbayes.diagnosis.discrepancy.process import Inputs, Kernel, Residuals, fit_scales
@@ -66,14 +65,6 @@ def swinging():
 @pytest.fixture(scope="module")
 def explained():
     return fitted(experiment())
-
-
-def test_averages_of_correlated_noise():
-    """Against averages over many instants."""
-    first, last, tau = np.array([0.0, 1.0, 1.5]), np.array([0.8, 1.0, 4.0]), 0.7
-    instants = [np.linspace(a, b, 801) for a, b in zip(first, last, strict=True)]
-    exact = [[np.exp(-np.abs(x[:, None] - y) / tau).mean() for y in instants] for x in instants]
-    np.testing.assert_allclose(averaged_correlation(first, last, tau), exact, rtol=3e-3)
 
 
 def random_inputs(rng, count, tests):

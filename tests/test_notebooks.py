@@ -48,7 +48,6 @@ def test_the_hidden_effect_is_found(executed):
     assert "missing effect: squeeze_film" in text
 
 
-@pytest.mark.xfail(reason="in um and mN the verdict of this pad is another: to be looked into")
 def test_an_effect_of_ones_own_wins(executed):
     text = printed(executed["04_your_own_data_and_effect"])
     assert "verdict: missing_effect, effects: quadratic_drag" in text

@@ -1,4 +1,5 @@
 import time as clock
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -6,8 +7,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from qlvbayes.checks import InputError
+from qlvbayes.data import read_study
+from qlvbayes.kinematics.phases import find_phases
 from qlvbayes.kinematics.trajectory import smooth
 
+PADS = Path(__file__).parents[1] / "data" / "pads.csv"
 STEP = 1e-3  # mm
 LIMIT = 1000.0  # mm/s2
 
@@ -225,6 +229,17 @@ def test_units_of_time_and_depth_do_not_matter(slower, larger, later, seed):
     away = np.min(np.abs(where[:, None] - plain.knots[None, :]), axis=1) > 5e-4
     v = scaled.velocity(time_unit * where + shift) * time_unit / depth_unit
     assert np.abs(v - plain.velocity(where))[away].max() < 1e-2
+
+
+@pytest.mark.parametrize("unit", [1e-3, 1e3, 1e6, 25.4])
+def test_the_bundled_motions_are_the_same_in_any_unit(unit):
+    """Their encoder's steps are whole numbers in some units, and round either way in others."""
+    for test in read_study(PADS).pad("B").tests:
+        plain = smooth(test.time, test.displacement)
+        scaled = smooth(test.time, np.round(test.displacement / STEP) * (STEP * unit))
+        off = scaled.displacement(test.time) / unit - plain.displacement(test.time)
+        assert np.abs(off).max() < 0.5 * STEP
+        assert len(find_phases(scaled)) == len(find_phases(plain))
 
 
 def test_the_cost_grows_with_the_number_of_readings():

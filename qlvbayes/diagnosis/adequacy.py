@@ -116,11 +116,12 @@ def adequacy_along(
     least = LEAST_NOISE * experiment.scales.force
     found = []
     tests = _tests(record.blocks)
-    for floor in _floors(experiment, ensemble, point):
+    floors, weights = _floors(experiment, ensemble, point)
+    for floor in floors:
         products = _products(floor, tests, vectors, least)
         found.append(_p_values(products, len(slopes), [rows for _, rows in cells]))
-    cell_ps = np.mean([ps for ps, _, _ in found], axis=0)
-    joint, both = np.mean([one[1:] for one in found], axis=0)
+    cell_ps = np.average([ps for ps, _, _ in found], axis=0, weights=weights)
+    joint, both = np.average([one[1:] for one in found], axis=0, weights=weights)
     tested = tuple(
         CellTest(*cell, len(rows), float(p)) for (cell, rows), p in zip(cells, cell_ps, strict=True)
     )
@@ -171,11 +172,13 @@ def _products(
     return total
 
 
-def _floors(experiment: Experiment, ensemble: Ensemble, point: Point) -> list[NoiseFloor]:
-    """Draws of the floor given the rests; without any, of the fit's noise."""
+def _floors(
+    experiment: Experiment, ensemble: Ensemble, point: Point
+) -> tuple[list[NoiseFloor], np.ndarray]:
+    """Draws of the floor given the rests and their weights; without any, of the fit's noise."""
     floor = experiment.floor
     if floor.testable:
-        return floor.draws(_DRAWS)
+        return floor.weighted(_DRAWS)
     count = len(ensemble.posterior.noise.units)
     fitted = point.constants[-count:]
     spread = point.constants_covariance[-count:, -count:] / np.outer(fitted, fitted)
@@ -183,9 +186,10 @@ def _floors(experiment: Experiment, ensemble: Ensemble, point: Point) -> list[No
     root = vectors * np.sqrt(np.clip(values, 0.0, _WIDEST**2))
     draws = np.random.default_rng(0).standard_normal((_DRAWS, count)) @ root.T
     sizes = fitted * np.exp(draws)
+    weights = np.full(_DRAWS, 1.0 / _DRAWS)
     if count == 1:  # white noise was asked for
-        return [replace(floor, white=float(one[0]), ou=0.0) for one in sizes]
-    return [replace(floor, white=one[0], ou=one[1], tau=one[2]) for one in sizes.tolist()]
+        return [replace(floor, white=float(one[0]), ou=0.0) for one in sizes], weights
+    return [replace(floor, white=w, ou=ou, tau=tau) for w, ou, tau in sizes.tolist()], weights
 
 
 def is_sound(

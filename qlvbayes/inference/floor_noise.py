@@ -9,6 +9,8 @@ import numpy as np
 from qlvbayes.noisefloor import NoiseFloor
 from qlvbayes.records.record import Blocks
 
+_TINY = 1e-300  # variance gained over no time: no share of 0/0
+
 
 def realisations(
     floors: Sequence[NoiseFloor], samples: Blocks, rng: np.random.Generator
@@ -52,7 +54,7 @@ def _smooth_walk(time: np.ndarray, tau: np.ndarray, rng: np.random.Generator) ->
         own = 1.0 - decay**2 * (2.0 + np.sin(2.0 * x) - np.cos(2.0 * x))
         own = np.where(x < 1e-2, 8.0 / 3.0 * x**3 * (1.0 - 1.5 * x), own)
         rest = 1.0 - decay**2 * (2.0 - np.cos(2.0 * x) - np.sin(2.0 * x))
-        tilt = decay**2 * 2.0 * np.sqrt(2.0) * sine**2 / np.sqrt(own)
+        tilt = decay**2 * 2.0 * np.sqrt(2.0) * sine**2 / np.sqrt(np.maximum(own, _TINY))
         first, second = rng.standard_normal((2, tau.size))
         value, slope = (
             decay * ((cosine + sine) * value + beside * slope) + np.sqrt(own) * first,

@@ -12,6 +12,7 @@ Array = NDArray[np.float64]
 
 _FIT_SAMPLES = 200  # a quadratic needs no more samples than this
 _FEWEST_IN_REST = 5
+_ROUNDING = 1e-9  # a range of two whole steps is motion, however the file's unit rounds them
 _LEAST_STEP = 1e-6  # of the range: finer rounding is no encoder's
 _UNSEEN = 0.3  # of the bound on each residual: their root mean square in an exact record
 
@@ -141,7 +142,7 @@ def _quadratic_fits(time: Array, x: Array, tol: Tolerance) -> bool:
     half = 0.5 * (time[-1] - time[0])
     u = (time - time[0]) / half - 1.0
     pick = slice(None) if n <= _FIT_SAMPLES else np.linspace(0, n - 1, _FIT_SAMPLES).astype(int)
-    if float(x.max() - x.min()) <= 2.0 * tol.rest:
+    if float(x.max() - x.min()) < 2.0 * tol.rest * (1.0 - _ROUNDING):
         mean = float(x.mean())
         if tol.noise == 0.0 or _blocks_centred(x - mean, tol):
             return True
@@ -204,7 +205,7 @@ def find_rests(
     rests: list[Rest] = []
     for k, (first, stop) in enumerate(segments):
         x = displacement[first:stop]
-        if stop - first < _FEWEST_IN_REST or np.ptp(x) > 2.0 * tol.rest:
+        if stop - first < _FEWEST_IN_REST or np.ptp(x) >= 2.0 * tol.rest * (1.0 - _ROUNDING):
             continue
         if tol.noise > 0.0 and not _blocks_centred(x - x.mean(), tol):
             continue

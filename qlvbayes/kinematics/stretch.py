@@ -152,11 +152,29 @@ def _local(joints: Joints, side: int, place: float) -> Joints:
 def _window(
     t: Array, x: Array, first: int, stop: int, before: Rest | None, after: Rest | None
 ) -> Window:
-    """Take in part of the rests beside a stretch, so that its end knots can move."""
+    """Take in part of the rests beside a stretch, so that its end knots can move.
+
+    A rest is at its level between its readings too: where they are sparser than the stretch's,
+    some are put between them, or the motion could do anything there.
+    """
     reach = max(20, (stop - first) // 4)
     i = first if before is None else first - min(reach, (before.stop - before.first) // 2)
     j = stop if after is None else stop + min(reach, (after.stop - after.first) // 2)
-    return Window(t[i:j], x[i:j], float(t[i]), float(t[j - 1]))
+    between = float(np.median(np.diff(t[first:stop]))) * np.arange(1.0, reach + 1.0)
+    early = _unread(t[i:first], t[first - 1] - between) if first > i else t[:0]
+    late = _unread(t[stop:j], t[min(stop, t.size - 1)] + between) if j > stop else t[:0]
+    levels = [0.0 if rest is None else rest.level for rest in (before, after)]
+    added = [np.full(some.size, level) for some, level in zip((early, late), levels, strict=True)]
+    time = np.concatenate([early, t[i:j], late])
+    order = np.argsort(time, kind="stable")
+    x_all = np.concatenate([added[0], x[i:j], added[1]])
+    return Window(time[order], x_all[order], float(t[i]), float(t[j - 1]))
+
+
+def _unread(t: Array, times: Array) -> Array:
+    """Those of evenly spaced times between the first reading and the last that have none near."""
+    near = np.min(np.abs(times[:, None] - t), axis=1) <= abs(times[1] - times[0])
+    return times[~near & (times > t[0]) & (times < t[-1])]
 
 
 def _simplest(

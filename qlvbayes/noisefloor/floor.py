@@ -72,8 +72,20 @@ class NoiseFloor:
         """
         if self.rests is None:
             return [self] * count
-        least = self.step / np.sqrt(12.0)
-        return [
-            replace(self, white=max(white, least), ou=ou, tau=tau)
-            for white, ou, tau in self.rests.draw(count)
-        ]
+        return [self._like(one) for one in self.rests.draw(count)]
+
+    def weighted(self, count: int) -> tuple[list[NoiseFloor], Array]:
+        """Floors with weights (count,) of sum 1, the unlikely ones among them; see ``draws``."""
+        if self.rests is None:
+            return [self], np.ones(1)
+        found, weights = self.rests.weighted(count)
+        return [self._like(one) for one in found], weights
+
+    def rounded(self) -> NoiseFloor:
+        """The same with no less variance than rounding to ``step`` makes."""
+        least = np.sqrt(max(self.step**2 / 12.0 - self.ou**2, 0.0))
+        return replace(self, white=max(self.white, float(least)))
+
+    def _like(self, found: tuple[float, float, float]) -> NoiseFloor:
+        white, ou, tau = found
+        return replace(self, white=white, ou=ou, tau=tau).rounded()

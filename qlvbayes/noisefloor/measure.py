@@ -88,9 +88,7 @@ def _at_least(floor: NoiseFloor, peak: float, step: float) -> NoiseFloor:
     notices = floor.notices
     if step > 0.0:
         notices = (*notices, f"the force is digitised in steps of {step:.3g}, counted as noise")
-    floor = replace(
-        floor, white=max(floor.white, step / np.sqrt(12.0), _TINY), step=step, notices=notices
-    )
+    floor = replace(floor, white=max(floor.white, _TINY), step=step, notices=notices).rounded()
     least = EXACT * peak
     if floor.total >= least:
         return floor

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve_banded, cholesky, cholesky_banded, solve_triangular
 
+from qlvbayes.noisefloor.averages import rate, variance
 from qlvbayes.noisefloor.rests import Rest, run_scale, trend
 
 Array = NDArray[np.float64]
@@ -91,7 +92,8 @@ class Pool:
         log_ratio: of the correlated variance to the white one; smooth: see ``NoiseFloor``.
         """
         ratio, tau = np.exp(log_ratio), np.exp(log_tau)
-        shrink = np.sqrt(_mean_variance(self.length / tau, smooth))
+        decay = rate(tau, smooth)
+        shrink = np.sqrt(np.real(decay * tau * variance(self.length, self.count, decay)))
         banded = _smooth_precision if smooth else _precision
         band, log_precision = banded(self.gaps / tau)
         width = 2 if smooth else 1
@@ -126,14 +128,6 @@ class Pool:
 def _side_by_side(trends: list[Array]) -> Array:
     width = max(q.shape[1] for q in trends)
     return np.concatenate([np.pad(q, ((0, 0), (0, width - q.shape[1]))) for q in trends])
-
-
-def _mean_variance(x: Array, smooth: bool) -> Array:
-    """Variance of a unit process's mean over a stretch of length x (in tau)."""
-    factor = 1.0 - 1.0j if smooth else 1.0
-    z = factor * np.maximum(x, 1e-3)
-    found = np.real(factor * 2.0 * (z + np.expm1(-z)) / z**2)
-    return np.where(x < 1e-3, 1.0, found)
 
 
 def _precision(x: Array) -> tuple[Array, float]:

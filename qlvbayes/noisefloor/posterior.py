@@ -20,6 +20,7 @@ _STEP = 0.1  # of both numbers, in the curvature's differences
 _WIDEST = 2.0  # sd of that t where the rests say little
 _USUAL_TAU = 0.05  # of a rest: a longer memory looks like the trend, so that there is a weak
 TAU_SD = 1.5  # prior, log-normal with this sd (a quarter of a rest is one away)
+_RATIO_SD = 3.0  # prior of the log ratio of variances: sds that differ up to 4.5 times, usually
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +53,20 @@ class Rests:
 
         The scale's posterior at a given ratio and time is an inverse chi-square, exactly.
         """
-        places, variances, weights = self._sample
+        return self._chosen(count, self._sample[2])[0]
+
+    def weighted(self, count: int) -> tuple[list[tuple[float, float, float]], Array]:
+        """The same, with weights (count,) of sum 1, so that unlikely noises are among them."""
+        weights = self._sample[2]
+        found, chosen = self._chosen(count, np.sqrt(weights))
+        shares = np.sqrt(weights[chosen])
+        return found, shares / shares.sum()
+
+    def _chosen(
+        self, count: int, weights: Array
+    ) -> tuple[list[tuple[float, float, float]], NDArray[np.intp]]:
+        """Noises at places drawn by their weights, and which places those are."""
+        places, variances, _ = self._sample
         shares = (np.arange(count) + 0.5) / count
         chosen = np.searchsorted(np.cumsum(weights), shares * weights.sum())
         chosen = np.clip(chosen, 0, weights.size - 1)
@@ -64,7 +78,7 @@ class Rests:
             white = float(np.sqrt(variances[k]) * scale)
             ratio, tau = places[k]
             found.append((white, white * float(np.exp(0.5 * ratio)), float(np.exp(tau))))
-        return found
+        return found, chosen
 
     @cached_property
     def _sample(self) -> tuple[Array, Array, Array]:
@@ -81,7 +95,8 @@ class Rests:
         found = [self.pool.likelihood(r, log_tau, self.smooth) for r, log_tau in places.tolist()]
         logs, variances = np.array(found).T
         proposal = -0.5 * (_HEAVY + 2.0) * np.log1p(np.sum(z**2, axis=1) / _HEAVY)
-        weights = np.exp(logs + self._log_prior(places[:, 1]) - proposal - self.best)
+        prior = self._log_prior(places[:, 1]) - 0.5 * (places[:, 0] / _RATIO_SD) ** 2
+        weights = np.exp(logs + prior - proposal - self.best)
         if not self.correlated:
             places, variances, weights = self._or_white(places, variances, weights, root)
         return places, variances, weights / weights.sum()
@@ -91,10 +106,9 @@ class Rests:
     ) -> tuple[Array, Array, Array]:
         """White noise alone beside them, as likely beforehand."""
         log_white, variance = self.pool.of_white()
-        # mean likelihood over the prior: uniform in log ratio, normal in log tau
+        # mean likelihood over the prior: normal in log ratio and log tau
         volume = 2.0 * np.pi * abs(float(np.linalg.det(root))) / _POINTS
-        width = float(self.bounds[1, 0] - self.bounds[0, 0])
-        density = 1.0 / (width * np.sqrt(2.0 * np.pi) * TAU_SD)
+        density = 1.0 / (2.0 * np.pi * _RATIO_SD * TAU_SD)
         alone = np.exp(log_white - self.best) / (volume * density)
         place = np.array([[-np.inf, self.usual]])
         return (
