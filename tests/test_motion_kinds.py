@@ -90,7 +90,7 @@ def table(kinds):
 def test_velocity_within_2_and_acceleration_within_10_per_cent(
     motion, interval, jitter, step, request
 ):
-    if "creeps" in request.node.name and step == 0.01:
+    if "creeps" in request.node.name and step == 0.01 and jitter == 0.0:
         pytest.xfail("a hold that creeps by half an encoder step may be taken for a movement")
     seen = Seen(motion, sampled(motion, interval, jitter), step)
     assert within(seen.speed, 0.02)
