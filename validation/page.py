@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import platform
 import subprocess
@@ -10,6 +11,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
+import ground
 from calibration import (
     HIGH,
     LOW,
@@ -62,6 +64,20 @@ _READING = """## How to read it
   pads with its standard error.
 """
 
+_AWAY = """
+## Away from the paper's rig
+
+What was hidden in pads of another motion, law, history or noise, and what `diagnose` named with
+its default settings, at commit 6804cf2 and now ({commit}). Each pad counts; *(wrong)*: another set
+of effects than the hidden one. Two to seven pads a row show faults, no rates. A law that is not the
+default one (Hertz, power law) is still taken for effects, or for none of them: base laws do not
+compete yet. Made with `validation/ground.py --make`, `--run` and `--page`; all answers:
+ground_before.json, ground_after.json.
+
+{table}"""
+
+_AWAY_COMMIT = "3fb4bc7"  # whose answers are in ground_after.json
+
 _LIMITS = """## Limits
 
 - `check` takes the noise floor, measured in the holds, as exact. Of correlated noise the holds of
@@ -103,7 +119,7 @@ def write_page(path: Path, results: Mapping[Setting, Sequence[dict]], origin: Or
     """Write the page whole or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_suffix(".part")
-    part.write_text(page(results, origin), encoding="utf-8")
+    part.write_text(page(results, origin) + away(path.parent), encoding="utf-8")
     os.replace(part, path)
 
 
@@ -115,6 +131,15 @@ def page(results: Mapping[Setting, Sequence[dict]], origin: Origin) -> str:
     )  # fmt: skip
     parts = [head, *(_section(setting, fits) for setting, fits in results.items())]
     return "\n".join([*parts, _READING, _LIMITS])
+
+
+def away(folder: Path) -> str:
+    """The table of pads away from the paper's rig; empty without their answers in the folder."""
+    files = [folder / f"ground_{when}.json" for when in ("before", "after")]
+    if not all(file.is_file() for file in files):
+        return ""
+    before, after = (json.loads(file.read_text(encoding="utf-8")) for file in files)
+    return _AWAY.format(commit=_AWAY_COMMIT, table=ground.page(before, after))
 
 
 def _verdict(results: Mapping[Setting, Sequence[dict]]) -> str:
