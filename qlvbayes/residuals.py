@@ -36,10 +36,26 @@ class Cell:
 
 
 @dataclass(frozen=True)
+class Cycle:
+    """One phase of a test that has several of its kind: a cycle's loading, a staircase's step.
+
+    number: from 1, in order of time; rmse, bias: as in `Cell` (N).
+    """
+
+    test: str
+    phase: str
+    number: int
+    n: int
+    rmse: float
+    bias: float
+
+
+@dataclass(frozen=True)
 class Check:
     """All cells of one pad, the noise floor (sd, in the unit of force) and which cells fail.
 
-    notices: about the measurements and their noise.
+    cycles: the phases of tests that have several of a kind, one by one; notices: about the
+    measurements and their noise.
     """
 
     pad: str
@@ -48,6 +64,7 @@ class Check:
     effects: tuple[str, ...] = ()
     units: UnitSystem = PAD
     notices: tuple[str, ...] = ()
+    cycles: tuple[Cycle, ...] = ()
 
     def fails(self, cell: Cell) -> bool:
         """Whether structure beyond noise is left in a cell (1 % false alarms over all cells)."""
@@ -77,6 +94,17 @@ class Check:
             "units": self.units.as_dict(),
             "noise_N": self.noise,
             "cells": cells,
+            "cycles": [
+                {
+                    "test": c.test,
+                    "phase": c.phase,
+                    "number": c.number,
+                    "n": c.n,
+                    "rmse_N": c.rmse,
+                    "bias_N": c.bias,
+                }
+                for c in self.cycles
+            ],
             "notices": list(self.notices),
         }
 
@@ -94,7 +122,8 @@ def check(
         for kind in KINDS
         if np.any(prediction.phase == kind)
     ]
-    return Check(pad, noise, tuple(cells), tuple(effects))
+    cycles = tuple(cycle for prediction in predictions for cycle in _cycles(prediction))
+    return Check(pad, noise, tuple(cells), tuple(effects), cycles=cycles)
 
 
 def _cell(prediction: Prediction, kind: str) -> Cell:
@@ -114,6 +143,22 @@ def _cell(prediction: Prediction, kind: str) -> Cell:
         coverage90=float(inside[here].mean()),
         p_value=_p_value(rmse, prediction, here),
     )
+
+
+def _cycles(prediction: Prediction) -> list[Cycle]:
+    """Every phase by itself, of kinds that the test has several of."""
+    phases = prediction.trial.phases
+    place = np.searchsorted([p.start for p in phases[1:]], prediction.time, side="right")
+    found = []
+    for kind in KINDS:
+        places = [k for k, phase in enumerate(phases) if phase.kind == kind]
+        for number, k in enumerate(places, start=1):
+            residual = prediction.residual[place == k]
+            if len(places) > 1 and residual.size:
+                rmse, bias = float(np.sqrt(np.mean(residual**2))), float(residual.mean())
+                name = prediction.trial.name
+                found.append(Cycle(name, kind, number, residual.size, rmse, bias))
+    return found
 
 
 def _finite(rate: float) -> float | None:

@@ -1,10 +1,12 @@
 """Failing cells: a right model is accused as rarely as promised, a wrong one is found."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from qlvbayes.kinematics.phases import Phase
 from qlvbayes.predict import Prediction
 from qlvbayes.residuals import check
 
@@ -29,7 +31,7 @@ def prediction(times, observed, rng, floor=None):
     forces = 0.002 * rng.standard_normal((DRAWS, 1)) + np.zeros(times.size)
     floor = noise(times, DRAWS, rng) if floor is None else floor
     phase = np.full(times.size, "hold")
-    trial = SimpleNamespace(name="test", role="validate", rate=20.0)
+    trial = SimpleNamespace(name="test", role="validate", rate=20.0, phases=())
     mean = forces.mean(axis=0)
     wide = np.full(times.size, 0.02)
     return Prediction(trial, times, phase, observed, mean, -wide, wide, forces, floor)
@@ -65,8 +67,28 @@ def test_structure_of_five_sds_fails(name):
 def test_an_error_of_nothing_but_rounding_does_not_divide_by_zero():
     times = TIMES["slow ramp"]
     nothing = np.zeros((DRAWS, times.size))
-    trial = SimpleNamespace(name="test", role="fit", rate=20.0)
+    trial = SimpleNamespace(name="test", role="fit", rate=20.0, phases=())
     phase = np.full(times.size, "ramp")
     zero = np.zeros(times.size)
     given = Prediction(trial, times, phase, zero, zero, zero, zero, nothing, nothing)
     assert p_value(given) == 1.0
+
+
+def test_cycles_are_told_one_by_one():
+    rng = np.random.default_rng(13)
+    times = np.linspace(0.0, 4.0, 401)[:-1]
+    observed = np.where(times < 2.0, 0.0, 0.01)
+    given = prediction(times, observed, rng)
+    kinds = ("ramp", "unload", "ramp", "unload")
+    phases = tuple(Phase(kind, float(k), k + 1.0) for k, kind in enumerate(kinds))
+    given.trial.phases = phases
+    given = replace(given, mean=np.zeros_like(times), phase=np.repeat(kinds, 100))
+    found = {(c.phase, c.number): (c.n, c.bias) for c in check("pad", 0.01, [given]).cycles}
+    assert found == {
+        ("ramp", 1): (100, 0.0),
+        ("ramp", 2): (100, pytest.approx(0.01)),
+        ("unload", 1): (100, 0.0),
+        ("unload", 2): (100, pytest.approx(0.01)),
+    }
+    once = replace(given, trial=SimpleNamespace(**vars(given.trial) | {"phases": phases[:2]}))
+    assert not check("pad", 0.01, [once]).cycles

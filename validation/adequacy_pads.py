@@ -25,7 +25,8 @@ from qlvbayes.units import PAD
 
 RATES = (1.0, 20.0, 100.0)
 ROWS = 500
-PADS = 4  # sets of constants that are simulated; each gets fresh noise many times
+PADS = 4  # sets of constants that are simulated; each gets fresh noise many times,
+NOISELESS_PADS = 300  # or, without noise, only its own
 _NO_NOISE = Noise(white=0.0, correlated=0.0)
 
 Errors = Callable[[np.ndarray, np.ndarray, np.random.Generator], np.ndarray]
@@ -42,6 +43,12 @@ class Kind:
     read: Errors
     jitter: float = 0.0
     rests: bool = True
+    noisy: bool = True
+
+    @property
+    def pads(self) -> int:
+        """Sets of constants."""
+        return PADS if self.noisy else NOISELESS_PADS
 
 
 def _plus(noise: Noise) -> Errors:
@@ -73,7 +80,7 @@ KINDS = {
     ),
     "f": Kind("correlated over a quarter of a hold", _plus(Noise(0.006, 0.008, 7.5))),
     "g": Kind("white and correlated, without any hold", _plus(Noise()), rests=False),
-    "h": Kind("none", _plus(_NO_NOISE)),
+    "h": Kind("none", _plus(_NO_NOISE), noisy=False),
 }
 
 
@@ -90,8 +97,9 @@ class Bench:
         """Pad ``index``: p-values of adequacy, and of the cells of ``check``."""
         rng = np.random.default_rng([self.seed, index, ord(self.letter)])
         begun = time.perf_counter()
-        experiment = prepare(self._measured(index % PADS, rng), all_tests=True)
-        ensemble, point = self._fitted(experiment, index % PADS)
+        pad = index % self.kind.pads
+        experiment = prepare(self._measured(pad, rng), all_tests=True)
+        ensemble, point = self._fitted(experiment, pad)
         found = adequacy(experiment, ensemble, point)
         cells = self._check(experiment, ensemble, point, rng)
         return {

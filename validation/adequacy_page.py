@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from adequacy_pads import KINDS, RATES, ROWS
+from adequacy_pads import KINDS, NOISELESS_PADS, PADS, RATES, ROWS
 from page import Origin
 from scipy.stats import binomtest, kstest
 
@@ -16,9 +16,10 @@ LEVELS = (0.01, 0.05, 0.95, 0.99)
 _HEAD = """# Validation: is a right model called right, whatever the noise?
 
 Pads with nothing hidden were simulated by differential equations that share no code with the fit
-(the paper's protocol at {rates} mm/s, {rows} rows a test), read with noise of eight kinds, and
-fitted with the right model. The p-value of the adequacy test should be uniform: one in a hundred
-below 0.01, one in twenty above 0.95. `check` should accuse one pad in a hundred.
+(the paper's protocol at {rates} mm/s, {rows} rows a test, {sets} sets of constants), read with
+noise of eight kinds, and fitted with the right model. The p-value of the adequacy test should be
+uniform: one in a hundred below 0.01, one in twenty above 0.95. `check` should accuse one pad in a
+hundred.
 
 | | |
 |---|---|
@@ -36,7 +37,8 @@ below 0.01, one in twenty above 0.95. `check` should accuse one pad in a hundred
 
 Without any hold ("g") the noise is taken from the fit, and structure that looks like it is not
 testable. Without noise ("h") what is left is the error of the numbers, far below the floor that
-stands in for it: p-values lie near 1 and only the low ones mean anything.
+stands in for it: each of its {noiseless} sets of constants gives one p-value, and only the low ones
+mean anything.
 """
 
 
@@ -52,7 +54,14 @@ def page(results: Mapping[str, Sequence[dict]], origin: Origin) -> str:
     """Markdown."""
     rows = "\n".join(_row(kind, pads) for kind, pads in results.items())
     rates = ", ".join(f"{rate:g}" for rate in RATES)
-    return _HEAD.format(rates=rates, rows=ROWS, rows_of_table=rows, **vars(origin))
+    return _HEAD.format(
+        rates=rates,
+        rows=ROWS,
+        rows_of_table=rows,
+        sets=PADS,
+        noiseless=NOISELESS_PADS,
+        **vars(origin),
+    )
 
 
 def _row(kind: str, pads: Sequence[dict]) -> str:

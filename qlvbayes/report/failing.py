@@ -57,6 +57,16 @@ class Detail:
 
 
 @dataclass(frozen=True)
+class Repeated:
+    """One kind of phase that a test has several of: error over noise and bias, one by one."""
+
+    test: str
+    phase: str
+    ratios: str
+    biases: str
+
+
+@dataclass(frozen=True)
 class Failing:
     """Where one pad's model fails: in words, as maps, in numbers."""
 
@@ -64,6 +74,7 @@ class Failing:
     words: tuple[str, ...]
     maps: tuple[Map, ...]
     details: tuple[Detail, ...]
+    repeated: tuple[Repeated, ...]
     noise: str
     force_unit: str
     speed_unit: str
@@ -82,6 +93,7 @@ def failing_of(pad: PadResults) -> Failing | None:
         tuple(_words(model, pad) for model in reversed(models)),
         tuple(_map(model) for model in models),
         tuple(_detail(cell, check["noise_N"]) for cell in check["cells"]),
+        _repeated(check),
         number(check["noise_N"]),
         pad.force_unit,
         pad.speed_unit,
@@ -180,4 +192,20 @@ def _detail(cell: dict, noise: float) -> Detail:
         number(cell["bias_N"], 2),
         DASH if cell["coverage90"] is None else percent(cell["coverage90"]),
         bool(cell.get("fails")),
+    )
+
+
+def _repeated(check: dict) -> tuple[Repeated, ...]:
+    """A row a test and kind of phase; results of older versions have none."""
+    rows: dict[tuple[str, str], list[dict]] = {}
+    for cycle in check.get("cycles", []):
+        rows.setdefault((cycle["test"], cycle["phase"]), []).append(cycle)
+    return tuple(
+        Repeated(
+            test,
+            _PHASES.get(phase, phase),
+            ", ".join(f"{_rmse(cycle) / check['noise_N']:.1f}" for cycle in cycles),
+            ", ".join(number(cycle["bias_N"], 2) for cycle in cycles),
+        )
+        for (test, phase), cycles in rows.items()
     )
