@@ -156,7 +156,8 @@ def prepare(pad: Pad, *, all_tests: bool = False) -> Experiment:
     trials = [replace(t, role=role) for t, role in zip(trials, roles, strict=True)]
     if all_tests:
         trials = [replace(t, role="fit") for t in trials]
-    floor = measure([t.test for t in trials], [t.phases for t in trials])
+    tests, step = [t.test for t in trials], max(t.trajectory.resolution for t in trials)
+    floor = measure(tests, [t.phases for t in trials], of_a_step=largest_stiffness(tests) * step)
     return Experiment(pad.name, pad.units, tuple(trials), floor, pad.fluid)
 
 

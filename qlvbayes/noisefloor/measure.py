@@ -30,11 +30,14 @@ _GROWTHS = np.array([0.3, 1.0, 3.0, 10.0, 30.0])  # growth over the peak force, 
 _GROWS = 4.0  # log-likelihood by which noise that grows with the force must win
 _STEP_SAMPLES = 20_000  # readings that show the step of a digitised force
 _LEAST_STEP = 1e-4  # of the force range: a smaller step is the file's last digit
-EXACT = 3e-4  # of the peak force: the motion between the readings is not known any better
+EXACT = 3e-4  # of the peak force: the motion between the readings is not known any better,
+_ROUNDED = 1.0 / np.sqrt(12.0)  # of an encoder step: sd of the displacement's rounding
 _TINY = float(np.finfo(np.float64).tiny) ** 0.5
 
 
-def measure(tests: Sequence[Record], phases: Sequence[Sequence[Phase]]) -> NoiseFloor:
+def measure(
+    tests: Sequence[Record], phases: Sequence[Sequence[Phase]], *, of_a_step: float = 0.0
+) -> NoiseFloor:
     """Return the noise seen in the holds and recoveries of the tests, pooled.
 
     In each rest the force is a smooth trend plus noise. The noise parameters maximise the
@@ -45,20 +48,22 @@ def measure(tests: Sequence[Record], phases: Sequence[Sequence[Phase]]) -> Noise
     noise is taken as proportional to it, and the sds returned hold at its root mean square.
 
     Without any usable rest the white noise comes from high-order differences of the records, and
-    whether noise is correlated is not testable. Noise below 3e-4 of the peak force is taken as that
-    much: the motion between the readings is not known any better.
+    whether noise is correlated is not testable. Noise below 3e-4 of the peak force and the rounding
+    of the encoder is taken as that much: the motion between the readings is not known any better.
 
     Parameters
     ----------
     tests, phases
         One entry a test; a test has ``time``, ``force`` and ``force_sd`` (or None), (n,) each.
+    of_a_step
+        Force that an encoder step makes, at most.
     """
     peak = max((float(np.abs(t.force).max()) for t in tests if t.force.size), default=0.0)
     step = _force_step(tests)
     rests = find_rests(tests, phases, step)
     known = all(test.force_sd is None for test in tests)
     floor = _pooled(rests, peak if known else 0.0) if rests else _without_rests(tests)
-    return _at_least(floor, peak, step)
+    return _at_least(floor, step, float(np.hypot(EXACT * peak, _ROUNDED * of_a_step)))
 
 
 def _force_step(tests: Sequence[Record]) -> float:
@@ -83,18 +88,17 @@ def _without_rests(tests: Sequence[Record]) -> NoiseFloor:
     )
 
 
-def _at_least(floor: NoiseFloor, peak: float, step: float) -> NoiseFloor:
+def _at_least(floor: NoiseFloor, step: float, least: float) -> NoiseFloor:
     """Count the variance of rounding to a step, and no less than the motion makes."""
     notices = floor.notices
     if step > 0.0:
         notices = (*notices, f"the force is digitised in steps of {step:.3g}, counted as noise")
     floor = replace(floor, white=max(floor.white, _TINY), step=step, notices=notices).rounded()
-    least = EXACT * peak
     if floor.total >= least:
         return floor
     notice = (
-        f"next to no noise is seen ({floor.total:.2g}): a floor of {EXACT:g} of the peak force is "
-        "taken, as the motion between the readings is known no better"
+        f"next to no noise is seen ({floor.total:.2g}): a floor of {least:.2g} is taken, as the "
+        "motion between the readings is known no better"
     )
     return replace(
         floor, white=least / np.sqrt(2.0), ou=least / np.sqrt(2.0), growth=0.0, rests=None,
