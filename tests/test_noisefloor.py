@@ -227,3 +227,10 @@ def test_without_a_hold_it_is_said_that_correlation_is_not_testable():
     found = measure([Record(t, force)], [(Phase("ramp", 0.0, 2.0),)])
     assert not found.testable
     assert "not testable" in found.notices[0]
+
+
+def test_without_noise_the_encoders_rounding_is_the_floor():
+    force = relaxation(TIME)
+    found = measure([Record(TIME, force)] * 2, [PHASES] * 2, of_a_step=0.02)
+    assert found.total == pytest.approx(np.hypot(3e-4 * force.max(), 0.02 / np.sqrt(12.0)))
+    assert "next to no noise" in found.notices[0]
