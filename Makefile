@@ -3,6 +3,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 OUT ?= results
+PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 .PHONY: demo test check bench validate notebooks docs clean
 
@@ -20,7 +21,7 @@ demo: $(VENV)/installed
 	@echo "open $(OUT)/report.html in a browser"
 
 test: $(VENV)/installed-dev
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+	$(PYTEST) -m "not slow"
 
 check: $(VENV)/installed-dev
 	$(BIN)/ruff check .
@@ -31,6 +32,7 @@ bench: $(VENV)/installed-dev
 	$(BIN)/python benchmarks/run.py
 
 validate: $(VENV)/installed-dev
+	$(PYTEST) -m slow
 	$(BIN)/python validation/coverage.py --fits 80 --side-fits 0 --seed 1 -o docs/validation.md
 	$(BIN)/python validation/pairs.py --pairs 40 --seed 1 -o docs/pairs.md
 	$(BIN)/python validation/adequacy.py --pads 300 --seed 1 -o docs/adequacy.md

@@ -15,6 +15,8 @@ from qlvbayes.effects.fluid_pressure import FluidPressure
 from qlvbayes.effects.frame_compliance import FrameCompliance
 from qlvbayes.synthetic import FORMS, PAPER_RATES, TABLE_1, Constants
 
+pytestmark = pytest.mark.slow  # whole diagnoses
+
 SLOW = Constants(m=1.15, b=0.41, c=(0.28, 0.63, 0.09), v=(3.0, 0.2))
 
 

@@ -58,6 +58,7 @@ def test_the_pressure_solves_its_equation(n, a):
     assert np.abs(found - solved.y[0]).max() < 1e-3 * np.abs(found).max()
 
 
+@pytest.mark.slow
 def test_without_a_power_it_is_the_lists_law(form):
     form, listed = form
     still = np.zeros((1, listed.constants.size))
@@ -66,6 +67,7 @@ def test_without_a_power_it_is_the_lists_law(form):
     np.testing.assert_array_equal(force, expected)
 
 
+@pytest.mark.slow
 def test_its_slopes_are_those_of_its_force(form):
     """Central differences along k, tau, a and n, away from where contact is lost."""
     form, listed = form
@@ -92,10 +94,12 @@ def test_its_slopes_are_those_of_its_force(form):
         )
 
 
+@pytest.mark.slow
 def test_pressure_that_drains_with_its_square_is_named(quadratic):
     named_in_form(quadratic, "fluid_pressure", PowerDrainage)
 
 
+@pytest.mark.slow
 def test_its_power_is_that_of_the_truth(quadratic):
     """n = 1, within three standard deviations; k too."""
     point = quadratic.work.path.last.point
@@ -106,6 +110,7 @@ def test_its_power_is_that_of_the_truth(quadratic):
     assert abs(stiffness.mean - 0.06) < 3.0 * stiffness.sd
 
 
+@pytest.mark.slow
 def test_the_words_and_the_json_say_how_it_drains(quadratic):
     text = paragraphs(quadratic)[0]
     assert "the rate at which the pressure drains must be taken times" in text
@@ -117,11 +122,13 @@ def test_the_words_and_the_json_say_how_it_drains(quadratic):
     assert power == pytest.approx(quadratic.work.path.last.point.theta[-1])
 
 
+@pytest.mark.slow
 def test_sample_by_sample_it_predicts_what_it_fitted(quadratic):
     """Forces at the samples: the fitted model's residual is the noise."""
     assert quadratic.stages[-1].rmse < 1.2 * quadratic.noise
 
 
+@pytest.mark.slow
 def test_a_flow_that_falls_with_pressure_is_not_typical(quadratic):
     step = quadratic.work.path.last
     assert step.form.is_typical(step.point)

@@ -40,6 +40,7 @@ def test_its_mean_delay_is_the_constant(a):
     assert _WEIGHTS @ _factors(a)[0] == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 def test_without_spread_it_is_the_lists_law(form):
     form, constants = form
     still = np.zeros((1, constants.size))
@@ -48,6 +49,7 @@ def test_without_spread_it_is_the_lists_law(form):
     np.testing.assert_allclose(force, expected, rtol=1e-12, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_its_slopes_are_those_of_its_force(form):
     """Central differences along m, the delay and a; medians, as kinks pass samples."""
     form, constants = form
@@ -69,10 +71,12 @@ def test_its_slopes_are_those_of_its_force(form):
         assert np.quantile(off, 0.9) < 1e-4 * np.abs(differences).max()
 
 
+@pytest.mark.slow
 def test_a_filtered_channel_is_named_a_lag(filtered):
     named_in_form(filtered, "channel_lag", SpreadLag)
 
 
+@pytest.mark.slow
 def test_its_time_and_its_order_are_those_of_the_truth(filtered):
     point = filtered.work.path.last.point
     sd = np.sqrt(point.covariance[-1, -1])
@@ -81,6 +85,7 @@ def test_its_time_and_its_order_are_those_of_the_truth(filtered):
     assert delay.mean == pytest.approx(TIME, abs=3.0 * delay.sd + 0.05 * TIME)
 
 
+@pytest.mark.slow
 def test_the_words_and_the_json_say_so(filtered):
     assert "averaged over the past" in paragraphs(filtered)[0]
     entries = filtered.as_dict()["steps"][-1]["other_form"]["over_delay"]

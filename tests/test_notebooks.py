@@ -14,12 +14,24 @@ LARGEST = 300_000  # bytes
 @pytest.fixture(scope="module")
 def executed():
     """All notebooks, executed in one kernel; the real material without its file."""
+    return run(NOTEBOOKS)
+
+
+@pytest.fixture(scope="module")
+def hidden():
+    """The notebook of the bundled case."""
+    (found,) = run([path for path in NOTEBOOKS if path.stem == "03_the_hidden_effect"]).values()
+    return found
+
+
+def run(paths):
+    """Notebooks by name, executed."""
     spec = importlib.util.spec_from_file_location("execute", ROOT / "notebooks" / "execute.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("QLVBAYES_MUSCLE", str(ROOT / "no_such_file.csv"))
-        return {path.stem: notebook for path, notebook, _ in module.execute(NOTEBOOKS)}
+        return {path.stem: notebook for path, notebook, _ in module.execute(paths)}
 
 
 def printed(notebook):
@@ -28,6 +40,7 @@ def printed(notebook):
     return "".join(output.text for output in outputs if output.output_type == "stream")
 
 
+@pytest.mark.slow
 def test_every_notebook_runs(executed):
     assert set(executed) == {path.stem for path in NOTEBOOKS}
     for notebook in executed.values():
@@ -35,6 +48,7 @@ def test_every_notebook_runs(executed):
         assert all(cell.execution_count for cell in cells)
 
 
+@pytest.mark.slow
 def test_nothing_is_warned_of(executed):
     for name, notebook in executed.items():
         errors = [
@@ -43,16 +57,18 @@ def test_nothing_is_warned_of(executed):
         assert not errors, name
 
 
-def test_the_hidden_effect_is_found(executed):
-    text = printed(executed["03_the_hidden_effect"])
+def test_the_hidden_effect_is_found(hidden):
+    text = printed(hidden)
     assert "missing effect: squeeze_film" in text
 
 
+@pytest.mark.slow
 def test_an_effect_of_ones_own_wins(executed):
     text = printed(executed["04_your_own_data_and_effect"])
     assert "verdict: missing_effect, effects: quadratic_drag" in text
 
 
+@pytest.mark.slow
 def test_without_its_file_the_real_material_says_what_it_would_show(executed):
     assert "No such file here" in printed(executed["05_a_real_material"])
 

@@ -27,6 +27,8 @@ from qlvbayes.synthetic import (
     Constants,
 )
 
+pytestmark = pytest.mark.slow  # whole diagnoses
+
 RATES = (0.1, 1.0, 20.0, 100.0)
 ALARMS = Settings().false_alarms
 

@@ -17,6 +17,8 @@ from qlvbayes.plots.evidence import plot_evidence
 from qlvbayes.report.boxes import verdict_line
 from qlvbayes.synthetic import FORMS, PAPER_RATES
 
+pytestmark = pytest.mark.slow  # whole diagnoses
+
 CLOCK = np.linspace(0.0, 1.0, 400)
 
 

@@ -13,6 +13,8 @@ from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.words import paragraphs
 from qlvbayes.synthetic import HIDDEN, OUTSIDE, PAPER_RATES, full_retraction_protocol
 
+pytestmark = pytest.mark.slow  # whole diagnoses
+
 STIFFNESS, DEPTH = 0.35, 0.9  # N/mm, mm
 
 
