@@ -1,7 +1,8 @@
 """The wide population: register a run, run it, publish it.
 
 `--register NAME --studies N --seed S` writes validation/registered/NAME.json, to be committed;
-`NAME` runs and publishes it. Interrupted, the same command goes on where it was.
+`NAME` runs and publishes it. Interrupted, the same command goes on where it was; with `--finished` it
+publishes what there is and runs nothing.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ def main() -> None:
         kept = Kept(file, population.key, options.part)
         run_population(population, kept, range(options.part, promise.studies, _WORKERS))
         return
-    if Kept(file, population.key).missing(promise.studies):
+    if not options.finished and Kept(file, population.key).missing(promise.studies):
         _work(options.name, file, population, promise.studies)
     _publish(promise, Kept(file, population.key), options.output)
 
@@ -61,6 +62,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--note", default="", help="a sentence for the page")
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "docs" / "wide_studies.md")
+    parser.add_argument("--finished", action="store_true", help="publish, run nothing")
     parser.add_argument("--part", type=int, help=argparse.SUPPRESS)  # what a worker does
     return parser.parse_args()
 
