@@ -1,8 +1,8 @@
 """The wide population: register a run, run it, publish it.
 
 `--register NAME --studies N --seed S` writes validation/registered/NAME.json, to be committed;
-`NAME` runs and publishes it. Interrupted, the same command goes on where it was; with `--finished` it
-publishes what there is and runs nothing.
+`NAME` runs and publishes it. Interrupted, the same command goes on where it was; with `--finished`
+it publishes what there is and runs nothing.
 """
 
 from __future__ import annotations
