@@ -127,14 +127,17 @@ def value_shape(field: Any) -> tuple[int, ...]:
     return np.shape(field)
 
 
-def draw_prior(part: eqx.Module, rng: np.random.Generator) -> np.ndarray:
-    """Unconstrained numbers of one draw from the priors in a model, noise or posterior."""
-    leaves = jax.tree.leaves(part, is_leaf=is_prior)
-    draws = [np.asarray(x.unconstrain(x.draw(rng))) for x in leaves if is_prior(x)]
-    return np.concatenate([np.zeros(0), *draws])
+def draw_priors(part: eqx.Module, count: int, rng: np.random.Generator) -> np.ndarray:
+    """(count, D) unconstrained numbers drawn from the priors in a model, noise or posterior."""
+    priors = [leaf for leaf in jax.tree.leaves(part, is_leaf=is_prior) if is_prior(leaf)]
+    values = [[prior.draw(rng) for prior in priors] for _ in range(count)]
+    columns = [
+        np.asarray(jax.vmap(prior.unconstrain)(np.stack(drawn)))
+        for prior, drawn in zip(priors, zip(*values, strict=True), strict=True)
+    ]
+    return np.concatenate([np.zeros((count, 0)), *columns], axis=1)
 
 
 def central(part: eqx.Module, draws: int = 50) -> np.ndarray:
     """Median of the priors' unconstrained numbers (the same at every call)."""
-    rng = np.random.default_rng(0)
-    return np.median([draw_prior(part, rng) for _ in range(draws)], axis=0)
+    return np.median(draw_priors(part, draws, np.random.default_rng(0)), axis=0)

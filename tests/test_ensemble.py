@@ -20,7 +20,7 @@ from qlvbayes.inference.normal import NormalApproximation
 from qlvbayes.inference.proposal import TAIL, Proposal, from_draws, from_normal
 from qlvbayes.noise import White
 from qlvbayes.parameters import names
-from qlvbayes.posterior import Posterior, draw_prior
+from qlvbayes.posterior import Posterior, draw_priors
 
 RNG = 20
 STEPS = Settings(min_steps=100, stretch=20, max_steps=4000)
@@ -40,7 +40,7 @@ def uninformed():
 @pytest.fixture(scope="module")
 def start(uninformed):
     rng = np.random.default_rng(RNG)
-    draws = np.stack([draw_prior(uninformed, rng) for _ in range(2000)])
+    draws = draw_priors(uninformed, 2000, rng)
     return NormalApproximation(draws.mean(axis=0), np.cov(draws, rowvar=False))
 
 

@@ -22,8 +22,9 @@ from qlvbayes.effects.extra_relaxation_mode import ExtraRelaxationMode
 from qlvbayes.effects.viscous_drag import ViscousDrag
 from qlvbayes.fit import build_posterior
 from qlvbayes.inference import nested
-from qlvbayes.inference.nested import draw_priors, nested_evidence
+from qlvbayes.inference.nested import nested_evidence
 from qlvbayes.inference.subset import Part, with_every_effect
+from qlvbayes.posterior import draw_priors
 from qlvbayes.priors import Normal
 
 

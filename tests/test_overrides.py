@@ -8,7 +8,7 @@ from qlvbayes.defaults import default_model, default_noise
 from qlvbayes.motion import Motion
 from qlvbayes.overrides import override, parse, parse_prior
 from qlvbayes.parameters import fields_of, names, unit_kinds
-from qlvbayes.posterior import Posterior, draw_prior
+from qlvbayes.posterior import Posterior, draw_priors
 from qlvbayes.priors import (
     Dirichlet,
     HalfNormal,
@@ -199,7 +199,7 @@ def test_names_and_units_are_in_the_order_of_the_constants():
 @pytest.mark.parametrize("kind", ["correlated", "white", "student-t"])
 def test_constants_come_back_from_theta_under_every_law_and_noise(law, modes, kind):
     whole = posterior(default_model(SCALES, law, modes), default_noise(SCALES, kind))
-    theta = draw_prior(whole, np.random.default_rng(1))
+    theta = draw_priors(whole, 1, np.random.default_rng(1))[0]
     assert theta.shape == (whole.size,)
     constants = np.asarray(whole.constants(theta))
     assert len(names(whole)) == len(unit_kinds(whole)) == constants.size
@@ -211,7 +211,7 @@ def test_fixed_constants_leave_theta_and_keep_their_names():
     whole = posterior(model)
     assert whole.size == posterior().size - 3
     assert names(whole) == names(posterior())
-    theta = draw_prior(whole, np.random.default_rng(2))
+    theta = draw_priors(whole, 1, np.random.default_rng(2))[0]
     constants = dict(zip(names(whole), np.asarray(whole.constants(theta)), strict=True))
     assert (constants["v[2]"], constants["c[0]"], constants["b"]) == (0.14, 0.3, 0.577)
     assert np.isfinite(whole.log_density(theta))

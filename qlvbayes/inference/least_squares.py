@@ -12,7 +12,7 @@ from qlvbayes.checks import NoFiniteForceError
 from qlvbayes.inference import compiled
 from qlvbayes.inference.normal import NormalApproximation, covariance_from
 from qlvbayes.noise import White
-from qlvbayes.posterior import Posterior, draw_prior
+from qlvbayes.posterior import Posterior, draw_priors
 
 _PRIOR_DRAWS = 96
 _BOUND_SDS = 5.0
@@ -45,7 +45,7 @@ def least_squares(
     """
     # the optimiser's tolerance on slopes is absolute
     scale = scale * float(np.max(np.abs(np.asarray(posterior.record.blocks.force))))
-    draws = np.stack([draw_prior(posterior, rng) for _ in range(_PRIOR_DRAWS)])
+    draws = draw_priors(posterior, _PRIOR_DRAWS, rng)
     centre, reach = draws.mean(axis=0), _BOUND_SDS * draws.std(axis=0)
     low, high = centre - reach, centre + reach
     draws = np.clip(draws, low, high)

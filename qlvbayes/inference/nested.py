@@ -21,7 +21,7 @@ from blackjax.ns.utils import finalise, log_weights
 from jaxtyping import Array
 from scipy.special import logsumexp
 
-from qlvbayes.posterior import Posterior, is_prior
+from qlvbayes.posterior import Posterior, draw_priors
 
 LIVE = 80
 _AT_ONCE = 4  # live points over those replaced together
@@ -74,17 +74,6 @@ def nested_evidence(
         dead.append(chunk.dead)
         evaluations += int(chunk.evaluations)
     return _judge(finalise(state, dead, update_info=False), key, evaluations, draws)
-
-
-def draw_priors(posterior: Posterior, count: int, rng: np.random.Generator) -> np.ndarray:
-    """(count, D) draws of the priors in theta."""
-    leaves = jax.tree.leaves((posterior.model, posterior.noise), is_leaf=is_prior)
-    parts = [np.zeros((count, 0))]
-    for leaf in leaves:
-        if is_prior(leaf) and leaf.size:
-            values = np.stack([leaf.draw(rng) for _ in range(count)])
-            parts.append(np.asarray(jax.vmap(leaf.unconstrain)(values)))
-    return np.concatenate(parts, axis=1)
 
 
 def _algorithm(posterior: Posterior, moves: int, together: int) -> Any:

@@ -10,7 +10,7 @@ import numpy as np
 
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.parameters import names, unit_kinds
-from qlvbayes.posterior import Posterior, draw_prior, is_prior, value_shape
+from qlvbayes.posterior import Posterior, draw_priors, is_prior, value_shape
 from qlvbayes.records.record import Record
 
 _DRAWS = 25
@@ -114,8 +114,7 @@ class Ensemble:
     @cached_property
     def _draws(self) -> np.ndarray:
         """(N, D) draws of the priors."""
-        rng = np.random.default_rng(0)
-        return np.stack([draw_prior(self.posterior, rng) for _ in range(_DRAWS)])
+        return draw_priors(self.posterior, _DRAWS, np.random.default_rng(0))
 
     @property
     def centre(self) -> np.ndarray:

@@ -15,7 +15,7 @@ from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.inference import compiled, linearised
 from qlvbayes.inference.gaussnewton import noise_along, predict_along
 from qlvbayes.inference.subset import Ensemble, Subset, with_every_effect
-from qlvbayes.posterior import Posterior, draw_prior, is_prior
+from qlvbayes.posterior import Posterior, draw_priors, is_prior
 from qlvbayes.priors import HalfNormal
 from qlvbayes.recovery.bench import bench
 from qlvbayes.recovery.clouds import Cloud
@@ -62,7 +62,7 @@ class Pads:
     ) -> tuple[np.ndarray, np.ndarray, float]:
         """Of one pad: truth (C,), posterior quantiles (len(shares), C), effective draws ()."""
         rng = np.random.default_rng([seed, zlib.crc32(self.effect.name.encode()), k])
-        theta = self._whole(draw_prior(self._alone, rng))
+        theta = self._whole(draw_priors(self._alone, 1, rng)[0])
         terms = linearised.prior_terms(self.whole.posterior, theta)
         constants = self.subset.nulled(np.asarray(terms.constants))
         found = self._fitted(self._tested(constants, rng), rng)
