@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from qlvbayes.data import Pad, Test
-from qlvbayes.kinematics.phases import Phase, find_phases, loading_rate
+from qlvbayes.kinematics.phases import Phase, find_phases, loading_rate, phase_index
 from qlvbayes.kinematics.trajectory import Trajectory, smooth
 from qlvbayes.noise import Correlated
 from qlvbayes.noisefloor import NoiseFloor, measure
@@ -42,9 +42,7 @@ class Trial:
 
     def phase_of(self, time: np.ndarray) -> np.ndarray:
         """Kind of phase (N,) at each time."""
-        starts = np.array([phase.start for phase in self.phases])
-        place = np.clip(np.searchsorted(starts, time, side="right") - 1, 0, None)
-        return np.array([phase.kind for phase in self.phases])[place]
+        return np.array([phase.kind for phase in self.phases])[phase_index(self.phases, time)]
 
 
 @dataclass(frozen=True)

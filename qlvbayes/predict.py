@@ -12,6 +12,7 @@ from qlvbayes.choices import Choices
 from qlvbayes.experiment import Experiment, Trial
 from qlvbayes.inference import compiled
 from qlvbayes.inference.floor_noise import realisations
+from qlvbayes.kinematics.phases import phase_index
 from qlvbayes.parameters import names
 from qlvbayes.posterior import Posterior
 from qlvbayes.records.batching import batch
@@ -77,9 +78,7 @@ def predict(
 
 def _rows(trial: Trial) -> np.ndarray:
     """Samples to look at: all of a short phase, some of a long one."""
-    time = trial.test.time
-    edges = [phase.start for phase in trial.phases[1:]]
-    place = np.searchsorted(edges, time, side="right")
+    place = phase_index(trial.phases, trial.test.time)
     picked = []
     for k in range(len(trial.phases)):
         inside = np.flatnonzero(place == k)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
-from qlvbayes.kinematics.phases import KINDS
+from qlvbayes.kinematics.phases import KINDS, phase_index
 from qlvbayes.predict import Prediction
 from qlvbayes.units import PAD, UnitSystem
 
@@ -131,7 +131,7 @@ def _cell(prediction: Prediction, kind: str) -> Cell:
     residual = prediction.residual[here]
     inside = (prediction.observed >= prediction.low) & (prediction.observed <= prediction.high)
     trial = prediction.trial
-    rmse = float(np.sqrt(np.mean(residual**2)))
+    rmse = _rmse(residual)
     return Cell(
         test=trial.name,
         role=trial.role,
@@ -148,17 +148,20 @@ def _cell(prediction: Prediction, kind: str) -> Cell:
 def _cycles(prediction: Prediction) -> list[Cycle]:
     """Every phase by itself, of kinds that the test has several of."""
     phases = prediction.trial.phases
-    place = np.searchsorted([p.start for p in phases[1:]], prediction.time, side="right")
+    place = phase_index(phases, prediction.time)
     found = []
     for kind in KINDS:
         places = [k for k, phase in enumerate(phases) if phase.kind == kind]
         for number, k in enumerate(places, start=1):
             residual = prediction.residual[place == k]
             if len(places) > 1 and residual.size:
-                rmse, bias = float(np.sqrt(np.mean(residual**2))), float(residual.mean())
-                name = prediction.trial.name
-                found.append(Cycle(name, kind, number, residual.size, rmse, bias))
+                name, bias = prediction.trial.name, float(residual.mean())
+                found.append(Cycle(name, kind, number, residual.size, _rmse(residual), bias))
     return found
+
+
+def _rmse(residual: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(residual**2)))
 
 
 def _finite(rate: float) -> float | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -59,6 +60,11 @@ def find_phases(trajectory: Trajectory) -> tuple[Phase, ...]:
     if at < stop:
         phases.append(Phase(resting, at, stop))
     return tuple(phases)
+
+
+def phase_index(phases: Sequence[Phase], time: Array) -> NDArray[np.intp]:
+    """Place (N,) among the phases of each time (N,); the first one's before they begin."""
+    return np.searchsorted([phase.start for phase in phases[1:]], time, side="right")
 
 
 def loading_rate(trajectory: Trajectory, phases: tuple[Phase, ...]) -> float:

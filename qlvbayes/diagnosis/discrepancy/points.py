@@ -10,7 +10,7 @@ from qlvbayes.diagnosis.discrepancy.process import Inputs, Residuals
 from qlvbayes.diagnosis.verdict import Work
 from qlvbayes.experiment import Experiment, Trial
 from qlvbayes.inference.gaussnewton import Point, predict_along
-from qlvbayes.kinematics.phases import KINDS
+from qlvbayes.kinematics.phases import KINDS, phase_index
 
 _MOST = 300  # points that the process is fitted to
 _UNKNOWN = 1e6  # variance that takes a point out, over the residuals' mean square
@@ -23,7 +23,7 @@ def inputs_at(
     """Inputs at some times of trial k, where the model's force is ``force``."""
     scales = experiment.scales
     starts = np.array([phase.start for phase in trial.phases])
-    place = np.clip(np.searchsorted(starts, time, side="right") - 1, 0, None)
+    place = phase_index(trial.phases, time)
     kinds = np.array([KINDS.index(phase.kind) for phase in trial.phases])
     share = np.minimum(np.abs(force) / scales.force, 1.0)
     return Inputs(
