@@ -47,11 +47,22 @@ def main() -> None:
     if options.part is not None:
         alone()  # the other worker has the other processor
         kept = Kept(file, population.key, options.part)
-        run_population(population, kept, range(options.part, promise.studies, _WORKERS))
+        _run_part(population, kept, range(options.part, promise.studies, _WORKERS))
         return
     if not options.finished and Kept(file, population.key).missing(promise.studies):
         _work(options.name, file, population, promise.studies)
     _publish(promise, Kept(file, population.key), options.output)
+
+
+def _run_part(population: Population, kept: Kept, indices: range) -> None:
+    """Run what is missing; a pad that the simulator cannot make is told and stays missing."""
+    for index in indices:
+        try:
+            run_population(population, kept, [index])
+        except RuntimeError as error:
+            if "the simulation stopped" not in str(error):
+                raise
+            print(f"study {index} is not made: {error}", file=sys.stderr, flush=True)
 
 
 def _options() -> argparse.Namespace:
