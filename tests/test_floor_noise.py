@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from qlvbayes.diagnosis.adequacy import combined
-from qlvbayes.diagnosis.block_noise import covariance
+from qlvbayes.inference.floor_covariance import covariance
 from qlvbayes.inference.floor_noise import realisations
 from qlvbayes.noisefloor import NoiseFloor
 from qlvbayes.noisefloor.pool import Pool

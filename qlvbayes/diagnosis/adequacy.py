@@ -37,9 +37,9 @@ from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 from scipy.stats import chi2
 
-from qlvbayes.diagnosis.block_noise import LEAST_NOISE, covariance
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.experiment import Experiment, Trial
+from qlvbayes.inference.floor_covariance import LEAST_NOISE, covariance
 from qlvbayes.inference.gaussnewton import Point, pad_directions, predict_along
 from qlvbayes.inference.linearised import whitened
 from qlvbayes.inference.subset import Ensemble

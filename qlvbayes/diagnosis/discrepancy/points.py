@@ -5,10 +5,10 @@ from __future__ import annotations
 import jax
 import numpy as np
 
-from qlvbayes.diagnosis.block_noise import floor_covariance
 from qlvbayes.diagnosis.discrepancy.process import Inputs, Residuals
 from qlvbayes.diagnosis.verdict import Work
 from qlvbayes.experiment import Experiment, Trial
+from qlvbayes.inference.floor_covariance import floor_covariance
 from qlvbayes.inference.gaussnewton import Point, predict_along
 from qlvbayes.kinematics.phases import KINDS, phase_index
 
