@@ -23,16 +23,15 @@ from jaxtyping import Array as JaxArray
 from numpy.typing import NDArray
 
 from qlvbayes.inference.discrepancy import Discrepancy
-from qlvbayes.inference.forces import forces
-from qlvbayes.inference.subset import Ensemble, Place, Subset
+from qlvbayes.inference.space import Hypothesis, Parameters, Space
 from qlvbayes.inference.whitening import Whitener
-from qlvbayes.posterior import is_prior
 from qlvbayes.priors.distributions import AbstractPrior
-from qlvbayes.priors.natural import Natural
 
 Array = NDArray[np.float64]
 
-_STEP = 1e-5  # of a free number, over which a slope is taken: half the digits of a float64
+_STEP = (
+    1e-5  # of a number's natural length, over which a slope is taken: half the digits of a float64
+)
 
 
 class Terms(NamedTuple):
@@ -45,15 +44,15 @@ class Terms(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """A place in the density of a subset, and what was computed there.
+    """A place in the density of a hypothesis, and what was computed there.
 
-    theta (D,): of the whole; constants (P,) and their slopes (P, F) along the free numbers;
+    theta (F,): the free numbers; constants (P,) and their slopes (P, F) along them;
     predicted (T, B) and responses (F, T, B): the force (N) and its slopes; residual (n,) and
     jacobian (F, n): whitened; parts (M,) and (F, M): of both along the discrepancy's axes; prior:
     log density over the free numbers, gradient and curvature (of minus it).
     """
 
-    subset: Subset
+    own: Parameters
     theta: Array
     constants: Array
     slopes: Array
@@ -89,56 +88,30 @@ class Point:
 
 
 class Density:
-    """Densities of all subsets of an ensemble, whose amplitudes are `Natural`, under one floor."""
+    """Densities of all hypotheses of a space, under one floor."""
 
-    def __init__(self, ensemble: Ensemble, whitener: Whitener, discrepancy: Discrepancy) -> None:
-        self.ensemble = ensemble
+    def __init__(self, space: Space, whitener: Whitener, discrepancy: Discrepancy) -> None:
+        self.space = space
         self.whitener = whitener
         self.discrepancy = discrepancy
         self.rows = np.ones(whitener.tests.size, dtype=bool)
-        self._force = np.asarray(ensemble.posterior.record.blocks.force)
-        whole = ensemble.posterior
-        leaves = jax.tree.leaves((whole.model, whole.noise), is_leaf=is_prior)
-        self._leaves: list[tuple[Place, AbstractPrior]] = [
-            (place, leaf)
-            for place, leaf in zip(ensemble.places, leaves, strict=True)
-            if is_prior(leaf)
-        ]
-        fixed = [np.ravel(leaf) if not is_prior(leaf) else None for leaf in leaves]
-        self._fixed = np.zeros(len(ensemble.names))
-        for place, value in zip(ensemble.places, fixed, strict=True):
-            if value is not None:
-                self._fixed[list(place.constants)] = value
+        self._force = np.asarray(space.record.blocks.force)
 
     def without(self, test: int) -> Density:
         """The same with one test left out."""
         rows = self.whitener.tests != test
-        found = Density(self.ensemble, self.whitener, self.discrepancy.of_some(rows))
+        found = Density(self.space, self.whitener, self.discrepancy.of_some(rows))
         found.rows = rows
         return found
 
-    def with_shapes(self, shapes: Array, peak: float, tolerance: float) -> Density:
-        """The same with a discrepancy of shapes (M, T, B) in N."""
-        found = Discrepancy.of(self.whitener(shapes), peak, tolerance)
-        return Density(self.ensemble, self.whitener, found)
-
-    def bounds(self, subset: Subset) -> tuple[Array, Array]:
-        """Least values (F,) of the free numbers, and the lengths (F,) of their natural step."""
-        lowest, length = np.full(subset.theta.size, -np.inf), np.ones(subset.theta.size)
-        where = {int(k): j for j, k in enumerate(subset.theta)}
-        for place, leaf in self._leaves:
-            if isinstance(leaf, Natural) and place.theta[0] in where:
-                j = where[place.theta[0]]
-                lowest[j], length[j] = leaf.lowest, leaf.sd
-        return lowest, length
-
-    def at(self, subset: Subset, theta: Array) -> Point | None:
-        """Everything at theta (D,); None where the force is not finite."""
-        constants, slopes, prior = self._prior(subset, theta)
-        _, length = self.bounds(subset)
-        steps = _STEP * length
-        rows = np.concatenate([constants[None], constants + (slopes * steps).T])
-        found = forces(self.ensemble, rows)
+    def at(self, hypothesis: Hypothesis, theta: Array) -> Point | None:
+        """Everything at theta (F,); None where the force is not finite."""
+        own = self.space.parameters(hypothesis)
+        steps = _STEP * own.length
+        thetas = np.concatenate([theta[None], theta + np.diag(steps)])
+        constants = own.constants(thetas)
+        found = self.space.forces(hypothesis, constants)
+        prior = _prior(own, theta)
         if not (np.isfinite(found).all() and np.isfinite(prior.loss)):
             return None
         predicted = found[0]
@@ -147,10 +120,10 @@ class Density:
         white = white[:, self.rows]
         parts = white @ self.discrepancy.axes.T
         return Point(
-            subset,
+            own,
             theta,
-            constants,
-            slopes,
+            constants[0],
+            ((constants[1:] - constants[0]) / steps[:, None]).T,
             predicted,
             responses,
             white[0],
@@ -171,47 +144,29 @@ class Density:
         losses = self.discrepancy.losses(point.parts**2) - self.discrepancy.log_prior
         return float(self.discrepancy.sizes[np.argmin(losses)])
 
-    def _prior(self, subset: Subset, theta: Array) -> tuple[Array, Array, Terms]:
-        """Constants (P,), slopes (P, F) and the prior's terms."""
-        free = subset.theta
-        where = {int(k): j for j, k in enumerate(free)}
-        constants = self._fixed.copy()
-        slopes = np.zeros((constants.size, free.size))
-        loss, gradient = 0.0, np.zeros(free.size)
-        curvature = np.zeros((free.size, free.size))
-        for place, leaf in self._leaves:
-            numbers = theta[place.theta.start : place.theta.stop]
-            value, slope, log, first, second = map(np.asarray, _leaf(leaf, numbers))
-            constants[list(place.constants)] = value
-            if place.theta[0] not in where:
-                continue
-            own = [where[k] for k in place.theta]
-            slopes[np.ix_(list(place.constants), own)] = slope
-            loss -= float(log)
-            gradient[own] = -first
-            curvature[np.ix_(own, own)] = _positive_part(-second)
-        slopes *= np.isnan(subset.null)[:, None]
-        return subset.nulled(constants), slopes, Terms(loss, gradient, curvature)
+
+def _prior(own: Parameters, theta: Array) -> Terms:
+    """Minus the log prior density, its gradient (F,) and curvature (F, F)."""
+    loss, gradient = 0.0, np.zeros(own.size)
+    curvature = np.zeros((own.size, own.size))
+    for leaf in own.leaves:
+        here = slice(leaf.theta.start, leaf.theta.stop)
+        log, first, second = map(np.asarray, _log_prior(leaf.prior, theta[here]))
+        loss -= float(log)
+        gradient[here] = -first
+        curvature[here, here] = _positive_part(-second)
+    return Terms(loss, gradient, curvature)
 
 
 @jax.jit
-def _leaf(prior: AbstractPrior, numbers: JaxArray) -> tuple[JaxArray, ...]:
-    """Value (k,), its slopes (k, size), log density and its two derivatives, at numbers (size,)."""
-
-    def value(x: JaxArray) -> JaxArray:
-        return jnp.ravel(prior.constrain(x)[0])
+def _log_prior(prior: AbstractPrior, numbers: JaxArray) -> tuple[JaxArray, ...]:
+    """Log density and its two derivatives at numbers (size,)."""
 
     def log(x: JaxArray) -> JaxArray:
         return jnp.sum(prior.constrain(x)[1])
 
     slope = jax.jacfwd(log)
-    return (
-        value(numbers),
-        jax.jacfwd(value)(numbers),
-        log(numbers),
-        slope(numbers),
-        jax.jacfwd(slope)(numbers),
-    )
+    return log(numbers), slope(numbers), jax.jacfwd(slope)(numbers)
 
 
 def _positive_part(matrix: Array) -> Array:

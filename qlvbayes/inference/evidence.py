@@ -20,9 +20,13 @@ from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.special import log_ndtr, logsumexp
 
-from qlvbayes.inference.density import Density, Point
+from qlvbayes.inference.density import Density, Point, Terms
+from qlvbayes.inference.modes import bounded_step
 
 Array = NDArray[np.float64]
+
+
+_FAR = 2.0  # log density below a mode, from which nothing normal can be laid about a place
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,11 +46,14 @@ class Evidence:
         return float(np.exp(logsumexp(self.by_size[sizes > size]) - self.log))
 
 
-def evidence(density: Density, point: Point) -> Evidence:
-    """About a mode."""
-    lowest, _ = density.bounds(point.subset)
-    own = point.theta[point.subset.theta]
+def evidence(density: Density, point: Point, *, linear: bool = False) -> Evidence:
+    """About a mode; minus infinity at a place that is none, unless the force is called linear."""
+    lowest, length, own = point.own.lowest, point.own.length, point.theta
     logs, best = [], (-math.inf, own, np.eye(own.size))
+    here = density.terms(point, density.likeliest_size(point))
+    if not linear and promised(here, lowest - own, length) > _FAR:
+        sizes = density.discrepancy.sizes.size
+        return Evidence(-math.inf, np.full(sizes, -math.inf), own, np.eye(own.size))
     for size, log_prior in zip(
         density.discrepancy.sizes, density.discrepancy.log_prior, strict=True
     ):
@@ -58,6 +65,12 @@ def evidence(density: Density, point: Point) -> Evidence:
                 best = (log, own + shift, covariance)
         logs.append(log)
     return Evidence(float(logsumexp(logs)), np.array(logs), best[1], best[2])
+
+
+def promised(terms: Terms, room: Array, length: Array) -> float:
+    """Rise of the log density that an undamped step promises: next to nothing at a mode."""
+    step = bounded_step(terms, 0.0, room, length)
+    return -float(terms.gradient @ step + 0.5 * step @ terms.curvature @ step)
 
 
 def _normal(

@@ -9,12 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes.inference.density import Density, Point, Terms
-from qlvbayes.inference.subset import Subset
+from qlvbayes.inference.space import Hypothesis
 
 Array = NDArray[np.float64]
 
 _STEPS = 60
 _ENOUGH = 5e-3  # rise of the log density that a step promises, below which the mode is found
+_CREEP = 0.02  # rise in a step, at which the way along a ridge ends
+_HOPE = {3: 20.0, 6: 8.0, 12: 4.0}  # from which step on it may bring how often what it promises
 _FARTHEST = 3.0  # longest step in a natural length
 _DAMPING = (1e-3, 1e-4, 1e9)  # first, least, most
 _SAME = 0.5  # of loss, within which two modes are one
@@ -34,43 +36,53 @@ class Mode:
     steps: int
 
 
-def find_mode(density: Density, subset: Subset, start: Array, steps: int = _STEPS) -> Mode | None:
-    """Levenberg-Marquardt from theta (D,); the discrepancy's size follows. None: not finite."""
-    point = density.at(subset, start)
+def find_mode(
+    density: Density, hypothesis: Hypothesis, start: Array, worth: float = np.inf
+) -> Mode | None:
+    """Levenberg-Marquardt from theta (F,); the discrepancy's size follows. None: not finite.
+
+    worth: a loss; what does not promise to reach it is given up on its way.
+    """
+    point = density.at(hypothesis, start)
     if point is None:
         return None
-    lowest, length = density.bounds(subset)
+    lowest, length = point.own.lowest, point.own.length
     size = density.likeliest_size(point)
     here = density.terms(point, size)
     damping, least, most = _DAMPING
     tried = 0
-    for tried in range(1, steps + 1):
-        own = point.theta[subset.theta]
-        step = _step(here, damping, lowest - own, length)
+    for tried in range(1, _STEPS + 1):
+        step = bounded_step(here, damping, lowest - point.theta, length)
         promise = -float(here.gradient @ step + 0.5 * step @ here.curvature @ step)
         if promise < _ENOUGH and damping <= 1.0:
             return Mode(point, size, here.loss, True, tried)
-        moved = point.theta.copy()
-        moved[subset.theta] = np.maximum(own + step, lowest)
-        found = density.at(subset, moved)
+        if any(tried > k and here.loss - hope * promise > worth for k, hope in _HOPE.items()):
+            break
+        found = density.at(hypothesis, np.maximum(point.theta + step, lowest))
         after = density.terms(found, size) if found is not None else None
         if found is None or after is None or not after.loss < here.loss:
             damping *= 10.0
             if damping > most:
                 return Mode(point, size, here.loss, True, tried)
             continue
-        gain = (here.loss - after.loss) / max(promise, 1e-300)
+        rise = here.loss - after.loss
+        gain = rise / max(promise, 1e-300)
         damping = max(damping * (0.1 if gain > 0.5 else 1.0 if gain > 0.1 else 4.0), least)
         point = found
         likeliest = density.likeliest_size(point)
         here = after if likeliest == size else density.terms(point, likeliest)
+        creeps = max(rise, 0.2 * promise) < _CREEP and likeliest == size
         size = likeliest
+        if creeps:
+            return Mode(point, size, here.loss, True, tried)
     return Mode(point, size, here.loss, False, tried)
 
 
-def modes(density: Density, subset: Subset, starts: Iterable[Array]) -> list[Mode]:
+def modes(
+    density: Density, hypothesis: Hypothesis, starts: Iterable[Array], worth: float = np.inf
+) -> list[Mode]:
     """Distinct modes from many starts, the highest first."""
-    found = [find_mode(density, subset, start) for start in starts]
+    found = [find_mode(density, hypothesis, start, worth) for start in starts]
     kept: list[Mode] = []
     for mode in sorted((m for m in found if m is not None), key=lambda m: m.loss):
         if not any(_alike(mode, other) for other in kept):
@@ -82,12 +94,12 @@ def _alike(one: Mode, two: Mode) -> bool:
     """Whether two are one: of equal height and hardly apart by the curvature."""
     if abs(one.loss - two.loss) > _SAME:
         return False
-    gap = (one.point.theta - two.point.theta)[one.point.subset.theta]
+    gap = one.point.theta - two.point.theta
     curvature = one.point.jacobian @ one.point.jacobian.T + one.point.prior.curvature
     return bool(gap @ curvature @ gap < 1e3 or np.allclose(gap, 0.0, atol=1e-3))
 
 
-def _step(terms: Terms, damping: float, room: Array, length: Array) -> Array:
+def bounded_step(terms: Terms, damping: float, room: Array, length: Array) -> Array:
     """A damped step (F,) within what room (F,) the bounds leave."""
     step = np.zeros(terms.gradient.size)
     free = ~((room >= 0.0) & (terms.gradient > 0.0))

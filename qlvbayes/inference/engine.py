@@ -1,0 +1,210 @@
+"""One compiled model for every hypothesis: any elastic law, any spectrum, effects on or off.
+
+Which law is meant is a number that is given with the constants, and what is compiled for one
+hypothesis serves all. Slopes are differences of two forces: kinks of contact and clearance have no
+derivative that would serve better, and half as much is traced and compiled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar, Self
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array as JaxArray
+from numpy.typing import NDArray
+
+from qlvbayes.effects.effect import AbstractEffect
+from qlvbayes.inference.linearised import compiled
+from qlvbayes.laws.elastic.law import AbstractElastic
+from qlvbayes.laws.relaxation.law import AbstractRelaxation
+from qlvbayes.model import Model
+from qlvbayes.records.record import Record
+from qlvbayes.scales import Scales
+
+Array = NDArray[np.float64]
+
+TOGETHER = 16
+"""Sets of constants come in multiples of this, so that few sizes are compiled."""
+COSTLY = ("frame_compliance", "channel_lag")
+"""Effects that run the law beneath several times: models without them are kept apart."""
+FEW = 4
+"""Modes up to which a spectrum counts as short, and runs in a model of its own."""
+
+
+class AnyElastic(AbstractElastic):
+    """One of several elastic laws: that of number ``which``, with its constants in ``numbers``.
+
+    templates: an instance of each law, for its structure.
+    """
+
+    which: Any
+    numbers: Any
+    templates: tuple[Any, ...] = eqx.field(static=True)
+    name: ClassVar[str] = "any"
+    units: ClassVar[dict[str, str]] = {}
+    meanings: ClassVar[dict[str, str]] = {}
+    law: ClassVar[str] = "one of several"
+    reference: ClassVar[str] = ""
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """No law of its own."""
+        raise NotImplementedError
+
+    def _switched(self, method: str, *arguments: JaxArray) -> JaxArray:
+        def branch(structure: Any) -> Any:
+            def run(numbers: JaxArray, *arguments: JaxArray) -> JaxArray:
+                own = jax.tree.unflatten(structure, list(numbers[: structure.num_leaves]))
+                return getattr(own, method)(*arguments)
+
+            return run
+
+        branches = [branch(structure) for structure in self.templates]
+        found: JaxArray = jax.lax.switch(self.which, branches, self.numbers, *arguments)
+        return found
+
+    def force(self, depth: JaxArray) -> JaxArray:
+        """That of the law meant."""
+        return self._switched("force", depth)
+
+    def stiffness(self, depth: JaxArray) -> JaxArray:
+        """That of the law meant."""
+        return self._switched("stiffness", depth)
+
+    def relaxed_step(
+        self,
+        start: JaxArray,
+        stop: JaxArray,
+        force_start: JaxArray,
+        force_stop: JaxArray,
+        decay: JaxArray,
+    ) -> JaxArray:
+        """That of the law meant."""
+        return self._switched("relaxed_step", start, stop, force_start, force_stop, decay)
+
+
+class AnyRelaxation(AbstractRelaxation):
+    """A spectrum given as it is: fractions (L + 1,) and rates (L,) in 1/s."""
+
+    fractions: Any
+    rates: Any
+    name: ClassVar[str] = "any"
+    units: ClassVar[dict[str, str]] = {}
+    meanings: ClassVar[dict[str, str]] = {}
+    law: ClassVar[str] = "any spectrum"
+    reference: ClassVar[str] = ""
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """No law of its own."""
+        raise NotImplementedError
+
+    def spectrum(self) -> tuple[JaxArray, JaxArray]:
+        """As given."""
+        return self.fractions, self.rates
+
+    def times(self) -> dict[str, JaxArray]:
+        """None of its own."""
+        return {}
+
+
+@dataclass(frozen=True, eq=False)
+class Engine:
+    """The force of any hypothesis about the tests of a record.
+
+    elastic: laws that may be meant, in the order of their numbers (any values); effects: candidates
+    (any values, nested as in `Model`). A row of constants holds the elastic law's numbers (E,), the
+    fractions (L + 1,), the rates (L,) and the effects' constants.
+    """
+
+    record: Record
+    elastic: tuple[AbstractElastic, ...]
+    effects: tuple[AbstractEffect, ...]
+    bonded: bool
+
+    @cached_property
+    def width(self) -> int:
+        """E, the most constants that an elastic law has."""
+        return max(jax.tree.structure(law).num_leaves for law in self.elastic)
+
+    @cached_property
+    def slots(self) -> dict[str, range]:
+        """Where each effect's constants lie, counted from the first effect's."""
+        found, start = {}, 0
+        for effect in self._nested:
+            count = jax.tree.structure(effect).num_leaves
+            found[effect.name] = range(start, start + count)
+            start += count
+        return found
+
+    @cached_property
+    def _nested(self) -> tuple[AbstractEffect, ...]:
+        return tuple(sorted(self.effects, key=lambda effect: (effect.level, effect.rank)))
+
+    @cached_property
+    def _parts(self) -> list[frozenset[str]]:
+        """Sets of effects that are compiled together, the cheapest first."""
+        light = [e.name for e in self.effects if e.name not in COSTLY]
+        costly = [e.name for e in self.effects if e.name in COSTLY]
+        halves = [light[: len(light) // 2], light[len(light) // 2 :]]
+        sets = [[], *halves, *([one] for one in costly), light]
+        sets += [[*some, one] for some in (*halves, light) for one in costly]
+        return [frozenset(names) for names in (*sets, [e.name for e in self.effects])]
+
+    def with_record(self, record: Record) -> Engine:
+        """The same about other tests."""
+        return Engine(record, self.elastic, self.effects, self.bonded)
+
+    def forces(self, which: int, lanes: int, at_work: frozenset[str], rows: Array) -> Array:
+        """(K, T, B) block means of the force (N) of rows of constants.
+
+        which: number of the elastic law; lanes: L; at_work: effects that are not at their null.
+        """
+        names = next(names for names in self._parts if at_work <= names)
+        kept = [effect for effect in self._nested if effect.name in names]
+        start = self.width + 2 * lanes + 1
+        columns = [start + k for effect in kept for k in self.slots[effect.name]]
+        own = rows[:, [*range(start), *columns]]
+        model = self._model(lanes, kept)
+        found = []
+        for begin in range(0, len(own), TOGETHER):
+            some = own[begin : begin + TOGETHER]
+            full = np.concatenate([some, np.repeat(some[:1], TOGETHER - len(some), axis=0)])
+            found.append(np.asarray(_forces(model, self.record, which, full))[: len(some)])
+        return np.concatenate(found)
+
+    def _model(self, lanes: int, effects: Sequence[AbstractEffect]) -> Model:
+        """With empty numbers."""
+        templates = tuple(jax.tree.structure(law) for law in self.elastic)
+        elastic = AnyElastic(0, np.zeros(self.width), templates)
+        relaxation = AnyRelaxation(np.zeros(lanes + 1), np.zeros(lanes))
+        empty = tuple(jax.tree.map(lambda x: np.zeros(()), effect) for effect in effects)
+        return Model(elastic, relaxation, self.bonded, empty)
+
+
+@compiled
+def _forces(model: Model, record: Record, which: JaxArray, rows: JaxArray) -> JaxArray:
+    def one(row: JaxArray) -> JaxArray:
+        own = _filled(model, which, row)
+        return jax.vmap(lambda test: test.average(own.force(test.motion)))(record)
+
+    return jax.vmap(one)(rows)
+
+
+def _filled(model: Model, which: JaxArray, row: JaxArray) -> Model:
+    """The model with the numbers of a row."""
+    leaves, structure = jax.tree.flatten(model)
+    sizes = [int(np.size(leaf)) for leaf in leaves[1:]]  # the first is the law's number
+    ends = np.cumsum([0, *sizes])
+    parts = [
+        jnp.reshape(row[a:b], np.shape(leaf))
+        for leaf, a, b in zip(leaves[1:], ends[:-1], ends[1:], strict=True)
+    ]
+    filled: Model = jax.tree.unflatten(structure, [which, *parts])
+    return filled

@@ -1,0 +1,283 @@
+"""Hypotheses about one specimen: a base law and a set of effects, and the numbers each leaves free.
+
+Every hypothesis has a posterior of its own, under the noise floor as it was measured; all are run
+by one `Engine`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import equinox as eqx
+import jax
+import numpy as np
+from jaxtyping import Array as JaxArray
+from numpy.typing import NDArray
+
+from qlvbayes.effects.effect import AbstractEffect
+from qlvbayes.inference.engine import FEW, TOGETHER, Engine
+from qlvbayes.laws.elastic.law import AbstractElastic
+from qlvbayes.laws.relaxation.law import AbstractRelaxation
+from qlvbayes.model import Model
+from qlvbayes.noise import AbstractNoise
+from qlvbayes.parameters import names, unit_kinds
+from qlvbayes.posterior import Posterior, is_prior, value_shape
+from qlvbayes.priors.distributions import AbstractPrior
+from qlvbayes.priors.natural import Natural, natural
+from qlvbayes.records.record import Record
+
+Array = NDArray[np.float64]
+
+_DRAWS = 25  # of each prior, for medians, quantiles and starts
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """An elastic law, a relaxation and a set of effects, by name."""
+
+    elastic: str
+    relaxation: str
+    effects: frozenset[str] = frozenset()
+
+    def plus(self, effect: str) -> Hypothesis:
+        """With one more effect."""
+        return replace(self, effects=self.effects | {effect})
+
+    def less(self, effect: str) -> Hypothesis:
+        """Without one of its effects."""
+        return replace(self, effects=self.effects - {effect})
+
+
+@dataclass(frozen=True, eq=False)
+class Leaf:
+    """One field: its prior, its places in theta, and in a hypothesis's constants."""
+
+    prior: AbstractPrior
+    theta: range
+    constants: range
+
+
+@dataclass(frozen=True, eq=False)
+class Parameters:
+    """What a hypothesis leaves free: F numbers theta, P constants in the order of ``names``.
+
+    lowest, length (F,): least value and natural length of each free number; fixed (P,): constants
+    that are not free, nan elsewhere.
+    """
+
+    hypothesis: Hypothesis
+    posterior: Posterior
+    leaves: tuple[Leaf, ...]
+    lowest: Array
+    length: Array
+    fixed: Array
+
+    @classmethod
+    def of(cls, hypothesis: Hypothesis, posterior: Posterior) -> Parameters:
+        """Of a posterior whose amplitudes are `Natural` and whose noise is fixed."""
+        leaves: list[Leaf] = []
+        fixed, lowest, length = [np.zeros(0)], [np.zeros(0)], [np.zeros(0)]
+        theta = constants = 0
+        for leaf in jax.tree.leaves((posterior.model, posterior.noise), is_leaf=is_prior):
+            if not is_prior(leaf):
+                fixed.append(np.ravel(leaf))
+                constants += fixed[-1].size
+                continue
+            count = int(np.size(np.asarray(_value(leaf, np.zeros((1, leaf.size))))))
+            places = range(theta, theta + leaf.size), range(constants, constants + count)
+            leaves.append(Leaf(leaf, *places))
+            own = isinstance(leaf, Natural)
+            lowest.append(np.full(leaf.size, leaf.lowest if isinstance(leaf, Natural) else -np.inf))
+            length.append(np.full(leaf.size, leaf.sd if own else 1.0))
+            fixed.append(np.full(count, np.nan))
+            theta, constants = theta + leaf.size, constants + count
+        return cls(
+            hypothesis, posterior, tuple(leaves), *map(np.concatenate, (lowest, length, fixed))
+        )
+
+    @property
+    def size(self) -> int:
+        """F."""
+        return self.lowest.size
+
+    @cached_property
+    def names(self) -> list[str]:
+        """Of the P constants."""
+        return names(self.posterior)
+
+    @cached_property
+    def unit_kinds(self) -> list[str]:
+        """Of the P constants."""
+        return unit_kinds(self.posterior)
+
+    def leaf(self, name: str) -> Leaf:
+        """The free field of a constant."""
+        place = self.names.index(name)
+        return next(leaf for leaf in self.leaves if place in leaf.constants)
+
+    def constants(self, thetas: Array) -> Array:
+        """(K, P) constants of thetas (K, F)."""
+        count = len(thetas)
+        full = np.concatenate([thetas, np.repeat(thetas[:1], -count % TOGETHER, axis=0)])
+        found = np.tile(self.fixed, (len(full), 1))
+        for leaf in self.leaves:
+            values = np.asarray(_value(leaf.prior, full[:, leaf.theta.start : leaf.theta.stop]))
+            found[:, list(leaf.constants)] = values.reshape(len(full), -1)
+        return found[:count]
+
+
+@dataclass(frozen=True, eq=False)
+class Space:
+    """All that hypotheses about one record are made of, with priors.
+
+    elastic, relaxation: laws by name; effects: candidates by name, amplitudes `Natural`; noise: the
+    floor, its numbers fixed.
+    """
+
+    record: Record
+    elastic: dict[str, AbstractElastic]
+    relaxation: dict[str, AbstractRelaxation]
+    effects: dict[str, AbstractEffect]
+    noise: AbstractNoise
+    bonded: bool
+    _cache: dict[Hypothesis, Parameters] = field(default_factory=dict)
+    _draws: dict[Any, Array] = field(default_factory=dict)
+
+    @cached_property
+    def engine(self) -> Engine:
+        """What computes their forces."""
+        laws = tuple(_emptied(law) for law in self.elastic.values())
+        effects = tuple(_emptied(effect) for effect in self.effects.values())
+        return Engine(self.record, laws, effects, self.bonded)
+
+    def parameters(self, hypothesis: Hypothesis) -> Parameters:
+        """What a hypothesis leaves free."""
+        if hypothesis not in self._cache:
+            model = Model(
+                self.elastic[hypothesis.elastic],
+                self.relaxation[hypothesis.relaxation],
+                self.bonded,
+            )
+            for name in self.effects:
+                if name in hypothesis.effects:
+                    model = model + self.effects[name]
+            posterior = Posterior(model, self.noise, self.record)
+            self._cache[hypothesis] = Parameters.of(hypothesis, posterior)
+        return self._cache[hypothesis]
+
+    def forces(
+        self, hypothesis: Hypothesis, constants: Array, record: Record | None = None
+    ) -> Array:
+        """(K, T, B) block means of the force (N) of constants (K, P)."""
+        engine = self.engine if record is None else self.engine.with_record(record)
+        which = list(self.elastic).index(hypothesis.elastic)
+        rows, lanes = self._rows(hypothesis, constants)
+        return engine.forces(which, lanes, hypothesis.effects, rows)
+
+    def _rows(self, hypothesis: Hypothesis, constants: Array) -> tuple[Array, int]:
+        """(K, R) rows of the engine, and their lanes."""
+        law, relaxation = self.elastic[hypothesis.elastic], self.relaxation[hypothesis.relaxation]
+        count = jax.tree.structure(_emptied(law)).num_leaves
+        elastic = np.zeros((len(constants), self.engine.width))
+        elastic[:, :count] = constants[:, :count]
+        fractions, rates = _spectra(relaxation, constants[:, count:])
+        lanes = rates.shape[1] if rates.shape[1] > FEW else FEW
+        missing = lanes - rates.shape[1]
+        fractions = np.pad(fractions, ((0, 0), (0, missing)))
+        rates = np.pad(rates, ((0, 0), (0, missing)), constant_values=1.0)
+        slots = self.engine.slots
+        effects = np.zeros((len(constants), sum(len(slot) for slot in slots.values())))
+        for name, slot in slots.items():
+            if name not in hypothesis.effects:
+                effects[:, list(slot)] = self._null(name)
+        start = count + self._count(relaxation)
+        for name in sorted(hypothesis.effects, key=lambda name: slots[name].start):
+            width = len(slots[name])
+            effects[:, list(slots[name])] = constants[:, start : start + width]
+            start += width
+        return np.concatenate([elastic, fractions, rates, effects], axis=1), lanes
+
+    def _null(self, name: str) -> Array:
+        """Constants at which an effect vanishes; its others are of no account, but finite."""
+        effect = self.effects[name]
+        fields = list(effect.units)
+        return np.array([effect.null.get(field, 1.0) for field in fields])
+
+    def _count(self, relaxation: AbstractRelaxation) -> int:
+        """Constants of a relaxation."""
+        leaves = jax.tree.leaves(relaxation, is_leaf=is_prior)
+        return sum(int(np.prod(value_shape(leaf), dtype=int)) for leaf in leaves)
+
+    def draws(self, part: str, name: str) -> Array:
+        """(25, size) numbers drawn from the priors of a law or effect, the same at every call."""
+        if (part, name) not in self._draws:
+            rng = np.random.default_rng(0)
+            found = []
+            for leaf in jax.tree.leaves(getattr(self, part)[name], is_leaf=is_prior):
+                if is_prior(leaf):
+                    values = np.stack([leaf.draw(rng) for _ in range(_DRAWS)])
+                    found.append(np.asarray(_unconstrained(leaf, values)).reshape(_DRAWS, -1))
+            self._draws[(part, name)] = np.concatenate([np.zeros((_DRAWS, 0)), *found], axis=1)
+        return self._draws[(part, name)]
+
+    def plain_draws(self, hypothesis: Hypothesis) -> Array:
+        """(25, F) of the base law's numbers."""
+        return np.concatenate(
+            [
+                self.draws("elastic", hypothesis.elastic),
+                self.draws("relaxation", hypothesis.relaxation),
+            ],
+            axis=1,
+        )
+
+
+def in_natural_amplitude(effect: AbstractEffect) -> AbstractEffect:
+    """The effect with its amplitude's prior in the amplitude itself."""
+    name = next(iter(effect.null))
+    changed: AbstractEffect = eqx.tree_at(
+        lambda e: getattr(e, name), effect, natural(getattr(effect, name)), is_leaf=is_prior
+    )
+    return changed
+
+
+def _emptied(part: Any) -> Any:
+    """A law or effect with numbers of no account in the place of its priors."""
+    return jax.tree.map(lambda leaf: 0.0, part, is_leaf=is_prior)
+
+
+def _spectra(relaxation: AbstractRelaxation, constants: Array) -> tuple[Array, Array]:
+    """Fractions (K, L + 1) and rates (K, L) of constants (K, ...) that begin with the law's."""
+    leaves, structure = jax.tree.flatten(relaxation, is_leaf=is_prior)
+    filled, start = [], 0
+    for leaf in leaves:
+        size = value_shape(leaf)
+        count = int(np.prod(size, dtype=int))
+        part = constants[:, start : start + count].reshape(len(constants), *size)
+        filled.append(np.concatenate([part, np.repeat(part[:1], -len(part) % TOGETHER, axis=0)]))
+        start += count
+    fractions, rates = _spectrum(jax.tree.unflatten(structure, filled))
+    return np.asarray(fractions)[: len(constants)], np.asarray(rates)[: len(constants)]
+
+
+@jax.jit
+def _spectrum(relaxations: AbstractRelaxation) -> tuple[JaxArray, JaxArray]:
+    return jax.vmap(lambda one: one.spectrum())(relaxations)
+
+
+@jax.jit
+def _value(prior: AbstractPrior, numbers: JaxArray) -> JaxArray:
+    """(K, ...) values of numbers (K, size)."""
+    return jax.vmap(lambda x: prior.constrain(x)[0])(numbers)
+
+
+@jax.jit
+def _unconstrained(prior: AbstractPrior, values: JaxArray) -> JaxArray:
+    return jax.vmap(prior.unconstrain)(values)
+
+
+def median(draws: Iterable[Array]) -> Array:
+    """Of draws (N, F), each number by itself."""
+    return np.asarray(np.median(np.asarray(list(draws)), axis=0))
