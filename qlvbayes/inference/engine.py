@@ -131,14 +131,14 @@ class Engine:
     @cached_property
     def width(self) -> int:
         """E, the most constants that an elastic law has."""
-        return max(jax.tree.structure(law).num_leaves for law in self.elastic)
+        return max(len(jax.tree.leaves(law)) for law in self.elastic)
 
     @cached_property
     def slots(self) -> dict[str, range]:
         """Where each effect's constants lie, counted from the first effect's."""
         found, start = {}, 0
         for effect in self._nested:
-            count = jax.tree.structure(effect).num_leaves
+            count = len(jax.tree.leaves(effect))
             found[effect.name] = range(start, start + count)
             start += count
         return found

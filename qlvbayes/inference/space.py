@@ -89,9 +89,9 @@ class Parameters:
             count = int(np.size(np.asarray(_value(leaf, np.zeros((1, leaf.size))))))
             places = range(theta, theta + leaf.size), range(constants, constants + count)
             leaves.append(Leaf(leaf, *places))
-            own = isinstance(leaf, Natural)
-            lowest.append(np.full(leaf.size, leaf.lowest if isinstance(leaf, Natural) else -np.inf))
-            length.append(np.full(leaf.size, leaf.sd if own else 1.0))
+            low, step = (leaf.lowest, leaf.sd) if isinstance(leaf, Natural) else (-np.inf, 1.0)
+            lowest.append(np.full(leaf.size, low))
+            length.append(np.full(leaf.size, step))
             fixed.append(np.full(count, np.nan))
             theta, constants = theta + leaf.size, constants + count
         return cls(
@@ -180,10 +180,11 @@ class Space:
     def _rows(self, hypothesis: Hypothesis, constants: Array) -> tuple[Array, int]:
         """(K, R) rows of the engine, and their lanes."""
         law, relaxation = self.elastic[hypothesis.elastic], self.relaxation[hypothesis.relaxation]
-        count = jax.tree.structure(_emptied(law)).num_leaves
+        count = len(jax.tree.leaves(_emptied(law)))
         elastic = np.zeros((len(constants), self.engine.width))
         elastic[:, :count] = constants[:, :count]
-        fractions, rates = _spectra(relaxation, constants[:, count:])
+        shapes = self._shapes[hypothesis.relaxation]
+        fractions, rates = _spectra(relaxation, shapes, constants[:, count:])
         lanes = rates.shape[1] if rates.shape[1] > FEW else FEW
         missing = lanes - rates.shape[1]
         fractions = np.pad(fractions, ((0, 0), (0, missing)))
@@ -193,7 +194,7 @@ class Space:
         for name, slot in slots.items():
             if name not in hypothesis.effects:
                 effects[:, list(slot)] = self._null(name)
-        start = count + self._count(relaxation)
+        start = count + sum(int(np.prod(shape, dtype=int)) for shape in shapes)
         for name in sorted(hypothesis.effects, key=lambda name: slots[name].start):
             width = len(slots[name])
             effects[:, list(slots[name])] = constants[:, start : start + width]
@@ -206,10 +207,13 @@ class Space:
         fields = list(effect.units)
         return np.array([effect.null.get(field, 1.0) for field in fields])
 
-    def _count(self, relaxation: AbstractRelaxation) -> int:
-        """Constants of a relaxation."""
-        leaves = jax.tree.leaves(relaxation, is_leaf=is_prior)
-        return sum(int(np.prod(value_shape(leaf), dtype=int)) for leaf in leaves)
+    @cached_property
+    def _shapes(self) -> dict[str, list[tuple[int, ...]]]:
+        """Shapes of each relaxation's fields."""
+        return {
+            name: [value_shape(leaf) for leaf in jax.tree.leaves(law, is_leaf=is_prior)]
+            for name, law in self.relaxation.items()
+        }
 
     def draws(self, part: str, name: str) -> Array:
         """(25, size) numbers drawn from the priors of a law or effect, the same at every call."""
@@ -248,12 +252,16 @@ def _emptied(part: Any) -> Any:
     return jax.tree.map(lambda leaf: 0.0, part, is_leaf=is_prior)
 
 
-def _spectra(relaxation: AbstractRelaxation, constants: Array) -> tuple[Array, Array]:
-    """Fractions (K, L + 1) and rates (K, L) of constants (K, ...) that begin with the law's."""
-    leaves, structure = jax.tree.flatten(relaxation, is_leaf=is_prior)
+def _spectra(
+    relaxation: AbstractRelaxation, shapes: list[tuple[int, ...]], constants: Array
+) -> tuple[Array, Array]:
+    """Fractions (K, L + 1) and rates (K, L) of constants (K, ...) that begin with the law's.
+
+    shapes: of the relaxation's fields.
+    """
+    structure = jax.tree.structure(relaxation, is_leaf=is_prior)
     filled, start = [], 0
-    for leaf in leaves:
-        size = value_shape(leaf)
+    for size in shapes:
         count = int(np.prod(size, dtype=int))
         part = constants[:, start : start + count].reshape(len(constants), *size)
         filled.append(np.concatenate([part, np.repeat(part[:1], -len(part) % TOGETHER, axis=0)]))
