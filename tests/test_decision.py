@@ -1,0 +1,80 @@
+"""The verdict as a function of numbers: tables in, words out."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from qlvbayes.hypotheses.decision import VERDICTS, Weight, decide
+
+EXP = ("exponential", "prony:2")
+HERTZ = ("hertz", "prony:2")
+
+
+def weight(effects, probability, *, base=EXP, outside=0.0, sound=True, falls=True):
+    names = frozenset(effects.split())
+    return Weight(base, names, float(np.log(probability)), outside, sound, falls)
+
+
+def test_nothing_is_missing_where_the_plain_model_is_likeliest():
+    found = decide([weight("", 0.97), weight("friction", 0.03)])
+    assert (found.verdict, found.effects, found.group) == ("adequate", (), ())
+    assert found.inclusion["friction"] == pytest.approx(0.03)
+
+
+def test_an_effect_is_named_by_its_probability_over_everything_else():
+    """No hypothesis alone has 0.9, the effect has it over all laws and companions."""
+    found = decide(
+        [
+            weight("drag", 0.5),
+            weight("drag", 0.3, base=HERTZ),
+            weight("drag leak", 0.15),
+            weight("friction", 0.05),
+        ]
+    )
+    assert (found.verdict, found.effects) == ("missing_effect", ("drag",))
+    assert found.inclusion["drag"] == pytest.approx(0.95)
+    assert found.base[HERTZ] == pytest.approx(0.3)
+
+
+def test_two_that_do_as_well_make_a_group():
+    found = decide([weight("drag", 0.55), weight("film", 0.43), weight("", 0.02)])
+    assert (found.verdict, found.effects, found.group) == ("ambiguous", (), ("drag", "film"))
+
+
+def test_a_group_may_stand_beside_a_named_effect():
+    found = decide([weight("inertia drag", 0.6), weight("inertia film", 0.38), weight("", 0.02)])
+    assert (found.verdict, found.effects) == ("ambiguous", ("inertia",))
+    assert found.group == ("drag", "film")
+
+
+def test_what_is_named_beside_something_outside_is_part_of_the_truth():
+    found = decide([weight("drag", 0.98, outside=0.99), weight("", 0.02, outside=1.0)])
+    assert (found.verdict, found.effects) == ("partly_explained", ("drag",))
+
+
+def test_what_is_left_and_unnamed_is_unexplained():
+    found = decide([weight("", 0.6, sound=False), weight("drag", 0.4, sound=False)])
+    assert (found.verdict, found.effects, found.group) == ("unexplained", (), ())
+
+
+def test_no_effect_is_named_whose_addition_raises_the_error_on_tests_left_out():
+    found = decide([weight("drag", 0.99, falls=False), weight("", 0.01)])
+    assert found.effects == ()
+
+
+PROBABILITIES = st.lists(st.floats(1e-6, 1.0), min_size=1, max_size=6)
+
+
+@given(PROBABILITIES, st.data())
+def test_probabilities_are_probabilities(values, data):
+    names = st.sets(st.sampled_from(["drag", "film", "leak"]))
+    weights = [
+        weight(" ".join(data.draw(names)), value, outside=data.draw(st.floats(0.0, 1.0)))
+        for value in values
+    ]
+    found = decide(weights)
+    assert found.verdict in VERDICTS
+    assert sum(found.base.values()) == pytest.approx(1.0)
+    assert all(0.0 <= p <= 1.0 + 1e-9 for p in found.inclusion.values())
+    assert set(found.effects).isdisjoint(found.group)
