@@ -18,7 +18,7 @@ from qlvbayes.diagnosis.noticeable import log_noticeable
 from qlvbayes.hypotheses.prior import HypothesisPrior
 from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.evidence import Evidence, evidence
-from qlvbayes.inference.modes import Mode, find_mode, modes
+from qlvbayes.inference.modes import Mode, modes
 from qlvbayes.inference.space import Hypothesis, Leaf, Parameters, median
 from qlvbayes.priors.natural import Natural
 
@@ -31,7 +31,6 @@ _SHAPES = 4  # quantiles of a new effect's first constant besides its amplitude
 _FOLLOWED = 2  # of these, that are optimised
 _BEHIND = 30.0  # loss behind the best, at which a hypothesis is given up
 _MOST_EFFECTS = 3
-_MODES = 4  # modes of a base law that are weighed
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,24 +104,29 @@ class Search:
             self.see_without(hypothesis, name)
 
     def _other_laws(self, hypothesis: Hypothesis) -> Iterator[Hypothesis]:
-        """Another elastic law; a mode more or less; any relaxation where something is left."""
+        """On every other law, also with an effect less: a law may be what an effect imitated.
+
+        Any relaxation where something is left, else a mode more or less.
+        """
         space = self.density.space
-        for name in space.elastic:
-            yield Hypothesis(name, hypothesis.relaxation, hypothesis.effects)
-        own = hypothesis.relaxation
+        own, names = hypothesis.relaxation, list(space.relaxation)
         left = self.seen[hypothesis].mode.size > 0.0
-        names = list(space.relaxation)
+        pairs = [(name, own) for name in space.elastic]
         for name in names:
             beside = own.startswith("prony") and abs(names.index(name) - names.index(own)) == 1
             if left or (beside and name.startswith("prony")):
-                yield Hypothesis(hypothesis.elastic, name, hypothesis.effects)
+                pairs.append((hypothesis.elastic, name))
+        kept = [hypothesis.effects, *(hypothesis.effects - {e} for e in hypothesis.effects)]
+        for elastic, relaxation in pairs:
+            for effects in kept:
+                yield Hypothesis(elastic, relaxation, effects)
 
     def see_plain(self, hypothesis: Hypothesis) -> None:
         """A base law from its priors."""
         if hypothesis not in self.seen:
             draws = self.density.space.plain_draws(hypothesis)
             starts = [median(draws), *draws[: STARTS - 1]]
-            self._keep(hypothesis, modes(self.density, hypothesis, starts)[:_MODES])
+            self._keep(hypothesis, modes(self.density, hypothesis, starts))
 
     def see_with(self, base: Hypothesis, effect: str) -> None:
         """One more effect, from the mode without it."""
@@ -168,8 +172,7 @@ class Search:
 
     def _optimised(self, hypothesis: Hypothesis, starts: Iterable[Array]) -> list[Mode]:
         lowest = min((one.mode.loss for one in self.seen.values()), default=math.inf)
-        found = [find_mode(self.density, hypothesis, s, lowest + _BEHIND) for s in starts]
-        return [mode for mode in found if mode is not None]
+        return modes(self.density, hypothesis, starts, lowest + _BEHIND)
 
     def _keep(self, hypothesis: Hypothesis, found: Iterable[Mode]) -> None:
         weighed = [weigh(self.density, hypothesis, mode) for mode in found]

@@ -29,6 +29,7 @@ from qlvbayes.priors.distributions import AbstractPrior
 
 Array = NDArray[np.float64]
 
+_COARSE = 0.005  # of the peak force: noise under which modes are looked for first
 _STEP = (
     1e-5  # of a number's natural length, over which a slope is taken: half the digits of a float64
 )
@@ -96,6 +97,17 @@ class Density:
         self.discrepancy = discrepancy
         self.rows = np.ones(whitener.tests.size, dtype=bool)
         self._force = np.asarray(space.record.blocks.force)
+
+    @cached_property
+    def coarse(self) -> Density:
+        """The same as if the noise were white and of half a per cent of the peak force."""
+        size = _COARSE * float(np.max(np.abs(self._force)))
+        whitener = self.whitener.replaced(size)
+        peak = self.discrepancy.sizes[-1]
+        none = Discrepancy.of(np.zeros((1, whitener.tests.size)), peak, 1.0)
+        found = Density(self.space, whitener, none)
+        found.rows = self.rows
+        return found
 
     def without(self, test: int) -> Density:
         """The same with one test left out."""

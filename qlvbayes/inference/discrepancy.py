@@ -45,7 +45,7 @@ class Discrepancy:
     def of(cls, shapes: Array, peak: float, tolerance: float) -> Discrepancy:
         """Of whitened shapes (M, n); peak: largest force (N), of which tolerance is a share."""
         strengths, rotation = np.linalg.eigh(shapes @ shapes.T)
-        kept = strengths > _NEGLIGIBLE * max(strengths.max(initial=0.0), 1e-300)
+        kept = strengths > _NEGLIGIBLE * max(strengths.max(initial=0.0), 1e-200)
         strengths = strengths[kept]
         axes = (rotation[:, kept] / np.sqrt(strengths)).T @ shapes
         falling = 1.0 / (1.0 + _SIZES / max(tolerance, _SIZES[0]))

@@ -79,12 +79,27 @@ def find_mode(
 
 
 def modes(
-    density: Density, hypothesis: Hypothesis, starts: Iterable[Array], worth: float = np.inf
+    density: Density,
+    hypothesis: Hypothesis,
+    starts: Iterable[Array],
+    worth: float = np.inf,
+    most: int = 3,
 ) -> list[Mode]:
-    """Distinct modes from many starts, the highest first."""
-    found = [find_mode(density, hypothesis, start, worth) for start in starts]
+    """Distinct modes from many starts, the highest first.
+
+    All are optimised under coarse noise first, where there are few modes and wide ones; the best
+    places it leads to (at most ``most``) are followed under the noise itself.
+    """
+    rough = [find_mode(density.coarse, hypothesis, start) for start in starts]
+    places = _distinct(mode for mode in rough if mode is not None)[:most]
+    found = [find_mode(density, hypothesis, mode.point.theta, worth) for mode in places]
+    return _distinct(mode for mode in found if mode is not None)
+
+
+def _distinct(found: Iterable[Mode]) -> list[Mode]:
+    """The highest first, one of those that are alike."""
     kept: list[Mode] = []
-    for mode in sorted((m for m in found if m is not None), key=lambda m: m.loss):
+    for mode in sorted(found, key=lambda m: m.loss):
         if not any(_alike(mode, other) for other in kept):
             kept.append(mode)
     return kept

@@ -50,6 +50,12 @@ class Whitener:
         tests = np.repeat(np.arange(len(sizes)), sizes)
         return cls(tuple(arrays.real), tuple(factors), tests, scale)
 
+    def replaced(self, size: float) -> Whitener:
+        """As if the noise of every block were independent, of one size (N)."""
+        factors = tuple(size * np.eye(len(factor)) for factor in self.factors)
+        scale = self.tests.size * float(np.log(size))
+        return Whitener(self.blocks, factors, self.tests, scale)
+
     def __call__(self, vectors: Array) -> Array:
         """(M, T, B) to (M, n)."""
         parts = [
