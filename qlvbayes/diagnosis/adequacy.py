@@ -110,7 +110,7 @@ def adequacy_along(
     """The same, given block means (T, B) and their slopes (K, T, B) along what was fitted."""
     record = ensemble.posterior.record
     residual = np.asarray(record.blocks.force) - predicted
-    cells, curves = _curves(experiment.trials, record.blocks)
+    cells, curves = cell_curves(experiment.trials, record.blocks)
     slopes = slopes[np.any(slopes != 0.0, axis=(1, 2))]
     vectors = np.concatenate([residual[None], slopes, curves])
     least = LEAST_NOISE * experiment.scales.force
@@ -212,7 +212,7 @@ def whitened_vectors(noise: AbstractGaussian, record: Record, vectors: np.ndarra
     return found.reshape(len(found), -1)
 
 
-def _curves(
+def cell_curves(
     trials: Sequence[Trial], blocks: Blocks
 ) -> tuple[list[tuple[tuple[str, str, float], list[int]]], np.ndarray]:
     """Cells (test, phase, start) with the rows of their curves, and the curves (M, T, B)."""

@@ -1,0 +1,79 @@
+"""The search over hypotheses against pads whose law and hidden effect are known."""
+
+import math
+
+import pytest
+from hidden_pads import hidden_pad
+
+from qlvbayes.effects.catalogue import find
+from qlvbayes.hypotheses.decision import Weight, decide
+from qlvbayes.hypotheses.prior import HypothesisPrior
+from qlvbayes.hypotheses.workbench import search_of
+from qlvbayes.inference.space import Hypothesis
+from qlvbayes.laws.catalogue import Laws, find_elastic, find_relaxation
+from qlvbayes.synthetic import HIDDEN
+
+RATES = (0.1, 1.0, 20.0, 100.0)
+FEW_LAWS = Laws((find_elastic("exponential"), find_elastic("hertz")), (find_relaxation("prony"),))
+FEW = tuple(map(find, ("viscous_drag", "friction", "force_offset")))
+USUAL = Hypothesis("exponential", "prony:2")
+
+
+def decided(search):
+    return decide(
+        [
+            Weight((h.elastic, h.relaxation), h.effects, search.log_posterior(h), 0.0, True)
+            for h in search.seen
+        ]
+    )
+
+
+@pytest.fixture(scope="module")
+def drag():
+    experiment = hidden_pad(HIDDEN["viscous_drag"](eta=0.004), rates=RATES)
+    search = search_of(experiment, laws=FEW_LAWS, kinds=FEW)
+    search.run()
+    return search
+
+
+def test_hidden_drag_is_found_on_the_right_law(drag):
+    found = decided(drag)
+    assert drag.best == USUAL.plus("viscous_drag")
+    assert found.effects == ("viscous_drag",)
+    assert found.base["exponential", "prony:2"] > 0.5
+
+
+def test_what_is_found_holds_the_true_drag(drag):
+    point = drag.seen[drag.best].point
+    place = point.own.names.index("viscous_drag.eta")
+    assert point.constants[place] == pytest.approx(0.004, rel=0.1)
+    assert point.squares / point.residual.size == pytest.approx(1.0, abs=0.2)
+
+
+def test_every_neighbour_of_the_best_has_been_seen(drag):
+    best = drag.best
+    for name in set(drag.density.space.effects) - best.effects:
+        assert best.plus(name) in drag.seen
+    assert best.less("viscous_drag") in drag.seen
+
+
+def test_nothing_is_missing_where_nothing_is_hidden():
+    search = search_of(hidden_pad(rates=RATES), laws=FEW_LAWS, kinds=FEW)
+    search.run()
+    found = decided(search)
+    assert (found.verdict, found.effects, found.group) == ("adequate", (), ())
+    assert search.best == USUAL
+
+
+def test_prior_sums_to_one_over_all_sets_and_laws():
+    prior, effects = HypothesisPrior(complete=0.5, usual=0.6), ("a", "b", "c")
+    laws = (("x", "y", "z"), ("p", "q"))
+    usual = Hypothesis("x", "p")
+    total = sum(
+        math.exp(prior.log(Hypothesis(e, r, frozenset(some)), usual, laws, len(effects)))
+        for e in laws[0]
+        for r in laws[1]
+        for some in [(), *[(k,) for k in effects], ("a", "b"), ("a", "c"), ("b", "c"), effects]
+    )
+    # sets of more effects than there are would hold the rest
+    assert total == pytest.approx(1.0 - 0.5**4)
