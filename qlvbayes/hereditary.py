@@ -21,6 +21,7 @@ from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
 
 
+@jax.jit  # an effect may ask for it several times: it is traced once
 def hereditary_force(
     elastic: AbstractElastic, relaxation: AbstractRelaxation, time: Array, depth: Array
 ) -> Array:

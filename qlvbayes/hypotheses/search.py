@@ -29,6 +29,7 @@ STARTS = 6
 """Starts of a base law without effects: the priors' medians and draws from them."""
 _SHAPES = 4  # quantiles of a new effect's first constant besides its amplitude
 _FOLLOWED = 2  # of these, that are optimised
+_NEAR = 40.0  # log posterior behind the best, within which a law is tried with an effect less
 _BEHIND = 30.0  # loss behind the best, at which a hypothesis is given up
 _MOST_EFFECTS = 3
 
@@ -104,9 +105,9 @@ class Search:
             self.see_without(hypothesis, name)
 
     def _other_laws(self, hypothesis: Hypothesis) -> Iterator[Hypothesis]:
-        """On every other law, also with an effect less: a law may be what an effect imitated.
+        """On every other law; any relaxation where something is left, else a mode more or less.
 
-        Any relaxation where something is left, else a mode more or less.
+        On what comes near, also with an effect less: a law may be what an effect imitated.
         """
         space = self.density.space
         own, names = hypothesis.relaxation, list(space.relaxation)
@@ -116,10 +117,12 @@ class Search:
             beside = own.startswith("prony") and abs(names.index(name) - names.index(own)) == 1
             if left or (beside and name.startswith("prony")):
                 pairs.append((hypothesis.elastic, name))
-        kept = [hypothesis.effects, *(hypothesis.effects - {e} for e in hypothesis.effects)]
         for elastic, relaxation in pairs:
-            for effects in kept:
-                yield Hypothesis(elastic, relaxation, effects)
+            other = Hypothesis(elastic, relaxation, hypothesis.effects)
+            yield other
+            if self.log_posterior(other) > self.log_posterior(self.best) - _NEAR:
+                for effect in hypothesis.effects:
+                    yield other.less(effect)
 
     def see_plain(self, hypothesis: Hypothesis) -> None:
         """A base law from its priors."""
@@ -159,9 +162,7 @@ class Search:
         carried, filled = self._carried(base, hypothesis)
         bare = Hypothesis(hypothesis.elastic, hypothesis.relaxation)
         draws = self.density.space.plain_draws(bare)
-        plain = [median(draws), draws[0]]
-        if bare in self.seen:
-            plain.insert(0, self.seen[bare].point.theta)
+        plain = [self.seen[bare].point.theta if bare in self.seen else median(draws)]
         starts = []
         for own in plain:
             start = carried.copy()

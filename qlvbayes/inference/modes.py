@@ -19,6 +19,7 @@ _CREEP = 0.02  # rise in a step, at which the way along a ridge ends
 _HOPE = {3: 20.0, 6: 8.0, 12: 4.0}  # from which step on it may bring how often what it promises
 _FARTHEST = 3.0  # longest step in a natural length
 _DAMPING = (1e-3, 1e-4, 1e9)  # first, least, most
+_POOR = 50.0  # loss behind the best, under coarse noise, at which a start is given up
 _SAME = 0.5  # of loss, within which two modes are one
 
 
@@ -90,8 +91,12 @@ def modes(
     All are optimised under coarse noise first, where there are few modes and wide ones; the best
     places it leads to (at most ``most``) are followed under the noise itself.
     """
-    rough = [find_mode(density.coarse, hypothesis, start) for start in starts]
-    places = _distinct(mode for mode in rough if mode is not None)[:most]
+    rough: list[Mode] = []
+    for start in starts:
+        least = min((mode.loss for mode in rough), default=np.inf)
+        mode = find_mode(density.coarse, hypothesis, start, least + _POOR)
+        rough += [mode] if mode is not None else []
+    places = _distinct(rough)[:most]
     found = [find_mode(density, hypothesis, mode.point.theta, worth) for mode in places]
     return _distinct(mode for mode in found if mode is not None)
 

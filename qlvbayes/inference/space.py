@@ -185,7 +185,7 @@ class Space:
         elastic[:, :count] = constants[:, :count]
         shapes = self._shapes[hypothesis.relaxation]
         fractions, rates = _spectra(relaxation, shapes, constants[:, count:])
-        lanes = rates.shape[1] if rates.shape[1] > FEW else FEW
+        lanes = FEW if rates.shape[1] <= FEW else self._many
         missing = lanes - rates.shape[1]
         fractions = np.pad(fractions, ((0, 0), (0, missing)))
         rates = np.pad(rates, ((0, 0), (0, missing)), constant_values=1.0)
@@ -206,6 +206,17 @@ class Space:
         effect = self.effects[name]
         fields = list(effect.units)
         return np.array([effect.null.get(field, 1.0) for field in fields])
+
+    @cached_property
+    def _many(self) -> int:
+        """Modes of the longest spectrum: all that are not short run as if they were as long."""
+        counts = []
+        for name, law in self.relaxation.items():
+            places = [np.ones(shape) for shape in self._shapes[name]]
+            structure = jax.tree.structure(law, is_leaf=is_prior)
+            one = jax.tree.unflatten(structure, places)
+            counts.append(jax.eval_shape(one.spectrum)[1].shape[0])
+        return max(counts)
 
     @cached_property
     def _shapes(self) -> dict[str, list[tuple[int, ...]]]:
