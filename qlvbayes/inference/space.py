@@ -212,10 +212,10 @@ class Space:
         """Modes of the longest spectrum: all that are not short run as if they were as long."""
         counts = []
         for name, law in self.relaxation.items():
-            places = [np.ones(shape) for shape in self._shapes[name]]
             structure = jax.tree.structure(law, is_leaf=is_prior)
-            one = jax.tree.unflatten(structure, places)
-            counts.append(jax.eval_shape(one.spectrum)[1].shape[0])
+            leaves = [jax.ShapeDtypeStruct(shape, float) for shape in self._shapes[name]]
+            found = jax.eval_shape(_spectrum_of, jax.tree.unflatten(structure, leaves))
+            counts.append(found[1].shape[0])
         return max(counts)
 
     @cached_property
@@ -281,9 +281,13 @@ def _spectra(
     return np.asarray(fractions)[: len(constants)], np.asarray(rates)[: len(constants)]
 
 
+def _spectrum_of(relaxation: AbstractRelaxation) -> tuple[JaxArray, JaxArray]:
+    return relaxation.spectrum()
+
+
 @jax.jit
 def _spectrum(relaxations: AbstractRelaxation) -> tuple[JaxArray, JaxArray]:
-    return jax.vmap(lambda one: one.spectrum())(relaxations)
+    return jax.vmap(_spectrum_of)(relaxations)
 
 
 @jax.jit
