@@ -226,24 +226,26 @@ class Space:
             for name, law in self.relaxation.items()
         }
 
-    def draws(self, part: str, name: str) -> Array:
-        """(25, size) numbers drawn from the priors of a law or effect, the same at every call."""
-        if (part, name) not in self._draws:
-            rng = np.random.default_rng(0)
+    def draws(self, part: str, name: str, seed: int = 0) -> Array:
+        """(25, size) numbers drawn from the priors of a law or effect, the same for a seed."""
+        if (part, name, seed) not in self._draws:
+            rng = np.random.default_rng(seed)
             found = []
             for leaf in jax.tree.leaves(getattr(self, part)[name], is_leaf=is_prior):
                 if is_prior(leaf):
                     values = np.stack([leaf.draw(rng) for _ in range(_DRAWS)])
                     found.append(np.asarray(_unconstrained(leaf, values)).reshape(_DRAWS, -1))
-            self._draws[(part, name)] = np.concatenate([np.zeros((_DRAWS, 0)), *found], axis=1)
-        return self._draws[(part, name)]
+            self._draws[(part, name, seed)] = np.concatenate(
+                [np.zeros((_DRAWS, 0)), *found], axis=1
+            )
+        return self._draws[(part, name, seed)]
 
-    def plain_draws(self, hypothesis: Hypothesis) -> Array:
+    def plain_draws(self, hypothesis: Hypothesis, seed: int = 0) -> Array:
         """(25, F) of the base law's numbers."""
         return np.concatenate(
             [
-                self.draws("elastic", hypothesis.elastic),
-                self.draws("relaxation", hypothesis.relaxation),
+                self.draws("elastic", hypothesis.elastic, seed),
+                self.draws("relaxation", hypothesis.relaxation, seed),
             ],
             axis=1,
         )
