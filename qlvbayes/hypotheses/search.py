@@ -18,15 +18,13 @@ from qlvbayes.diagnosis.noticeable import log_noticeable
 from qlvbayes.hypotheses.prior import HypothesisPrior
 from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.evidence import Evidence, evidence
-from qlvbayes.inference.modes import Mode, modes
+from qlvbayes.inference.modes import Mode, base_modes, modes
 from qlvbayes.inference.space import Hypothesis, Leaf, Parameters, median
 from qlvbayes.priors.natural import Natural
 
 Array = NDArray[np.float64]
 Tell = Callable[[str], None]
 
-STARTS = 6
-"""Starts of a base law without effects: the priors' medians and draws from them."""
 _SHAPES = 4  # quantiles of a new effect's first constant besides its amplitude
 _FOLLOWED = 2  # of these, that are optimised
 _NEAR = 40.0  # log posterior behind the best, within which a law is tried with an effect less
@@ -127,9 +125,7 @@ class Search:
     def see_plain(self, hypothesis: Hypothesis) -> None:
         """A base law from its priors."""
         if hypothesis not in self.seen:
-            draws = self.density.space.plain_draws(hypothesis)
-            starts = [median(draws), *draws[: STARTS - 1]]
-            self._keep(hypothesis, modes(self.density, hypothesis, starts))
+            self._keep(hypothesis, base_modes(self.density, hypothesis))
 
     def see_with(self, base: Hypothesis, effect: str) -> None:
         """One more effect, from the mode without it."""

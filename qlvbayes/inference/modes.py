@@ -13,6 +13,11 @@ from qlvbayes.inference.space import Hypothesis
 
 Array = NDArray[np.float64]
 
+STARTS = 4
+"""Draws of the priors from which a base law's modes are looked for."""
+REDRAWN = 6
+"""Relaxations drawn anew at the best, until so many in a row find none higher."""
+
 _STEPS = 60
 _ENOUGH = 5e-3  # rise of the log density that a step promises, below which the mode is found
 _CREEP = 0.02  # rise in a step, at which the way along a ridge ends
@@ -99,6 +104,30 @@ def modes(
     places = _distinct(rough)[:most]
     found = [find_mode(density, hypothesis, mode.point.theta, worth) for mode in places]
     return _distinct(mode for mode in found if mode is not None)
+
+
+def base_modes(density: Density, hypothesis: Hypothesis, seed: int = 0) -> list[Mode]:
+    """Modes of a hypothesis without effects, from draws of its priors, the highest first.
+
+    Then from the best with its relaxation drawn anew: spectra have several modes where elastic
+    constants have one, and the coarse noise cannot tell spectra apart.
+    """
+    space = density.space
+    draws = space.plain_draws(hypothesis, seed)
+    found = modes(density, hypothesis, draws[:STARTS])
+    if not found:
+        return []
+    elastic = space.draws("elastic", hypothesis.elastic).shape[1]
+    vain = 0
+    for numbers in draws[STARTS:]:
+        start = np.concatenate([found[0].point.theta[:elastic], numbers[elastic:]])
+        mode = find_mode(density, hypothesis, start)
+        better = mode is not None and mode.loss < found[0].loss - _SAME
+        found = _distinct([*found, mode]) if mode is not None else found
+        vain = 0 if better else vain + 1
+        if vain == REDRAWN:
+            break
+    return found
 
 
 def _distinct(found: Iterable[Mode]) -> list[Mode]:
