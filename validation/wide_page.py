@@ -43,7 +43,7 @@ def wide_page(report: WideReport, promise: Registration, origin: Origin) -> str:
         seen=sum(case["seen"] for case in report.cases),
         seconds="-" if report.seconds is None else f"{report.seconds:.0f}",
     )  # fmt: skip
-    note = [fill(promise.note, 100) + "\n"] if promise.note else []
+    note = [fill(f"{promise.note} {_unfinished(report, promise)}".strip(), 100) + "\n"]
     parts = [head, *note, _rates(report, promise), _strata(report), _reliability(report)]
     return "\n".join([*parts, _wrong(report)])
 
@@ -106,3 +106,14 @@ def _wrong(report: WideReport) -> str:
         row = f"{case['index']} | {hidden} | {case['verdict']} | {named} | {group} | {strata}"
         lines.append(f"| {row} |")
     return "\n".join([*lines, ""])
+
+
+def _unfinished(report: WideReport, promise: Registration) -> str:
+    """What is to be said of a run that is not finished; nothing of one that is."""
+    done = len(report.cases)
+    if done == promise.studies:
+        return ""
+    return (
+        f"Of the {promise.studies} registered studies {done} are finished: strata may lack the "
+        "number that is asked for, and rates have wide bounds."
+    )
