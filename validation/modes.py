@@ -32,9 +32,9 @@ _PAGE = """# Is the same mode found whatever the starts?
 The model without effects (exponential law, two Prony modes) of the bundled pads and of pads of the
 wide population (`seed {seed}`: other laws, protocols and noises, effects hidden in most; the model
 is wrong there, so that its density has more modes) was optimised from {sets} independent sets of
-{starts} draws of its priors each; then its relaxation was drawn anew at the elastic constants found,
-until {redrawn} in a row led no higher. A set counts as agreeing if its best mode is within {same} of the
-best of all sets in log density. Asked for is 99 %.
+{starts} draws of its priors each; then its relaxation was drawn anew at the elastic constants
+found, until {redrawn} in a row led no higher. A set counts as agreeing if its best mode is within
+{same} of the best of all sets in log density. Asked for is 99 %.
 
 | | |
 |---|---|
