@@ -23,6 +23,7 @@ from jaxtyping import Array as JaxArray
 from numpy.typing import NDArray
 
 from qlvbayes.inference.discrepancy import Discrepancy
+from qlvbayes.inference.gaussnewton import positive_part
 from qlvbayes.inference.space import Hypothesis, Parameters, Space
 from qlvbayes.inference.whitening import Whitener
 from qlvbayes.priors.distributions import AbstractPrior
@@ -30,9 +31,7 @@ from qlvbayes.priors.distributions import AbstractPrior
 Array = NDArray[np.float64]
 
 _COARSE = 0.005  # of the peak force: noise under which modes are looked for first
-_STEP = (
-    1e-5  # of a number's natural length, over which a slope is taken: half the digits of a float64
-)
+_STEP = 1e-5  # of a natural length, over which a slope is taken: half a float64's digits
 
 
 class Terms(NamedTuple):
@@ -166,7 +165,7 @@ def _prior(own: Parameters, theta: Array) -> Terms:
         log, first, second = map(np.asarray, _log_prior(leaf.prior, theta[here]))
         loss -= float(log)
         gradient[here] = -first
-        curvature[here, here] = _positive_part(-second)
+        curvature[here, here] = positive_part(-second)
     return Terms(loss, gradient, curvature)
 
 
@@ -179,9 +178,3 @@ def _log_prior(prior: AbstractPrior, numbers: JaxArray) -> tuple[JaxArray, ...]:
 
     slope = jax.jacfwd(log)
     return log(numbers), slope(numbers), jax.jacfwd(slope)(numbers)
-
-
-def _positive_part(matrix: Array) -> Array:
-    """Symmetric part with negative eigenvalues taken as 0."""
-    values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
-    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)

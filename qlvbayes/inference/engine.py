@@ -157,10 +157,6 @@ class Engine:
         sets += [[*some, one] for some in (*halves, light) for one in costly]
         return [frozenset(names) for names in (*sets, [e.name for e in self.effects])]
 
-    def with_record(self, record: Record) -> Engine:
-        """The same about other tests."""
-        return Engine(record, self.elastic, self.effects, self.bonded)
-
     def forces(self, which: int, lanes: int, at_work: frozenset[str], rows: Array) -> Array:
         """(K, T, B) block means of the force (N) of rows of constants.
 
@@ -175,7 +171,7 @@ class Engine:
         found = []
         for begin in range(0, len(own), TOGETHER):
             some = own[begin : begin + TOGETHER]
-            full = np.concatenate([some, np.repeat(some[:1], TOGETHER - len(some), axis=0)])
+            full = filled_up(some)
             found.append(np.asarray(_forces(model, self.record, which, full))[: len(some)])
         return np.concatenate(found)
 
@@ -186,6 +182,11 @@ class Engine:
         relaxation = AnyRelaxation(np.zeros(lanes + 1), np.zeros(lanes))
         empty = tuple(jax.tree.map(lambda x: np.zeros(()), effect) for effect in effects)
         return Model(elastic, relaxation, self.bonded, empty)
+
+
+def filled_up(rows: Array) -> Array:
+    """Rows (K, ...) and the first of them again, up to a multiple of ``TOGETHER``."""
+    return np.concatenate([rows, np.repeat(rows[:1], -len(rows) % TOGETHER, axis=0)])
 
 
 @compiled

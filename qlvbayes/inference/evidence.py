@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.special import log_ndtr, logsumexp
 
-from qlvbayes.inference.density import Density, Point, Terms
-from qlvbayes.inference.modes import bounded_step
+from qlvbayes.inference.density import Density, Point
+from qlvbayes.inference.modes import bounded_step, promised
 
 Array = NDArray[np.float64]
 
@@ -51,7 +51,8 @@ def evidence(density: Density, point: Point, *, linear: bool = False) -> Evidenc
     lowest, length, own = point.own.lowest, point.own.length, point.theta
     logs, best = [], (-math.inf, own, np.eye(own.size))
     here = density.terms(point, density.likeliest_size(point))
-    if not linear and promised(here, lowest - own, length) > _FAR:
+    step = bounded_step(here, 0.0, lowest - own, length)
+    if not linear and promised(here, step) > _FAR:
         sizes = density.discrepancy.sizes.size
         return Evidence(-math.inf, np.full(sizes, -math.inf), own, np.eye(own.size))
     for size, log_prior in zip(
@@ -65,12 +66,6 @@ def evidence(density: Density, point: Point, *, linear: bool = False) -> Evidenc
                 best = (log, own + shift, covariance)
         logs.append(log)
     return Evidence(float(logsumexp(logs)), np.array(logs), best[1], best[2])
-
-
-def promised(terms: Terms, room: Array, length: Array) -> float:
-    """Rise of the log density that an undamped step promises: next to nothing at a mode."""
-    step = bounded_step(terms, 0.0, room, length)
-    return -float(terms.gradient @ step + 0.5 * step @ terms.curvature @ step)
 
 
 def _normal(

@@ -59,7 +59,7 @@ def find_mode(
     tried = 0
     for tried in range(1, _STEPS + 1):
         step = bounded_step(here, damping, lowest - point.theta, length)
-        promise = -float(here.gradient @ step + 0.5 * step @ here.curvature @ step)
+        promise = promised(here, step)
         if promise < _ENOUGH and damping <= 1.0:
             return Mode(point, size, here.loss, True, tried)
         if any(tried > k and here.loss - hope * promise > worth for k, hope in _HOPE.items()):
@@ -146,6 +146,11 @@ def _alike(one: Mode, two: Mode) -> bool:
     gap = one.point.theta - two.point.theta
     curvature = one.point.jacobian @ one.point.jacobian.T + one.point.prior.curvature
     return bool(gap @ curvature @ gap < 1e3 or np.allclose(gap, 0.0, atol=1e-3))
+
+
+def promised(terms: Terms, step: Array) -> float:
+    """Rise of the log density that a step (F,) promises, by slope and curvature."""
+    return -float(terms.gradient @ step + 0.5 * step @ terms.curvature @ step)
 
 
 def bounded_step(terms: Terms, damping: float, room: Array, length: Array) -> Array:

@@ -18,12 +18,12 @@ from jaxtyping import Array as JaxArray
 from numpy.typing import NDArray
 
 from qlvbayes.effects.effect import AbstractEffect
-from qlvbayes.inference.engine import FEW, TOGETHER, Engine
+from qlvbayes.inference.engine import FEW, Engine, filled_up
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
 from qlvbayes.model import Model
 from qlvbayes.noise import AbstractNoise
-from qlvbayes.parameters import names, unit_kinds
+from qlvbayes.parameters import names
 from qlvbayes.posterior import Posterior, is_prior, value_shape
 from qlvbayes.priors.distributions import AbstractPrior
 from qlvbayes.priors.natural import Natural, natural
@@ -108,20 +108,10 @@ class Parameters:
         """Of the P constants."""
         return names(self.posterior)
 
-    @cached_property
-    def unit_kinds(self) -> list[str]:
-        """Of the P constants."""
-        return unit_kinds(self.posterior)
-
-    def leaf(self, name: str) -> Leaf:
-        """The free field of a constant."""
-        place = self.names.index(name)
-        return next(leaf for leaf in self.leaves if place in leaf.constants)
-
     def constants(self, thetas: Array) -> Array:
         """(K, P) constants of thetas (K, F)."""
         count = len(thetas)
-        full = np.concatenate([thetas, np.repeat(thetas[:1], -count % TOGETHER, axis=0)])
+        full = filled_up(thetas)
         found = np.tile(self.fixed, (len(full), 1))
         for leaf in self.leaves:
             values = np.asarray(_value(leaf.prior, full[:, leaf.theta.start : leaf.theta.stop]))
@@ -168,14 +158,11 @@ class Space:
             self._cache[hypothesis] = Parameters.of(hypothesis, posterior)
         return self._cache[hypothesis]
 
-    def forces(
-        self, hypothesis: Hypothesis, constants: Array, record: Record | None = None
-    ) -> Array:
+    def forces(self, hypothesis: Hypothesis, constants: Array) -> Array:
         """(K, T, B) block means of the force (N) of constants (K, P)."""
-        engine = self.engine if record is None else self.engine.with_record(record)
         which = list(self.elastic).index(hypothesis.elastic)
         rows, lanes = self._rows(hypothesis, constants)
-        return engine.forces(which, lanes, hypothesis.effects, rows)
+        return self.engine.forces(which, lanes, hypothesis.effects, rows)
 
     def _rows(self, hypothesis: Hypothesis, constants: Array) -> tuple[Array, int]:
         """(K, R) rows of the engine, and their lanes."""
@@ -277,7 +264,7 @@ def _spectra(
     for size in shapes:
         count = int(np.prod(size, dtype=int))
         part = constants[:, start : start + count].reshape(len(constants), *size)
-        filled.append(np.concatenate([part, np.repeat(part[:1], -len(part) % TOGETHER, axis=0)]))
+        filled.append(filled_up(part))
         start += count
     fractions, rates = _spectrum(jax.tree.unflatten(structure, filled))
     return np.asarray(fractions)[: len(constants)], np.asarray(rates)[: len(constants)]

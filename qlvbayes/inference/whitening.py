@@ -28,14 +28,12 @@ class Whitener:
     """One factor a test; n blocks in all that are no padding.
 
     blocks: of each test, which of its B blocks are real; factors: lower Cholesky factors (N^2 under
-    the root); tests: which test each of the n blocks is of; log_scale: log of the factors'
-    determinants.
+    the root); tests: which test each of the n blocks is of.
     """
 
     blocks: tuple[NDArray[np.bool_], ...]
     factors: tuple[Array, ...]
     tests: NDArray[np.intp]
-    log_scale: float
 
     @classmethod
     def of(cls, floor: NoiseFloor, blocks: Blocks, least: float) -> Whitener:
@@ -46,15 +44,13 @@ class Whitener:
             of_test = jax.tree.map(lambda x, k=k, real=real: x[k][real], arrays)
             factors.append(cholesky(covariance(floor, of_test, least), lower=True))
         sizes = [len(factor) for factor in factors]
-        scale = sum(float(np.log(np.diag(factor)).sum()) for factor in factors)
         tests = np.repeat(np.arange(len(sizes)), sizes)
-        return cls(tuple(arrays.real), tuple(factors), tests, scale)
+        return cls(tuple(arrays.real), tuple(factors), tests)
 
     def replaced(self, size: float) -> Whitener:
         """As if the noise of every block were independent, of one size (N)."""
         factors = tuple(size * np.eye(len(factor)) for factor in self.factors)
-        scale = self.tests.size * float(np.log(size))
-        return Whitener(self.blocks, factors, self.tests, scale)
+        return Whitener(self.blocks, factors, self.tests)
 
     def __call__(self, vectors: Array) -> Array:
         """(M, T, B) to (M, n)."""
