@@ -18,7 +18,7 @@ from qlvbayes.diagnosis.noticeable import log_noticeable
 from qlvbayes.hypotheses.prior import HypothesisPrior
 from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.evidence import Evidence, evidence
-from qlvbayes.inference.modes import Mode, base_modes, modes
+from qlvbayes.inference.modes import Mode, base_modes, distinct, find_mode, modes
 from qlvbayes.inference.space import Hypothesis, Leaf, Parameters, median
 from qlvbayes.priors.natural import Natural
 
@@ -27,6 +27,7 @@ Tell = Callable[[str], None]
 
 _SHAPES = 4  # quantiles of a new effect's first constant besides its amplitude
 _FOLLOWED = 2  # of these, that are optimised
+_MODES = 4  # of a hypothesis, that are kept to start its neighbours from
 _NEAR = 40.0  # log posterior behind the best, within which a law is tried with an effect less
 _BEHIND = 30.0  # loss behind the best, at which a hypothesis is given up
 _MOST_EFFECTS = 3
@@ -34,7 +35,7 @@ _MOST_EFFECTS = 3
 
 @dataclass(frozen=True, eq=False)
 class Weighed:
-    """A hypothesis at its likeliest mode: log evidence (with the smallest size that matters)."""
+    """A hypothesis at one of its modes: log evidence (with the smallest size that matters)."""
 
     hypothesis: Hypothesis
     mode: Mode
@@ -47,6 +48,15 @@ class Weighed:
         return self.mode.point
 
 
+@dataclass(frozen=True, eq=False)
+class _Start:
+    """Where a hypothesis is to be optimised from, and what its evidence promises to be there."""
+
+    hypothesis: Hypothesis
+    theta: Array
+    log_evidence: float
+
+
 @dataclass(eq=False)
 class Search:
     """Hypotheses seen so far, by a density, a prior, and the user's own choice of laws."""
@@ -55,32 +65,38 @@ class Search:
     prior: HypothesisPrior
     usual: Hypothesis
     tell: Tell = lambda text: None
-    seen: dict[Hypothesis, Weighed] = field(default_factory=dict)
+    modes: dict[Hypothesis, list[Weighed]] = field(default_factory=dict)
+
+    @property
+    def seen(self) -> dict[Hypothesis, Weighed]:
+        """Every hypothesis at its likeliest mode."""
+        return {hypothesis: found[0] for hypothesis, found in self.modes.items()}
 
     def log_posterior(self, hypothesis: Hypothesis) -> float:
         """Up to a constant; minus infinity of what was not seen."""
-        if hypothesis not in self.seen:
+        if hypothesis not in self.modes:
             return -math.inf
         space = self.density.space
         laws = (space.elastic, space.relaxation)
         log_prior = self.prior.log(hypothesis, self.usual, laws, len(space.effects))
-        return self.seen[hypothesis].log_evidence + log_prior
+        return self.modes[hypothesis][0].log_evidence + log_prior
 
     @property
     def best(self) -> Hypothesis:
         """The likeliest so far."""
-        return max(self.seen, key=self.log_posterior)
+        return max(self.modes, key=self.log_posterior)
 
     def run(self) -> None:
         """Until the best hypothesis has no better neighbour."""
+        self.see_plain(self.usual)
         for name in self.density.space.elastic:
             self.tell(f"elastic law {name}")
             self.see_plain(Hypothesis(name, self.usual.relaxation))
         grown: set[Hypothesis] = set()
         rebased: set[Hypothesis] = set()
-        if self.usual in self.seen:
+        if self.usual in self.modes:
             self._grow(self.usual, grown)
-        while self.seen:
+        while self.modes:
             best = self.best
             if best not in grown:
                 self._grow(best, grown)
@@ -93,12 +109,14 @@ class Search:
                 return
 
     def _grow(self, hypothesis: Hypothesis, grown: set[Hypothesis]) -> None:
+        """Every effect more, the most promising first, and every effect less."""
         grown.add(hypothesis)
         self.tell(f"effects beside {described(hypothesis)}")
         if len(hypothesis.effects) < _MOST_EFFECTS:
-            for name in self.density.space.effects:
-                if name not in hypothesis.effects:
-                    self.see_with(hypothesis, name)
+            added = [name for name in self.density.space.effects if name not in hypothesis.effects]
+            starts = [start for name in added for start in self._promising(hypothesis, name)]
+            for one in sorted(starts, key=lambda one: -one.log_evidence):
+                self._keep(one.hypothesis, self._optimised(one.hypothesis, [one.theta]))
         for name in hypothesis.effects:
             self.see_without(hypothesis, name)
 
@@ -123,77 +141,83 @@ class Search:
                     yield other.less(effect)
 
     def see_plain(self, hypothesis: Hypothesis) -> None:
-        """A base law from its priors."""
-        if hypothesis not in self.seen:
-            self._keep(hypothesis, base_modes(self.density, hypothesis))
-
-    def see_with(self, base: Hypothesis, effect: str) -> None:
-        """One more effect, from the mode without it."""
-        hypothesis = base.plus(effect)
-        if hypothesis in self.seen:
+        """A base law from its priors, and from what others found that share a part of it."""
+        if hypothesis in self.modes:
             return
+        alike = [one for one in self.modes if hypothesis.relaxation == one.relaxation]
+        if not alike:
+            self._keep(hypothesis, base_modes(self.density, hypothesis))
+            return
+        middle = median(self.density.space.plain_draws(hypothesis))
+        starts = [self._with_carried(one, hypothesis, middle) for one in self.modes[alike[0]]]
+        self._keep(hypothesis, modes(self.density, hypothesis, [middle, *starts]))
+
+    def _promising(self, base: Hypothesis, effect: str) -> list[_Start]:
+        """Places to add an effect from, at the base's mode, by linearised evidence."""
+        hypothesis = base.plus(effect)
         found = []
-        for start in self._with_effect(base, hypothesis, effect):
-            point = self.density.at(hypothesis, start)
-            if point is not None:
-                found.append((evidence(self.density, point, linear=True).log, start))
-        found.sort(key=lambda one: -one[0])
-        starts = [start for _, start in found[:_FOLLOWED]]
-        self._keep(hypothesis, self._optimised(hypothesis, starts))
+        for one in self.modes[base]:
+            for theta in self._with_effect(one, hypothesis, effect):
+                point = self.density.at(hypothesis, theta)
+                if point is not None:
+                    log = evidence(self.density, point, linear=True).log
+                    found.append(_Start(hypothesis, theta, log))
+        return sorted(found, key=lambda one: -one.log_evidence)[:_FOLLOWED]
 
     def see_without(self, base: Hypothesis, effect: str) -> None:
         """One effect less."""
         hypothesis = base.less(effect)
-        if hypothesis not in self.seen:
-            start, _ = self._carried(base, hypothesis)
-            self._keep(hypothesis, self._optimised(hypothesis, [start]))
+        nothing = np.zeros(self.density.space.parameters(hypothesis).size)
+        start = self._with_carried(self.modes[base][0], hypothesis, nothing)
+        self._keep(hypothesis, self._optimised(hypothesis, [start]))
 
     def see_rebased(self, base: Hypothesis, hypothesis: Hypothesis) -> None:
         """The same effects on another law: from its own mode without them, and from its priors."""
-        if hypothesis in self.seen:
+        if hypothesis in self.modes:
             return
         if not hypothesis.effects:
             self.see_plain(hypothesis)
             return
-        carried, filled = self._carried(base, hypothesis)
         bare = Hypothesis(hypothesis.elastic, hypothesis.relaxation)
-        draws = self.density.space.plain_draws(bare)
-        plain = [self.seen[bare].point.theta if bare in self.seen else median(draws)]
+        own = median(self.density.space.plain_draws(bare))
+        plain = [one.point.theta for one in self.modes.get(bare, [])] or [own]
+        found = self.modes[base][0]
+        size = self.density.space.parameters(hypothesis).size
         starts = []
-        for own in plain:
-            start = carried.copy()
-            start[: own.size] = own
+        for theta in plain:
+            start = self._with_carried(found, hypothesis, np.zeros(size))
+            start[: theta.size] = theta
             starts.append(start)
-        mixed = np.where(filled, carried, starts[0])
+        mixed = self._with_carried(found, hypothesis, starts[0])
         self._keep(hypothesis, self._optimised(hypothesis, [*starts, mixed]))
 
     def _optimised(self, hypothesis: Hypothesis, starts: Iterable[Array]) -> list[Mode]:
-        lowest = min((one.mode.loss for one in self.seen.values()), default=math.inf)
-        return modes(self.density, hypothesis, starts, lowest + _BEHIND)
+        lowest = min((found[0].mode.loss for found in self.modes.values()), default=math.inf)
+        found = [find_mode(self.density, hypothesis, start, lowest + _BEHIND) for start in starts]
+        return [mode for mode in found if mode is not None]
 
     def _keep(self, hypothesis: Hypothesis, found: Iterable[Mode]) -> None:
-        weighed = [weigh(self.density, hypothesis, mode) for mode in found]
+        weighed = [weigh(self.density, hypothesis, mode) for mode in distinct(found)]
         real = [one for one in weighed if math.isfinite(one.log_evidence)]
-        if real:
-            self.seen[hypothesis] = max(real, key=lambda one: one.log_evidence)
+        known = self.modes.get(hypothesis, [])
+        kept = sorted([*known, *real], key=lambda one: -one.log_evidence)[:_MODES]
+        if kept:
+            self.modes[hypothesis] = kept
 
-    def _carried(self, base: Hypothesis, hypothesis: Hypothesis) -> tuple[Array, NDArray[np.bool_]]:
-        """Theta (F,) with the numbers that both have, at the base's mode, and which those are."""
-        space = self.density.space
-        old, new = space.parameters(base), space.parameters(hypothesis)
-        numbers, theta = _by_name(old), self.seen[base].point.theta
-        found, filled = np.zeros(new.size), np.zeros(new.size, dtype=bool)
+    def _with_carried(self, found: Weighed, hypothesis: Hypothesis, others: Array) -> Array:
+        """Theta (F,) with the numbers that a mode has too; others (F,): those that it lacks."""
+        old, new = found.point.own, self.density.space.parameters(hypothesis)
+        numbers, theta = _by_name(old), others.copy()
         for name, leaf in _by_name(new).items():
             if name in numbers and len(numbers[name].theta) == len(leaf.theta):
-                found[list(leaf.theta)] = theta[list(numbers[name].theta)]
-                filled[list(leaf.theta)] = True
-        return found, filled
+                theta[list(leaf.theta)] = found.point.theta[list(numbers[name].theta)]
+        return theta
 
-    def _with_effect(self, base: Hypothesis, hypothesis: Hypothesis, effect: str) -> list[Array]:
+    def _with_effect(self, found: Weighed, hypothesis: Hypothesis, effect: str) -> list[Array]:
         """Starts (F,): the effect at nothing, its first other constant over its prior."""
-        space = self.density.space
-        start, filled = self._carried(base, hypothesis)
-        own = [leaf for leaf in space.parameters(hypothesis).leaves if not filled[leaf.theta[0]]]
+        space, new = self.density.space, self.density.space.parameters(hypothesis)
+        start = self._with_carried(found, hypothesis, np.zeros(new.size))
+        own = [leaf for name, leaf in _by_name(new).items() if name.startswith(f"{effect}.")]
         draws, taken, shapes = space.draws("effects", effect), 0, []
         for leaf in own:
             if not isinstance(leaf.prior, Natural):

@@ -29,7 +29,7 @@ from qlvbayes.scales import Scales
 
 Array = NDArray[np.float64]
 
-TOGETHER = 16
+TOGETHER = 4
 """Sets of constants come in multiples of this, so that few sizes are compiled."""
 COSTLY = ("frame_compliance", "channel_lag")
 """Effects that run the law beneath several times: models without them are kept apart."""
@@ -152,10 +152,8 @@ class Engine:
         """Sets of effects that are compiled together, the cheapest first."""
         light = [e.name for e in self.effects if e.name not in COSTLY]
         costly = [e.name for e in self.effects if e.name in COSTLY]
-        halves = [light[: len(light) // 2], light[len(light) // 2 :]]
-        sets = [[], *halves, *([one] for one in costly), light]
-        sets += [[*some, one] for some in (*halves, light) for one in costly]
-        return [frozenset(names) for names in (*sets, [e.name for e in self.effects])]
+        sets = [[], light, *([*light, one] for one in costly), [*light, *costly]]
+        return [frozenset(names) for names in sets]
 
     def forces(self, which: int, lanes: int, at_work: frozenset[str], rows: Array) -> Array:
         """(K, T, B) block means of the force (N) of rows of constants.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -45,43 +46,55 @@ class Mode:
 def find_mode(
     density: Density, hypothesis: Hypothesis, start: Array, worth: float = np.inf
 ) -> Mode | None:
-    """Levenberg-Marquardt from theta (F,); the discrepancy's size follows. None: not finite.
+    """Levenberg-Marquardt from theta (F,), first without a discrepancy, then at its likeliest size.
 
-    worth: a loss; what does not promise to reach it is given up on its way.
+    With one from the beginning it would take what the force has not yet been fitted to. None: not
+    finite. worth: a loss; what does not promise to reach it is given up on its way.
     """
     point = density.at(hypothesis, start)
     if point is None:
         return None
     lowest, length = point.own.lowest, point.own.length
-    size = density.likeliest_size(point)
+    size = 0.0
     here = density.terms(point, size)
     damping, least, most = _DAMPING
-    tried = 0
+    tried, over = 0, False
     for tried in range(1, _STEPS + 1):
         step = bounded_step(here, damping, lowest - point.theta, length)
         promise = promised(here, step)
-        if promise < _ENOUGH and damping <= 1.0:
-            return Mode(point, size, here.loss, True, tried)
-        if any(tried > k and here.loss - hope * promise > worth for k, hope in _HOPE.items()):
+        if over or (promise < _ENOUGH and damping <= 1.0):
+            likeliest = density.likeliest_size(point)
+            if likeliest == size:
+                return Mode(point, size, here.loss, True, tried)
+            size, damping, over = likeliest, _DAMPING[0], False
+            here = density.terms(point, size)
+            continue
+        if _is_hopeless(density, point, tried, promise, worth):
             break
         found = density.at(hypothesis, np.maximum(point.theta + step, lowest))
         after = density.terms(found, size) if found is not None else None
         if found is None or after is None or not after.loss < here.loss:
             damping *= 10.0
-            if damping > most:
-                return Mode(point, size, here.loss, True, tried)
+            over = damping > most
             continue
         rise = here.loss - after.loss
         gain = rise / max(promise, 1e-300)
         damping = max(damping * (0.1 if gain > 0.5 else 1.0 if gain > 0.1 else 4.0), least)
-        point = found
-        likeliest = density.likeliest_size(point)
-        here = after if likeliest == size else density.terms(point, likeliest)
-        creeps = max(rise, 0.2 * promise) < _CREEP and likeliest == size
-        size = likeliest
-        if creeps:
-            return Mode(point, size, here.loss, True, tried)
-    return Mode(point, size, here.loss, False, tried)
+        point, here = found, after
+        over = max(rise, 0.2 * promise) < _CREEP
+    size = density.likeliest_size(point)
+    return Mode(point, size, density.terms(point, size).loss, False, tried)
+
+
+def _is_hopeless(
+    density: Density, point: Point, tried: int, promise: float, worth: float
+) -> bool:
+    """Whether what steps promise does not reach what it must, whatever the discrepancy."""
+    hope = min((hope for k, hope in _HOPE.items() if tried > k), default=math.inf)
+    if math.isinf(hope) or math.isinf(worth):
+        return False
+    least = density.terms(point, density.likeliest_size(point)).loss
+    return least - hope * promise > worth
 
 
 def modes(
@@ -101,9 +114,9 @@ def modes(
         least = min((mode.loss for mode in rough), default=np.inf)
         mode = find_mode(density.coarse, hypothesis, start, least + _POOR)
         rough += [mode] if mode is not None else []
-    places = _distinct(rough)[:most]
+    places = distinct(rough)[:most]
     found = [find_mode(density, hypothesis, mode.point.theta, worth) for mode in places]
-    return _distinct(mode for mode in found if mode is not None)
+    return distinct(mode for mode in found if mode is not None)
 
 
 def base_modes(density: Density, hypothesis: Hypothesis, seed: int = 0) -> list[Mode]:
@@ -123,14 +136,14 @@ def base_modes(density: Density, hypothesis: Hypothesis, seed: int = 0) -> list[
         start = np.concatenate([found[0].point.theta[:elastic], numbers[elastic:]])
         mode = find_mode(density, hypothesis, start)
         better = mode is not None and mode.loss < found[0].loss - _SAME
-        found = _distinct([*found, mode]) if mode is not None else found
+        found = distinct([*found, mode]) if mode is not None else found
         vain = 0 if better else vain + 1
         if vain == REDRAWN:
             break
     return found
 
 
-def _distinct(found: Iterable[Mode]) -> list[Mode]:
+def distinct(found: Iterable[Mode]) -> list[Mode]:
     """The highest first, one of those that are alike."""
     kept: list[Mode] = []
     for mode in sorted(found, key=lambda m: m.loss):

@@ -1,0 +1,119 @@
+r"""Smooth functions of what a test does, by a few features: what a discrepancy is made of.
+
+A Gaussian process of covariance
+
+.. math:: k(x, x') = g g' [phase = phase'] k_t k_d (\tfrac12 k_v + \tfrac12 [test = test'])
+
+with Matern-3/2 correlations over the logarithm of the time since the phase began, the depth and the
+logarithm of the loading rate (Kennedy & O'Hagan 2001, doi:10.1111/1467-9868.00294): one function
+that all tests share, and one of each test's own. g is 1 where the force is largest and a half where
+there is none. Its pivoted Cholesky factor gives features phi (Harbrecht et al. 2012,
+doi:10.1016/j.apnum.2011.10.001), k(x, x') = sum_m phi_m(x) phi_m(x'), at any place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+
+from qlvbayes.experiment import Experiment, Trial
+from qlvbayes.kinematics.phases import KINDS, phase_index
+
+Array = NDArray[np.float64]
+
+_LENGTHS = (2.0, 0.3, 2.0)  # e-folds of time, shares of the largest depth, e-folds of rate
+_LEAST = 0.5  # g where there is no force
+_MOST = 160  # features
+_ENOUGH = 1e-3  # of the variance, that features may leave out anywhere
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Where the functions are looked at, each (N,).
+
+    smooth (N, 3): log time since the phase began, depth over the largest, log rate; size: g; phase:
+    its kind; test: which.
+    """
+
+    smooth: Array
+    size: Array
+    phase: NDArray[np.intp]
+    test: NDArray[np.intp]
+
+    @classmethod
+    def of(
+        cls, experiment: Experiment, trial: Trial, test: int, time: Array, force: Array
+    ) -> Places:
+        """At some times (s) of one trial, where the force is ``force`` (N)."""
+        scales = experiment.scales
+        starts = np.array([phase.start for phase in trial.phases])
+        place = phase_index(trial.phases, time)
+        kinds = np.array([KINDS.index(phase.kind) for phase in trial.phases])
+        smooth = [
+            np.log(np.maximum(time - starts[place], 0.0) + scales.shortest),
+            trial.trajectory.displacement(time) / scales.depth,
+            np.full(time.shape, np.log(max(trial.rate, 1e-9))),
+        ]
+        share = np.minimum(np.abs(force) / scales.force, 1.0)
+        size = _LEAST + (1.0 - _LEAST) * share
+        return cls(np.stack(smooth, axis=1), size, kinds[place], np.full(time.shape, test))
+
+    def __getitem__(self, rows: NDArray[np.intp]) -> Places:
+        """Some of them."""
+        return Places(self.smooth[rows], self.size[rows], self.phase[rows], self.test[rows])
+
+    @classmethod
+    def joined(cls, parts: Sequence[Places]) -> Places:
+        """One after another."""
+        fields = zip(*((p.smooth, p.size, p.phase, p.test) for p in parts), strict=True)
+        return cls(*map(np.concatenate, fields))
+
+
+def covariance(one: Places, two: Places) -> Array:
+    """(N, M), of unit size."""
+    time, depth, rate = (
+        _matern(np.abs(one.smooth[:, None, k] - two.smooth[None, :, k]) / length)
+        for k, length in enumerate(_LENGTHS)
+    )
+    near = time * depth * np.outer(one.size, two.size) * (one.phase[:, None] == two.phase)
+    return near * 0.5 * (rate + (one.test[:, None] == two.test))
+
+
+def _matern(apart: Array) -> Array:
+    far = np.sqrt(3.0) * apart
+    return (1.0 + far) * np.exp(-far)
+
+
+@dataclass(frozen=True, eq=False)
+class Features:
+    """Features at any place, from those of a few: places (M,) and their Cholesky factor (M, M)."""
+
+    pivots: Places
+    factor: Array
+
+    @classmethod
+    def of(cls, places: Places) -> Features:
+        """As many as leave little out at some places."""
+        left = places.size**2
+        limit = _ENOUGH * float(left.max())
+        chosen: list[int] = []
+        found = np.zeros((0, left.size))
+        while len(chosen) < min(_MOST, left.size) and left.max() > limit:
+            k = int(np.argmax(left))
+            column = covariance(places[np.array([k])], places)[0]
+            row = (column - found[:, k] @ found) / np.sqrt(left[k])
+            found = np.concatenate([found, row[None]])
+            left = np.maximum(left - row**2, 0.0)
+            left[k] = 0.0
+            chosen.append(k)
+        rows = np.array(chosen)
+        return cls(places[rows], found[:, rows].T)
+
+    def __call__(self, places: Places) -> Array:
+        """(M, N)."""
+        cross = covariance(self.pivots, places)
+        return np.asarray(solve_triangular(self.factor, cross, lower=True))
