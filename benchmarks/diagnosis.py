@@ -11,14 +11,13 @@ from timing import QLVBAYES, command_s
 
 PARTS = {  # function to part
     "prepare": "motion, phases, noise floor",
-    "plain_fits": "plain fit",
-    "contest": "screen and refits of all candidates",
+    "base_modes": "modes of the plain model",
+    "_grow": "effects more and less",
+    "see_rebased": "other laws",
     "held_out": "tests left out",
     "adequacy": "adequacy",
-    "other_forms": "effects in other forms",
-    "_spring": "spring of free form",
-    "summed_up": "what these tests cannot see, ranking",
-    "screen": "of these, screens",
+    "responses": "what these tests cannot see",
+    "forces": "of all these, forces",
 }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any, TypeGuard
 
 import equinox as eqx
@@ -123,8 +124,15 @@ def value_shape(field: Any) -> tuple[int, ...]:
     if isinstance(field, AbstractScalarPrior):
         return ()
     if isinstance(field, AbstractPrior):
-        return jax.eval_shape(field.constrain, jnp.zeros(field.size))[0].shape
+        leaves, structure = jax.tree.flatten(field)
+        return _constrained_shape(structure, tuple(map(np.shape, leaves)), field.size)
     return np.shape(field)
+
+
+@cache  # asked for often, and traced each time
+def _constrained_shape(structure: Any, shapes: tuple, size: int) -> tuple[int, ...]:
+    prior = jax.tree.unflatten(structure, [jnp.ones(shape) for shape in shapes])
+    return tuple(jax.eval_shape(prior.constrain, jnp.zeros(size))[0].shape)
 
 
 def draw_priors(part: eqx.Module, count: int, rng: np.random.Generator) -> np.ndarray:

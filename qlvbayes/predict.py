@@ -94,23 +94,23 @@ def _sample_by_sample(
 ) -> Posterior:
     model, noise = choices.build(experiment.scales)
     records = [
-        _single_samples(experiment, trial, chosen)
+        single_samples(experiment, trial, chosen)
         for trial, chosen in zip(trials, rows, strict=True)
     ]
     return Posterior(model, noise, batch(records))
 
 
-def thinned_record(experiment: Experiment, trial: Trial) -> tuple[np.ndarray, Record]:
-    """Which samples of a trial are looked at, and their record, each sample its own block.
+def looked_at(trial: Trial) -> np.ndarray:
+    """Which samples of a trial stand for all.
 
     Samples too near a kink to tell on which side they lie are left out, as in the likelihood.
     """
     rows = _rows(trial)
-    rows = rows[clear_of_kinks(trial.test.time, trial.trajectory, trial.phases)[rows]]
-    return rows, _single_samples(experiment, trial, rows)
+    return rows[clear_of_kinks(trial.test.time, trial.trajectory, trial.phases)[rows]]
 
 
-def _single_samples(experiment: Experiment, trial: Trial, rows: np.ndarray) -> Record:
+def single_samples(experiment: Experiment, trial: Trial, rows: np.ndarray) -> Record:
+    """The record of some samples of a trial, each its own block."""
     test = trial.test
     thinned = replace(
         test,
@@ -128,6 +128,7 @@ def _single_samples(experiment: Experiment, trial: Trial, rows: np.ndarray) -> R
         blocks=False,
         past=experiment.past(trial),
         care=experiment.care,
+        begins=float(test.time[0]),
     )
 
 

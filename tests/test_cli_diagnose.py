@@ -3,9 +3,14 @@
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from endtoend import call, keeps_check_contract, keeps_summary_contract, read_json
+
+from qlvbayes.choices import Choices
+from qlvbayes.diagnosis.verdict import Base
+from qlvbayes.study.run import _on_laws
 
 ROOT = Path(__file__).parents[1]
 HIDDEN = ROOT / "data" / "hidden.csv"
@@ -80,6 +85,18 @@ def test_study_refits_with_the_named_effect(study, answer):
     for constant in answer["effects"][0]["parameters"]:
         assert f"{name}.{constant}" in after["parameters"]
     assert f"pad C: missing_effect: {name}" in out
+
+
+def test_another_law_takes_what_was_said_of_the_old_ones_constants_away():
+    said = ("m=lognormal(-1,1)", "v[1]=lognormal(2,1)", "noise.white=lognormal(-5,1)")
+    mine = Choices(priors=said, fixed=("b=1.2", "c[0]=0.3", "friction.f=0.1"))
+    base = Base("hertz", "prony:2", 0.99)
+    moved = _on_laws(mine, SimpleNamespace(verdict="adequate", base=base))
+    assert (moved.law, moved.relaxing) == ("hertz", "prony:2")
+    assert (moved.priors, moved.fixed) == (said[1:], ("c[0]=0.3", "friction.f=0.1"))
+    assert _on_laws(mine, SimpleNamespace(verdict="unexplained", base=base)) == mine
+    usual = Base("exponential", "prony:2", 0.99)
+    assert _on_laws(mine, SimpleNamespace(verdict="adequate", base=usual)) == mine
 
 
 def test_diagnose_prints_json_for_machines(tmp_path, answer):

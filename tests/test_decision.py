@@ -5,15 +5,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from qlvbayes.hypotheses.decision import VERDICTS, Weight, decide
+from qlvbayes.diagnosis.decision import VERDICTS, Weight, decide, inside, less, unless_sound
+from qlvbayes.diagnosis.settings import Settings
 
 EXP = ("exponential", "prony:2")
 HERTZ = ("hertz", "prony:2")
 
 
-def weight(effects, probability, *, base=EXP, outside=0.0, sound=True, falls=True):
-    names = frozenset(effects.split())
-    return Weight(base, names, float(np.log(probability)), outside, sound, falls)
+def weight(effects, probability, *, base=EXP, outside=0.0):
+    return Weight(base, frozenset(effects.split()), float(np.log(probability)), outside)
 
 
 def test_nothing_is_missing_where_the_plain_model_is_likeliest():
@@ -53,14 +53,35 @@ def test_what_is_named_beside_something_outside_is_part_of_the_truth():
     assert (found.verdict, found.effects) == ("partly_explained", ("drag",))
 
 
+def test_what_stands_for_the_answer_has_just_the_effects_named():
+    weights = [weight("drag leak", 0.4), weight("drag", 0.35), weight("drag set", 0.25)]
+    assert weights[decide(weights).told].effects == {"drag"}
+
+
 def test_what_is_left_and_unnamed_is_unexplained():
-    found = decide([weight("", 0.6, sound=False), weight("drag", 0.4, sound=False)])
+    weights = [weight("", 0.6), weight("drag", 0.4)]
+    found = unless_sound(decide(weights), weights, sound=False)
     assert (found.verdict, found.effects, found.group) == ("unexplained", (), ())
 
 
+def test_what_is_named_stays_named_beside_structure():
+    weights = [weight("drag", 0.99), weight("", 0.01)]
+    found = unless_sound(decide(weights), weights, sound=False)
+    assert (found.verdict, found.effects) == ("partly_explained", ("drag",))
+
+
+def test_what_passes_as_noise_is_not_outside():
+    weights = [weight("drag", 0.98, outside=0.7), weight("", 0.02, outside=0.9)]
+    found = inside(decide(weights), weights, Settings())
+    assert (found.verdict, found.effects) == ("missing_effect", ("drag",))
+    assert found.outside == pytest.approx(0.98 * 0.7 + 0.02 * 0.9)
+
+
 def test_no_effect_is_named_whose_addition_raises_the_error_on_tests_left_out():
-    found = decide([weight("drag", 0.99, falls=False), weight("", 0.01)])
-    assert found.effects == ()
+    weights = [weight("drag inertia", 0.99), weight("inertia", 0.01)]
+    found = less(decide(weights), weights, ["drag"])
+    assert (found.verdict, found.effects) == ("missing_effect", ("inertia",))
+    assert weights[found.told].effects == {"inertia"}
 
 
 PROBABILITIES = st.lists(st.floats(1e-6, 1.0), min_size=1, max_size=6)

@@ -10,11 +10,11 @@ from qlvbayes.benchmark.study import measured
 from qlvbayes.choices import Choices
 from qlvbayes.data import Pad
 from qlvbayes.diagnosis.design import suggest
+from qlvbayes.diagnosis.search import weigh
+from qlvbayes.diagnosis.workbench import as_chosen, search_of
 from qlvbayes.effects.force_drift import ForceDrift
 from qlvbayes.effects.force_offset import ForceOffset
-from qlvbayes.inference.gaussnewton import climb
-from qlvbayes.inference.subset import with_every_effect
-from qlvbayes.posterior import Posterior
+from qlvbayes.inference.modes import find_mode
 from qlvbayes.synthetic import (
     HIDDEN,
     NOISES,
@@ -40,19 +40,25 @@ def ramps(seed, names, later=0.0):
 
 
 def fitted(tests):
-    """Experiment, ensemble, and the optimum with an offset and with a drift."""
-    experiment = prepare(Pad("B", tests, PAD))
-    model, noise = Choices(noise="white").build(experiment.scales)
-    posterior = Posterior(model, noise, experiment.record(experiment.trials))
-    ensemble = with_every_effect(posterior, tuple(e.default(experiment.scales) for e in EFFECTS))
-    points = [climb(ensemble, ensemble.subset((e.name,)), ensemble.centre) for e in EFFECTS]
-    return experiment, ensemble, points
+    """Experiment, density, and the modes with an offset and with a drift."""
+    white = Choices(noise="white")
+    experiment = as_chosen(prepare(Pad("B", tests, PAD)), white)
+    search = search_of(experiment, white, kinds=EFFECTS)
+    search.see_plain(search.usual)
+    plain = search.modes[search.usual][0]
+    found = []
+    for effect in EFFECTS:
+        hypothesis = search.usual.plus(effect.name)
+        start = search.starts_with(plain, hypothesis, effect.name)[0]
+        mode = find_mode(search.density, hypothesis, start)
+        found.append(weigh(search.density, hypothesis, mode, 0.0))
+    return experiment, search.density, found
 
 
-def gain(points):
-    """2 ln of the likelihood of the offset over that of the drift."""
-    offset, drift = (point.losses.sum() for point in points)
-    return 2.0 * (drift - offset)
+def gain(found):
+    """2 ln of the evidence of the offset over that of the drift."""
+    offset, drift = (one.log_evidence for one in found)
+    return 2.0 * (offset - drift)
 
 
 @pytest.fixture(scope="module")
@@ -61,17 +67,17 @@ def present():
 
 
 def test_suggestions_come_best_first_whatever_the_order(present):
-    experiment, ensemble, points = present
-    found = suggest(experiment, ensemble, points)
+    experiment, density, found_modes = present
+    found = suggest(experiment, density, found_modes)
     worth = [suggestion.evidence for suggestion in found]
     assert worth == sorted(worth, reverse=True)
     assert min(worth) >= 0.0
-    assert suggest(experiment, ensemble, points[::-1]) == found
+    assert suggest(experiment, density, found_modes[::-1]) == found
 
 
 def test_explanations_that_are_the_same_promise_nothing(present):
-    experiment, ensemble, (offset, _) = present
-    found = suggest(experiment, ensemble, [offset, replace(offset)])
+    experiment, density, (offset, _) = present
+    found = suggest(experiment, density, [offset, replace(offset)])
     assert {suggestion.evidence for suggestion in found} == {0.0}
 
 

@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from hidden_pads import hidden_pad
@@ -10,18 +11,28 @@ from hidden_pads import hidden_pad
 from qlvbayes import Choices, InputError
 from qlvbayes.diagnosis.adequacy import adequacy
 from qlvbayes.diagnosis.diagnose import diagnose
-from qlvbayes.diagnosis.gate import Bend
+from qlvbayes.diagnosis.heldout import held_out
+from qlvbayes.diagnosis.samples import Samples
+from qlvbayes.diagnosis.sensitivity import Bend
 from qlvbayes.diagnosis.words import paragraphs
-from qlvbayes.inference.gaussnewton import climb, evaluate
+from qlvbayes.diagnosis.workbench import search_of
+from qlvbayes.effects.catalogue import find
+from qlvbayes.inference.modes import find_mode
+from qlvbayes.laws.catalogue import LAWS
+from qlvbayes.predict import single_samples
 from qlvbayes.synthetic import (
     HIDDEN,
     OUTSIDE,
+    PAPER_RATES,
     TABLE_1,
     full_retraction_protocol,
     paper_protocol,
 )
 
 RATES = (0.1, 1.0, 20.0, 100.0)
+ROUNDED = 2e-3  # of the noise: by which grids of other samples may differ
+FEW = tuple(map(find, ("viscous_drag", "friction")))
+LAWS_KNOWN = {law.name for law in LAWS.elastic}
 
 
 def measured(effects=(), pad="B", seed=0, protocol=paper_protocol, rates=RATES):
@@ -37,7 +48,7 @@ def plain():
 
 @pytest.fixture(scope="module")
 def drag():
-    return diagnose(measured([HIDDEN["viscous_drag"](eta=0.004)]))
+    return diagnose(measured([HIDDEN["viscous_drag"](eta=0.004)], rates=PAPER_RATES))
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +74,7 @@ def test_a_hidden_drag_is_named_with_its_size(drag):
     assert drag.effects == ("viscous_drag",)
     eta = drag.stages[-1].parameters["viscous_drag.eta"]
     assert abs(eta.mean - 0.004) < 4.0 * eta.sd
-    assert drag.ranking[0].probability > 0.9
+    assert drag.ranking[0].inclusion > 0.9
     assert drag.stages[-1].heldout_rmse < 1.2 * drag.noise < drag.stages[0].heldout_rmse
 
 
@@ -71,13 +82,13 @@ def test_two_effects_are_found_one_by_one(two):
     assert set(two.effects) == {"viscous_drag", "force_offset"}
     errors = [stage.heldout_rmse for stage in two.stages]
     assert len(errors) == 3
-    assert errors[-1] < 1.2 * two.noise < 0.3 * errors[0]
+    assert errors[-1] < min(1.2 * two.noise, errors[0] / 3.0)
 
 
-def test_what_is_not_on_the_list_is_unexplained(outside):
-    assert outside.verdict == "unexplained"
-    assert outside.effects == ()
+def test_what_is_not_on_the_list_is_said_to_be_outside(outside):
+    assert outside.verdict in ("unexplained", "partly_explained")
     assert outside.stages[-1].p_value < 0.01
+    assert not outside.remainder.is_small
 
 
 @pytest.mark.parametrize("name", ["plain", "drag", "two", "outside"])
@@ -88,6 +99,9 @@ def test_the_json_keeps_the_contract(name, request):
     assert content["steps"][0]["effects"] == []
     assert "none" in [entry["effect"] for entry in content["ranking"]]
     assert sum(entry["probability"] for entry in content["ranking"]) == pytest.approx(1.0)
+    assert all(e["probability"] <= e["inclusion"] + 1e-9 <= 1.0 + 2e-9 for e in content["ranking"])
+    assert content["base"]["elastic"] in LAWS_KNOWN
+    assert sum(entry["probability"] for entry in content["bases"]) == pytest.approx(1.0, abs=0.1)
     assert content["worst"]["phase"] in ("ramp", "hold", "unload", "recovery")
 
 
@@ -96,13 +110,17 @@ def test_the_words_say_verdict_place_and_size(drag, outside, plain):
     assert "viscous_drag (eta = " in said
     assert "N s/mm" in said
     assert "Where the plain model fails worst: the ramp of B-" in said
-    assert "Runner-up" in said
-    assert "No effect is named" in " ".join(paragraphs(outside))
+    assert "Next of the list" in said
+    said = {
+        "unexplained": "No effect is named",
+        "partly_explained": "no effect of the list explains",
+    }
+    assert said[outside.verdict] in " ".join(paragraphs(outside))
     assert "nothing is missing that these tests can show" in paragraphs(plain)[0]
 
 
 def test_the_words_do_not_call_a_doubtful_nothing_sure(plain):
-    ranking = [replace(r, probability=0.3) if r.effect == "none" else r for r in plain.ranking]
+    ranking = [replace(r, inclusion=0.3) if r.effect == "none" else r for r in plain.ranking]
     doubtful = replace(plain, ranking=tuple(ranking))
     assert "although something may be missing" in paragraphs(doubtful)[0]
 
@@ -164,39 +182,49 @@ def test_adequacy_p_values_are_uniform_under_a_right_model(plain):
     for seed in range(20):
         experiment = measured(seed=100 + seed)
         found = _plain_point(experiment, work)
-        below += adequacy(experiment, *found).p_value < 0.1
+        below += adequacy(experiment, found[0], found[1]).p_value < 0.1
     assert below <= 6  # binomial: more than 6 of 20 has probability 0.002
 
 
 def _plain_point(experiment, work):
-    other = work.ensemble.with_record(experiment.record(experiment.trials))
-    return other, climb(other, other.subset(), work.path.steps[0].point.theta)
+    """Record and mode of the plain model of the same pad under other noise."""
+    search = search_of(experiment, kinds=())
+    start = work.path[0].point.theta
+    return search.density.space.record, find_mode(search.density, search.usual, start).point
 
 
-def test_the_gradient_is_that_of_the_loss(drag):
-    """Gauss-Newton's slopes against differences of the loss."""
+def test_left_out_is_predicted_from_the_others_only(drag):
+    """What a test's own readings are has no part in what is predicted of it."""
     work = drag.work
-    subset = work.ensemble.subset(("viscous_drag",))
-    theta = work.path.last.point.theta.copy()
-    theta[subset.theta] += 0.03
-    point = evaluate(work.ensemble, subset, theta)
-    for k, place in enumerate(subset.theta):
-        step = np.zeros_like(theta)
-        step[place] = 1e-5
-        high = evaluate(work.ensemble, subset, theta + step).loss
-        low = evaluate(work.ensemble, subset, theta - step).loss
-        assert point.gradient[k] == pytest.approx((high - low) / 2e-5, rel=2e-3, abs=0.05)
+    search, told = work.search, work.told
+    expected = held_out(search.density, work.samples, told).by_part[0]
+    trials = work.experiment.trials
+    other = replace(trials[0], test=replace(trials[0].test, force=trials[0].test.force + 0.5))
+    shifted = replace(work.experiment, trials=(other, *trials[1:]))
+    moved = search_of(shifted, kinds=(type(search.density.space.effects["viscous_drag"]),))
+    found = held_out(moved.density, Samples.of(shifted, moved.density.space), told).by_part[0]
+    assert found == pytest.approx(np.hypot(expected, 0.5), rel=0.05)
 
 
-def test_laplace_is_exact_for_the_noise_free_direction(plain):
-    """The optimum is a minimum: every small step raises the loss as the curvature says."""
-    work = plain.work
-    point = work.path.last.point
-    rng = np.random.default_rng(3)
-    root = np.linalg.cholesky(point.covariance)
-    for _ in range(5):
-        move = root @ rng.standard_normal(len(root))
-        theta = point.theta.copy()
-        theta[point.subset.theta] += move
-        rise = evaluate(work.ensemble, point.subset, theta).loss - point.loss
-        assert rise == pytest.approx(0.5 * move @ point.curvature @ move, rel=0.5)
+def test_samples_are_predicted_as_by_the_model_itself(drag):
+    """Parts of a record, each by the compiled functions of the fit, against one run of all."""
+    work = drag.work
+    told, samples = work.told, work.samples
+    model, _ = told.point.own.posterior.with_constants(jnp.asarray(told.point.constants))
+    predicted = samples.predict(told.hypothesis, told.point.constants[None])
+    for k, (trial, rows) in enumerate(zip(samples.trials, samples.rows, strict=True)):
+        record = single_samples(work.experiment, trial, rows)
+        expected = np.asarray(record.average(model.force(record.motion)))
+        np.testing.assert_allclose(
+            predicted[k][0], expected, atol=2e-3 * work.experiment.floor.total
+        )
+
+
+def test_of_one_test_alone_phases_are_left_out():
+    """What is told as left out is never the error of the fit."""
+    found = diagnose(measured(rates=(20.0,)), kinds=FEW)
+    work = found.work
+    left_out = held_out(work.search.density, work.samples, work.told)
+    assert len(left_out.by_part) == len(work.experiment.trials[0].phases)
+    assert left_out.rmse > found.stages[-1].rmse
+    assert found.stages[-1].heldout_rmse == left_out.rmse

@@ -1,132 +1,105 @@
-"""The discrepancy's noise and kernel, and that it keeps predictions of left-out tests honest."""
+"""A discrepancy: the smooth functions of which it is made, and what it says is left."""
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
-from endtoend import experiment
-from hidden_pads import ensemble_of
+from hidden_pads import hidden_pad
+from hypothesis import given
+from hypothesis import strategies as st
 
-from qlvbayes.data import Pad, Test
-from qlvbayes.diagnosis.discrepancy import Discrepancy, fit_discrepancy
-from qlvbayes.diagnosis.discrepancy.coverage import HeldOutCoverage
-from qlvbayes.diagnosis.discrepancy.process import Inputs, Kernel, Residuals, fit_scales
+from qlvbayes.diagnosis.discrepancy import discrepancy
 from qlvbayes.diagnosis.samples import Samples
-from qlvbayes.diagnosis.search import Path, plain_fits
 from qlvbayes.diagnosis.verdict import Work
-from qlvbayes.experiment import prepare
-from qlvbayes.synthetic import (
-    NOISES,
-    TABLE_1,
-    HiddenPad,
-    TemperatureSwing,
-    paper_protocol,
-    record_study,
-)
-from qlvbayes.units import PAD
+from qlvbayes.diagnosis.workbench import search_of, smooth
+from qlvbayes.inference.features import Features, Places, covariance
+from qlvbayes.synthetic import OUTSIDE
 
-RATES = (1.0, 5.0, 20.0, 40.0)
+SHARE = 1e-3  # of the variance, that features may leave out
 
 
-def simulated(*effects):
-    """Four tests of pad B with hidden effects."""
-    runs = record_study(
-        {"pad": HiddenPad(TABLE_1["B"], effects)},
-        {f"{rate:g}": paper_protocol(rate) for rate in RATES},
-        NOISES["correlated"],
-        seed=5,
-        max_rows=250,
+def places(rng, count):
+    smooth = np.stack(
+        [
+            rng.uniform(-7.0, 3.0, count),
+            rng.uniform(0.0, 1.0, count),
+            rng.uniform(-2.0, 4.0, count),
+        ],
+        axis=1,
     )
-    tests = tuple(
-        Test(
-            run.name,
-            run.pad,
-            run.record.time,
-            run.record.displacement,
-            run.record.force,
-            start_s=run.start_s,
-        )
-        for run in runs
-    )
-    return prepare(Pad("pad", tests, PAD))
-
-
-def fitted(experiment):
-    """The discrepancy of the plain model."""
-    ensemble = ensemble_of(experiment)
-    work = Work(experiment, ensemble, Samples.of(experiment, ensemble), Path(), ())
-    return fit_discrepancy(work, plain_fits(ensemble)[0])
-
-
-@pytest.fixture(scope="module")
-def swinging():
-    return fitted(simulated(TemperatureSwing(0.06, 52.0, -0.7)))
-
-
-@pytest.fixture(scope="module")
-def explained():
-    return fitted(experiment())
-
-
-def random_inputs(rng, count, tests):
-    return Inputs(
-        rng.uniform(-3.0, 3.0, count),
-        rng.uniform(0.0, 1.0, count),
-        rng.uniform(-1.0, 3.0, count),
-        rng.uniform(0.2, 1.0, count),
-        rng.integers(0, 3, count).astype(float),
-        rng.integers(0, tests, count).astype(float),
+    return Places(
+        smooth, rng.uniform(0.5, 1.0, count), rng.integers(0, 3, count), rng.integers(0, 4, count)
     )
 
 
-def test_the_kernel_is_a_covariance():
-    inputs = random_inputs(np.random.default_rng(1), 60, 4)
-    kernel = Kernel(jnp.log(jnp.array([0.5, 0.3, 2.0, 0.4, 2.0])))
-    matrix = np.asarray(kernel(inputs, inputs))
-    np.testing.assert_allclose(matrix, matrix.T)
-    assert np.linalg.eigvalsh(matrix).min() > -1e-12
-    size = np.asarray(inputs.size)
-    np.testing.assert_allclose(np.diag(matrix), (0.25 + 0.09) * size**2)
-    other_phase = inputs.phase[:, None] != inputs.phase
-    assert np.all(matrix[other_phase] == 0.0)
+@given(st.integers(0, 1000))
+def test_the_kernel_is_a_covariance(seed):
+    matrix = covariance(*2 * (places(np.random.default_rng(seed), 40),))
+    np.testing.assert_allclose(matrix, matrix.T, rtol=1e-12)
+    assert np.linalg.eigvalsh(matrix).min() > -1e-10
+    assert matrix.max() <= 1.0 + 1e-12
 
 
-def test_the_sizes_come_back():
-    """Hyperparameters of a function drawn from the process."""
-    rng = np.random.default_rng(2)
-    inputs = random_inputs(rng, 300, 6)
-    true = np.log([0.5, 0.1, 2.0, 0.4, 2.0])
-    matrix = np.asarray(Kernel(jnp.asarray(true))(inputs, inputs))
-    noise = 0.05**2 * np.eye(300)
-    residual = np.linalg.cholesky(matrix + noise) @ rng.standard_normal(300)
-    found = fit_scales(Residuals(inputs, residual, noise), true + 0.5)
-    assert abs(found[0] - true[0]) < 0.7
-    assert found[1] < found[0]
-    assert np.all(np.abs(found[2:] - true[2:]) < 1.2)
+def test_products_of_features_are_the_covariance():
+    some = places(np.random.default_rng(0), 120)
+    features = Features.of(some)
+    left = covariance(some, some) - features(some).T @ features(some)
+    assert np.max(np.diag(left)) <= SHARE
+    assert np.linalg.eigvalsh(left).min() > -1e-9  # what is left out is a covariance too
 
 
-def test_where_all_is_explained_it_is_small(explained):
-    assert explained.sd < 0.5 * experiment().floor.total
-    for band in explained.predict():
-        assert np.all(np.abs(band.mean) < experiment().floor.total)
+def test_functions_of_other_tests_and_phases_are_apart():
+    rng = np.random.default_rng(1)
+    one = places(rng, 1)
+    other_test = Places(one.smooth, one.size, one.phase, one.test + 1)
+    other_phase = Places(one.smooth, one.size, one.phase + 1, one.test)
+    own = covariance(one, one)[0, 0]
+    assert covariance(one, other_test)[0, 0] == pytest.approx(0.5 * own)  # the shared half
+    assert covariance(one, other_phase)[0, 0] == 0.0
 
 
-def test_what_is_not_explained_has_its_size(swinging):
-    assert isinstance(swinging, Discrepancy)
-    residuals = swinging.work.samples.residuals(swinging.point.constants)
-    bands = swinging.predict()
-    assert len(bands) == len(RATES)
-    size = np.sqrt(np.mean(np.concatenate(residuals) ** 2))
-    assert swinging.sd == pytest.approx(size, rel=0.4)
-    floor = swinging.work.experiment.floor.total
-    for band, residual in zip(bands, residuals, strict=True):
+def test_a_pads_blocks_are_covered():
+    experiment = hidden_pad(rates=(1.0, 20.0))
+    search = search_of(experiment, kinds=())
+    features = smooth(experiment, search.density.space.record.blocks)
+    assert len(search.density.discrepancy.shapes) == features.factor.shape[0]
+    assert np.isfinite(search.density.discrepancy.axes).all()
+
+
+def left_by_the_plain_model(experiment):
+    """The plain model alone at its mode, and what it leaves of every sample (N)."""
+    search = search_of(experiment, kinds=())
+    search.see_plain(search.usual)
+    told = search.modes[search.usual][0]
+    samples = Samples.of(experiment, search.density.space)
+    residuals = samples.residuals(told.hypothesis, told.point.constants)
+    return Work(experiment, search, samples, (told,), ()), residuals
+
+
+def test_where_nothing_is_left_the_discrepancy_is_nothing():
+    work, residuals = left_by_the_plain_model(hidden_pad(rates=(1.0, 20.0)))
+    assert work.told.mode.size == 0.0
+    for band, residual in zip(discrepancy(work), residuals, strict=True):
         assert band.mean.shape == band.sd.shape == residual.shape
-        assert np.std(residual - band.mean) < 1.5 * floor
+        assert not band.mean.any()
+        assert not band.sd.any()
 
 
-def test_left_out_tests_are_covered(swinging):
-    coverage = swinging.held_out_coverage
-    assert isinstance(coverage, HeldOutCoverage)
-    assert len(coverage.honest) == len(RATES)
-    assert np.mean(coverage.without) < 0.65
-    assert 0.8 <= np.mean(coverage.honest) <= 0.99
-    assert np.mean(coverage.honest) > np.mean(coverage.without) + 0.2
+def chi_square(work, errors):
+    """Of errors at all samples (N), by the covariance of the noise: about 1 of noise."""
+    floor, total = work.experiment.floor, 0.0
+    for trial, rows, error in zip(work.samples.trials, work.samples.rows, errors, strict=True):
+        apart = np.abs(np.subtract.outer(trial.test.time[rows], trial.test.time[rows]))
+        noise = floor.ou**2 * np.exp(-apart / floor.tau) + floor.white**2 * np.eye(error.size)
+        total += error @ np.linalg.solve(noise, error)
+    return total / sum(error.size for error in errors)
+
+
+def test_what_is_left_is_the_discrepancy_and_noise():
+    """A shift of one test's forces, in noise whose own memory could pass for a part of it."""
+    shift = OUTSIDE["slow_creep_jump"](offset=-0.06, begin=100.0, time=15.0)
+    work, residuals = left_by_the_plain_model(hidden_pad(shift, rates=(1.0, 20.0)))
+    bands = discrepancy(work)
+    rest = [r - band.mean for r, band in zip(residuals, bands, strict=True)]
+    assert chi_square(work, residuals) > 1.5
+    assert chi_square(work, rest) == pytest.approx(1.0, abs=0.2)
+    sds = np.concatenate([band.sd for band in bands])
+    assert np.all((sds > 0.0) & (sds < work.told.mode.size))  # surer than without the tests

@@ -8,7 +8,6 @@ import pytest
 from scipy.stats import binom
 
 from qlvbayes import InputError, recovery_rate
-from qlvbayes.diagnosis.diagnose import COSTLY
 from qlvbayes.effects.adhesion import Adhesion
 from qlvbayes.effects.catalogue import EFFECTS, names
 from qlvbayes.recovery.rate import LEVEL, recovery_rates
@@ -21,8 +20,8 @@ CHANCE = 2.0 * 0.00135  # the same, as a probability
 @pytest.fixture(scope="module")
 def recovered():
     """Every effect; those that run the law several times have a model of their own."""
-    light = [kind for kind in EFFECTS if kind.name not in COSTLY]
-    costly = [kind for kind in EFFECTS if kind.name in COSTLY]
+    light = [kind for kind in EFFECTS if not kind.costly]
+    costly = [kind for kind in EFFECTS if kind.costly]
     return [found for kinds in (light, costly) for found in recovery_rates(kinds, draws=DRAWS)]
 
 

@@ -40,7 +40,6 @@ LAYERS = [
     ["fit", "recovery"],
     ["summary", "predict"],
     ["results", "residuals", "diagnosis", "constants_table"],
-    ["hypotheses"],
     ["checked", "compare"],
     # a rig of its own, which shares nothing with the model
     ["synthetic"],

@@ -9,21 +9,13 @@ import jax.scipy.stats as jss
 import numpy as np
 import pytest
 from endtoend import experiment
-from hidden_pads import ensemble_of
 from scipy.stats import kstest, multivariate_normal
 
 from qlvbayes.choices import Choices
-from qlvbayes.diagnosis.contest import Round, contest, refit
-from qlvbayes.diagnosis.evidence import LaplaceCheck, laplace_check, log_densities, sampled_evidence
-from qlvbayes.diagnosis.nested_check import nested_check
-from qlvbayes.diagnosis.screen import screen
-from qlvbayes.diagnosis.search import plain_fits
-from qlvbayes.effects.extra_relaxation_mode import ExtraRelaxationMode
-from qlvbayes.effects.viscous_drag import ViscousDrag
+from qlvbayes.diagnosis.audit import nested_audit
+from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.fit import build_posterior
-from qlvbayes.inference import nested
 from qlvbayes.inference.nested import nested_evidence
-from qlvbayes.inference.subset import Part, with_every_effect
 from qlvbayes.posterior import draw_priors
 from qlvbayes.priors import Normal
 
@@ -102,90 +94,13 @@ def test_prior_draws_are_of_the_prior():
     assert kstest(standard, "norm").pvalue > 1e-3
 
 
-@pytest.fixture(scope="module")
-def ensemble():
-    return ensemble_of(experiment(), ViscousDrag, ExtraRelaxationMode)
-
-
-@pytest.fixture(scope="module")
-def first(ensemble):
-    return contest(ensemble, plain_fits(ensemble)[0], ensemble.candidates)
-
-
-def test_densities_are_those_of_the_smaller_posterior(ensemble, first):
-    point = first.base
-    thetas = point.theta + 0.01 * np.arange(3)[:, None]
-    plain = Part.of(ensemble, frozenset()).posterior
-    exact = [float(plain.log_density(x[point.subset.theta])) for x in thetas]
-    np.testing.assert_allclose(log_densities(ensemble, point, thetas), exact, rtol=1e-10)
-    assert log_densities(ensemble, point, thetas)[0] == pytest.approx(-point.loss, rel=1e-10)
-
-
-def test_laplace_is_trusted_where_the_posterior_is_normal(ensemble, first):
-    check = laplace_check(ensemble, first.base)
-    assert isinstance(check, LaplaceCheck)
-    assert check.reasons == ()
-    assert check.effective_draws > 60.0
-    assert abs(check.log_evidence - first.base.log_evidence) < 3.0 * check.error + 0.3
-    other = laplace_check(ensemble, first.base, seed=1)
-    assert abs(other.log_evidence - check.log_evidence) < 4.0 * np.hypot(other.error, check.error)
-
-
-def test_a_direction_that_nothing_holds_does_not_stop_the_sampling(ensemble, first):
-    """Its covariance has a condition number at which a Cholesky factor is refused."""
-    values, vectors = np.linalg.eigh(first.base.curvature)
-    values[0] = 1e-14 * values[-1]
-    flat = replace(first.base, curvature=(vectors * values) @ vectors.T)
-    assert np.isfinite(laplace_check(ensemble, flat).log_evidence)
-
-
-@pytest.mark.parametrize(
-    ("sampled", "worth", "taken"),
-    [(5.0, 100.0, 5.0), (5.0, 1.0, 0.0), (-5.0, 100.0, -5.0), (-5.0, 1.0, -5.0)],
-)
-def test_one_far_draw_does_not_raise_the_evidence(first, monkeypatch, sampled, worth, taken):
-    """Sampled evidence above Laplace's needs draws that are worth something."""
-    laplace = first.base.log_evidence
-    known = LaplaceCheck(laplace + sampled, 1.0, worth, ())
-    monkeypatch.setattr("qlvbayes.diagnosis.evidence.laplace_check", lambda *given: known)
-    assert sampled_evidence(None, first.base) == pytest.approx(laplace + taken)
-
-
-def test_an_idle_effect_is_told(ensemble, first):
-    """Pad B has no drag: its coefficient lies against zero, wherever the optimum is."""
-    scores = screen(ensemble, first.base, ["viscous_drag"])["viscous_drag"]
-    point = refit(ensemble, first.base, scores, -np.inf)
-    reasons = laplace_check(ensemble, point).reasons
-    assert any("viscous_drag" in reason for reason in reasons)
-
-
-def test_nested_check_runs_none_and_the_best(ensemble, first, monkeypatch):
-    asked = []
-
-    def known(posterior, seed, *, live):
-        asked.append((posterior.size, seed, live))
-        return nested.NestedEvidence(-1.0, 0.5, 10, np.zeros((1, posterior.size)))
-
-    monkeypatch.setattr("qlvbayes.diagnosis.nested_check.nested_evidence", known)
-    told = []
-    found = nested_check(ensemble, first, best=1, seed=3, live=20, tell=told.append)
-    refitted = [c for c in first.contenders if c.point is not None][:1]
-    assert [c.effect for c in found] == ["none", *(c.effect for c in refitted)]
-    assert asked[0] == (first.base.subset.theta.size, 3, 20)
-    assert found[0].laplace == first.base.log_evidence
-    assert (found[0].log_evidence, found[0].error) == (-1.0, 0.5)
-    assert len(told) == len(found)
-    alone = nested_check(ensemble, Round(first.base, ()), live=20)
-    assert [c.effect for c in alone] == ["none"]
-
-
-def test_nested_sampling_agrees_on_a_real_pad():
-    """One relaxation mode and white noise over one test: few numbers, a quick run."""
-    trials = experiment().with_role("fit")
-    posterior = build_posterior(experiment(), Choices(modes=1, noise="white"), trials)
-    ensemble = with_every_effect(posterior, ())
-    point = plain_fits(ensemble)[0]
-    check = laplace_check(ensemble, point)
-    (found,) = nested_check(ensemble, Round(point, ()), live=40)
-    assert abs(check.log_evidence - point.log_evidence) < 0.5
-    assert abs(found.log_evidence - check.log_evidence) < 3.0 * found.error + 0.5
+def test_nested_sampling_agrees_with_laplace_on_a_real_pad():
+    """One relaxation mode over one test: few numbers, a quick run."""
+    one = experiment()
+    alone = replace(one, trials=one.with_role("fit"))
+    search = search_of(alone, Choices(modes=1), kinds=())
+    search.see_plain(search.usual)
+    (found,) = nested_audit(search)
+    assert found.effect == "exponential, prony:1"
+    assert found.error < 1.0  # more would agree with anything
+    assert abs(found.log_evidence - found.laplace) < 3.0 * found.error + 0.5

@@ -2,7 +2,6 @@ from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
 
-import equinox as eqx
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
@@ -14,9 +13,9 @@ from qlvbayes.data import Pad
 from qlvbayes.data import Test as Record
 from qlvbayes.diagnosis.curves import Band, Curve, curves
 from qlvbayes.diagnosis.diagnose import diagnose
-from qlvbayes.diagnosis.gate import Unseen
 from qlvbayes.diagnosis.samples import CellError
-from qlvbayes.diagnosis.verdict import Diagnosis, Ranked, Stage
+from qlvbayes.diagnosis.sensitivity import Unseen
+from qlvbayes.diagnosis.verdict import Base, Diagnosis, Ranked, Stage
 from qlvbayes.effects.catalogue import names
 from qlvbayes.effects.viscous_drag import ViscousDrag
 from qlvbayes.experiment import prepare
@@ -42,22 +41,26 @@ def cells(tests, ratio):
     )
 
 
-def stage(effects, tests, ratio, failing=()):
+LAWS = ("exponential", "prony:2")
+
+
+def stage(effects, tests, ratio, failing=(), base=LAWS):
     p = 1e-9 if failing else 0.5
     errors = ratio * NOISE, 1.2 * ratio * NOISE
     found = cells(tests, ratio)
-    return Stage(tuple(effects), *errors, -1.0, p, 1.0, not failing, found, tuple(failing), {})
+    sound = not failing
+    return Stage(base, tuple(effects), *errors, -1.0, p, True, sound, found, tuple(failing), {})
 
 
 def ranking(best):
-    """Every effect, ``best`` first; the last three were screened out."""
+    """Every effect, ``best`` first."""
     values = np.linspace(900.0, -5.0, len(names()))
     order = sorted(names(), key=lambda name: name != best)
     effects = [
-        Ranked(name, 1.0 if name == best else 0.0, value, 0.01 if k < len(order) - 3 else None, {})
-        for k, (name, value) in enumerate(zip(order, values, strict=True))
+        Ranked(name, *2 * (1.0 if name == best else 0.0,), value, 0.01, {})
+        for name, value in zip(order, values, strict=True)
     ]
-    return (*effects[:-5], Ranked("none", 0.0, 0.0, 0.05, {}), *effects[-5:])
+    return (*effects[:-5], Ranked("none", 0.0, 0.0, 0.0, 0.05, {}), *effects[-5:])
 
 
 def diagnosed(count=3, added=("viscous_drag",), verdict="missing_effect", **changes):
@@ -69,9 +72,10 @@ def diagnosed(count=3, added=("viscous_drag",), verdict="missing_effect", **chan
     stages[0] = stage((), tests, 12.0 if added else 1.0, failing)
     found = Diagnosis(
         pad="B", noise=NOISE, verdict=verdict, effects=tuple(added), group=tuple(added[-1:]),
+        base=Base(*LAWS, 0.99), bases=(Base(*LAWS, 0.99),), alternatives=(), outside=0.0,
         stages=tuple(stages), ranking=ranking(added[-1] if added else "friction"),
         not_identifiable=(Unseen("own_effect", "no test unloads"),), bends=(), coincident=(),
-        refused=(), warnings=(), suggestions=(),
+        refused=(), suggestions=(),
         work=SimpleNamespace(experiment=SimpleNamespace(units=changes.pop("units", PAD))),
     )  # fmt: skip
     return replace(found, **changes)
@@ -109,6 +113,7 @@ CASES = {
         diagnosed(2, MANY[:1], "ambiguous", group=(MANY[0], *MANY[2:]), pad="mavacamten-" * 12),
         pressed(2, name="calcium" * 9),
     ),
+    "partly explained": (diagnosed(verdict="partly_explained", group=()), pressed(3)),
     "unexplained stress": (
         diagnosed(verdict="unexplained", effects=(), group=(), units=STRAIN), pressed(3)
     ),
@@ -259,9 +264,7 @@ def test_one_bar_a_hypothesis_in_order_of_probability():
     assert len(shown) == len(found.ranking) == len(names()) + 1
     assert next(iter(shown)) == "viscous_drag"
     assert shown["viscous_drag"] == (900.0, "named in the verdict")
-    assert shown["none (plain model)"][0] == 0.0
-    screened = [p for p in page(plot_evidence, found).axes[0].patches if p.get_hatch()]
-    assert len(screened) == 3
+    assert shown["none of them"] == (0.0, "not named")
 
 
 def test_a_group_is_framed_and_refused_effects_are_crossed():
@@ -319,11 +322,27 @@ def test_a_step_names_what_it_made_useless():
     assert last == "+ friction\n− strain_dependent_\nstrength"
 
 
+def test_a_step_names_another_law():
+    found = diagnosed(2, MANY[:1])
+    hertz = replace(found.stages[1], base=("hertz", LAWS[1]), effects=())
+    shown = replace(found, stages=(found.stages[0], hertz), effects=(), verdict="adequate")
+    figure = page(plot_error_staircase, shown)
+    assert figure.axes[0].get_xticklabels()[1].get_text() == "hertz"
+    assert "by hertz" in words(figure)
+
+
+def test_without_left_out_tests_there_is_one_line_of_steps():
+    found = diagnosed(1)
+    stages = tuple(replace(one, heldout_rmse=np.nan) for one in found.stages)
+    axis = page(plot_error_staircase, replace(found, stages=stages)).axes[0]
+    assert [list(s.get_data().values) for s in axis.patches] == [[s.rmse for s in stages]]
+
+
 def test_an_error_that_rises_is_explained():
     found = diagnosed()
     risen = replace(found, stages=(found.stages[0], replace(found.stages[1], rmse=0.9)))
-    assert "weigh readings" in words(page(plot_error_staircase, risen))
-    assert "weigh readings" not in words(page(plot_error_staircase, found))
+    assert "weighs readings" in words(page(plot_error_staircase, risen))
+    assert "weighs readings" not in words(page(plot_error_staircase, found))
 
 
 @pytest.fixture(scope="module")
@@ -380,9 +399,8 @@ def test_files_have_the_names_that_the_command_line_tells(real, tmp_path):
 
 def test_measured_sds_shape_the_noise_band(real):
     samples, floor = real.work.samples, real.work.experiment.floor
-    weight = samples.record.blocks.weight
-    record = eqx.tree_at(lambda r: r.blocks.weight, samples.record, 3.0 * weight)
-    work = replace(real.work, samples=replace(samples, record=record, _posteriors={}))
+    noisier = tuple(3.0 * weights for weights in samples.weights)
+    work = replace(real.work, samples=replace(samples, weights=noisier))
     shown = curves(replace(real, work=work), draws=20)
     assert shown[0].floor == pytest.approx(np.hypot(3.0 * floor.white, floor.ou))
     wider = [np.mean(c.final.high - c.final.low) for c in (shown[0], curves(real)[0])]

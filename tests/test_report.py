@@ -122,6 +122,11 @@ def test_errors_before_and_after_stand_beside_the_noise(out):
         ("adequate", (), "Nothing is missing that these tests can show."),
         ("missing_effect", ("friction",), "The plain model lacks one effect (probability 97 %):"),
         ("ambiguous", ("friction", "inertia"), "cannot tell which of these it is:"),
+        (
+            "partly_explained",
+            ("friction",),
+            "The plain model lacks this effect (probability 97 %), and something that none",
+        ),
         ("unexplained", (), "that none of the known effects explains."),
     ],
 )
@@ -130,6 +135,52 @@ def test_every_verdict_has_its_line(tmp_path, verdict, named, said):
     box = verdict_box(collect(tmp_path).pads[0], "")
     assert said in box.line.replace("\u00a0", " ")
     assert tuple(effect.name for effect in box.effects) == named
+
+
+def test_without_left_out_tests_the_errors_are_those_of_the_fit(tmp_path):
+    content = diagnosis("B")
+    for step in content["steps"]:
+        step["heldout_rmse_N"] = None
+    write(tmp_path / "B" / "diagnosis.json", content)
+    box = verdict_box(collect(tmp_path).pads[0], "")
+    assert box.bars_title == "Error of the fit (root mean square)"
+    assert [bar.share for bar in box.bars] == pytest.approx([1.0, 0.0101 / 0.031, NOISE / 0.031])
+    assert f"0.0101 {DASH} {DASH}" in Page(write_report(tmp_path)).words
+
+
+def on_hertz(verdict, named=()):
+    """A diagnosis that asks for another elastic law than was chosen."""
+    found = diagnosis("B", verdict, named)
+    hertz = found["base"] | {"elastic": "hertz"}
+    last = found["steps"][-1] | {"base": {k: hertz[k] for k in ("elastic", "relaxation")}}
+    return found | {"base": hertz, "steps": [found["steps"][0], last]}
+
+
+def test_other_laws_are_said_where_nothing_is_missing(tmp_path):
+    write(tmp_path / "B" / "diagnosis.json", on_hertz("adequate"))
+    box = verdict_box(collect(tmp_path).pads[0], "")
+    assert box.line.endswith("these tests can show, with other laws than were chosen: hertz.")
+    assert [bar.label for bar in box.bars] == ["plain model", "with hertz", "noise alone"]
+
+
+@pytest.mark.parametrize(
+    ("law", "verdict", "said"),
+    [
+        ("exponential", "missing_effect", True),
+        ("hertz", "missing_effect", False),
+        ("exponential", "unexplained", False),
+        ("of_my_own", "missing_effect", False),
+    ],
+)
+def test_a_fit_with_other_laws_than_the_tests_ask_for_is_warned_of(tmp_path, law, verdict, said):
+    """Not where the verdict stands on none, nor where the law's file has gone."""
+    write(tmp_path / "B" / "diagnosis.json", on_hertz(verdict, ("friction",)))
+    write(tmp_path / "B" / "summary.json", summary("B", ("friction",)))
+    chosen = {"law": law, "modes": 2, "effects": ["friction"]}
+    facts(tmp_path / "B" / "posterior.nc", choices=json.dumps(chosen))
+    warned = " ".join(verdict_box(collect(tmp_path).pads[0], "").warnings)
+    again = "fit again with --elastic hertz --relaxation prony:2 --add friction."
+    assert (again in warned) == said
 
 
 def test_an_ambiguous_verdict_keeps_what_is_sure(tmp_path):
@@ -177,7 +228,7 @@ def test_methods_say_how_to_repeat_it(page):
     assert "ab" * 32 in tail
     assert "jax 0.10.2" in tail
     assert "lognormal(0.2953, 1.609)" in tail
-    assert "log Bayes factor is above 5.0" in tail
+    assert "named when it is in the model with probability 0.9" in tail
     assert "unheard_of = 1.5" in tail
     assert "/somewhere" not in tail
 

@@ -112,36 +112,51 @@ def curves(pad, effects=(), miss=0.0, samples=80):
     }
 
 
+LAWS = {"elastic": "exponential", "relaxation": "prony:2"}
+
+
 def diagnosis(pad, verdict="missing_effect", named=("viscous_drag",)):
+    """Of an ambiguous verdict, ``named`` is the group."""
     effects = list(named) if verdict != "adequate" else []
+    group = effects if verdict == "ambiguous" else []
+    if group:
+        effects = group[:1]
     ranking = [
         {
             "effect": effect,
             "probability": 0.97 if k == 0 else 0.03 / (k + 1),
             "log_bayes_factor": 300.0 - 40.0 * k,
-            "rmse_N": 0.0101 if k < 2 else None,
+            "rmse_N": 0.0101 + 0.002 * k,
             "parameters": {"eta": {"unit": "N s/mm", "mean": 0.003, "sd": 1e-4}},
         }
         for k, effect in enumerate([*(named or ["friction"]), "inertia", "none"])
     ]
-    steps = [{"effects": [], "rmse_N": 0.031, "heldout_rmse_N": 0.048, "log_evidence": 5012.0}]
+    steps = [step([], 0.031, 0.048, 5012.0)]
     if effects:
-        steps.append(
-            {"effects": effects, "rmse_N": 0.0101, "heldout_rmse_N": 0.0103, "log_evidence": None}
-        )
+        steps.append(step(effects, 0.0101, 0.0103, None))
     return {
         "schema": 1,
         "pad": pad,
         "noise_N": NOISE,
         "verdict": verdict,
-        "effects": effects if verdict == "missing_effect" else [],
-        "group": effects if verdict in ("missing_effect", "ambiguous") else [],
+        "effects": effects,
+        "group": group,
+        "base": LAWS | {"probability": 0.98},
+        "bases": [LAWS | {"probability": 0.98}],
+        "outside": 0.9 if verdict in ("partly_explained", "unexplained") else 0.01,
+        "alternatives": [{"base": LAWS, "effects": effects, "probability": 0.9}],
+        "not_ruled_out": [{"effects": effects, "probability": 0.9}],
         "steps": steps,
         "ranking": ranking,
         "not_identifiable": [{"effect": "adhesion", "reason": "no test retracts"}],
         "suggestions": [],
         "warnings": [],
     }
+
+
+def step(effects, rmse, heldout, log_evidence):
+    found = {"base": LAWS, "effects": effects, "rmse_N": rmse, "heldout_rmse_N": heldout}
+    return found | {"log_evidence": log_evidence, "failing": []}
 
 
 def comparison(first, second, answer="greater"):
@@ -232,7 +247,7 @@ def write_study(out):
             "sha256": "ab" * 32,
             "seed": 7,
             "choices": {"law": "exponential", "modes": 2, "noise": "correlated"},
-            "thresholds": {"decisive": 5.0, "unheard_of": 1.5},
+            "thresholds": {"named": 0.9, "unheard_of": 1.5},
             "versions": {"python": "3.11.7", "jax": "0.10.2"},
         }
     }

@@ -12,13 +12,17 @@ from scipy.signal import butter, lfilter
 
 from qlvbayes import Choices, Pad, Test, check, predict, prepare
 from qlvbayes.diagnosis.adequacy import adequacy
+from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.experiment import Experiment
 from qlvbayes.inference import compiled
-from qlvbayes.inference.gaussnewton import Point, climb
-from qlvbayes.inference.multistart import wide_climbs
+from qlvbayes.inference.density import Point
+from qlvbayes.inference.gaussnewton import Point as Climbed
+from qlvbayes.inference.gaussnewton import climb
+from qlvbayes.inference.modes import find_mode
 from qlvbayes.inference.subset import Ensemble, with_every_effect
 from qlvbayes.parameters import names
 from qlvbayes.posterior import Posterior
+from qlvbayes.records.record import Record
 from qlvbayes.residuals import Check
 from qlvbayes.synthetic import Noise, SimulatedTest, draw_constants, simulate_study, thin
 from qlvbayes.units import PAD
@@ -90,7 +94,6 @@ class Bench:
     def __init__(self, kind: str, seed: int) -> None:
         self.kind, self.letter, self.seed = KINDS[kind], kind, seed
         self._tops: dict[int, np.ndarray] = {}
-        self._ensemble: Ensemble | None = None
         self.true = cache(self._true)
 
     def run(self, index: int) -> dict:
@@ -99,9 +102,9 @@ class Bench:
         begun = time.perf_counter()
         pad = index % self.kind.pads
         experiment = prepare(self._measured(pad, rng), all_tests=True)
-        ensemble, point = self._fitted(experiment, pad)
-        found = adequacy(experiment, ensemble, point)
-        cells = self._check(experiment, ensemble, point, rng)
+        record, mode = self._mode(experiment, pad)
+        found = adequacy(experiment, record, mode)
+        cells = self._check(experiment, *self._fitted(experiment, mode.constants), rng)
         return {
             "index": index,
             "p": found.p_value,
@@ -131,18 +134,29 @@ class Bench:
             test.name, "pad", stamp, record.displacement[kept], force[kept], start_s=test.start_s
         )
 
-    def _fitted(self, experiment: Experiment, pad: int) -> tuple[Ensemble, Point]:
-        """The right model at its highest point, from where the last noise had it."""
+    def _mode(self, experiment: Experiment, pad: int) -> tuple[Record, Point]:
+        """The right model at its mode under the floor, from where the last noise had it."""
+        search = search_of(experiment, kinds=())
+        if pad not in self._tops:
+            search.see_plain(search.usual)
+            self._tops[pad] = search.modes[search.usual][0].point.theta
+        mode = find_mode(search.density, search.usual, self._tops[pad])
+        assert mode is not None
+        return search.density.space.record, mode.point
+
+    def _fitted(self, experiment: Experiment, constants: np.ndarray) -> tuple[Ensemble, Climbed]:
+        """The same with its noise fitted too, as `fit` does."""
         model, noise = Choices().build(experiment.scales)
         posterior = Posterior(model, noise, experiment.record(experiment.trials))
         ensemble = with_every_effect(posterior, ())
-        if pad not in self._tops:
-            self._tops[pad] = wide_climbs(ensemble, ensemble.subset(), ensemble.centre)[0].constants
-        start = posterior.unconstrain(self._tops[pad])
-        return ensemble, climb(ensemble, ensemble.subset(), start)
+        start = constants.copy()
+        start[-3:-1] = np.maximum(start[-3:-1], 1e-3 * experiment.floor.total)  # white, correlated
+        return ensemble, climb(
+            ensemble, ensemble.subset(), np.asarray(posterior.unconstrain(start))
+        )
 
     def _check(
-        self, experiment: Experiment, ensemble: Ensemble, point: Point, rng: np.random.Generator
+        self, experiment: Experiment, ensemble: Ensemble, point: Climbed, rng: np.random.Generator
     ) -> Check:
         """Cells of ``check``, from normal draws about the highest point."""
         root = np.linalg.cholesky(point.covariance)

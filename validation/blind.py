@@ -22,7 +22,6 @@ from qlvbayes.benchmark.report import Report
 from qlvbayes.benchmark.run import kept_file, run_studies
 from qlvbayes.cli.benchmark import counting
 from qlvbayes.files import write_json, write_whole
-from qlvbayes.inference.together import alone
 from qlvbayes.plots.benchmark import plot_benchmark
 from qlvbayes.plots.files import save_figure
 
@@ -36,7 +35,6 @@ def main() -> None:
     plan = Plan(options.seed, options.noise)
     file = options.kept or kept_file(ROOT / "build" / "validation", plan)
     if options.part is not None:
-        alone()  # the other workers have the other processors
         places = range(options.part, options.studies, options.workers)
         run_studies(plan, Kept(file, plan.key, options.part), places)
         return

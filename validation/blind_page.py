@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from math import exp
 from textwrap import fill
 
 from levels import Level, levels
 from page import Origin
 
+from qlvbayes.benchmark.case import DECISIVE
 from qlvbayes.benchmark.detect import SEEN
 from qlvbayes.benchmark.plan import KINDS
 from qlvbayes.benchmark.report import Report
@@ -22,7 +22,6 @@ from qlvbayes.benchmark.scores import (
     names_family,
 )
 from qlvbayes.benchmark.study import NOISE_FACTOR, NOISE_TIME, RETRACTIONS, ROWS, SIZES
-from qlvbayes.diagnosis.settings import Settings
 
 _MOST_MISSES = 60  # listed one by one, at most
 
@@ -54,7 +53,7 @@ take, promise 2 ln(Bayes factor) > {seen:g}; the diagnosis plays no part in that
 """
 
 _LIMITS = """What can be had of single effects that could be seen: noise alone keeps some below the
-log Bayes factor of {least:g} from which an effect is named, and a diagnosis that never errs would
+log Bayes factor of {least:.2g} from which an effect is named, and a diagnosis that never errs would
 name {share:.1f} %. Naming whatever is ranked first would be right in {promised:.1f} %, by the
 probabilities' own promise."""
 
@@ -63,13 +62,13 @@ _NOTES = """## How to read it
 - Standard errors are binomial, of the share seen, shrunk off 0 and 1. *In doubt*: a bound is within
   two standard errors of the figure.
 - *named* means named without a rival and with nothing besides. *Left open*: the truth is named, or
-  in the group of an `ambiguous` verdict, or among the explanations that the diagnosis lists as
-  not ruled out (`not_ruled_out` in diagnosis.json: the likeliest {group} within {window} to 1);
-  {open} such had the verdict `adequate`, where one of the explanations is that nothing is missing.
+  in the group of an `ambiguous` verdict, or among the sets of effects that the diagnosis lists as
+  not ruled out (`not_ruled_out` in diagnosis.json: the likeliest {group}); {open} such had the
+  verdict `adequate`, where one of the sets is that nothing is missing.
 - *calibration error*: of the probability of the first-ranked hypothesis, nothing or one effect
   hidden, ten bins, all studies. Probabilities that are exactly right would show {chance} on as
   many, by chance.
-- Constants are averaged over every explanation that the tests do not rule out ({window} to 1).
+- Constants are averaged over all hypotheses on the same laws, by their probability.
 - A program that stopped with an error counts as a wrong verdict.
 - The diagnosis and its thresholds were made with studies of seeds 1 to 7, 11 and 21 to 38, and with
   pads of seeds 101 to 109 that lack nothing. Those of any other seed are pads that it had never
@@ -94,7 +93,6 @@ def blind_page(report: Report, origin: Origin, picture: str, note: str = "") -> 
         _NOTES.format(
             group=LARGEST_GROUP,
             chance=_by_chance(report),
-            window=round(exp(Settings().window)),
             open=_open_and_adequate(report),
         ),
     ]
@@ -180,7 +178,7 @@ def _limits(report: Report) -> list[str]:
     if report.ceiling is None or report.promised is None:
         return []
     shares = {"share": 100.0 * report.ceiling, "promised": 100.0 * report.promised}
-    return ["", _LIMITS.format(least=Settings().decisive, **shares)]
+    return ["", _LIMITS.format(least=DECISIVE, **shares)]
 
 
 def _constants_table(report: Report) -> str:

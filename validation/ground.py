@@ -107,12 +107,21 @@ def _said(answers: Sequence[dict]) -> str:
 def _one(answer: dict) -> str:
     if "verdict" not in answer:
         return f"status {answer['status']}: {answer['error']}"
+    laws = _laws(answer.get("base"))
     if answer["verdict"] in ("adequate", "unexplained", "fitted"):
-        return str(answer["verdict"])
+        return f"{answer['verdict']}{laws if answer['verdict'] == 'adequate' else ''}"
     wrong = "" if set(answer["effects"]) == set(answer["hidden"]) else " (wrong)"
     if answer["verdict"] == "ambiguous":
         return f"ambiguous: {', '.join(answer['group'])}"
-    return f"{' + '.join(answer['effects'])}{wrong}"
+    rest = ", and something unlisted" * (answer["verdict"] == "partly_explained")
+    return f"{' + '.join(answer['effects'])}{rest}{laws}{wrong}"
+
+
+def _laws(base: dict | None) -> str:
+    """Base laws that are not those chosen."""
+    named = [(base or {}).get("elastic"), (base or {}).get("relaxation")]
+    other = [law for law in named if law not in (None, "exponential", "prony:2")]
+    return f" by {' and '.join(other)}" if other else ""
 
 
 if __name__ == "__main__":

@@ -19,8 +19,8 @@ from qlvbayes import prepare, read_study
 from qlvbayes.benchmark.population import Population
 from qlvbayes.benchmark.wide import make_wide
 from qlvbayes.data import Pad
+from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.files import write_whole
-from qlvbayes.hypotheses.workbench import search_of
 from qlvbayes.inference.modes import REDRAWN, STARTS, base_modes
 from qlvbayes.runtime import forget_compiled
 

@@ -24,7 +24,6 @@ from qlvbayes.benchmark.widereport import WideReport
 from qlvbayes.benchmark.widerun import run_population
 from qlvbayes.cli.benchmark import counting
 from qlvbayes.files import write_json, write_whole
-from qlvbayes.inference.together import alone
 
 _WORKERS = 2
 _LOOK_S = 5.0
@@ -45,7 +44,6 @@ def main() -> None:
     population = Population(promise.seed)
     file = ROOT / "build" / "validation" / f"{options.name}-{promise.code}.jsonl"
     if options.part is not None:
-        alone()  # the other worker has the other processor
         kept = Kept(file, population.key, options.part)
         _run_part(population, kept, range(options.part, promise.studies, _WORKERS))
         return

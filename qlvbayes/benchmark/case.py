@@ -5,16 +5,22 @@ from __future__ import annotations
 import time
 from dataclasses import asdict
 
+from scipy.special import logit
+
 from qlvbayes.benchmark.detect import SEEN, expected
 from qlvbayes.benchmark.plan import Plan, family
 from qlvbayes.benchmark.rate import Case
 from qlvbayes.benchmark.study import Study, make_study, true_noise, true_values
 from qlvbayes.choices import Choices
 from qlvbayes.diagnosis.diagnose import diagnose
+from qlvbayes.diagnosis.prior import log_odds_of_effect
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.verdict import Diagnosis, Estimate, Stage
+from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.experiment import prepare
 
+DECISIVE = float(logit(Settings().named)) - log_odds_of_effect(len(EFFECTS), Settings())
+"""Log Bayes factor from which an effect is named; the noise must let it pass, for `chance`."""
 FAILED = "failed"  # in place of a verdict, where the program stopped
 
 
@@ -42,7 +48,7 @@ def _fill(case: Case, study: Study) -> None:
     effects = expected(study, experiment)
     case["evidence"] = {name: effect.evidence for name, effect in effects.items()}
     case["seen"] = all(value > SEEN for value in case["evidence"].values())
-    least = 2.0 * Settings().decisive
+    least = 2.0 * DECISIVE
     case["chance"] = {name: effect.chance(least) for name, effect in effects.items()}
     between = time.perf_counter()
     case |= verdict_of(diagnose(experiment, Choices(noise=study.fitted)))
@@ -68,10 +74,14 @@ def verdict_of(found: Diagnosis) -> dict:
         "effects": list(found.effects),
         "group": list(found.group),
         "not_ruled_out": [list(one.effects) for one in found.not_ruled_out],
-        "alternatives": [[list(one.effects), one.probability] for one in found.not_ruled_out],
+        "alternatives": [
+            [list(one.base), list(one.effects), one.probability] for one in found.alternatives
+        ],
+        "base": found.base.as_dict(),
+        "outside": found.outside,
         "floor": found.noise,
         "log_bayes_factors": {ranked.effect: ranked.log_bayes_factor for ranked in found.ranking},
-        "probabilities": {ranked.effect: ranked.probability for ranked in found.ranking},
+        "probabilities": {ranked.effect: ranked.inclusion for ranked in found.ranking},
         "refused": [list(pair) for pair in found.refused],
         "stages": [_stage(stage) for stage in found.stages],
         "found": _pairs(found.constants),
@@ -80,6 +90,7 @@ def verdict_of(found: Diagnosis) -> dict:
 
 def _stage(stage: Stage) -> dict:
     return {
+        "base": list(stage.base),
         "effects": list(stage.effects),
         "rmse": stage.rmse,
         "heldout_rmse": stage.heldout_rmse,

@@ -34,7 +34,6 @@ from scipy.stats import norm
 
 from qlvbayes.benchmark.study import Study, true_noise, true_values
 from qlvbayes.choices import Choices
-from qlvbayes.diagnosis.diagnose import COSTLY
 from qlvbayes.diagnosis.noticeable import log_density
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.experiment import Experiment
@@ -142,11 +141,12 @@ def _noise_held(ensemble: Ensemble, subset: Subset) -> Subset:
 
 
 def _ensemble(study: Study, experiment: Experiment) -> Ensemble:
-    """Every listed effect, as the diagnosis has it, so that both share compiled functions."""
+    """Every listed effect with its default prior."""
     scales = experiment.scales
     model, noise = Choices(noise=study.fitted).build(scales)
     posterior = Posterior(model, noise, experiment.record(experiment.trials))
-    return with_every_effect(posterior, tuple(kind.default(scales) for kind in EFFECTS), COSTLY)
+    costly = tuple(kind.name for kind in EFFECTS if kind.costly)
+    return with_every_effect(posterior, tuple(kind.default(scales) for kind in EFFECTS), costly)
 
 
 def _record(experiment: Experiment, forces: list[np.ndarray]) -> Record:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from math import isfinite
+
 from rich.table import Table
 
-from qlvbayes.diagnosis.verdict import Diagnosis, Estimate, Ranked
+from qlvbayes.diagnosis.verdict import Diagnosis, Estimate, Ranked, Stage
 from qlvbayes.wording import plain
 
 _MOST = 8  # hypotheses shown
@@ -20,10 +22,10 @@ def steps_table(found: Diagnosis, unit: str) -> Table:
     table.add_column("cells that fail", justify="right")
     for stage in found.stages:
         table.add_row(
-            " + ".join(("QLV", *stage.labels)),
+            _model(stage, found.stages[0]),
             plain(stage.rmse, 4),
-            plain(stage.heldout_rmse, 4),
-            f"{stage.heldout_rmse / found.noise:.2f}",
+            plain(stage.heldout_rmse, 4) if isfinite(stage.heldout_rmse) else "one test",
+            f"{stage.heldout_rmse / found.noise:.2f}" if isfinite(stage.heldout_rmse) else "",
             f"{stage.log_evidence:.1f}",
             str(len(stage.failing)),
         )
@@ -31,24 +33,28 @@ def steps_table(found: Diagnosis, unit: str) -> Table:
 
 
 def ranking_table(found: Diagnosis, unit: str) -> Table:
-    """What the plain model may lack, likeliest first."""
+    """What the plain model may lack, likeliest first, over all base laws and companions."""
     table = Table(title="what the plain model may lack", title_justify="left", title_style="bold")
     table.add_column("effect", no_wrap=True)
     for name in ("probability", "log Bayes factor", f"RMSE {unit}"):
         table.add_column(name, justify="right")
     table.add_column("constants")
-    if found.own_form is not None:
-        table.add_row(*found.stages[-1].labels, "", *_figures(found.own_form))
     for ranked in found.ranking[:_MOST]:
         name = "nothing" if ranked.effect == "none" else ranked.effect
-        table.add_row(name, f"{ranked.probability:.3f}", *_figures(ranked))
+        table.add_row(name, f"{ranked.inclusion:.3f}", *_figures(ranked))
     return table
+
+
+def _model(stage: Stage, first: Stage) -> str:
+    """Its laws, where they are not those chosen, and its effects."""
+    other = [law for law, own in zip(stage.base, first.base, strict=True) if law != own]
+    return " + ".join((", ".join(other) or "QLV", *stage.effects))
 
 
 def _figures(ranked: Ranked) -> tuple[str, str, str]:
     return (
         f"{ranked.log_bayes_factor:.1f}",
-        "" if ranked.rmse is None else plain(ranked.rmse, 4),
+        plain(ranked.rmse, 4),
         ", ".join(_constant(name, e) for name, e in ranked.parameters.items()),
     )
 

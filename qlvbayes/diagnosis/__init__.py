@@ -1,1 +1,1 @@
-"""Which physical effect a model lacks: screen, rank, confirm, and say how sure."""
+"""Which physical effect a model lacks: one posterior over hypotheses, one search, one decision."""

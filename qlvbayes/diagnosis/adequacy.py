@@ -16,21 +16,19 @@ spread thinly); the smaller of both counts:
 
 .. math:: p = 1 - (1 - \min(p_1, p_a))^2.
 
-Sigma is that of the floor, never the fit's, which structure would have swollen. The floor is
+Sigma is that of the floor, which no structure inflates. The floor is
 uncertain: p is averaged over draws of it given the rests alone (a posterior predictive p-value;
 with a sd that alone is uncertain the mean is the F test's, exactly). Errors of the motion count as
 noise where the platen moves. Without any rest whether noise is correlated cannot be measured
-without the model: the fit's own noise is taken then, with its uncertainty, and what looks like it
-is *not testable*.
+without the model, and what looks like it is *not testable*.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
@@ -39,19 +37,15 @@ from scipy.stats import chi2
 
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.experiment import Experiment, Trial
+from qlvbayes.inference.density import Point
 from qlvbayes.inference.floor_covariance import LEAST_NOISE, covariance
-from qlvbayes.inference.gaussnewton import Point, pad_directions, predict_along
-from qlvbayes.inference.linearised import whitened
-from qlvbayes.inference.subset import Ensemble
 from qlvbayes.kinematics.phases import Phase
-from qlvbayes.noise import AbstractGaussian
 from qlvbayes.noisefloor import NoiseFloor
 from qlvbayes.records.record import Blocks, Record
 
 _ORDERS = 4
 _DRAWS = 12  # of the floor, over which p-values are averaged
 _FEWEST = 3  # blocks a curve, at least
-_WIDEST = 1.0  # sd of the logarithm of a noise scale that the fit leaves open
 _MOST_APART = 5  # phases of a kind in a test: of more, as in cycles, one cell is made,
 _CYCLE_ORDERS = 2  # whose mean over a cycle may drift by a straight line and a parabola
 
@@ -71,8 +65,7 @@ class CellTest:
 class Adequacy:
     """Each cell, all together, and both; the module has the p-values.
 
-    testable: False where no rest shows whether noise is correlated, so that it was taken from the
-    fit and structure that looks like it is not seen.
+    testable: False where no rest shows whether noise is correlated.
     """
 
     cells: tuple[CellTest, ...]
@@ -90,33 +83,16 @@ class Adequacy:
         return min(self.cells, key=lambda cell: cell.p_value)
 
 
-def adequacy(experiment: Experiment, ensemble: Ensemble, point: Point) -> Adequacy:
-    """Test what a fitted model leaves of every phase."""
-    return adequacy_along(
-        experiment,
-        ensemble,
-        point,
-        *predict_along(ensemble, point.constants, pad_directions(point.slopes.T)),
-    )
-
-
-def adequacy_along(
-    experiment: Experiment,
-    ensemble: Ensemble,
-    point: Point,
-    predicted: np.ndarray,
-    slopes: np.ndarray,
-) -> Adequacy:
-    """The same, given block means (T, B) and their slopes (K, T, B) along what was fitted."""
-    record = ensemble.posterior.record
-    residual = np.asarray(record.blocks.force) - predicted
+def adequacy(experiment: Experiment, record: Record, point: Point) -> Adequacy:
+    """Test what a fitted hypothesis leaves of every phase; record: the blocks it was fitted to."""
+    residual = np.asarray(record.blocks.force) - point.predicted
     cells, curves = cell_curves(experiment.trials, record.blocks)
-    slopes = slopes[np.any(slopes != 0.0, axis=(1, 2))]
+    slopes = point.responses[np.any(point.responses != 0.0, axis=(1, 2))]
     vectors = np.concatenate([residual[None], slopes, curves])
     least = LEAST_NOISE * experiment.scales.force
-    found = []
     tests = _tests(record.blocks)
-    floors, weights = _floors(experiment, ensemble, point)
+    floors, weights = experiment.floor.weighted(_DRAWS)
+    found = []
     for floor in floors:
         products = _products(floor, tests, vectors, least)
         found.append(_p_values(products, len(slopes), [rows for _, rows in cells]))
@@ -170,46 +146,6 @@ def _products(
         white = solve_triangular(root, vectors[some, k][:, real].T, lower=True, check_finite=False)
         total[np.ix_(some, some)] += white.T @ white
     return total
-
-
-def _floors(
-    experiment: Experiment, ensemble: Ensemble, point: Point
-) -> tuple[list[NoiseFloor], np.ndarray]:
-    """Draws of the floor given the rests and their weights; without any, of the fit's noise."""
-    floor = experiment.floor
-    if floor.testable:
-        return floor.weighted(_DRAWS)
-    count = len(ensemble.posterior.noise.units)
-    fitted = point.constants[-count:]
-    spread = point.constants_covariance[-count:, -count:] / np.outer(fitted, fitted)
-    values, vectors = np.linalg.eigh(spread)
-    root = vectors * np.sqrt(np.clip(values, 0.0, _WIDEST**2))
-    draws = np.random.default_rng(0).standard_normal((_DRAWS, count)) @ root.T
-    sizes = fitted * np.exp(draws)
-    weights = np.full(_DRAWS, 1.0 / _DRAWS)
-    if count == 1:  # white noise was asked for
-        return [replace(floor, white=float(one[0]), ou=0.0) for one in sizes], weights
-    return [replace(floor, white=w, ou=ou, tau=tau) for w, ou, tau in sizes.tolist()], weights
-
-
-def is_sound(
-    experiment: Experiment, ensemble: Ensemble, point: Point | None, settings: Settings
-) -> bool:
-    """Whether a model was fitted and leaves no structure."""
-    if point is None:
-        return False
-    return adequacy(experiment, ensemble, point).is_sound(settings)
-
-
-def whitened_vectors(noise: AbstractGaussian, record: Record, vectors: np.ndarray) -> np.ndarray:
-    """(M, T*B) vectors (M, T, B) filtered to unit white noise if they are it, 16 at a time."""
-    out = []
-    for first in range(0, len(vectors), 16):
-        some = vectors[first : first + 16]
-        full = np.concatenate([some, np.zeros((16 - len(some), *some.shape[1:]))])
-        out.append(np.asarray(whitened(noise, record, jnp.asarray(full)))[: len(some)])
-    found = np.concatenate(out)
-    return found.reshape(len(found), -1)
 
 
 def cell_curves(

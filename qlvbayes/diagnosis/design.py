@@ -10,21 +10,24 @@ with the noise covariance Sigma, and B's sensitivities J and posterior covarianc
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
-import jax.numpy as jnp
 import numpy as np
+from numpy.typing import NDArray
 
+from qlvbayes.diagnosis.search import Weighed
 from qlvbayes.experiment import Experiment
-from qlvbayes.inference.gaussnewton import Point, noise_along, pad_directions, predict_along
-from qlvbayes.inference.linearised import whitened
-from qlvbayes.inference.subset import Ensemble
+from qlvbayes.inference.density import Density
+from qlvbayes.inference.floor_covariance import LEAST_NOISE
+from qlvbayes.inference.whitening import Whitener
 from qlvbayes.kinematics.programme import Stroke, planned
 from qlvbayes.records.batching import batch
 from qlvbayes.records.record import Record
 from qlvbayes.records.reduction import planned_record
 from qlvbayes.wording import plain
+
+Array = NDArray[np.float64]
 
 _HOLD = 30.0  # s
 _PER_STRETCH = 60  # samples between two kinks, evenly spaced in the logarithm of time
@@ -46,14 +49,15 @@ class _Candidate:
     delay: float = 60.0  # s after the last test
 
 
-def suggest(experiment: Experiment, ensemble: Ensemble, points: list[Point]) -> list[Suggestion]:
+def suggest(experiment: Experiment, density: Density, found: list[Weighed]) -> list[Suggestion]:
     """Practicable tests, best first; the evidence is that between the two nearest explanations."""
     plans = _candidates(experiment)
     record = batch([_record(experiment, plan) for plan in plans])
-    future = ensemble.with_record(record)
+    whitener = Whitener.of(experiment.floor, record.blocks, LEAST_NOISE * experiment.scales.force)
+    future = Density(replace(density.space, record=record), whitener, density.discrepancy)
     worth = np.full(len(plans), np.inf)
-    for a in points:
-        for b in points:
+    for a in found:
+        for b in found:
             if a is not b:
                 worth = np.minimum(worth, _evidence(future, a, b))
     order = np.argsort(-worth)
@@ -106,7 +110,7 @@ def _record(experiment: Experiment, plan: _Candidate) -> Record:
     return planned_record(trajectory, time, start=scales.clock + plan.delay)
 
 
-def _times(knots: np.ndarray, shortest: float) -> np.ndarray:
+def _times(knots: Array, shortest: float) -> Array:
     """Sampling times, dense after each kink."""
     stretches = [
         a + np.geomspace(min(shortest, 0.1 * (b - a)), b - a, _PER_STRETCH)
@@ -115,19 +119,17 @@ def _times(knots: np.ndarray, shortest: float) -> np.ndarray:
     return np.unique(np.concatenate([[0.0], *stretches]))
 
 
-def _evidence(future: Ensemble, a: Point, b: Point) -> np.ndarray:
+def _evidence(future: Density, a: Weighed, b: Weighed) -> Array:
     """Expected 2 ln BF (T,) of a, if it is right, against b, by each test alone."""
-    directions = pad_directions(b.slopes.T)
-    of_a, _ = predict_along(future, a.constants, np.zeros_like(directions))
-    of_b, slopes = predict_along(future, b.constants, directions)
-    noise, _ = noise_along(future.posterior.noise, a.constants, directions)
-    vectors = np.concatenate([(of_a - of_b)[None], slopes])
-    white = np.asarray(whitened(noise, future.posterior.record, jnp.asarray(vectors)))
-    free = b.gradient.size
+    of_a = future.space.forces(a.hypothesis, a.point.constants[None])[0]
+    of_b, slopes = future.predicted(b.hypothesis, b.point.theta)
+    white = future.whitener(np.concatenate([(of_a - of_b)[None], slopes]))
+    curvature = np.linalg.inv(b.evidence.covariance)
     worth = []
-    for test in range(white.shape[1]):
-        d, J = white[0, test], white[1 : 1 + free, test]
+    for test in range(len(of_a)):
+        own = white[:, future.whitener.tests == test]
+        d, J = own[0], own[1:]
         taken = J @ d
-        left = d @ d - taken @ np.linalg.solve(b.curvature + J @ J.T, taken)
+        left = d @ d - taken @ np.linalg.solve(curvature + J @ J.T, taken)
         worth.append(max(float(left), 0.0))
     return np.array(worth)

@@ -33,12 +33,9 @@ import numpy as np
 from numpy.polynomial import legendre
 from scipy.linalg import cho_factor, cho_solve
 
-from qlvbayes.diagnosis.adequacy import Adequacy, adequacy
+from qlvbayes.diagnosis.adequacy import Adequacy
 from qlvbayes.diagnosis.samples import Samples, rmse
 from qlvbayes.diagnosis.settings import Settings
-from qlvbayes.experiment import Experiment
-from qlvbayes.inference.gaussnewton import Point
-from qlvbayes.inference.subset import Ensemble
 
 _ORDERS = 4
 _FEWEST = 3  # samples a curve, at least, as in the adequacy test
@@ -143,24 +140,6 @@ def remainder(
     return Remainder(cells, peak, excess, settings.tolerance, before, sure)
 
 
-def leaves_little(
-    experiment: Experiment,
-    ensemble: Ensemble,
-    samples: Samples,
-    point: Point | None,
-    settings: Settings,
-) -> bool:
-    """Whether a model was fitted and leaves no structure, or structure that is small."""
-    if point is None:
-        return False
-    tested = adequacy(experiment, ensemble, point)
-    if tested.is_sound(settings):
-        return True
-    left = samples.residuals(point.constants)
-    peak = experiment.scales.force
-    return remainder(samples, left, tested, left, peak=peak, settings=settings).is_small
-
-
 def overall(cells: Sequence[Left]) -> float:
     """Root mean square of the structured part over the samples of all cells (N)."""
     count = sum(cell.n for cell in cells)
@@ -169,23 +148,14 @@ def overall(cells: Sequence[Left]) -> float:
 
 def _noise(samples: Samples) -> float:
     """Root mean square of the noise of all samples (N)."""
-    weights = np.concatenate([_weights(samples, k) for k in range(len(samples.trials))])
-    return float(
-        np.sqrt(
-            np.mean(np.hypot(float(samples.noise.white) * weights, float(samples.noise.ou)) ** 2)
-        )
-    )
-
-
-def _weights(samples: Samples, k: int) -> np.ndarray:
-    """Of the white noise of the samples of trial k."""
-    return np.asarray(samples.record.blocks.weight)[k, : samples.rows[k].size]
+    floors = np.concatenate([samples.floor(k) for k in range(len(samples.trials))])
+    return float(np.sqrt(np.mean(floors**2)))
 
 
 def _cells(samples: Samples, residuals: Sequence[np.ndarray], tested: Adequacy) -> Iterator[Left]:
     seen = {(c.test, c.phase, c.start): c.p_value < _SHOWS for c in tested.cells}
     for k, trial in enumerate(samples.trials):
-        time, weights = trial.test.time[samples.rows[k]], _weights(samples, k)
+        time, weights = trial.test.time[samples.rows[k]], samples.weights[k]
         for phase in trial.phases:
             here = (time > phase.start) & (time <= phase.stop)
             count = min(_ORDERS, int(here.sum()) // _FEWEST)
@@ -199,7 +169,8 @@ def _cells(samples: Samples, residuals: Sequence[np.ndarray], tested: Adequacy) 
 
 def _covariance(samples: Samples, time: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """(n, n): of white and correlated noise at rest."""
-    white, ou, tau = (float(x) for x in (samples.noise.white, samples.noise.ou, samples.noise.tau))
+    floor = samples.experiment.floor
+    white, ou, tau = floor.white, floor.ou, floor.memory
     apart = np.abs(time[:, None] - time) / tau
     variance = (white * weights) ** 2 + _RIDGE * (white**2 + ou**2)
     return ou**2 * np.exp(-apart) + np.diag(variance)

@@ -2,72 +2,114 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from qlvbayes.experiment import Experiment, Trial
-from qlvbayes.inference.linearised import force
-from qlvbayes.inference.subset import Ensemble, Part
+from qlvbayes.inference.space import Hypothesis, Space
 from qlvbayes.kinematics.phases import KINDS
-from qlvbayes.noise import Correlated
-from qlvbayes.posterior import Posterior
-from qlvbayes.predict import thinned_record
+from qlvbayes.predict import looked_at, single_samples
 from qlvbayes.records.batching import batch
 from qlvbayes.records.record import Record
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Samples of every trial, at most 300 a phase, and the models that predict them.
+    """Samples of every trial, at most 300 a phase, and what predicts them.
 
-    rows: which samples of each trial; record: their times, along a leading axis; noise: as measured
-    at rest, without a model.
+    rows: which samples of each trial; weights: of their white noise (1 where no sd was measured);
+    parts: records of some samples of every trial each, of the shape of the space's own record, so
+    that its compiled functions serve; places: which samples of each trial those are.
     """
 
-    trials: tuple[Trial, ...]
-    rows: tuple[np.ndarray, ...]
-    record: Record
-    noise: Correlated
-    ensemble: Ensemble
-    _posteriors: dict[Part, Posterior] = field(default_factory=dict)
+    experiment: Experiment
+    space: Space
+    rows: tuple[NDArray[np.intp], ...]
+    weights: tuple[Array, ...]
+    parts: tuple[Record, ...]
+    places: tuple[tuple[NDArray[np.intp], ...], ...]
 
     @classmethod
-    def of(cls, experiment: Experiment, ensemble: Ensemble) -> Samples:
-        """The trials of an experiment, for every subset of an ensemble."""
-        rows, records = zip(
-            *(thinned_record(experiment, trial) for trial in experiment.trials), strict=True
+    def of(cls, experiment: Experiment, space: Space) -> Samples:
+        """The trials of an experiment."""
+        rows = tuple(looked_at(trial) for trial in experiment.trials)
+        weights = tuple(
+            np.ones(own.size)
+            if trial.test.force_sd is None
+            else trial.test.force_sd[own] / experiment.sd_scale
+            for trial, own in zip(experiment.trials, rows, strict=True)
         )
-        return cls(experiment.trials, rows, batch(records), experiment.noise_at_rest, ensemble)
-
-    def predict(self, constants: np.ndarray) -> list[list[np.ndarray]]:
-        """Force of constants (W, P) at each trial's samples: [W][T] arrays (n,)."""
-        return [self.predict_with(self.ensemble.part(row), row) for row in constants]
-
-    def predict_with(self, part: Part, constants: np.ndarray) -> list[np.ndarray]:
-        """Force of constants (P,) at each trial's samples, by a part that holds what is at work."""
-        forces = np.asarray(force(self._posterior(part), constants[part.constants]))
-        return [forces[k, : rows.size] for k, rows in enumerate(self.rows)]
-
-    def _posterior(self, part: Part) -> Posterior:
-        """A part over the samples."""
-        if part not in self._posteriors:
-            self._posteriors[part] = part.with_record(self.record).posterior
-        return self._posteriors[part]
+        own = space.record
+        size = own.blocks.force.shape[-1]
+        while True:
+            places = _places(rows, size)
+            parts = tuple(_part(experiment, rows, some, own) for some in places)
+            same = all(p.motion.time.shape == own.motion.time.shape for p in parts)
+            if same or size <= own.blocks.force.shape[-1] // 4:
+                return cls(experiment, space, rows, weights, parts, places)
+            size //= 2
 
     @property
-    def observed(self) -> list[np.ndarray]:
+    def trials(self) -> tuple[Trial, ...]:
+        """Those of the experiment."""
+        return self.experiment.trials
+
+    def predict(self, hypothesis: Hypothesis, constants: Array) -> list[Array]:
+        """Force (K, n) at each trial's samples, of constants (K, P)."""
+        found = [np.zeros((len(constants), own.size)) for own in self.rows]
+        for record, places in zip(self.parts, self.places, strict=True):
+            forces = self.space.forces(hypothesis, constants, record)
+            for k, some in enumerate(places):
+                found[k][:, some] = forces[:, k, : some.size]
+        return found
+
+    @property
+    def observed(self) -> list[Array]:
         """Measured force of each trial (n,)."""
         return [t.test.force[rows] for t, rows in zip(self.trials, self.rows, strict=True)]
 
-    def residuals(self, constants: np.ndarray) -> list[np.ndarray]:
+    def residuals(self, hypothesis: Hypothesis, constants: Array) -> list[Array]:
         """Measured minus predicted force of each trial (n,), of constants (P,)."""
-        predicted = self.predict(constants[None])[0]
-        return [one - two for one, two in zip(self.observed, predicted, strict=True)]
+        predicted = self.predict(hypothesis, constants[None])
+        return [one - two[0] for one, two in zip(self.observed, predicted, strict=True)]
 
-    def phases(self, k: int) -> np.ndarray:
+    def phases(self, k: int) -> NDArray[np.str_]:
         """Kind of phase (n,) of the samples of trial k."""
         return self.trials[k].phase_of(self.trials[k].test.time[self.rows[k]])
+
+    def floor(self, k: int) -> Array:
+        """Sd (n,) of the noise at rest of trial k's samples (N)."""
+        floor = self.experiment.floor
+        return np.hypot(floor.white * self.weights[k], floor.ou)
+
+
+def _places(
+    rows: Sequence[NDArray[np.intp]], size: int
+) -> tuple[tuple[NDArray[np.intp], ...], ...]:
+    """At most so many samples of every trial at a time; of one that has none left, the last."""
+    count = max(-(-own.size // size) for own in rows)
+    return tuple(
+        tuple(np.arange(own.size)[k * size : (k + 1) * size] for own in rows) for k in range(count)
+    )
+
+
+def _part(
+    experiment: Experiment,
+    rows: Sequence[NDArray[np.intp]],
+    places: Sequence[NDArray[np.intp]],
+    like: Record,
+) -> Record:
+    """One record of some samples; a trial with none is stood for by its first ones."""
+    records = [
+        single_samples(experiment, trial, own[some] if some.size else own[:2])
+        for trial, own, some in zip(experiment.trials, rows, places, strict=True)
+    ]
+    return batch(records, like)
 
 
 @dataclass(frozen=True)
@@ -82,7 +124,7 @@ class CellError:
     bias: float
 
 
-def cell_errors(samples: Samples, residuals: list[np.ndarray]) -> list[CellError]:
+def cell_errors(samples: Samples, residuals: list[Array]) -> list[CellError]:
     """One entry a test and kind of phase."""
     cells = []
     for k, (trial, residual) in enumerate(zip(samples.trials, residuals, strict=True)):
@@ -90,15 +132,11 @@ def cell_errors(samples: Samples, residuals: list[np.ndarray]) -> list[CellError
         for kind in KINDS:
             here = residual[phases == kind]
             if here.size:
-                rmse = float(np.sqrt(np.mean(here**2)))
-                cells.append(
-                    CellError(
-                        trial.name, kind, float(trial.rate), here.size, rmse, float(here.mean())
-                    )
-                )
+                size, bias = float(np.sqrt(np.mean(here**2))), float(here.mean())
+                cells.append(CellError(trial.name, kind, float(trial.rate), here.size, size, bias))
     return cells
 
 
-def rmse(residuals: list[np.ndarray]) -> float:
+def rmse(residuals: list[Array]) -> float:
     """Root mean square over all samples (N)."""
     return float(np.sqrt(np.mean(np.concatenate(residuals) ** 2)))

@@ -1,191 +1,337 @@
-"""Effects added one by one, each confirmed, useless ones dropped, until none is decisive."""
+"""One loop over neighbours: an effect more, one less, another law, until the best stays the best.
+
+A hypothesis is optimised from the mode of the one it neighbours, its new numbers at several
+quantiles of their priors, those first whose linearised evidence promises most. What falls
+hopelessly behind on its way is given up. What has been seen may be looked at at any time.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+import math
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from itertools import repeat
 
 import numpy as np
+from numpy.typing import NDArray
 
 from qlvbayes.checks import NoFiniteForceError
-from qlvbayes.diagnosis.contest import Round, contest
-from qlvbayes.diagnosis.forms.otherform import AbstractOtherForm
-from qlvbayes.diagnosis.heldout import HeldOut, held_out
-from qlvbayes.diagnosis.samples import Samples, rmse
+from qlvbayes.diagnosis.noticeable import log_noticeable
+from qlvbayes.diagnosis.prior import log_prior
 from qlvbayes.diagnosis.settings import Settings
-from qlvbayes.inference.gaussnewton import Point
-from qlvbayes.inference.multistart import wide_climb, wide_climbs
-from qlvbayes.inference.subset import Ensemble
+from qlvbayes.inference.density import Density, Point
+from qlvbayes.inference.evidence import Evidence, evidence
+from qlvbayes.inference.modes import Mode, base_modes, distinct, find_mode, modes
+from qlvbayes.inference.space import (
+    Hypothesis,
+    Leaf,
+    Parameters,
+    Space,
+    in_natural_amplitude,
+    median,
+)
+from qlvbayes.priors.natural import Natural
+from qlvbayes.scales import SHARE
 
-_MUCH = 20.0  # log density: the error may rise while another effect is missing that hid behind one
-_NO_RISE = 1.001  # times the error before: a difference that no reader of the errors would see
-
+Array = NDArray[np.float64]
 Tell = Callable[[str], None]
+
+_SHAPES = 4  # quantiles of a new effect's first constant besides its amplitude
+_FOLLOWED = 2  # of these, that are optimised
+_MODES = 4  # of a hypothesis, that are kept to start its neighbours from
+_NEAR = 40.0  # log posterior behind the best, within which a law is tried with an effect less
+_FACTORS = (0.2, 5.0)  # by which a prior is fitted to the motion: beyond, nothing can be seen
+_BEHIND = 30.0  # loss behind the best, at which a hypothesis is given up
+_MOST_EFFECTS = 3
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
-    """A model on the way: its effects in the order added, its optimum and its errors.
+class Weighed:
+    """A hypothesis at one of its modes: log evidence (with the smallest size that matters)."""
 
-    residuals: measured minus predicted force of each trial (n,); form: of an effect that has
-    another form than the list's, whose coefficients then follow theta in the point.
-    """
-
-    effects: tuple[str, ...]
-    point: Point
-    residuals: list[np.ndarray]
-    heldout: HeldOut
-    form: AbstractOtherForm | None = None
+    hypothesis: Hypothesis
+    mode: Mode
+    evidence: Evidence
+    log_evidence: float
 
     @property
-    def rmse(self) -> float:
-        """Root mean square of the residuals (N)."""
-        return rmse(self.residuals)
+    def point(self) -> Point:
+        """The mode's place."""
+        return self.mode.point
+
+
+@dataclass(frozen=True, eq=False)
+class _Start:
+    """Where a hypothesis is to be optimised from, and what its evidence promises to be there."""
+
+    hypothesis: Hypothesis
+    theta: Array
+    log_evidence: float
 
 
 @dataclass(eq=False)
-class Path:
-    """Steps taken and the round held at each.
+class Search:
+    """Hypotheses seen so far, each at its modes, about a density and the user's choice of laws."""
 
-    refused: contenders that were not confirmed; places: the round over the place of each effect of
-    the last model, all others being in.
-    """
-
-    steps: list[Step] = field(default_factory=list)
-    rounds: list[Round] = field(default_factory=list)
-    refused: list[tuple[str, str]] = field(default_factory=list)
-    places: dict[str, Round] = field(default_factory=dict)
+    density: Density
+    settings: Settings
+    usual: Hypothesis
+    tell: Tell = lambda text: None
+    modes: dict[Hypothesis, list[Weighed]] = field(default_factory=dict)
 
     @property
-    def last(self) -> Step:
-        """Where it ended."""
-        return self.steps[-1]
+    def seen(self) -> dict[Hypothesis, Weighed]:
+        """Every hypothesis at its likeliest mode."""
+        return {hypothesis: found[0] for hypothesis, found in self.modes.items()}
+
+    def log_posterior(self, hypothesis: Hypothesis) -> float:
+        """Up to a constant; minus infinity of what was not seen."""
+        if hypothesis not in self.modes:
+            return -math.inf
+        space = self.density.space
+        laws = (space.elastic, space.relaxation)
+        own = log_prior(hypothesis, self.usual, laws, len(space.effects), self.settings)
+        return self.modes[hypothesis][0].log_evidence + own
+
+    @property
+    def best(self) -> Hypothesis:
+        """The likeliest so far."""
+        return max(self.modes, key=self.log_posterior)
+
+    def added(self, hypothesis: Hypothesis) -> list[str]:
+        """Effects besides those that the user put into the model."""
+        return sorted(hypothesis.effects - self.usual.effects)
+
+    def run(self) -> None:
+        """Until the best hypothesis has no better neighbour.
+
+        Raises NoFiniteForceError where no draw of the plain model's priors gives finite forces.
+        """
+        self.tell(f"the plain model, {described(self.usual)}")
+        self.see_plain(self.usual)
+        if self.usual not in self.modes:
+            raise NoFiniteForceError
+        self.density = self.density.with_space(_in_proportion(self))
+        for name in self.density.space.elastic:
+            self.tell(f"elastic law {name}")
+            self.see_plain(replace(self.usual, elastic=name))
+        grown: set[Hypothesis] = set()
+        rebased: set[Hypothesis] = set()
+        self._grow(self.usual, grown)
+        while True:
+            best = self.best
+            if best not in grown:
+                self._grow(best, grown)
+            elif best not in rebased:
+                rebased.add(best)
+                self.tell(f"other laws of {described(best)}")
+                for neighbour in self._other_laws(best):
+                    self.see_rebased(best, neighbour)
+            else:
+                return
+
+    def _grow(self, hypothesis: Hypothesis, grown: set[Hypothesis]) -> None:
+        """Every effect more, the most promising first, and every effect less."""
+        grown.add(hypothesis)
+        self.tell(f"effects beside {described(hypothesis)}")
+        if len(self.added(hypothesis)) < _MOST_EFFECTS:
+            added = [name for name in self.density.space.effects if name not in hypothesis.effects]
+            starts = [start for name in added for start in self._promising(hypothesis, name)]
+            for one in sorted(starts, key=lambda one: -one.log_evidence):
+                self._keep(one.hypothesis, self._optimised(one.hypothesis, [one.theta]))
+        for name in self.added(hypothesis):
+            self.see_without(hypothesis, name)
+
+    def _other_laws(self, hypothesis: Hypothesis) -> Iterator[Hypothesis]:
+        """Its effects on every other law, and without them: a law may be what they imitate.
+
+        On what comes near, also with an effect less. Other relaxations cost most: with effects they
+        are tried where something is left.
+        """
+        space, effects = self.density.space, self.added(hypothesis)
+        left = self.modes[hypothesis][0].mode.size > 0.0
+        bases = [(name, hypothesis.relaxation) for name in space.elastic]
+        if left or effects:
+            bases += [(hypothesis.elastic, name) for name in space.relaxation]
+        for elastic, relaxation in bases:
+            yield Hypothesis(elastic, relaxation, self.usual.effects)
+            if relaxation == hypothesis.relaxation or left:
+                other = Hypothesis(elastic, relaxation, hypothesis.effects)
+                yield other
+                if self.log_posterior(other) > self.log_posterior(self.best) - _NEAR:
+                    yield from (other.less(effect) for effect in effects)
+
+    def see_plain(self, hypothesis: Hypothesis) -> None:
+        """A base law from its priors, and from what others found that share a part of it."""
+        if hypothesis in self.modes:
+            return
+        space = self.density.space
+        same_relaxation = [one for one in self.modes if hypothesis.relaxation == one.relaxation]
+        if same_relaxation:
+            middle = median(space.plain_draws(hypothesis))
+            known = self.modes[same_relaxation[0]][:_FOLLOWED]
+            starts = [self._with_carried(one, hypothesis, middle) for one in known]
+        elif self.usual in self.modes:
+            found = self.modes[self.usual][0]
+            draws = space.plain_draws(hypothesis)
+            others = [median(draws), draws[0]]
+            starts = [self._with_carried(found, hypothesis, own) for own in others]
+        else:
+            self._keep(hypothesis, base_modes(self.density, hypothesis))
+            return
+        self._keep(hypothesis, modes(self.density, hypothesis, starts, self._worth))
+
+    def _promising(self, base: Hypothesis, effect: str) -> list[_Start]:
+        """Places to add an effect from, at the base's modes, by linearised evidence."""
+        hypothesis = base.plus(effect)
+        found = []
+        for order, one in enumerate(self.modes[base]):
+            starts = self.starts_with(one, hypothesis, effect)
+            for theta in starts if order == 0 else starts[len(starts) // 2 :][:1]:
+                point = self.density.at(hypothesis, theta)
+                if point is not None:
+                    log = evidence(self.density, point, linear=True).log
+                    found.append(_Start(hypothesis, theta, log))
+        return sorted(found, key=lambda one: -one.log_evidence)[:_FOLLOWED]
+
+    def see_without(self, base: Hypothesis, effect: str) -> None:
+        """One effect less."""
+        hypothesis = base.less(effect)
+        nothing = np.zeros(self.density.space.parameters(hypothesis).size)
+        found = self.modes[base][0]
+        start = self._with_carried(found, hypothesis, nothing)
+        sizes = dict.fromkeys((0.0, found.mode.size))
+        self._keep(hypothesis, self._optimised(hypothesis, [start] * len(sizes), sizes))
+
+    def see_rebased(self, base: Hypothesis, hypothesis: Hypothesis) -> None:
+        """The same effects on another law: from its own mode without them, and from its priors."""
+        if hypothesis in self.modes:
+            return
+        bare = replace(hypothesis, effects=self.usual.effects)
+        if hypothesis == bare:
+            self.see_plain(hypothesis)
+            return
+        own = median(self.density.space.plain_draws(bare))
+        plain = [one.point.theta for one in self.modes.get(bare, [])] or [own]
+        found = self.modes[base][0]
+        size = self.density.space.parameters(hypothesis).size
+        starts = []
+        for theta in plain:
+            start = self._with_carried(found, hypothesis, np.zeros(size))
+            start[: theta.size] = theta
+            starts.append(start)
+        mixed = self._with_carried(found, hypothesis, starts[0])
+        self._keep(hypothesis, self._optimised(hypothesis, [*starts, mixed]))
+
+    def _optimised(
+        self, hypothesis: Hypothesis, starts: Iterable[Array], sizes: Iterable[float] | None = None
+    ) -> list[Mode]:
+        """From some places, with a discrepancy of some size (N) at first, by default none."""
+        pairs = zip(starts, repeat(0.0) if sizes is None else sizes, strict=False)
+        found = [
+            find_mode(self.density, hypothesis, start, self._worth, size=size)
+            for start, size in pairs
+        ]
+        return [mode for mode in found if mode is not None]
+
+    @property
+    def _worth(self) -> float:
+        """Loss from which on a hypothesis is given up."""
+        lowest = min((found[0].mode.loss for found in self.modes.values()), default=math.inf)
+        return lowest + _BEHIND
+
+    def _keep(self, hypothesis: Hypothesis, found: Iterable[Mode]) -> None:
+        tolerance = self.settings.tolerance
+        weighed = [weigh(self.density, hypothesis, mode, tolerance) for mode in distinct(found)]
+        real = [one for one in weighed if math.isfinite(one.log_evidence)]
+        known = self.modes.get(hypothesis, [])
+        kept = sorted([*known, *real], key=lambda one: -one.log_evidence)[:_MODES]
+        if kept:
+            self.modes[hypothesis] = kept
+
+    def _with_carried(self, found: Weighed, hypothesis: Hypothesis, others: Array) -> Array:
+        """Theta (F,) with the numbers that a mode has too; others (F,): those that it lacks."""
+        old, new = found.point.own, self.density.space.parameters(hypothesis)
+        numbers, theta = _by_name(old), others.copy()
+        for name, leaf in _by_name(new).items():
+            if name in numbers and len(numbers[name].theta) == len(leaf.theta):
+                theta[list(leaf.theta)] = found.point.theta[list(numbers[name].theta)]
+        return theta
+
+    def starts_with(self, found: Weighed, hypothesis: Hypothesis, effect: str) -> list[Array]:
+        """Starts (F,): the effect at nothing, its first other constant over its prior."""
+        space, new = self.density.space, self.density.space.parameters(hypothesis)
+        start = self._with_carried(found, hypothesis, np.zeros(new.size))
+        own = [leaf for name, leaf in _by_name(new).items() if name.startswith(f"{effect}.")]
+        draws, taken, shapes = space.draws("effects", effect), 0, []
+        for leaf in own:
+            if not isinstance(leaf.prior, Natural):
+                shapes.append((leaf, draws[:, taken : taken + len(leaf.theta)]))
+            taken += len(leaf.theta)
+        starts = []
+        for k in range(_SHAPES if shapes else 1):
+            moved = start.copy()
+            for order, (leaf, values) in enumerate(shapes):
+                share = (k + 0.5) / _SHAPES if order == 0 else 0.5
+                moved[list(leaf.theta)] = np.quantile(values, share, axis=0)
+            starts.append(moved)
+        return starts
 
 
-def plain_fits(ensemble: Ensemble) -> list[Point]:
-    """Tops of the model without effects, from several draws of its prior, the highest first.
+def weigh(density: Density, hypothesis: Hypothesis, mode: Mode, tolerance: float) -> Weighed:
+    """Evidence about a mode, of effects large enough to matter."""
+    found = evidence(density, mode.point)
+    log = found.log
+    for leaf in mode.point.own.leaves:
+        if isinstance(leaf.prior, Natural) and math.isfinite(log):
+            k = leaf.theta[0]
+            sd = math.sqrt(max(found.covariance[k, k], 0.0))
+            log += log_noticeable(leaf.prior.inner, float(found.mean[k]), sd, tolerance)
+    return Weighed(hypothesis, mode, found, log)
 
-    Raises NoFiniteForceError where no draw gives finite forces.
+
+def described(hypothesis: Hypothesis) -> str:
+    """As ``exponential, prony:2 + friction``."""
+    laws = f"{hypothesis.elastic}, {hypothesis.relaxation}"
+    return " + ".join((laws, *sorted(hypothesis.effects)))
+
+
+def _in_proportion(search: Search) -> Space:
+    """The space with every amplitude's prior such that its force has the same size.
+
+    One sd adds 5 % of the largest force, at the plain model's mode, in the user's own motion.
     """
-    found = wide_climbs(ensemble, ensemble.subset(), ensemble.centre)
-    if not found:
-        raise NoFiniteForceError
-    return found
+    density, usual = search.density, search.usual
+    space, effects = density.space, {}
+    peak = density.discrepancy.peak
+    for name, effect in space.effects.items():
+        if name in usual.effects:
+            effects[name] = effect
+            continue
+        hypothesis = usual.plus(name)
+        start = search.starts_with(search.modes[usual][0], hypothesis, name)[-1]
+        amplitude = amplitude_of(space.parameters(hypothesis), name)
+        if amplitude is None:  # the user gave it a prior of another kind
+            effects[name] = effect
+            continue
+        leaf, sd = amplitude
+        added = start.copy()
+        added[leaf.theta.start] = sd
+        constants = space.parameters(hypothesis).constants(np.stack([start, added]))
+        before, after = space.forces(hypothesis, constants)
+        largest = float(np.max(np.abs(after - before)[space.real]))
+        factor = SHARE * peak / largest if largest > 0.0 and math.isfinite(largest) else 1.0
+        effects[name] = in_natural_amplitude(effect, float(np.clip(factor, *_FACTORS)))
+    return replace(space, effects=effects, _cache={}, _draws={})
 
 
-def search(
-    ensemble: Ensemble,
-    samples: Samples,
-    candidates: list[str],
-    settings: Settings,
-    tell: Tell = lambda text: None,
-) -> Path:
-    """Add the best confirmed effect until none is decisive."""
-    path = Path()
-    tell("fitting the plain model")
-    plain = plain_fits(ensemble)
-    path.steps.append(step_at(ensemble, samples, (), plain[0]))
-    while True:
-        present = path.last
-        if len(present.effects) >= settings.most:
-            return path
-        tell(f"ranking what {' + '.join(('QLV', *present.effects))} may lack")
-        left = [name for name in candidates if name not in present.effects]
-        humps = None if path.rounds else plain
-        least = settings.tolerance
-        path.rounds.append(contest(ensemble, present.point, left, humps=humps, tolerance=least))
-        earlier = len(path.refused)
-        confirmed = _confirmed(ensemble, samples, path, settings)
-        if confirmed is None and len(path.refused) > earlier:
-            confirmed = _with_another(ensemble, samples, path, path.refused[earlier][0], settings)
-        if confirmed is None:
-            return path
-        path.steps.append(_without_useless(ensemble, samples, confirmed, settings))
-        if any(set(s.effects) == set(path.last.effects) for s in path.steps[:-1]):
-            path.steps.pop()  # back where it was: the gain was not real
-            return path
+def amplitude_of(own: Parameters, effect: str) -> tuple[Leaf, float] | None:
+    """The number by which an effect's force grows, where it is taken as it is, and its prior sd."""
+    for name, leaf in _by_name(own).items():
+        if name.startswith(f"{effect}.") and isinstance(leaf.prior, Natural):
+            return leaf, leaf.prior.sd
+    return None
 
 
-def step_at(ensemble: Ensemble, samples: Samples, effects: tuple[str, ...], point: Point) -> Step:
-    """A model with its errors."""
-    residuals = samples.residuals(point.constants)
-    return Step(effects, point, residuals, held_out(ensemble, samples, point))
-
-
-def _confirmed(ensemble: Ensemble, samples: Samples, path: Path, settings: Settings) -> Step | None:
-    """The best contender that evidence and held-out tests both accept."""
-    present = path.last
-    least = settings.further if present.effects else settings.decisive
-    if not present.effects and path.rounds[0].lacking(settings) < settings.lacking:
-        return None
-    step, refused = _first_good(ensemble, samples, path.rounds[-1], present.effects, present, least)
-    path.refused += [(name, "it predicts left-out tests no better") for name in refused]
-    return step
-
-
-def _first_good(
-    ensemble: Ensemble,
-    samples: Samples,
-    found: Round,
-    beside: tuple[str, ...],
-    before: Step,
-    least: float,
-) -> tuple[Step | None, list[str]]:
-    """The best contender that left-out tests accept beside others, and those refused before it."""
-    refused: list[str] = []
-    for contender in found.contenders[:3]:
-        if contender.log_bayes_factor < least or contender.point is None:
-            break
-        step = step_at(ensemble, samples, (*beside, contender.effect), contender.point)
-        if confirms(step, before):
-            return step, refused
-        refused.append(contender.effect)
-    return None, refused
-
-
-def _with_another(
-    ensemble: Ensemble, samples: Samples, path: Path, first: str, settings: Settings
-) -> Step | None:
-    """The best refused contender with another effect, if left-out tests confirm the two together.
-
-    Where both bend the constants, a model with one alone may predict no better. The step between
-    joins the path.
-    """
-    present = path.last
-    effects = (*present.effects, first)
-    if len(effects) >= settings.most:
-        return None
-    held = path.rounds[-1]
-    refused = next(c for c in held.contenders if c.effect == first)
-    left = [c.effect for c in held.contenders if c.effect != first]
-    assert refused.point is not None  # else it would not have been refused
-    found = contest(ensemble, refused.point, left, tolerance=settings.tolerance)
-    both, _ = _first_good(ensemble, samples, found, effects, present, settings.further)
-    if both is not None:
-        path.steps.append(step_at(ensemble, samples, effects, refused.point))
-        path.rounds.append(found)
-        path.refused = [one for one in path.refused if one[0] not in both.effects]
-    return both
-
-
-def confirms(step: Step, before: Step) -> bool:
-    """Whether left-out tests are predicted better than by the model before.
-
-    Their log density must rise, and not by noise that swells: their weighed error must not rise,
-    unless the log density rises by more than such noise makes.
-    """
-    after, first = step.heldout, before.heldout
-    gain = after.score - first.score
-    return gain > _MUCH or (gain > 0.0 and after.weighed < _NO_RISE * first.weighed)
-
-
-def _without_useless(ensemble: Ensemble, samples: Samples, step: Step, settings: Settings) -> Step:
-    """Drop earlier effects without which the evidence is no lower."""
-    for name in step.effects[:-1]:
-        less = tuple(effect for effect in step.effects if effect != name)
-        point = wide_climb(ensemble, ensemble.subset(less), step.point.theta)
-        if point.log_evidence > step.point.log_evidence:
-            return _without_useless(
-                ensemble, samples, step_at(ensemble, samples, less, point), settings
-            )
-    return step
+def _by_name(own: Parameters) -> dict[str, Leaf]:
+    return {own.names[leaf.constants.start]: leaf for leaf in own.leaves}

@@ -1,4 +1,4 @@
-"""The thresholds of the diagnosis, in one place."""
+"""What the diagnosis takes for likely before the tests, and how sure it must be."""
 
 from __future__ import annotations
 
@@ -12,42 +12,25 @@ _MOST_TOLERANCE = 0.5  # of the peak force, from which it is not a tolerance but
 
 @dataclass(frozen=True)
 class Settings:
-    """How sure the diagnosis must be.
+    """Prior probabilities, and from which probability on something is said.
 
-    decisive: log Bayes factor by which the first effect must beat the plain model (3, that is 20 to
-    1, "strong" in Kass & Raftery 1995, doi:10.1080/01621459.1995.10476572); lacking: probability
-    that something is missing, all candidates together, that it takes too (4 to 1: of 277 blind pads
-    that lack nothing none had as much, of 462 with one effect that could be seen five had less);
-    further: by which each further one must (5, that is 150 to 1, "very strong", as every round
-    gives chance another chance);
-    form: by which a form of its own must beat the list's (4, that is 55 to 1);
-    apart: by which the best must beat another effect to be named without it (0.7, that is 2 to 1:
-    less is about equally well; what is likely beyond is told beside the name, see window);
-    window: log posterior odds within which other explanations are not ruled out and have a part in
-    the constants (4, that is 55 to 1; "Occam's window" of Madigan & Raftery 1994,
-    doi:10.1080/01621459.1994.10476894, who take 20 to 1); listed: how many of them are told, the
-    likeliest first;
-    unlisted: by which a rival that no list holds (a spring of free form, an offset of its own in
-    every test) must beat the effects found (2.3, that is 10 to 1); likeness: share of what an
-    effect explains in a form of its own (whitened sum of squares) that the list's form must
-    explain; prior_none: prior probability that nothing is missing (the candidates share the rest
-    alike); false_alarms: of the adequacy test over all cells of a pad; most: effects at most;
-    tolerance: share of the peak force below which structure that is sure does not matter, and from
-    which an effect does. Raises InputError if it is below 0, or 0.5 or more.
+    complete: prior probability that no (further) effect is missing, asked anew after each; usual:
+    that the elastic law, and likewise the relaxation, is the one that was chosen, the others
+    sharing the rest alike. Both as undecided as can be.
+
+    named: inclusion probability from which an effect is named; covered: with which a group holds
+    the effect; false_alarms: of the adequacy test over all cells of a pad; rise: share by which the
+    error on tests left out may grow with an effect that is named (rounding; an effect that helps
+    where nothing was left out); tolerance: share of the peak force below which neither an effect
+    nor structure matters. Raises InputError if it is below 0, or 0.5 or more.
     """
 
-    decisive: float = 3.0
-    lacking: float = 0.8
-    further: float = 5.0
-    form: float = 4.0
-    apart: float = 0.7
-    window: float = 4.0
-    listed: int = 3
-    unlisted: float = 2.3
-    likeness: float = 0.5
-    prior_none: float = 0.5
+    complete: float = 0.5
+    usual: float = 0.5
+    named: float = 0.9
+    covered: float = 0.95
     false_alarms: float = 0.001
-    most: int = 3
+    rise: float = 0.001
     tolerance: float = TOLERANCE
 
     def __post_init__(self) -> None:

@@ -1,4 +1,4 @@
-"""One of four verdicts, and all that it rests on."""
+"""A verdict, and all that it rests on."""
 
 from __future__ import annotations
 
@@ -9,15 +9,11 @@ import numpy as np
 
 from qlvbayes.diagnosis.adequacy import Adequacy
 from qlvbayes.diagnosis.design import Suggestion
-from qlvbayes.diagnosis.forms.otherform import Shape
-from qlvbayes.diagnosis.gate import Bend, Unseen
 from qlvbayes.diagnosis.remainder import Remainder
 from qlvbayes.diagnosis.samples import CellError, Samples
-from qlvbayes.diagnosis.search import Path
+from qlvbayes.diagnosis.search import Search, Weighed
+from qlvbayes.diagnosis.sensitivity import Bend, Unseen
 from qlvbayes.experiment import Experiment
-from qlvbayes.inference.subset import Ensemble
-
-VERDICTS = ("adequate", "missing_effect", "ambiguous", "unexplained")
 
 
 @dataclass(frozen=True)
@@ -40,29 +36,58 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Ranked:
-    """One hypothesis of the first round: ``none`` or an effect.
+    """``none`` or an effect, over the whole posterior.
 
-    probability: that it is what the plain model lacks, if one of the list is; rmse: of all samples
-    (N), None where the screen settled it without a refit.
+    inclusion: probability that it is in the model, of ``none`` that nothing is; probability: the
+    same with that of every hypothesis shared out among its effects, so that all sum to one;
+    log_bayes_factor: log posterior odds of being in less the log prior odds; rmse: of all samples
+    (N) by the likeliest hypothesis with it; parameters: its constants there.
     """
 
     effect: str
+    inclusion: float
     probability: float
     log_bayes_factor: float
-    rmse: float | None
+    rmse: float
     parameters: dict[str, Estimate]
 
 
 @dataclass(frozen=True)
-class Stage:
-    """A model on the way to the verdict and what it leaves.
+class Base:
+    """An elastic law and a relaxation by name, and their probability."""
 
-    rmse, heldout_rmse: over all samples (N), fitted and with each test left out in turn; p_value:
-    of the adequacy test; testable: whether the rests show if noise is correlated; cells: errors by
-    test and phase; sound: whether the test is passed; shape: of the effect that has another form
-    than the list's.
+    elastic: str
+    relaxation: str
+    probability: float
+
+    def as_dict(self) -> dict:
+        """For ``diagnosis.json``."""
+        return {
+            "elastic": self.elastic,
+            "relaxation": self.relaxation,
+            "probability": self.probability,
+        }
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """A hypothesis and its probability: base laws and effects."""
+
+    base: tuple[str, str]
+    effects: tuple[str, ...]
+    probability: float
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A hypothesis on the way to the verdict and what it leaves.
+
+    rmse, heldout_rmse: over all samples (N), fitted and with each test left out in turn (nan where
+    there is one test only); p_value: of the adequacy test; testable: whether the rests show if
+    noise is correlated; cells: errors by test and phase; sound: whether the test is passed.
     """
 
+    base: tuple[str, str]
     effects: tuple[str, ...]
     rmse: float
     heldout_rmse: float
@@ -73,21 +98,11 @@ class Stage:
     cells: tuple[CellError, ...]
     failing: tuple[tuple[str, str], ...]
     parameters: dict[str, Estimate]
-    shape: Shape | None = None
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """The effects, one of another form marked."""
-        other = self.shape.effect if self.shape else None
-        return tuple(f"{e} (other form)" if e == other else e for e in self.effects)
 
 
 @dataclass(frozen=True)
 class NotRuledOut:
-    """A set of effects that would explain the tests, and its probability among all such.
-
-    What the probabilities of all that are told lack of one is that of explanations less likely.
-    """
+    """A set of effects that would explain the tests, and its probability over all base laws."""
 
     effects: tuple[str, ...]
     probability: float
@@ -95,7 +110,7 @@ class NotRuledOut:
 
 @dataclass(frozen=True)
 class Sampled:
-    """One hypothesis of the first round: log evidence by Laplace, and by nested sampling."""
+    """One hypothesis, without a discrepancy: log evidence by Laplace, and by nested sampling."""
 
     effect: str
     laplace: float
@@ -112,16 +127,15 @@ class Sampled:
 class Diagnosis:
     """What one pad's tests say about the model.
 
-    effects: what the verdict names, in the order added; group: effects that explain the data
-    equally well (``ambiguous``); tried: what was added on the way, also where the verdict is
-    ``unexplained``; noise: the floor's sd (N), measured without the model; nested: evidence by
-    nested sampling, where it was asked for; discrepancy: typical size (N) of the Gaussian-process
-    discrepancy where structure is left; unlisted: log Bayes factors of rivals that no list holds
-    against the last model, by name; outside: the one that clearly beats it, if any; not_ruled_out:
-    the likeliest explanations within the window of the one named, or of the likeliest if none is,
-    none where the verdict is ``unexplained``; constants: the plain model's, averaged over all
-    explanations in the window, or by the last model if there are none; remainder: size of what the
-    last model leaves; notices: what one should know of the tests.
+    effects: what the verdict names, the group's likeliest last; group: effects of which one is
+    there (``ambiguous``); base: the laws of the hypothesis told; bases: all, the likeliest first;
+    stages: from the plain model that was chosen to the hypothesis told; ranking: inclusion
+    probabilities; alternatives: the likeliest hypotheses; outside: probability that something
+    outside the list is there; noise: the floor's sd (N), measured without the model; nested:
+    evidence by nested sampling, where it was asked for; discrepancy: likeliest size (N) of what the
+    hypothesis told leaves; not_ruled_out: the likeliest sets of effects; constants: the base law's,
+    averaged over all hypotheses on it; remainder: size of what the hypothesis told leaves; refused:
+    effects that are likely, and why they are not named; notices: what one should know of the tests.
     """
 
     pad: str
@@ -129,19 +143,20 @@ class Diagnosis:
     verdict: str
     effects: tuple[str, ...]
     group: tuple[str, ...]
+    base: Base
+    bases: tuple[Base, ...]
     stages: tuple[Stage, ...]
     ranking: tuple[Ranked, ...]
+    alternatives: tuple[Alternative, ...]
+    outside: float
     not_identifiable: tuple[Unseen, ...]
     bends: tuple[Bend, ...]
     coincident: tuple[tuple[str, ...], ...]
     refused: tuple[tuple[str, str], ...]
-    warnings: tuple[str, ...]
     suggestions: tuple[Suggestion, ...]
     work: Work
     nested: tuple[Sampled, ...] = ()
-    discrepancy: float | None = None
-    unlisted: dict[str, float] = field(default_factory=dict)
-    outside: str | None = None
+    discrepancy: float = 0.0
     not_ruled_out: tuple[NotRuledOut, ...] = ()
     constants: dict[str, Estimate] = field(default_factory=dict)
     remainder: Remainder | None = None
@@ -149,36 +164,27 @@ class Diagnosis:
 
     @property
     def tried(self) -> tuple[str, ...]:
-        """Effects of the last model."""
+        """Effects of the hypothesis told."""
         return self.stages[-1].effects
 
     @property
-    def own_form(self) -> Ranked | None:
-        """The one effect named where it has another form than the list's, which the ranking lacks.
-
-        Its log Bayes factor is against the plain model. No probability (nan): a form is not one of
-        the hypotheses that share it.
-        """
-        first, last = self.stages[0], self.stages[-1]
-        if last.shape is None or len(last.effects) != 1:
-            return None
-        name, gain = last.shape.effect, last.log_evidence - first.log_evidence
-        own = {
-            key.removeprefix(f"{name}."): value
-            for key, value in last.parameters.items()
-            if key.startswith(f"{name}.")
-        }
-        return Ranked(name, math.nan, gain, last.rmse, own)
+    def warnings(self) -> tuple[str, ...]:
+        """Where two ways to the evidence disagree."""
+        return tuple(
+            f"{s.effect}: log evidence {s.laplace:.1f} by Laplace, {s.log_evidence:.1f} +- "
+            f"{s.error:.1f} by nested sampling"
+            for s in self.nested
+            if not s.agrees
+        )
 
     @property
     def worst(self) -> CellError:
         """The cell in which the plain model fails worst."""
         return max(self.stages[0].cells, key=lambda cell: cell.rmse)
 
-    @property
-    def probability(self) -> float:
-        """Of the first round's best hypothesis."""
-        return max(ranked.probability for ranked in self.ranking)
+    def probability_of(self, effect: str) -> float:
+        """That an effect is in the model; of ``none`` that none is."""
+        return next((r.inclusion for r in self.ranking if r.effect == effect), 0.0)
 
     def as_dict(self) -> dict:
         """The content of ``diagnosis.json``."""
@@ -191,6 +197,17 @@ class Diagnosis:
             "verdict": self.verdict,
             "effects": list(self.effects),
             "group": list(self.group),
+            "base": self.base.as_dict(),
+            "bases": [base.as_dict() for base in self.bases],
+            "outside": self.outside,
+            "alternatives": [
+                {
+                    "base": {"elastic": one.base[0], "relaxation": one.base[1]},
+                    "effects": list(one.effects),
+                    "probability": one.probability,
+                }
+                for one in self.alternatives
+            ],
             "not_ruled_out": [
                 {"effects": list(one.effects), "probability": one.probability}
                 for one in self.not_ruled_out
@@ -231,10 +248,6 @@ class Diagnosis:
                 for s in self.nested
             ],
             "discrepancy_sd_N": self.discrepancy,
-            "unlisted": [
-                {"rival": name, "log_bayes_factor": _finite(value)}
-                for name, value in self.unlisted.items()
-            ],
             "tolerance": self.remainder.tolerance if self.remainder else None,
             "remainder": self.remainder.as_dict() if self.remainder else None,
             "worst": {
@@ -248,20 +261,29 @@ class Diagnosis:
 
 @dataclass(frozen=True, eq=False)
 class Work:
-    """What a diagnosis was computed from, for figures and for what follows."""
+    """What a diagnosis was computed from, for figures and for what follows.
+
+    path: the hypotheses of the stages, each at its likeliest mode.
+    """
 
     experiment: Experiment
-    ensemble: Ensemble
+    search: Search
     samples: Samples
-    path: Path
+    path: tuple[Weighed, ...]
     adequacies: tuple[Adequacy, ...]
+
+    @property
+    def told(self) -> Weighed:
+        """The hypothesis that stands for the answer."""
+        return self.path[-1]
 
 
 def _stage(stage: Stage) -> dict:
     return {
+        "base": {"elastic": stage.base[0], "relaxation": stage.base[1]},
         "effects": list(stage.effects),
         "rmse_N": stage.rmse,
-        "heldout_rmse_N": stage.heldout_rmse,
+        "heldout_rmse_N": _finite(stage.heldout_rmse),
         "log_evidence": _finite(stage.log_evidence),
         "adequacy_p_value": stage.p_value,
         "noise_testable": stage.testable,
@@ -278,24 +300,13 @@ def _stage(stage: Stage) -> dict:
             for cell in stage.cells
         ],
         "parameters": _parameters(stage.parameters),
-        "other_form": _shape(stage.shape) if stage.shape else None,
-    }
-
-
-def _shape(shape: Shape) -> dict:
-    return {
-        "effect": shape.effect,
-        "over_depth": [{"depth": x, "factor": y} for x, y in shape.over_depth],
-        "over_clock": [{"clock_s": x, "factor": y} for x, y in shape.over_clock],
-        "over_force": [{"force_N": x, "factor": y} for x, y in shape.over_force],
-        "over_pressure": [{"pressure_N": x, "factor": y} for x, y in shape.over_pressure],
-        "over_delay": [{"delay_s": x, "weight": y} for x, y in shape.over_delay],
     }
 
 
 def _ranked(ranked: Ranked) -> dict:
     return {
         "effect": ranked.effect,
+        "inclusion": ranked.inclusion,
         "probability": ranked.probability,
         "log_bayes_factor": _finite(ranked.log_bayes_factor),
         "rmse_N": ranked.rmse,

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from qlvbayes.diagnosis.gate import Bend
+import math
+
 from qlvbayes.diagnosis.samples import CellError
-from qlvbayes.diagnosis.verdict import Diagnosis, Ranked, Stage
+from qlvbayes.diagnosis.sensitivity import Bend
+from qlvbayes.diagnosis.verdict import Base, Diagnosis, Ranked, Stage
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.units import UnitSystem
 from qlvbayes.wording import joined, plain
@@ -13,19 +15,10 @@ _PHASE = {"ramp": "ramp", "hold": "hold", "unload": "unloading", "recovery": "re
 _MOST_BENDS = 3
 _LINEAR = 0.5  # relative change up to which slopes tell how far a constant moves
 _MOST_CELLS = 4
+_SURE = 0.95  # probability of a base law, from which it goes unsaid
 _LIKELY = 0.5  # probability of nothing, from which the text says so without ifs
 _LITTLE = 0.01  # probability of all explanations that are not listed, up to which they go unsaid
 _NOTHING = "nothing is missing that these tests can show"
-_UNLISTED = {
-    "free_spring": (
-        "A spring of free form beside the pad, a force that depends on depth alone,",
-        "a second contact or a stiffer core",
-    ),
-    "free_offsets": (
-        "An offset of its own in every test, a force that depends on the clock alone,",
-        "a cell zeroed anew, or a part of the rig that gave way",
-    ),
-}
 _MAYBE = "nothing is named, although something may be missing"
 
 
@@ -35,13 +28,15 @@ def paragraphs(diagnosis: Diagnosis) -> list[str]:
         "adequate": _adequate,
         "missing_effect": _missing,
         "ambiguous": _ambiguous,
+        "partly_explained": _partly,
         "unexplained": _unexplained,
     }[diagnosis.verdict]
-    text = [verdict(diagnosis)]
+    text = [verdict(diagnosis), *_base(diagnosis)]
     if diagnosis.verdict != "adequate":
         text.insert(1, _where(diagnosis))
         text += _runner_up(diagnosis)
     text += _not_ruled_out(diagnosis)
+    text += _refused(diagnosis)
     text += _honest(diagnosis)
     text += _next_test(diagnosis)
     text += _unseen(diagnosis)
@@ -54,95 +49,155 @@ def _units(diagnosis: Diagnosis) -> UnitSystem:
 
 
 def _adequate(d: Diagnosis) -> str:
-    unit, stage = _units(d).force, d.stages[0]
-    none = next(r for r in d.ranking if r.effect == "none")
+    unit, stage = _units(d).force, d.stages[-1]
+    none = d.probability_of("none")
     hidden = {unseen.effect for unseen in d.not_identifiable}
     best = next((r for r in d.ranking if r.effect not in {"none", *hidden}), None)
     text = (
-        f"Pad {d.pad}: {_NOTHING if none.probability >= _LIKELY else _MAYBE}. The model leaves "
+        f"Pad {d.pad}: {_NOTHING if none >= _LIKELY else _MAYBE}. The model leaves "
         f"{plain(stage.rmse)} {unit}, the noise floor is {plain(d.noise)} {unit}"
         f"{_left(d, 'no phase of any test shows structure', '; ')}"
     )
     if best is not None:
         text += (
-            f" Probability that nothing of the list is missing: {_percent(none.probability)}; "
+            f" Probability that nothing of the list is missing: {_percent(none)}; "
             f"of the effects that they could show, {best.effect} is the likeliest "
-            f"({_percent(best.probability)})."
+            f"({_percent(best.inclusion)})."
         )
     return text
 
 
 def _missing(d: Diagnosis) -> str:
-    unit, last = _units(d).force, d.stages[-1]
-    named = joined([_with_value(d, effect, last) for effect in d.effects])
-    seen = " ".join(f"{_effect(d, e).seen[0].upper()}{_effect(d, e).seen[1:]}." for e in d.effects)
     return (
-        f"Pad {d.pad}: missing {'effect' if len(d.effects) == 1 else 'effects'}: {named}. {seen} "
-        f"{_own_form(d)}{_sureness(d)} With it the error on tests left out {_change(d)} (noise "
-        f"floor {plain(d.noise)} {unit})"
+        f"Pad {d.pad}: missing {'effect' if len(d.effects) == 1 else 'effects'}: {_named(d)} "
+        f"{_sureness(d)} {_change(d)}"
         f"{_left(d, 'no phase of any test shows structure any more', ', and ')}"
     )
 
 
+def _named(d: Diagnosis) -> str:
+    """Effects with their values, and what one sees of them."""
+    last = d.stages[-1]
+    named = joined([_with_value(effect, last) for effect in d.effects])
+    seen = " ".join(f"{_effect(d, e).seen[0].upper()}{_effect(d, e).seen[1:]}." for e in d.effects)
+    return f"{named}. {seen}"
+
+
 def _ambiguous(d: Diagnosis) -> str:
-    unit = _units(d).force
     before, constants = d.effects[:-1], [f"{name} = {e}" for name, e in d.constants.items()]
     besides = f" besides {joined(list(before))}" if before else ""
     return (
         f"Pad {d.pad}: something is missing{besides}, and these tests cannot tell which of "
-        f"{joined(list(d.group), 'or')} it is: each explains them about equally well. With the "
-        f"first the error on tests left out {_change(d)} (noise floor {plain(d.noise)} {unit})."
+        f"{joined(_with_probability(d, d.group), 'or')} it is. {_change(d, 'With the first')}."
         f"{'' if d.stages[-1].sound else f' {_small(d)}'} "
-        f"Allowing for all that the tests do not rule out, {joined(constants)}."
+        f"Averaged over all that the tests do not rule out, {joined(constants)}."
     )
 
 
-def _change(d: Diagnosis) -> str:
-    """What the effects do to the error on tests left out."""
-    first, last = d.stages[0].heldout_rmse, d.stages[-1].heldout_rmse
-    if last < first:
-        return f"falls from {plain(first)} to {plain(last)} {_units(d).force}"
+def _partly(d: Diagnosis) -> str:
+    """Some of it has a name."""
+    share = d.remainder.share_of_error if d.remainder else None
+    taken = f" They take {_share(1.0 - share)} of the error." if share is not None else ""
+    taken = taken.replace("They take", "It takes") if len(d.effects) == 1 else taken
+    what = "An effect is" if len(d.effects) == 1 else "Effects are"
     return (
-        f"goes from {plain(first)} to {plain(last)} {_units(d).force}, yet they are predicted "
-        "better if noise that lasts from sample to sample is allowed for"
+        f"Pad {d.pad}: partly explained. {what} missing: {_named(d)} {_sureness(d)} "
+        f"{_change(d)}.{taken} Something is there too that no effect of the list explains: "
+        f"{_structure(d)}"
     )
 
 
 def _unexplained(d: Diagnosis) -> str:
-    unit, last = _units(d).force, d.stages[-1]
-    outside = f" {_outside(d, d.outside)}" if d.outside else ""
-    if last.sound:
-        return (
-            f"Pad {d.pad}: unexplained. {joined(list(last.effects))} would leave nothing "
-            f"structured, but something outside the list is likelier: none is named.{outside}"
-        )
-    tried = f" The best that the list offers, {joined(list(last.effects))}, is not enough:" * bool(
-        last.effects
+    tried = f" The best that the list offers, {joined(list(d.tried))}, is not enough." * bool(
+        d.tried
     )
+    return (
+        f"Pad {d.pad}: unexplained.{tried} {_upper(_structure(d))} No effect is named: "
+        "take the constants as those of a model that is wrong."
+    )
+
+
+def _structure(d: Diagnosis) -> str:
+    """Where structure is left, and how large it is."""
+    unit, last = _units(d).force, d.stages[-1]
     worst = max(last.cells, key=lambda cell: cell.rmse)
     cells = list(dict.fromkeys(f"{_PHASE[phase]} of {test}" for test, phase in last.failing))
     more = f" and {len(cells) - _MOST_CELLS} more" if len(cells) > _MOST_CELLS else ""
     where = f", in the {joined(cells[:_MOST_CELLS])}{more}" if cells else ""
+    sign = "above" if worst.bias > 0.0 else "below"
     return (
-        f"Pad {d.pad}: unexplained.{tried} structure remains beyond the noise floor of "
-        f"{plain(d.noise)} {unit} ({_p(last.p_value)}){where}. The largest error left is "
-        f"{plain(worst.rmse)} {unit} in the {_PHASE[worst.phase]} of {worst.test}.{_size(d)}"
-        f"{outside} No effect is named: take the constants as those of a model that is wrong."
-    ).replace(". structure", ". Structure")
+        f"structure remains beyond the noise floor of {plain(d.noise)} {unit} "
+        f"({_p(last.p_value)}){where}. The largest error left is {plain(worst.rmse)} {unit} in the "
+        f"{_PHASE[worst.phase]} of {worst.test}, where the measured force lies "
+        f"{plain(abs(worst.bias))} {unit} {sign} the model on average.{_size(d)}"
+    )
+
+
+def _base(d: Diagnosis) -> list[str]:
+    """Which laws the tests ask for, where they are not the ones chosen or not sure."""
+    chosen, found = d.stages[0].base, (d.base.elastic, d.base.relaxation)
+    others = [base for base in d.bases if (base.elastic, base.relaxation) != found]
+    if found == chosen and d.base.probability >= _SURE:
+        return []
+    said = f"Base laws: {_laws(d.base)} ({_percent(d.base.probability)})"
+    if found != chosen:
+        said += f" in the place of {chosen[0]} with {chosen[1]}"
+    rest = [f"{_laws(base)} ({_percent(base.probability)})" for base in others[:2]]
+    return [f"{said}; else {joined(rest, 'or')}." if rest else f"{said}."]
+
+
+def _laws(base: Base) -> str:
+    return f"{base.elastic} with {base.relaxation}"
+
+
+def _with_probability(d: Diagnosis, names: tuple[str, ...]) -> list[str]:
+    return [f"{name} ({_percent(d.probability_of(name))})" for name in names]
+
+
+def _change(d: Diagnosis, with_it: str = "With it") -> str:
+    """What laws and effects do to the error on tests left out."""
+    first, last = d.stages[0].heldout_rmse, d.stages[-1].heldout_rmse
+    unit = _units(d).force
+    if not (math.isfinite(first) and math.isfinite(last)):
+        first, last = d.stages[0].rmse, d.stages[-1].rmse
+        return (
+            f"{with_it} the fitted error goes from {plain(first)} to {plain(last)} {unit} (noise "
+            f"floor {plain(d.noise)} {unit}; one test alone leaves none out)"
+        )
+    verb = "falls" if last < first else "goes"
+    return (
+        f"{with_it} the error on tests left out {verb} from {plain(first)} to {plain(last)} {unit} "
+        f"(noise floor {plain(d.noise)} {unit})"
+    )
 
 
 def _left(d: Diagnosis, nothing: str, joint: str) -> str:
     """The end of a sentence on the last model: no structure, or little, with its size and place."""
     last = d.stages[-1]
-    return f"{joint}{nothing} ({_p(last.p_value)})." if last.sound else f". {_small(d)}"
+    if last.sound:
+        return f"{joint}{nothing} ({_p(last.p_value)})."
+    if not last.testable and not (d.remainder and d.remainder.is_small):
+        return (
+            f". What is left is largest, {_measure(d)}; it may be correlated noise, which no hold "
+            "of these tests shows: that is not testable."
+        )
+    return f". {_small(d)}"
 
 
 def _small(d: Diagnosis) -> str:
     """Structure that is sure but does not matter."""
+    if d.remainder is not None and d.remainder.excess == 0.0 and not _measure_rms(d):
+        p = _p(d.stages[-1].p_value)
+        return f"There is structure that is sure but too small to be measured ({p})."
     return (
         f"There is structure that is sure but small: {_measure(d)} ({_p(d.stages[-1].p_value)}). "
         f"The tolerance is {_share(d.remainder.tolerance if d.remainder else 0.0)} of the peak."
     )
+
+
+def _measure_rms(d: Diagnosis) -> float:
+    """Of the structured part where it is largest."""
+    return d.remainder.worst.rms if d.remainder and d.remainder.worst else 0.0
 
 
 def _size(d: Diagnosis) -> str:
@@ -171,16 +226,6 @@ def _share(value: float) -> str:
     return f"{100.0 * value:.2g} %"
 
 
-def _outside(d: Diagnosis, rival: str) -> str:
-    """A rival that no list holds explains the tests better."""
-    what, cause = _UNLISTED[rival]
-    than = joined(list(d.tried)) or "the plain model"
-    return (
-        f"{what} explains the tests better than {than} (log Bayes factor "
-        f"{d.unlisted[rival]:.3g}): perhaps {cause}."
-    )
-
-
 def _p(value: float) -> str:
     return f"p = {value:.2g}" if value > 1e-12 else "p below 1e-12"
 
@@ -199,93 +244,40 @@ def _rate(cell: CellError, units: UnitSystem) -> str:
     return f"{plain(cell.rate)} {units.speed}"
 
 
-def _own_form(d: Diagnosis) -> str:
-    """How the effect differs from the list's law."""
-    shape = d.stages[-1].shape
-    if shape is None:
-        return ""
-    if shape.over_delay:
-        return _spread_lag(shape.over_delay)
-    adds, drains = f"what {shape.effect} adds", "the rate at which the pressure drains"
-    spread = {
-        (adds, "no depth", "full depth"): shape.over_depth,
-        (adds, "the first test", "the last"): shape.over_clock,
-        (adds, "no force", "the largest force"): shape.over_force,
-        (drains, "a fifth of its largest value", "the largest"): shape.over_pressure,
-    }
-    what, values = max(spread.items(), key=lambda item: _range([y for _, y in item[1]]))
-    first, last = values[0][1], values[-1][1]
-    return (
-        f"But not by the list's law: {what[0]} must be taken times {first:.2g} at "
-        f"{what[1]} and {last:.2g} at {what[2]} (other_form in diagnosis.json); the constants "
-        "below are those of the law so changed, and an effect of your own would do it justice. "
-    )
-
-
-def _spread_lag(delays: tuple[tuple[float, float], ...]) -> str:
-    mean = sum(delay * weight for delay, weight in delays)
-    sd = sum(weight * (delay - mean) ** 2 for delay, weight in delays) ** 0.5
-    return (
-        "But not by the list's law: the force is not late by one delay but averaged over the past, "
-        f"by delays of {mean:.3g} s in the mean and {sd:.3g} s about it (other_form in "
-        "diagnosis.json; as much as the mean: a filter of first order); the constants below are "
-        "those of the law so changed, and an effect of your own would do it justice. "
-    )
-
-
-def _range(values: list[float]) -> float:
-    return max(values, default=0.0) - min(values, default=0.0)
-
-
 def _sureness(d: Diagnosis) -> str:
-    """Of the first effect, from the first round; of a form of its own, against the list's."""
-    if len(d.effects) == 1:
-        listed = next(r for r in d.ranking if r.effect == d.effects[0])
-        if d.own_form is None:
-            likely = _percent(listed.probability)
-            return f"Probability {likely} among nothing and the effects of the list."
-        by_law, changed = listed.log_bayes_factor, d.own_form.log_bayes_factor
-        return (
-            f"So changed its log Bayes factor against the plain model is {changed:.3g}, by the "
-            f"list's law {f'{by_law:.3g}' if by_law > 0.0 else 'below 0'}."
-        )
-    gains = [b.log_evidence - a.log_evidence for a, b in zip(d.stages, d.stages[1:], strict=False)]
-    said = joined([f"{gain:.3g}" for gain in gains])
-    return f"Each step raised the log evidence decisively (by {said})."
+    """Inclusion probabilities."""
+    said = [f"{_percent(d.probability_of(name))}" for name in d.effects]
+    return f"Probability that {'it is' if len(said) == 1 else 'each is'} there: {joined(said)}."
 
 
 def _runner_up(d: Diagnosis) -> list[str]:
-    """Why the next best single effect lost."""
-    taken = set(d.tried) | set(d.group)
-    best = [r for r in d.ranking if r.effect not in taken | {"none"} and r.rmse is not None]
-    listed = next((r for r in d.ranking if d.tried and r.effect == d.tried[0]), None)
-    first = d.own_form or listed
-    if not best or first is None:
+    """The likeliest effect that is not named."""
+    taken = {*d.tried, *d.group, "none"}
+    best = next((r for r in d.ranking if r.effect not in taken), None)
+    if best is None:
         return []
-    rival: Ranked = max(best, key=lambda r: r.log_bayes_factor)
-    theirs, ours = rival.rmse or 0.0, first.rmse or 0.0
-    unit, gap = _units(d).force, first.log_bayes_factor - rival.log_bayes_factor
-    text = (
-        f"Runner-up: {rival.effect}. It leaves {plain(theirs)} {unit} where {first.effect} "
-        f"leaves {plain(ours)} {unit}"
-    )
-    if gap > 0.0:
-        against = f"against it by a log Bayes factor of {gap:.3g}."
-        if theirs > ours:
-            return [f"{text}, and the evidence is {against}"]
-        return [
-            f"{text}, but the evidence, which also counts how errors follow one another and what "
-            f"each constant costs, is {against}"
-        ]
-    why = dict(d.refused).get(rival.effect, "a later step made it useless")
-    return [f"{text}; it was not taken as {why}."]
+    rival: Ranked = best
+    return [
+        f"Next of the list: {rival.effect}, there with a probability of "
+        f"{_percent(rival.inclusion)}; with it the model leaves {plain(rival.rmse)} "
+        f"{_units(d).force}, without {plain(d.stages[-1].rmse)} {_units(d).force}."
+    ]
+
+
+def _refused(d: Diagnosis) -> list[str]:
+    """Effects that are likely by the fit alone."""
+    return [f"{name} is likely by the fit, but not named: {why}." for name, why in d.refused]
+
+
+def _upper(text: str) -> str:
+    return f"{text[0].upper()}{text[1:]}"
 
 
 def _not_ruled_out(d: Diagnosis) -> list[str]:
     """Explanations besides the verdict's own."""
     own = [{*d.effects[:-1], name} for name in d.group] if len(d.group) > 1 else [set(d.effects)]
     others = [one for one in d.not_ruled_out if set(one.effects) not in own]
-    if not others:
+    if not others or d.verdict in ("adequate", "unexplained"):
         return []
     said = [f"{joined(list(o.effects)) or 'nothing'} ({_percent(o.probability)})" for o in others]
     rest = 1.0 - sum(one.probability for one in d.not_ruled_out)
@@ -295,10 +287,10 @@ def _not_ruled_out(d: Diagnosis) -> list[str]:
 
 
 def _honest(d: Diagnosis) -> list[str]:
-    if d.discrepancy is None:
+    if d.verdict not in ("partly_explained", "unexplained") or d.discrepancy == 0.0:
         return []
     return [
-        f"A Gaussian-process discrepancy over time, depth and rate, of typically "
+        f"A discrepancy smooth over time, depth and rate, of typically "
         f"{plain(d.discrepancy, 2)} {_units(d).force}, keeps predictions honest (discrepancy.csv): "
         "an alarm, not an explanation."
     ]
@@ -344,14 +336,14 @@ def _off(change: float) -> str:
     return f"{by} too {'high' if change > 0.0 else 'low'}"
 
 
-def _with_value(d: Diagnosis, effect: str, stage: Stage) -> str:
+def _with_value(effect: str, stage: Stage) -> str:
     own = {n: e for n, e in stage.parameters.items() if n.startswith(f"{effect}.")}
     values = ", ".join(f"{name.partition('.')[2]} = {e}" for name, e in own.items())
     return f"{effect} ({values})" if values else effect
 
 
 def _effect(d: Diagnosis, name: str) -> AbstractEffect:
-    return d.work.ensemble.effect(name)
+    return d.work.search.density.space.effects[name]
 
 
 def _percent(share: float) -> str:

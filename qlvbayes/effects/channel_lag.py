@@ -27,6 +27,7 @@ class ChannelLag(AbstractEffect):
     level: ClassVar[Level] = Level.CHANNEL
     units: ClassVar[dict[str, str]] = {"delay": "time"}
     null: ClassVar[dict[str, float]] = {"delay": 0.0}
+    costly: ClassVar[bool] = True
     law: ClassVar[str] = "F(t) -> F(t - delay)"
     seen: ClassVar[str] = "force late against displacement, in proportion to speed"
     reference: ClassVar[str] = "Oppenheim & Schafer 2010, Discrete-Time Signal Processing, ch. 5"

@@ -53,8 +53,8 @@ class AbstractEffect(eqx.Module):
     ``units`` names the kind of unit of each constant (`units.UnitSystem.of`); ``null`` gives the
     constants, each with its value, at which the effect vanishes exactly (the first is its
     amplitude); ``law``, ``seen``, ``reference``: for people, in one line each; ``needs``: what of
-    the motion its force is made of: records that do not give it cannot show it; ``reshapes``:
-    whether it is still this effect if its size changes with depth or with the clock.
+    the motion its force is made of: records that do not give it cannot show it; ``costly``:
+    whether it runs the law beneath it several times, so that models without it are compiled apart.
     """
 
     name: eqx.AbstractClassVar[str]
@@ -66,7 +66,7 @@ class AbstractEffect(eqx.Module):
     reference: eqx.AbstractClassVar[str]
     rank: ClassVar[int] = 0
     needs: ClassVar[str] = "displacement"
-    reshapes: ClassVar[bool] = True
+    costly: ClassVar[bool] = False
 
     @property
     def prefix(self) -> str:

@@ -22,7 +22,6 @@ class ForceOffset(AbstractEffect):
     name: ClassVar[str] = "force_offset"
     level: ClassVar[Level] = Level.SENSOR
     rank: ClassVar[int] = 1
-    reshapes: ClassVar[bool] = False  # one that changes is a drift
     units: ClassVar[dict[str, str]] = {"offset": "force"}
     null: ClassVar[dict[str, float]] = {"offset": 0.0}
     law: ClassVar[str] = "F += offset"

@@ -31,6 +31,7 @@ class FrameCompliance(AbstractEffect):
     level: ClassVar[Level] = Level.FRAME
     units: ClassVar[dict[str, str]] = {"compliance": "compliance"}
     null: ClassVar[dict[str, float]] = {"compliance": 0.0}
+    costly: ClassVar[bool] = True
     law: ClassVar[str] = "delta -> delta - compliance F"
     seen: ClassVar[str] = "softer in proportion to force"
     reference: ClassVar[str] = "Oliver & Pharr 1992, doi:10.1557/JMR.1992.1564"

@@ -12,6 +12,7 @@ with Q = 1 - sum_m k_m u_m u_m^T of `discrepancy`. H leaves out second derivativ
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -27,10 +28,12 @@ from qlvbayes.inference.gaussnewton import positive_part
 from qlvbayes.inference.space import Hypothesis, Parameters, Space
 from qlvbayes.inference.whitening import Whitener
 from qlvbayes.priors.distributions import AbstractPrior
+from qlvbayes.priors.natural import Natural
 
 Array = NDArray[np.float64]
 
 _COARSE = 0.005  # of the peak force: noise under which modes are looked for first
+_FARTHEST = 1e6  # times the largest force: beyond, squares overflow and nothing is fitted
 _STEP = 1e-5  # of a natural length, over which a slope is taken: half a float64's digits
 
 
@@ -102,31 +105,47 @@ class Density:
         """The same as if the noise were white and of half a per cent of the peak force."""
         size = _COARSE * float(np.max(np.abs(self._force)))
         whitener = self.whitener.replaced(size)
-        peak = self.discrepancy.sizes[-1]
-        none = Discrepancy.of(np.zeros((1, whitener.tests.size)), peak, 1.0)
+        none = Discrepancy.of(np.zeros((1, whitener.tests.size)), self.discrepancy.peak, 1.0)
         found = Density(self.space, whitener, none)
         found.rows = self.rows
         return found
 
-    def without(self, test: int) -> Density:
-        """The same with one test left out."""
-        rows = self.whitener.tests != test
+    def with_space(self, space: Space) -> Density:
+        """Of other priors, about the same record."""
+        return Density(space, self.whitener, self.discrepancy)
+
+    def without(self, left_out: NDArray[np.bool_]) -> Density:
+        """The same with some of the n block means left out."""
+        rows = ~left_out
         found = Density(self.space, self.whitener, self.discrepancy.of_some(rows))
         found.rows = rows
         return found
 
-    def at(self, hypothesis: Hypothesis, theta: Array) -> Point | None:
-        """Everything at theta (F,); None where the force is not finite."""
-        own = self.space.parameters(hypothesis)
+    @property
+    def log_constant(self) -> float:
+        """What a log likelihood has that losses leave out: -n/2 ln(2 pi) - ln|Sigma|/2."""
+        volume = sum(float(np.log(np.diag(factor)).sum()) for factor in self.whitener.factors)
+        return -0.5 * float(self.rows.size) * math.log(2.0 * math.pi) - volume
+
+    def predicted(self, hypothesis: Hypothesis, theta: Array) -> tuple[Array, Array]:
+        """Block means (T, B) at theta (F,), and their slopes (F, T, B)."""
+        return self._run(self.space.parameters(hypothesis), theta)[1:]
+
+    def _run(self, own: Parameters, theta: Array) -> tuple[Array, Array, Array]:
+        """Constants (1 + F, P) at theta and a step along each number, block means and slopes."""
         steps = _STEP * own.length
-        thetas = np.concatenate([theta[None], theta + np.diag(steps)])
-        constants = own.constants(thetas)
-        found = self.space.forces(hypothesis, constants)
+        constants = own.constants(np.concatenate([theta[None], theta + np.diag(steps)]))
+        found = self.space.forces(own.hypothesis, constants)
+        return constants, found[0], (found[1:] - found[0]) / steps[:, None, None]
+
+    def at(self, hypothesis: Hypothesis, theta: Array) -> Point | None:
+        """Everything at theta (F,); None where the force is not finite, or absurdly large."""
+        own = self.space.parameters(hypothesis)
+        constants, predicted, responses = self._run(own, theta)
         prior = _prior(own, theta)
-        if not (np.isfinite(found).all() and np.isfinite(prior.loss)):
+        largest = max(np.abs(predicted).max(), np.abs(responses).max() * _STEP * own.length.max())
+        if not (largest < _FARTHEST * self.discrepancy.peak and np.isfinite(prior.loss)):
             return None
-        predicted = found[0]
-        responses = (found[1:] - predicted) / steps[:, None, None]
         white = self.whitener(np.concatenate([(self._force - predicted)[None], responses]))
         white = white[:, self.rows]
         parts = white @ self.discrepancy.axes.T
@@ -134,7 +153,7 @@ class Density:
             own,
             theta,
             constants[0],
-            ((constants[1:] - constants[0]) / steps[:, None]).T,
+            ((constants[1:] - constants[0]) / (_STEP * own.length)[:, None]).T,
             predicted,
             responses,
             white[0],
@@ -162,6 +181,12 @@ def _prior(own: Parameters, theta: Array) -> Terms:
     curvature = np.zeros((own.size, own.size))
     for leaf in own.leaves:
         here = slice(leaf.theta.start, leaf.theta.stop)
+        if isinstance(leaf.prior, Natural):
+            number = theta[leaf.theta.start]
+            loss -= leaf.prior.log_of(number)
+            gradient[here] = (number - leaf.prior.mean) / leaf.prior.sd**2
+            curvature[here, here] = 1.0 / leaf.prior.sd**2
+            continue
         log, first, second = map(np.asarray, _log_prior(leaf.prior, theta[here]))
         loss -= float(log)
         gradient[here] = -first

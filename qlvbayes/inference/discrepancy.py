@@ -1,4 +1,4 @@
-r"""What a model leaves beyond noise: shapes smooth over each phase, of an unknown size.
+r"""What a model leaves beyond noise: smooth functions (`features`), of an unknown size.
 
 Block means are y = f + B w + e, with the whitened shapes B (M, n), coefficients w ~ N(0, s^2) and
 noise e of unit variance. With B's singular values :math:`\sqrt{\lambda_m}` and the unit vectors
@@ -53,10 +53,14 @@ class Discrepancy:
         sizes = peak * np.concatenate([[0.0], _SIZES])
         return cls(shapes, axes, strengths, sizes, np.log(weights))
 
+    @property
+    def peak(self) -> float:
+        """Largest force (N), of which sizes are shares."""
+        return float(self.sizes[-1] / _SIZES[-1])
+
     def of_some(self, rows: NDArray[np.bool_]) -> Discrepancy:
         """Of some of the n numbers only."""
-        peak = self.sizes[-1] / _SIZES[-1]
-        fewer = Discrepancy.of(self.shapes[:, rows], peak, 1.0)
+        fewer = Discrepancy.of(self.shapes[:, rows], self.peak, 1.0)
         return Discrepancy(fewer.shapes, fewer.axes, fewer.strengths, self.sizes, self.log_prior)
 
     def taken(self, size: float) -> Array:

@@ -8,7 +8,7 @@ derivative that would serve better, and half as much is traced and compiled.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar, Self
 
@@ -31,8 +31,6 @@ Array = NDArray[np.float64]
 
 TOGETHER = 4
 """Sets of constants come in multiples of this, so that few sizes are compiled."""
-COSTLY = ("frame_compliance", "channel_lag")
-"""Effects that run the law beneath several times: models without them are kept apart."""
 FEW = 4
 """Modes up to which a spectrum counts as short, and runs in a model of its own."""
 
@@ -116,17 +114,17 @@ class AnyRelaxation(AbstractRelaxation):
 
 @dataclass(frozen=True, eq=False)
 class Engine:
-    """The force of any hypothesis about the tests of a record.
+    """The force of any hypothesis.
 
     elastic: laws that may be meant, in the order of their numbers (any values); effects: candidates
     (any values, nested as in `Model`). A row of constants holds the elastic law's numbers (E,), the
     fractions (L + 1,), the rates (L,) and the effects' constants.
     """
 
-    record: Record
     elastic: tuple[AbstractElastic, ...]
     effects: tuple[AbstractEffect, ...]
     bonded: bool
+    _models: dict[tuple[int, frozenset[str]], Model] = field(default_factory=dict)
 
     @cached_property
     def width(self) -> int:
@@ -150,13 +148,15 @@ class Engine:
     @cached_property
     def _parts(self) -> list[frozenset[str]]:
         """Sets of effects that are compiled together, the cheapest first."""
-        light = [e.name for e in self.effects if e.name not in COSTLY]
-        costly = [e.name for e in self.effects if e.name in COSTLY]
+        light = [e.name for e in self.effects if not e.costly]
+        costly = [e.name for e in self.effects if e.costly]
         sets = [[], light, *([*light, one] for one in costly), [*light, *costly]]
         return [frozenset(names) for names in sets]
 
-    def forces(self, which: int, lanes: int, at_work: frozenset[str], rows: Array) -> Array:
-        """(K, T, B) block means of the force (N) of rows of constants.
+    def forces(
+        self, which: int, lanes: int, at_work: frozenset[str], rows: Array, record: Record
+    ) -> Array:
+        """(K, T, B) block means of the force (N) of rows of constants, over a record.
 
         which: number of the elastic law; lanes: L; at_work: effects that are not at their null.
         """
@@ -165,12 +165,14 @@ class Engine:
         start = self.width + 2 * lanes + 1
         columns = [start + k for effect in kept for k in self.slots[effect.name]]
         own = rows[:, [*range(start), *columns]]
-        model = self._model(lanes, kept)
+        if (lanes, names) not in self._models:
+            self._models[lanes, names] = self._model(lanes, kept)
+        model = self._models[lanes, names]
         found = []
         for begin in range(0, len(own), TOGETHER):
             some = own[begin : begin + TOGETHER]
             full = filled_up(some)
-            found.append(np.asarray(_forces(model, self.record, which, full))[: len(some)])
+            found.append(np.asarray(_forces(model, record, which, full))[: len(some)])
         return np.concatenate(found)
 
     def _model(self, lanes: int, effects: Sequence[AbstractEffect]) -> Model:

@@ -47,18 +47,20 @@ class Evidence:
 
 
 def evidence(density: Density, point: Point, *, linear: bool = False) -> Evidence:
-    """About a mode; minus infinity at a place that is none, unless the force is called linear."""
+    """About a mode; linear: the force is taken as linear in what is free, wherever the place is.
+
+    Else, where a step still promises much, nothing of what it promises is counted: a normal about
+    the place itself, which says too little.
+    """
     lowest, length, own = point.own.lowest, point.own.length, point.theta
     logs, best = [], (-math.inf, own, np.eye(own.size))
     here = density.terms(point, density.likeliest_size(point))
     step = bounded_step(here, 0.0, lowest - own, length)
-    if not linear and promised(here, step) > _FAR:
-        sizes = density.discrepancy.sizes.size
-        return Evidence(-math.inf, np.full(sizes, -math.inf), own, np.eye(own.size))
+    still = not linear and promised(here, step) > _FAR
     for size, log_prior in zip(
         density.discrepancy.sizes, density.discrepancy.log_prior, strict=True
     ):
-        found = _normal(density, point, float(size), lowest - own)
+        found = _normal(density, point, float(size), lowest - own, still)
         log = -math.inf
         if found is not None:
             log, shift, covariance = found[0] + log_prior, found[1], found[2]
@@ -69,10 +71,15 @@ def evidence(density: Density, point: Point, *, linear: bool = False) -> Evidenc
 
 
 def _normal(
-    density: Density, point: Point, size: float, room: Array
+    density: Density, point: Point, size: float, room: Array, still: bool
 ) -> tuple[float, Array, Array] | None:
-    """Log evidence at one size, and the normal's mean (from the point) and covariance."""
+    """Log evidence at one size, and the normal's mean (from the point) and covariance.
+
+    still: the mean is the point.
+    """
     terms = density.terms(point, size)
+    if still:
+        terms = terms._replace(gradient=np.zeros_like(terms.gradient))
     scale = 1.0 / np.sqrt(np.maximum(np.diag(terms.curvature), 1e-300))
     try:
         factor = cho_factor(terms.curvature * np.outer(scale, scale), lower=True)

@@ -21,11 +21,13 @@ REDRAWN = 6
 
 _STEPS = 60
 _ENOUGH = 5e-3  # rise of the log density that a step promises, below which the mode is found
+_NEARLY = 0.2  # the same under coarse noise, which only leads to a place
 _CREEP = 0.02  # rise in a step, at which the way along a ridge ends
 _HOPE = {3: 20.0, 6: 8.0, 12: 4.0}  # from which step on it may bring how often what it promises
 _FARTHEST = 3.0  # longest step in a natural length
 _DAMPING = (1e-3, 1e-4, 1e9)  # first, least, most
 _POOR = 50.0  # loss behind the best, under coarse noise, at which a start is given up
+_KEPT = 30.0  # loss behind the best mode, at which another is given up
 _SAME = 0.5  # of loss, within which two modes are one
 
 
@@ -44,25 +46,30 @@ class Mode:
 
 
 def find_mode(
-    density: Density, hypothesis: Hypothesis, start: Array, worth: float = np.inf
+    density: Density,
+    hypothesis: Hypothesis,
+    start: Array,
+    worth: float = np.inf,
+    enough: float = _ENOUGH,
+    size: float = 0.0,
 ) -> Mode | None:
-    """Levenberg-Marquardt from theta (F,), first without a discrepancy, then at its likeliest size.
+    """Levenberg-Marquardt from theta (F,), then on at the discrepancy's likeliest size.
 
-    With one from the beginning it would take what the force has not yet been fitted to. None: not
-    finite. worth: a loss; what does not promise to reach it is given up on its way.
+    size: of the discrepancy (N) at first; from far away none, as it would take what the force has
+    not yet been fitted to. None: not finite. worth: a loss; what does not promise to reach it is
+    given up on its way; enough: rise of the log density that a step must promise.
     """
     point = density.at(hypothesis, start)
     if point is None:
         return None
     lowest, length = point.own.lowest, point.own.length
-    size = 0.0
     here = density.terms(point, size)
     damping, least, most = _DAMPING
     tried, over = 0, False
     for tried in range(1, _STEPS + 1):
         step = bounded_step(here, damping, lowest - point.theta, length)
         promise = promised(here, step)
-        if over or (promise < _ENOUGH and damping <= 1.0):
+        if over or (promise < enough and damping <= 1.0):
             likeliest = density.likeliest_size(point)
             if likeliest == size:
                 return Mode(point, size, here.loss, True, tried)
@@ -81,14 +88,12 @@ def find_mode(
         gain = rise / max(promise, 1e-300)
         damping = max(damping * (0.1 if gain > 0.5 else 1.0 if gain > 0.1 else 4.0), least)
         point, here = found, after
-        over = max(rise, 0.2 * promise) < _CREEP
+        over = max(rise, 0.2 * promise) < max(_CREEP, enough)
     size = density.likeliest_size(point)
     return Mode(point, size, density.terms(point, size).loss, False, tried)
 
 
-def _is_hopeless(
-    density: Density, point: Point, tried: int, promise: float, worth: float
-) -> bool:
+def _is_hopeless(density: Density, point: Point, tried: int, promise: float, worth: float) -> bool:
     """Whether what steps promise does not reach what it must, whatever the discrepancy."""
     hope = min((hope for k, hope in _HOPE.items() if tried > k), default=math.inf)
     if math.isinf(hope) or math.isinf(worth):
@@ -112,7 +117,7 @@ def modes(
     rough: list[Mode] = []
     for start in starts:
         least = min((mode.loss for mode in rough), default=np.inf)
-        mode = find_mode(density.coarse, hypothesis, start, least + _POOR)
+        mode = find_mode(density.coarse, hypothesis, start, least + _POOR, _NEARLY)
         rough += [mode] if mode is not None else []
     places = distinct(rough)[:most]
     found = [find_mode(density, hypothesis, mode.point.theta, worth) for mode in places]
@@ -134,7 +139,7 @@ def base_modes(density: Density, hypothesis: Hypothesis, seed: int = 0) -> list[
     vain = 0
     for numbers in draws[STARTS:]:
         start = np.concatenate([found[0].point.theta[:elastic], numbers[elastic:]])
-        mode = find_mode(density, hypothesis, start)
+        mode = find_mode(density, hypothesis, start, found[0].loss + _KEPT)
         better = mode is not None and mode.loss < found[0].loss - _SAME
         found = distinct([*found, mode]) if mode is not None else found
         vain = 0 if better else vain + 1

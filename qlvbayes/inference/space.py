@@ -141,7 +141,12 @@ class Space:
         """What computes their forces."""
         laws = tuple(_emptied(law) for law in self.elastic.values())
         effects = tuple(_emptied(effect) for effect in self.effects.values())
-        return Engine(self.record, laws, effects, self.bonded)
+        return Engine(laws, effects, self.bonded)
+
+    @cached_property
+    def real(self) -> NDArray[np.bool_]:
+        """(T, B) which blocks are no padding."""
+        return np.asarray(self.record.blocks.real)
 
     def parameters(self, hypothesis: Hypothesis) -> Parameters:
         """What a hypothesis leaves free."""
@@ -158,11 +163,16 @@ class Space:
             self._cache[hypothesis] = Parameters.of(hypothesis, posterior)
         return self._cache[hypothesis]
 
-    def forces(self, hypothesis: Hypothesis, constants: Array) -> Array:
-        """(K, T, B) block means of the force (N) of constants (K, P)."""
+    def forces(
+        self, hypothesis: Hypothesis, constants: Array, record: Record | None = None
+    ) -> Array:
+        """(K, T, B) block means of the force (N) of constants (K, P), of another record if given.
+
+        One of the same shape as the space's own takes no compiling.
+        """
         which = list(self.elastic).index(hypothesis.elastic)
         rows, lanes = self._rows(hypothesis, constants)
-        return self.engine.forces(which, lanes, hypothesis.effects, rows)
+        return self.engine.forces(which, lanes, hypothesis.effects, rows, record or self.record)
 
     def _rows(self, hypothesis: Hypothesis, constants: Array) -> tuple[Array, int]:
         """(K, R) rows of the engine, and their lanes."""
@@ -228,21 +238,25 @@ class Space:
         return self._draws[(part, name, seed)]
 
     def plain_draws(self, hypothesis: Hypothesis, seed: int = 0) -> Array:
-        """(25, F) of the base law's numbers."""
-        return np.concatenate(
-            [
-                self.draws("elastic", hypothesis.elastic, seed),
-                self.draws("relaxation", hypothesis.relaxation, seed),
-            ],
-            axis=1,
-        )
+        """(25, F) of a hypothesis's numbers, drawn from their priors."""
+        parts = [("elastic", hypothesis.elastic), ("relaxation", hypothesis.relaxation)]
+        parts += [("effects", name) for name in self._nested(hypothesis)]
+        return np.concatenate([self.draws(*part, seed) for part in parts], axis=1)
+
+    def _nested(self, hypothesis: Hypothesis) -> list[str]:
+        """Names of its effects, in the order in which they nest."""
+        model = self.parameters(hypothesis).posterior.model
+        return [effect.name for effect in model.effects]
 
 
-def in_natural_amplitude(effect: AbstractEffect) -> AbstractEffect:
-    """The effect with its amplitude's prior in the amplitude itself."""
+def in_natural_amplitude(effect: AbstractEffect, factor: float = 1.0) -> AbstractEffect:
+    """The effect with its amplitude's prior in the amplitude itself, times ``factor``."""
     name = next(iter(effect.null))
+    prior = natural(getattr(effect, name))
+    if isinstance(prior, Natural):
+        prior = eqx.tree_at(lambda p: p.inner.sd, prior, factor * prior.sd)
     changed: AbstractEffect = eqx.tree_at(
-        lambda e: getattr(e, name), effect, natural(getattr(effect, name)), is_leaf=is_prior
+        lambda e: getattr(e, name), effect, prior, is_leaf=is_prior
     )
     return changed
 

@@ -23,8 +23,8 @@ _NOTE, _NOTE_TIGHT = 140, 60  # characters a line
 _FAR = 6.0  # highest over lowest, from where on the axis is logarithmic
 _DECADES = 50.0  # highest over lowest, below which 2 and 5 have ticks too
 _RISE = (
-    "An effect is added where evidence and the likelihood of left-out tests rise; "
-    "these weigh readings by their noise, RMSE does not."
+    "An effect is added where the evidence rises, which weighs readings by their noise; "
+    "RMSE does not."
 )
 
 
@@ -43,10 +43,11 @@ def plot_error_staircase(diagnosis: Diagnosis, *, width: float = DOUBLE) -> Axes
         axis = figure.subplots()
         fitted = np.array([stage.rmse for stage in diagnosis.stages])
         heldout = np.array([stage.heldout_rmse for stage in diagnosis.stages])
-        _limits(axis, np.concatenate([fitted, heldout, [diagnosis.noise]]))
+        _limits(axis, np.concatenate([fitted, heldout[np.isfinite(heldout)], [diagnosis.noise]]))
         inks = colours()
         _stairs(axis, fitted, inks[0], "-", "o", "all tests fitted")
-        _stairs(axis, heldout, inks[1], "--", "s", "each test predicted from the others")
+        if np.isfinite(heldout).all():  # one test is not predicted by others
+            _stairs(axis, heldout, inks[1], "--", "s", "each test predicted from the others")
         _numbers(axis, fitted, heldout)
         _floor(axis, diagnosis.noise, units, tight=tight)
         _label(axis, diagnosis, units, tight=tight, upright=upright)
@@ -93,9 +94,11 @@ def _numbers(axis: Axes, fitted: np.ndarray, heldout: np.ndarray) -> None:
     inks = colours()
     for k, (own, other) in enumerate(zip(fitted, heldout, strict=True)):
         for value, colour, up in (
-            (own, inks[0], own > other),
+            (own, inks[0], not own <= other),
             (other, inks[1], own <= other),
         ):
+            if not np.isfinite(value):
+                continue
             axis.annotate(
                 three(value),
                 (k, value),
@@ -152,12 +155,11 @@ def _legend(figure: Figure, axis: Axes, diagnosis: Diagnosis, *, tight: bool) ->
 
 
 def _change(before: Stage, after: Stage, most: int) -> str:
-    """'+ friction', '− viscous_drag' where that became useless, and what took another form."""
+    """'+ friction', '− viscous_drag', 'hertz' where a law is another one."""
     added = [name for name in after.effects if name not in before.effects]
     dropped = [name for name in before.effects if name not in after.effects]
     lines = [f"+ {broken(name, most)}" for name in added]
     lines += [f"− {broken(name, most)}" for name in dropped]
-    if after.shape is not None:
-        known = [] if after.shape.effect in added else [broken(after.shape.effect, most)]
-        lines += [*known, "in other form"]
+    laws = zip(before.base, after.base, strict=True)
+    lines += [broken(law, most) for other, law in laws if law != other]
     return "\n".join(lines)

@@ -1,8 +1,8 @@
-"""What the evidence says of every hypothesis of the first round."""
+"""What the evidence says of every effect."""
 
 from __future__ import annotations
 
-from math import exp, isfinite, isnan
+from math import exp, isfinite
 from textwrap import fill
 from typing import Any
 
@@ -29,7 +29,7 @@ from qlvbayes.plots.style import (
 _ROW, _FRAME = 4.8, 40.0  # mm, a bar and what is around them
 _LINEAR = 10.0  # the axis is linear up to here and logarithmic beyond
 _MUCH = 30.0  # largest value that is drawn on a linear axis
-_ODDS, _LACKING = Settings().decisive, Settings().lacking
+_ODDS = 3.0  # log Bayes factor, "strong" in Kass & Raftery 1995, doi:10.1080/01621459.1995.10476572
 _BESIDE = (36.0, 82.0)  # points right of the axes where the two columns of text end
 _NOTE, _NOTE_TIGHT = 125, 56  # characters a line
 _TIGHT_FRAME = 24.0  # mm, of labels and legend in one column
@@ -41,30 +41,23 @@ _LOOKS: dict[str, dict[str, Any]] = {  # colours by their place in the palette, 
         "linewidth": 1.2,
     },
     "added, but structure is left": {"facecolor": "0.35", "edgecolor": "0.35"},
-    "refitted": {"facecolor": "0.72", "edgecolor": "0.72"},
-    "settled by the screen, not refitted": {
-        "facecolor": "white",
-        "edgecolor": "0.5",
-        "hatch": "/////",
-    },
+    "not named": {"facecolor": "0.72", "edgecolor": "0.72"},
 }
-_NONE = "none (plain model)"
-_NAMED, _GROUP, _TRIED, _REFITTED, _SCREENED = _LOOKS
+_NONE = "none of them"
+_NAMED, _GROUP, _TRIED, _OTHER = _LOOKS
 
 
 def plot_evidence(diagnosis: Diagnosis, *, width: float = DOUBLE) -> Axes:
-    """Draw each hypothesis' log Bayes factor over the plain model, the likeliest on top.
+    """Draw each effect's log Bayes factor for being in the model, the likeliest on top.
 
-    Above them stands what is named in another form than the list's, which has no probability.
-
-    The number and the posterior probability stand beside the bar; ``none`` is the plain model
-    itself. Effects named in the verdict are dark blue, others that explain the tests as well are
-    light blue with a frame, and hatched ones were settled without a refit. A cross marks an effect
-    that was refused because it predicts left-out tests no better. width: of the figure (mm).
+    Over all base laws and all companions. The number and the probability stand beside the bar;
+    ``none`` is that no effect is. Effects named in the verdict are dark blue, others that explain
+    the tests as well are light blue with a frame. A cross marks an effect that was refused because
+    it predicts left-out tests no better. width: of the figure (mm).
     """
     tight = narrow(width)
     with style():
-        ranking = _rows(diagnosis)
+        ranking = diagnosis.ranking
         height = _FRAME + tight * _TIGHT_FRAME + _ROW * len(ranking)
         figure = Figure((width * MM, height * MM), layout="constrained")
         axis = figure.subplots()
@@ -77,11 +70,6 @@ def plot_evidence(diagnosis: Diagnosis, *, width: float = DOUBLE) -> Axes:
     return axis
 
 
-def _rows(diagnosis: Diagnosis) -> tuple[Ranked, ...]:
-    own = diagnosis.own_form
-    return diagnosis.ranking if own is None else (own, *diagnosis.ranking)
-
-
 def _look_of(name: str) -> dict[str, Any]:
     """Face, edge and hatch of a kind of bar, with the colours in use."""
     palette = colours()
@@ -92,26 +80,18 @@ def _look_of(name: str) -> dict[str, Any]:
 
 
 def _look(diagnosis: Diagnosis, ranked: Ranked) -> str:
-    plain = _SCREENED if ranked.rmse is None else _REFITTED
-    own = diagnosis.own_form
-    if own is not None and own.effect == ranked.effect:
-        return _NAMED if _is_form(ranked) else plain
     if ranked.effect in diagnosis.effects:
         return _NAMED
     if ranked.effect in diagnosis.group:
         return _GROUP
-    return _TRIED if ranked.effect in diagnosis.tried else plain
-
-
-def _is_form(ranked: Ranked) -> bool:
-    return isnan(ranked.probability)
+    return _TRIED if ranked.effect in diagnosis.tried else _OTHER
 
 
 def _bar(axis: Axes, row: int, ranked: Ranked, look: str) -> None:
     value = ranked.log_bayes_factor
     axis.barh(row, value if isfinite(value) else 0.0, height=0.7, gid=look, **_look_of(look))
     number = f"{value:.1f}".replace("-0.0", "0.0").replace("-", "−") if isfinite(value) else "n/a"
-    for text, points in zip((number, _share(ranked.probability)), _BESIDE, strict=True):
+    for text, points in zip((number, _share(ranked.inclusion)), _BESIDE, strict=True):
         _beside(axis, text, row, points, axis.get_yaxis_transform(), va="center")
 
 
@@ -132,8 +112,6 @@ def _beside(
 
 
 def _share(probability: float) -> str:
-    if isnan(probability):
-        return "–"
     percent = 100.0 * probability
     if percent < 0.1:
         return "< 0.1 %"
@@ -144,7 +122,7 @@ def _scale(axis: Axes, values: list[float], tight: bool) -> None:
     """Linear; beyond 10 logarithmic, where values are so large that small ones would vanish."""
     low, high = min(values), max(values)
     gap = "\n" if tight else " "
-    name = f"log Bayes factor over the plain model{gap}(natural logarithm, no unit)"
+    name = f"log Bayes factor for being in the model{gap}(natural logarithm, no unit)"
     if max(high, -low) > _MUCH:
         axis.set_xscale("symlog", linthresh=_LINEAR, linscale=1.0)
         axis.xaxis.set_major_locator(FixedLocator(_ticks(low, high, tight)))
@@ -178,7 +156,7 @@ def _label(axis: Axes, diagnosis: Diagnosis, ranking: tuple[Ranked, ...]) -> Non
     for text, points in zip(("log BF", "probability"), _BESIDE, strict=True):
         _beside(axis, text, 1.0, points, axis.transAxes, va="bottom")
     axis.annotate(
-        "decisive",
+        "strong",
         (_ODDS, 1.0),
         xycoords=axis.get_xaxis_transform(),
         ha="center",
@@ -190,22 +168,15 @@ def _label(axis: Axes, diagnosis: Diagnosis, ranking: tuple[Ranked, ...]) -> Non
 def _name(ranked: Ranked, refused: set[str]) -> str:
     if ranked.effect == "none":
         return _NONE
-    mark = "\n(other form)" if _is_form(ranked) else " ×" * (ranked.effect in refused)
-    return shortened(ranked.effect) + mark
+    return shortened(ranked.effect) + " ×" * (ranked.effect in refused)
 
 
 def _refused(diagnosis: Diagnosis) -> set[str]:
-    """Effects of the first round that ranked above the first one added, and were refused."""
-    refused = {name for name, _ in diagnosis.refused}
-    effects = [r.effect for r in diagnosis.ranking if r.effect != "none"]
-    if len(diagnosis.stages) > 1:
-        first = diagnosis.stages[1].effects[-1]
-        effects = effects[: effects.index(first)] if first in effects else effects
-    return refused & set(effects)
+    return {name for name, _ in diagnosis.refused}
 
 
 def _legend(figure: Figure, diagnosis: Diagnosis, tight: bool) -> None:
-    used = {_look(diagnosis, ranked) for ranked in _rows(diagnosis)}
+    used = {_look(diagnosis, ranked) for ranked in diagnosis.ranking}
     handles = [Patch(**_look_of(name), label=name) for name in _LOOKS if name in used]
     figure.legend(
         handles=handles,
@@ -221,14 +192,11 @@ def _notes(figure: Figure, diagnosis: Diagnosis, tight: bool) -> None:
     ranked = {entry.effect for entry in diagnosis.ranking}
     unseen = [u.effect for u in diagnosis.not_identifiable if u.effect not in ranked]
     lines = [
-        "Sorted by probability; a priori, none is likelier than any one effect. "
-        f"Dotted: {exp(_ODDS):.0f} to 1 for the effect, from which it counts as decisive where "
-        f"something is missing with a probability of {_LACKING:g} or more."
+        "Sorted by probability, which counts all base laws and all companions; an effect is named "
+        f"from {Settings().named:g} on. Dotted: {exp(_ODDS):.0f} to 1 for the effect."
     ]
     if _refused(diagnosis):
         lines += ["×: refused, predicts left-out tests no better."]
-    if diagnosis.own_form is not None:
-        lines += ["Other form: not by the list's law; the probabilities are those of the laws."]
     if unseen:
         lines += [f"Not ranked, as these tests cannot show them: {', '.join(unseen)}."]
     text = "\n".join(fill(line, _NOTE_TIGHT if tight else _NOTE) for line in lines)

@@ -28,14 +28,22 @@ def heading(diagnosis: Diagnosis, *, tight: bool = False) -> str:
 
 def _found(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == "adequate":
-        return "nothing missing that these tests show"
+        return f"nothing missing that these tests show{_on_laws(diagnosis)}"
     if diagnosis.verdict == "unexplained":
         tried = diagnosis.tried
         return f"unexplained, also {model_name(tried)}" if tried else "unexplained by any effect"
     if diagnosis.verdict == "ambiguous":
         certain = [name for name in diagnosis.effects if name not in diagnosis.group]
         return "missing " + " + ".join([*certain, f"one of {', '.join(diagnosis.group)}"])
-    return f"missing {' + '.join(diagnosis.effects)}"
+    rest = ", and something unlisted" if diagnosis.verdict == "partly_explained" else ""
+    return f"missing {' + '.join(diagnosis.effects)}{rest}{_on_laws(diagnosis)}"
+
+
+def _on_laws(diagnosis: Diagnosis) -> str:
+    """The base laws, where they are not those chosen."""
+    first, last = diagnosis.stages[0].base, diagnosis.stages[-1].base
+    other = [law for law, chosen in zip(last, first, strict=True) if law != chosen]
+    return f", by {' and '.join(other)}" if other else ""
 
 
 def parameter_label(name: str, unit: str = "1") -> str:

@@ -85,7 +85,7 @@ def _draw(
             ratio = over_floor(cell.rmse, noise)
             fails = (test, kind) in stage.failing
             draw_square(axis, (row, column), ratio, worst, short(ratio), fails=fails)
-    title = fill(model_name(stage.labels), _TITLE)
+    title = fill(model_name(stage.effects), _TITLE)
     axis.set_title(f"{title}\n{_p_value(stage.p_value)}", loc="left")
 
 

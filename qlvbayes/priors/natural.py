@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, ClassVar
 
 import jax.numpy as jnp
@@ -30,6 +31,17 @@ class Natural(AbstractScalarPrior):
     def sd(self) -> float:
         """Scale of the prior."""
         return float(self.inner.sd)
+
+    @property
+    def mean(self) -> float:
+        """Of the normal; 0 of a half-normal."""
+        return float(getattr(self.inner, "mean", 0.0))
+
+    def log_of(self, value: float) -> float:
+        """Log density at a value that the prior allows, without JAX."""
+        sides = 1.0 if isinstance(self.inner, Normal) else 2.0
+        z = (value - self.mean) / self.sd
+        return math.log(sides / (self.sd * math.sqrt(2.0 * math.pi))) - 0.5 * z**2
 
     def log_density(self, value: ArrayLike) -> Array:
         """That of the prior."""

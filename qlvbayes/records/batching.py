@@ -17,11 +17,17 @@ _GRID_STEP = 64  # sizes are rounded up to multiples of these, so that compiled 
 _BLOCK_STEP = 32
 
 
-def batch(records: Sequence[Record]) -> Record:
-    """Records along a leading axis; the grid's last point and masked blocks fill them up."""
+def batch(records: Sequence[Record], like: Record | None = None) -> Record:
+    """Records along a leading axis; the grid's last point and masked blocks fill them up.
+
+    like: a batch whose sizes are taken where they are large enough.
+    """
     points = _rounded(max(r.motion.time.shape[0] for r in records), _GRID_STEP)
     blocks = _rounded(max(r.blocks.force.shape[0] for r in records), _BLOCK_STEP)
-    if any(record.motion.ago is not None for record in records):
+    if like is not None:
+        points = max(points, like.motion.time.shape[-1])
+        blocks = max(blocks, like.blocks.force.shape[-1])
+    if any(r.motion.ago is not None for r in (*records, *([like] if like else []))):
         records = [_with_ago(record) for record in records]
     padded = [_pad(record, points, blocks) for record in records]
     return jax.tree.map(lambda *leaves: jnp.stack(leaves), *padded)

@@ -132,12 +132,13 @@ def reduce_test(
     blocks: bool = True,
     past: Past | None = None,
     care: Care | None = None,
+    begins: float | None = None,
 ) -> Record:
     """The record of one test: block means, their nodes, and the motion on a grid of times.
 
     sd_scale: what measured sds are divided by; start: the pad's clock at time 0 (s); blocks: False
     keeps every sample by itself; past: what the test remembers of earlier ones; care: None where
-    force and noise are not known yet.
+    force and noise are not known yet; begins: when the test began (s), of some of its samples only.
     """
     begin = np.arange(test.time.size)
     kept = np.ones(begin.size, dtype=bool)
@@ -155,8 +156,9 @@ def reduce_test(
         averaged = _with_care(averaged, trajectory, centre, care)
     chord = np.inf if care is None else care.chord
     begun = past is None or not past.stays
-    grid = grid_times(trajectory, np.unique(nodes), test.time[0], chord=chord, begun=begun)
-    motion = _motion(trajectory, grid, test.time[0], start)
+    first = float(test.time[0]) if begins is None else begins
+    grid = grid_times(trajectory, np.unique(nodes), first, chord=chord, begun=begun)
+    motion = _motion(trajectory, grid, first, start)
     places = np.searchsorted(grid, nodes).T
     if past is not None:
         motion, places = _remembering(motion, past), places + past.time.size

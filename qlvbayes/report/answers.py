@@ -95,7 +95,8 @@ def _missing(pad: PadResults, remedies: dict) -> str:
     if found["verdict"] == "ambiguous":
         group = joined(list(found["group"]), "or")
         return f"one of {group}{besides(found)}; these tests cannot tell which."
-    return f"{joined([_with_sight(name) for name in found['effects']])}."
+    rest = ", and something that none of them explains" * (found["verdict"] == "partly_explained")
+    return f"{joined([_with_sight(name) for name in found['effects']])}{rest}."
 
 
 def _with_sight(name: str) -> str:

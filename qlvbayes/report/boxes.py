@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 
 from qlvbayes.checks import InputError
+from qlvbayes.choices import Choices
 from qlvbayes.effects.catalogue import find
 from qlvbayes.report.collect import PadResults
 from qlvbayes.report.numbers import number, percent, with_unit
@@ -49,6 +51,7 @@ _BADGES = {
     "adequate": "adequate",
     "missing_effect": "effect found",
     "ambiguous": "ambiguous",
+    "partly_explained": "partly explained",
     "unexplained": "unexplained",
 }
 
@@ -66,7 +69,7 @@ def verdict_box(pad: PadResults, remedy: str) -> Box:
         verdict_line(found) if found else _undiagnosed(pad),
         tuple(Named(name, seen(name)) for name in shown),
         _bars(found, pad.force_unit) if found else (),
-        "Error on tests left out (root mean square)" if found else "",
+        f"Error {_of_what(found)} (root mean square)" if found else "",
         tuple(_warnings(pad)),
         None if found else remedy,
     )
@@ -84,11 +87,13 @@ def verdict_line(found: dict) -> str:
     """The verdict in one line; named effects follow it."""
     many = len(found["effects"]) > 1
     return {
-        "adequate": "Nothing is missing that these tests can show.",
+        "adequate": f"Nothing is missing that these tests can show{_on_laws(found)}.",
         "missing_effect": f"The plain model lacks {'these effects' if many else 'one effect'}"
         f"{_sure(found)}:",
         "ambiguous": f"Something is missing{besides(found)}, and these tests cannot tell which of "
         "these it is:",
+        "partly_explained": f"The plain model lacks {'these effects' if many else 'this effect'}"
+        f"{_sure(found)}, and something that none of the known effects explains:",
         "unexplained": "Something is missing that none of the known effects explains.",
     }.get(found["verdict"], found["verdict"])
 
@@ -99,12 +104,24 @@ def besides(found: dict) -> str:
     return f" besides {joined(sure)}" if sure else ""
 
 
+def _on_laws(found: dict) -> str:
+    """The base laws, where they are not those chosen."""
+    changed = _changed(found["steps"][0], found["steps"][-1])
+    return f", with other laws than were chosen: {joined(changed)}" if changed else ""
+
+
+def _changed(first: dict, last: dict) -> list[str]:
+    """Laws of one step that an earlier one has not."""
+    base, chosen = last.get("base") or {}, first.get("base") or {}
+    return [base[key] for key in base if base[key] != chosen.get(key)]
+
+
 def _sure(found: dict) -> str:
-    named = {entry["effect"]: entry["probability"] for entry in found["ranking"]}
+    named = {
+        entry["effect"]: entry.get("inclusion", entry["probability"]) for entry in found["ranking"]
+    }
     if len(found["effects"]) != 1 or found["effects"][0] not in named:
         return ""
-    if other_form(found["steps"][-1]):
-        return ", not by its usual law"
     return f" (probability {percent(named[found['effects'][0]])})"
 
 
@@ -118,19 +135,30 @@ def _undiagnosed(pad: PadResults) -> str:
     return f"Not diagnosed. The fit fails in {fails} of {len(check['cells'])} phases of its tests."
 
 
+def _of_what(found: dict) -> str:
+    return "on tests left out" if _errors(found) == "heldout_rmse_N" else "of the fit"
+
+
+def _errors(found: dict) -> str:
+    """Which errors are shown: one test alone leaves none out."""
+    known = all(step["heldout_rmse_N"] is not None for step in found["steps"])
+    return "heldout_rmse_N" if known else "rmse_N"
+
+
 def _bars(found: dict, unit: str) -> tuple[Bar, ...]:
-    first, last = found["steps"][0], found["steps"][-1]
+    first, last, error = found["steps"][0], found["steps"][-1], _errors(found)
     kind = "after" if found["verdict"] == "adequate" else "before"
-    rows = [("plain model", first["heldout_rmse_N"], kind)]
-    if last["effects"] != first["effects"]:
-        added = " + ".join(e for e in last["effects"] if e not in first["effects"])
-        rows.append((f"with {added}", last["heldout_rmse_N"], "after"))
+    rows = [("plain model", first[error], kind)]
+    added = [e for e in last["effects"] if e not in first["effects"]]
+    changed = [*_changed(first, last), *added]
+    if changed:
+        rows.append((f"with {' + '.join(changed)}", last[error], "after"))
     if first["effects"]:
         rows[0] = (f"with {' + '.join(first['effects'])}", *rows[0][1:])
     rows.append(("noise alone", found["noise_N"], "noise"))
-    longest = max((value for _, value, _ in rows if value), default=1.0)
+    longest = max(value for _, value, _ in rows) or 1.0
     return tuple(
-        Bar(label, (value or 0.0) / longest, with_unit(number(value, zeros=True), unit), kind)
+        Bar(label, value / longest, with_unit(number(value, zeros=True), unit), kind)
         for label, value, kind in rows
     )
 
@@ -140,13 +168,27 @@ def _warnings(pad: PadResults) -> list[str]:
     troubles = summary.get("troubles", []) if summary and not summary["converged"] else []
     found = [f"The sampling has not converged: {text}." for text in troubles]
     found += _notices(pad)
-    other = other_form(pad.diagnosis["steps"][-1]) if pad.diagnosis else None
-    if other in ((pad.final.summary or {}).get("effects") or []):
-        found.append(
-            f"{other} acts by another law than the usual one, with which the constants below were "
-            "fitted; the diagnosis gives them by its own."
-        )
-    return found
+    return found + _other_laws(pad)
+
+
+def _other_laws(pad: PadResults) -> list[str]:
+    """Where the fit has not the laws that the diagnosis asks for."""
+    diagnosis, chosen = pad.diagnosis or {}, pad.final.facts.get("choices")
+    base = diagnosis.get("base")
+    if base is None or chosen is None or diagnosis["verdict"] == "unexplained":
+        return []
+    try:
+        own = Choices.from_dict(json.loads(chosen))
+    except InputError:  # a law's file that has gone
+        return []
+    if (own.law, own.relaxing) == (base["elastic"], base["relaxation"]):
+        return []
+    words = ["--elastic", base["elastic"], "--relaxation", base["relaxation"]]
+    words += [word for name in own.effects for word in ("--add", name)]
+    return [
+        f"These tests ask for other laws than the fit has (probability "
+        f"{percent(base['probability'])}): fit again with {' '.join(words)}."
+    ]
 
 
 def _notices(pad: PadResults) -> list[str]:
@@ -161,15 +203,10 @@ def _small(pad: PadResults) -> list[str]:
     """What is left where the verdict does not count it."""
     found = pad.diagnosis or {}
     left = found.get("remainder")
-    if not left or not left["sure"] or found["verdict"] == "unexplained":
+    if not left or not left["sure"] or found["verdict"] in ("unexplained", "partly_explained"):
         return []
     size = with_unit(number(left["rms_N"], 2), pad.force_unit)
     return [
         f"Structure that is sure but small is left: {percent(left['share_of_peak'])} of the peak "
         f"force ({size}) in the {left['phase']} of {left['test']}."
     ]
-
-
-def other_form(step: dict) -> str | None:
-    """The effect of a step that has another form than the list's."""
-    return (step.get("other_form") or {}).get("effect")

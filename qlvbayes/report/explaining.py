@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from qlvbayes.report.boxes import other_form, seen, verdict_line
+from qlvbayes.report.boxes import seen, verdict_line
 from qlvbayes.report.collect import PadResults
 from qlvbayes.report.numbers import number, percent, with_unit
 
@@ -56,12 +56,12 @@ def explaining_of(pad: PadResults) -> Explaining | None:
     found = pad.diagnosis
     if found is None:
         return None
-    named = {*found["effects"], *found["group"]} - {other_form(found["steps"][-1])}
+    named = {*found["effects"], *found["group"]}
     return Explaining(
         pad.name,
         found["verdict"],
         _spoken(pad) or (verdict_line(found),),
-        tuple(_step(step, found["noise_N"]) for step in found["steps"]),
+        tuple(_step(step, found["steps"][0], found["noise_N"]) for step in found["steps"]),
         tuple(_hypothesis(entry, named) for entry in found["ranking"][:_MOST]),
         max(0, len(found["ranking"]) - _MOST),
         tuple(
@@ -79,10 +79,10 @@ def _spoken(pad: PadResults) -> tuple[str, ...]:
     return tuple(f"{text[:1].upper()}{text[1:]}" for text in said)
 
 
-def _step(step: dict, noise: float) -> Step:
+def _step(step: dict, first: dict, noise: float) -> Step:
     heldout = step["heldout_rmse_N"]
     return Step(
-        " + ".join(("plain model", *(_label(step, effect) for effect in step["effects"]))),
+        _model(step, first),
         number(step["rmse_N"], zeros=True),
         number(heldout, zeros=True),
         number(None if heldout is None else heldout / noise, zeros=True),
@@ -91,9 +91,11 @@ def _step(step: dict, noise: float) -> Step:
     )
 
 
-def _label(step: dict, effect: str) -> str:
-    """The effect, marked where it has another form than the list's."""
-    return f"{effect} (other form)" if effect == other_form(step) else effect
+def _model(step: dict, first: dict) -> str:
+    """Its laws, where they are not those chosen, and its effects."""
+    base, chosen = step.get("base") or {}, first.get("base") or {}
+    other = [base[key] for key in base if base[key] != chosen.get(key)]
+    return " + ".join((", ".join(other) or "plain model", *step["effects"]))
 
 
 def _hypothesis(entry: dict, named: set[str]) -> Hypothesis:
@@ -105,7 +107,7 @@ def _hypothesis(entry: dict, named: set[str]) -> Hypothesis:
     return Hypothesis(
         "nothing" if none else entry["effect"],
         "" if none else seen(entry["effect"]),
-        percent(entry["probability"]),
+        percent(entry.get("inclusion", entry["probability"])),
         number(entry["log_bayes_factor"]),
         number(entry["rmse_N"], zeros=True),
         ", ".join(constants),

@@ -21,22 +21,13 @@ _NOISES = {
 }
 
 _THRESHOLDS = {
-    "decisive": "a first effect is added when its log Bayes factor is above {} and tests left out "
-    "are predicted better",
-    "lacking": "and only where something of the list is missing with probability {} or more",
-    "further": "a further one when its log Bayes factor is above {}",
-    "form": "a form of its own when its log Bayes factor against the list's is above {}",
-    "apart": "two effects whose log evidence differs by less than {} are not told apart",
-    "window": "the constants are averaged over all explanations within log posterior odds of {}",
-    "listed": "of which the {} likeliest are told",
-    "likeness": "an effect is named in a form of its own only if the list's form explains {} of "
-    "the sum of squares that the other form explains",
-    "unlisted": "the verdict is unexplained where a spring of free form, or an offset of its own "
-    "in every test, beats the effects found by a log evidence of {}",
-    "prior_none": "the prior probability that nothing is missing is {}",
-    "tolerance": "structure below {:.2g} of the peak force does not matter",
+    "complete": "the prior probability that no (further) effect is missing is {}",
+    "usual": "that the elastic law, and likewise the relaxation, is the one chosen is {}",
+    "named": "an effect is named when it is in the model with probability {} over all hypotheses",
+    "covered": "a group holds the effect with probability {}",
+    "tolerance": "effects and structure below {:.2g} of the peak force do not matter",
     "false_alarms": "a right model is found to leave structure with probability {}",
-    "most": "at most {} effects are added",
+    "rise": "no effect is named that raises the error on tests left out by more than {:.2g} of it",
 }
 
 

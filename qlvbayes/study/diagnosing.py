@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 from qlvbayes.choices import Choices
 from qlvbayes.data import Pad
 from qlvbayes.diagnosis.diagnose import diagnose
+from qlvbayes.diagnosis.discrepancy import discrepancy
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.verdict import Diagnosis
 from qlvbayes.diagnosis.words import paragraphs
@@ -28,8 +28,8 @@ def diagnose_into(
 ) -> Diagnosis:
     """Diagnose one pad; leave ``diagnosis.json``, ``diagnosis.txt`` and four figures in a folder.
 
-    Where the verdict is ``unexplained``, ``discrepancy.csv`` too. Raises InputError where a setting
-    cannot be used or nothing can be written.
+    Where something is left that no effect explains, ``discrepancy.csv`` too. Raises
+    InputError where a setting cannot be used or nothing can be written.
     """
     with watcher.doing(f"pad {pad.name}") as tell:
         tell("motion, phases and noise floor")
@@ -45,9 +45,9 @@ def diagnose_into(
             seed=seed,
             tell=tell,
         )
-        if found.verdict == "unexplained":
+        if found.verdict in ("unexplained", "partly_explained"):
             tell("a discrepancy for what is left")
-            found = _with_discrepancy(found, folder)
+            _write_discrepancy(found, folder)
         tell("writing")
         write_json(folder / "diagnosis.json", found.as_dict())
         text = "\n\n".join(paragraphs(found)) + "\n"
@@ -59,19 +59,16 @@ def diagnose_into(
     return found
 
 
-def _with_discrepancy(found: Diagnosis, folder: Path) -> Diagnosis:
-    """Fit the discrepancy of the last model and leave it sample by sample in discrepancy.csv."""
-    # here, as only this verdict needs it
-    from qlvbayes.diagnosis.discrepancy import fit_discrepancy
-
-    fitted = fit_discrepancy(found.work, found.work.path.last.point)
+def _write_discrepancy(found: Diagnosis, folder: Path) -> None:
+    """Leave the discrepancy of the hypothesis told sample by sample in discrepancy.csv."""
     units, samples = found.work.experiment.units, found.work.samples
     lines = [f"test,time_s,discrepancy_mean_{units.force},discrepancy_sd_{units.force}"]
-    for trial, rows, band in zip(samples.trials, samples.rows, fitted.predict(), strict=True):
+    for trial, rows, band in zip(
+        samples.trials, samples.rows, discrepancy(found.work), strict=True
+    ):
         values = zip(trial.test.time[rows], band.mean, band.sd, strict=True)
         lines += [f"{trial.name},{t:.6g},{mean:.6g},{sd:.6g}" for t, mean, sd in values]
     write_whole(folder / "discrepancy.csv", ("\n".join(lines) + "\n").encode())
-    return replace(found, discrepancy=fitted.sd)
 
 
 def _figures(found: Diagnosis, folder: Path) -> list[Path]:

@@ -12,6 +12,7 @@ from qlvbayes.data import Pad, Study, read_study
 from qlvbayes.diagnosis.settings import Settings as Thresholds
 from qlvbayes.diagnosis.verdict import Diagnosis
 from qlvbayes.inference.ensemble import Settings
+from qlvbayes.laws.catalogue import find_elastic, find_relaxation
 from qlvbayes.report.write import write_report
 from qlvbayes.results import Saved, load
 from qlvbayes.study.checking import check_into
@@ -40,10 +41,10 @@ def run_study(
     """Do everything for the named pads (all by default); return their verdicts.
 
     Leaves in ``out``: per pad the plain model's fit and check in ``<pad>/plain``, the diagnosis
-    and, with the effects that it names, the fit to all tests and its check in ``<pad>`` (the plain
-    model again where nothing is named); comparisons of the pads, or of the fluids in them, in
-    ``compare``; constants (PNG, PDF, CSV, LaTeX) and, for two pads or more, forces_at_rates of all;
-    ``run.json`` and ``report.html``.
+    and, with the laws and effects that it names, the fit to all tests and its check in ``<pad>``
+    (the plain model again where it names nothing new); comparisons of the pads, or of the fluids in
+    them, in ``compare``; constants (PNG, PDF, CSV, LaTeX) and, for two pads or more,
+    forces_at_rates of all; ``run.json`` and ``report.html``.
 
     choices: the model to start from, by default the plain one, bonded where the file holds strain
     and stress; settings: of the sampler; thresholds: of the diagnosis, its ``tolerance`` among
@@ -108,16 +109,37 @@ def _one(
         watcher=watcher,
         thresholds=thresholds,
     )
-    if found.own_form is not None:
-        watcher.notice(
-            f"pad {pad.name}: {found.own_form.effect} is named by another law than the list's, "
-            "which the fit now adds; diagnosis.json has the constants by its own"
-        )
     effects = (*choices.effects, *(e for e in found.effects if e not in choices.effects))
-    fuller = replace(choices, effects=effects)
-    every = bool(found.effects)
+    fuller = replace(_on_laws(choices, found), effects=effects)
+    every = fuller != choices
     checked = _fit_and_check(pad, study, fuller, settings, folder, watcher, all_tests=every)
     return found, checked
+
+
+def _on_laws(choices: Choices, found: Diagnosis) -> Choices:
+    """With the base laws that the verdict stands on, if it has any; a Prony series keeps its modes.
+
+    What the user said of the constants of a law goes with it.
+    """
+    if found.verdict == "unexplained":
+        return choices
+    elastic, relaxation = found.base.elastic, found.base.relaxation.partition(":")[0]
+    gone: set[str] = set()
+    if elastic != choices.law:
+        gone.update(find_elastic(choices.law, choices.laws).units)
+    if relaxation != choices.relaxation:
+        gone.update(find_relaxation(choices.relaxation, choices.laws).units)
+
+    def kept(settings: tuple[str, ...]) -> tuple[str, ...]:
+        return tuple(text for text in settings if _constant(text) not in gone)
+
+    priors, fixed = kept(choices.priors), kept(choices.fixed)
+    return replace(choices, law=elastic, relaxation=relaxation, priors=priors, fixed=fixed)
+
+
+def _constant(setting: str) -> str:
+    """The constant's name in ``v[2]=0.14``, without its number."""
+    return setting.partition("=")[0].partition("[")[0].strip()
 
 
 def _fit_and_check(

@@ -1,0 +1,148 @@
+r"""What is said of a posterior over hypotheses: a function of numbers alone.
+
+Each hypothesis H has a log posterior and the probability that something outside the list is beside
+it (its discrepancy is larger than the tolerance). An effect's inclusion probability is summed over
+everything else,
+
+.. math:: P(e) = \sum_{H \ni e} P(H).
+
+An effect is named from 0.9 on; where none alone reaches it, the smallest set that holds one of its
+members with 0.95 is the group.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+from scipy.special import softmax
+
+from qlvbayes.diagnosis.settings import Settings
+
+Key = TypeVar("Key", bound=Hashable)
+
+VERDICTS = ("adequate", "missing_effect", "ambiguous", "partly_explained", "unexplained")
+LEFT = VERDICTS[3:]
+"""Verdicts that something outside the list is there."""
+LARGEST = 3
+"""Members of a group at most: more is no answer."""
+_BESIDE = 0.5  # probability of something outside, from which it is taken to be there
+
+
+@dataclass(frozen=True)
+class Weight:
+    """A hypothesis in numbers; outside: probability of something that no list holds beside it."""
+
+    base: tuple[str, str]
+    effects: frozenset[str]
+    log_posterior: float
+    outside: float
+
+
+@dataclass(frozen=True)
+class Decision:
+    """The verdict and what it is made of.
+
+    effects: named, the surest first; group: one of which is there, the likeliest first; inclusion:
+    of every effect; base: probability of every base; outside: that something unlisted is there;
+    told: place of the hypothesis that stands for the answer, the likeliest with just these effects.
+    """
+
+    verdict: str
+    effects: tuple[str, ...]
+    group: tuple[str, ...]
+    inclusion: dict[str, float]
+    base: dict[tuple[str, str], float]
+    outside: float
+    told: int
+
+    @property
+    def tried(self) -> tuple[str, ...]:
+        """Effects of the hypothesis told, if its verdict is none of `unexplained`."""
+        return (*self.effects, *self.group[:1])
+
+
+def decide(weights: Sequence[Weight], settings: Settings | None = None) -> Decision:
+    """Of all hypotheses seen, before what is told is tested: see `less` and `unless_sound`."""
+    settings = settings or Settings()
+    shares = softmax([weight.log_posterior for weight in weights])
+    pairs = list(zip(weights, shares.tolist(), strict=True))
+    inclusion = _summed((name, p) for w, p in pairs for name in w.effects)
+    base = _summed((w.base, p) for w, p in pairs)
+    outside = sum(p * w.outside for w, p in pairs)
+    named = tuple(name for name, p in inclusion.items() if p >= settings.named)
+    if outside > _BESIDE:
+        group: tuple[str, ...] = ()
+        verdict = "partly_explained" if named else "unexplained"
+    else:
+        group = _group(pairs, named, settings)
+        verdict = "ambiguous" if group else "missing_effect" if named else "adequate"
+    told = _told(weights, {*named, *group[:1]})
+    if verdict == "unexplained":
+        told = int(np.argmax(shares))
+    return Decision(verdict, named, group, inclusion, base, outside, told)
+
+
+def inside(decision: Decision, weights: Sequence[Weight], settings: Settings) -> Decision:
+    """As if nothing were outside: what the discrepancy takes passes as noise, or is small."""
+    listed = [replace(weight, outside=0.0) for weight in weights]
+    return replace(decide(listed, settings), outside=decision.outside)
+
+
+def less(decision: Decision, weights: Sequence[Weight], rising: Iterable[str]) -> Decision:
+    """First veto: effects with which tests left out are predicted worse are not named."""
+    worse = set(rising) & set(decision.tried)
+    if not worse:
+        return decision
+    named = tuple(name for name in decision.effects if name not in worse)
+    verdict = "missing_effect" if named else "adequate"
+    if decision.verdict in LEFT:
+        verdict = "partly_explained" if named else "unexplained"
+    told = _told(weights, set(named))
+    return replace(decision, verdict=verdict, effects=named, group=(), told=told)
+
+
+def unless_sound(decision: Decision, weights: Sequence[Weight], *, sound: bool) -> Decision:
+    """Second veto: what is told leaves structure that matters."""
+    if sound or decision.verdict in LEFT:
+        return decision
+    if decision.effects:
+        return replace(decision, verdict="partly_explained", group=())
+    told = int(np.argmax([weight.log_posterior for weight in weights]))
+    return replace(decision, verdict="unexplained", group=(), told=told)
+
+
+def _told(weights: Sequence[Weight], effects: set[str]) -> int:
+    """The likeliest hypothesis with just these effects; the likeliest of all if none was seen."""
+    logs = np.array([weight.log_posterior for weight in weights])
+    same = np.array([weight.effects == effects for weight in weights])
+    return int(np.argmax(np.where(same, logs, -np.inf) if same.any() else logs))
+
+
+def _summed(pairs: Iterable[tuple[Key, float]]) -> dict[Key, float]:
+    """Probabilities by key, the largest first."""
+    found: dict[Key, float] = {}
+    for key, share in pairs:
+        found[key] = found.get(key, 0.0) + share
+    return dict(sorted(found.items(), key=lambda item: -item[1]))
+
+
+def _group(
+    pairs: Sequence[tuple[Weight, float]], named: tuple[str, ...], settings: Settings
+) -> tuple[str, ...]:
+    """Smallest set of which one is there besides what is named, if something surely is."""
+    others = [(weight.effects - set(named), share) for weight, share in pairs]
+    if sum(share for rest, share in others if not rest) > 1.0 - settings.named:
+        return ()
+    group: list[str] = []
+    while len(group) < LARGEST:
+        held = sum(share for rest, share in others if rest & set(group))
+        if held >= settings.covered:
+            break
+        left = _summed((n, share) for rest, share in others if not rest & set(group) for n in rest)
+        if not left:
+            break
+        group.append(next(iter(left)))
+    return tuple(group)

@@ -1,0 +1,51 @@
+r"""What the hypothesis told leaves, as a smooth function of what the tests do.
+
+With the discrepancy's features B (`inference.features`) and the size s that is likeliest, the
+coefficients w ~ N(0, s^2) given the whitened residual r of the block means are normal,
+
+.. math:: C = (s^{-2} + B B^T)^{-1}, \quad \hat w = C B r,
+
+and the discrepancy at any sample is phi^T w. An alarm, not an explanation: it says nothing about
+what is missing, and must not be read as a correction of the material's constants.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qlvbayes.diagnosis.verdict import Work
+from qlvbayes.diagnosis.workbench import smooth
+from qlvbayes.inference.features import Places
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Band:
+    """The discrepancy at one test's samples (n,): mean and sd (N)."""
+
+    mean: Array
+    sd: Array
+
+
+def discrepancy(work: Work) -> list[Band]:
+    """Of every trial's samples; nothing where the likeliest size is none."""
+    samples, told = work.samples, work.told
+    size, point = told.mode.size, told.point
+    if size == 0.0:
+        return [Band(np.zeros(own.size), np.zeros(own.size)) for own in samples.rows]
+    features = smooth(work.experiment, samples.space.record.blocks)
+    shapes = work.search.density.discrepancy.shapes
+    precision = shapes @ shapes.T + np.eye(len(shapes)) / size**2
+    mean = np.linalg.solve(precision, shapes @ point.residual)
+    root = np.linalg.inv(np.linalg.cholesky(precision))
+    forces = samples.predict(told.hypothesis, point.constants[None])
+    found = []
+    for k, (trial, rows) in enumerate(zip(samples.trials, samples.rows, strict=True)):
+        places = Places.of(work.experiment, trial, k, trial.test.time[rows], forces[k][0])
+        own = features(places)
+        found.append(Band(mean @ own, np.sqrt(np.sum((root @ own) ** 2, axis=0))))
+    return found

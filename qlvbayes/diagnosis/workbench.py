@@ -1,0 +1,123 @@
+"""From a pad's tests and the user's choices to a search over hypotheses."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qlvbayes.checks import InputError
+from qlvbayes.choices import Choices
+from qlvbayes.diagnosis.protocol import protocol_of
+from qlvbayes.diagnosis.search import Search, Tell
+from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.effects.catalogue import EFFECTS
+from qlvbayes.effects.effect import AbstractEffect
+from qlvbayes.experiment import Experiment
+from qlvbayes.inference.density import Density
+from qlvbayes.inference.discrepancy import Discrepancy
+from qlvbayes.inference.features import Features, Places
+from qlvbayes.inference.floor_covariance import LEAST_NOISE
+from qlvbayes.inference.space import Hypothesis, Space, in_natural_amplitude
+from qlvbayes.inference.whitening import Whitener
+from qlvbayes.laws.elastic.law import AbstractElastic
+from qlvbayes.laws.relaxation.law import AbstractRelaxation
+from qlvbayes.laws.relaxation.prony import Prony
+from qlvbayes.model import Model
+from qlvbayes.noise import AbstractGaussian
+from qlvbayes.records.record import Blocks
+
+Array = NDArray[np.float64]
+
+
+def as_chosen(experiment: Experiment, choices: Choices) -> Experiment:
+    """The experiment with a history and a noise floor as the user wants them taken."""
+    floor = experiment.floor
+    if choices.noise == "white":
+        floor = replace(floor, white=floor.total, ou=0.0)
+    return replace(experiment, rested=choices.rested, floor=floor)
+
+
+def search_of(
+    experiment: Experiment,
+    choices: Choices | None = None,
+    *,
+    kinds: Sequence[type[AbstractEffect]] = EFFECTS,
+    settings: Settings | None = None,
+    tell: Tell = lambda text: None,
+) -> Search:
+    """A search, not begun yet, over every law and effect that these tests can speak of.
+
+    Effects made of a velocity or an acceleration that the records do not give are left out. Raises
+    InputError where the noise model chosen is not Gaussian.
+    """
+    choices, settings = choices or Choices(), settings or Settings()
+    experiment = as_chosen(experiment, choices)
+    model, noise = choices.build(experiment.scales)
+    if not isinstance(noise, AbstractGaussian):
+        raise InputError(
+            "the diagnosis needs normal noise", remedy="use --noise correlated or --noise white"
+        )
+    space = _space(experiment, choices, model, kinds)
+    peak, blocks = experiment.scales.force, space.record.blocks
+    whitener = Whitener.of(experiment.floor, blocks, LEAST_NOISE * peak)
+    shapes = smooth(experiment, blocks)(_places(experiment, blocks))
+    full = np.zeros((len(shapes), *np.asarray(blocks.real).shape))
+    full[:, np.asarray(blocks.real)] = shapes
+    discrepancy = Discrepancy.of(whitener(full), peak, settings.tolerance)
+    names = frozenset(effect.name for effect in model.effects)
+    usual = Hypothesis(choices.law, choices.relaxing, names)
+    return Search(Density(space, whitener, discrepancy), settings, usual, tell)
+
+
+def smooth(experiment: Experiment, blocks: Blocks) -> Features:
+    """Features of smooth functions, by the places of block means."""
+    return Features.of(_places(experiment, blocks))
+
+
+def _places(experiment: Experiment, blocks: Blocks) -> Places:
+    force, first, last, real = (
+        np.asarray(x) for x in (blocks.force, blocks.first, blocks.last, blocks.real)
+    )
+    return Places.joined(
+        [
+            Places.of(experiment, trial, k, 0.5 * (first + last)[k, real[k]], force[k, real[k]])
+            for k, trial in enumerate(experiment.trials)
+        ]
+    )
+
+
+def _space(
+    experiment: Experiment,
+    choices: Choices,
+    model: Model,
+    kinds: Sequence[type[AbstractEffect]],
+) -> Space:
+    """Laws and effects with their priors: the user's own, and all others' defaults."""
+    scales = experiment.scales
+    protocol = protocol_of(experiment, bonded=choices.bonded)
+    effects = {effect.name: effect for effect in model.effects}
+    for kind in kinds:
+        pointless = choices.bonded and kind.name == "adhesion"
+        if kind.name not in effects and kind.unmeasured(protocol) is None and not pointless:
+            effects[kind.name] = kind.default(scales)
+    elastic: dict[str, AbstractElastic] = {
+        kind.name: kind.default(scales) for kind in choices.laws.elastic
+    }
+    relaxation: dict[str, AbstractRelaxation] = {
+        kind.name: kind.default(scales) for kind in choices.laws.relaxation if kind is not Prony
+    }
+    # a Prony series of the user's own number of modes only: one more is an effect
+    relaxation[f"prony:{choices.modes}"] = Prony.of_modes(scales, choices.modes)
+    elastic[choices.law] = model.elastic
+    relaxation[choices.relaxing] = model.relaxation
+    return Space(
+        experiment.record(experiment.trials),
+        elastic,
+        relaxation,
+        {name: in_natural_amplitude(effect) for name, effect in effects.items()},
+        experiment.noise_at_rest,
+        choices.bonded,
+    )

@@ -1,1 +1,0 @@
-"""Hypotheses about what a specimen is and what the model lacks: weighed, searched, decided."""
