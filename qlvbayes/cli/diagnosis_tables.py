@@ -47,8 +47,7 @@ def ranking_table(found: Diagnosis, unit: str) -> Table:
 
 def _model(stage: Stage, first: Stage) -> str:
     """Its laws, where they are not those chosen, and its effects."""
-    other = [law for law, own in zip(stage.base, first.base, strict=True) if law != own]
-    return " + ".join((", ".join(other) or "QLV", *stage.effects))
+    return " + ".join((", ".join(stage.other_laws(first)) or "QLV", *stage.effects))
 
 
 def _figures(ranked: Ranked) -> tuple[str, str, str]:

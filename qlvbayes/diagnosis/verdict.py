@@ -99,6 +99,10 @@ class Stage:
     failing: tuple[tuple[str, str], ...]
     parameters: dict[str, Estimate]
 
+    def other_laws(self, first: Stage) -> list[str]:
+        """Base laws that an earlier stage has not."""
+        return [law for law, own in zip(self.base, first.base, strict=True) if law != own]
+
 
 @dataclass(frozen=True)
 class NotRuledOut:

@@ -6,7 +6,7 @@ import math
 
 from qlvbayes.diagnosis.samples import CellError
 from qlvbayes.diagnosis.sensitivity import Bend
-from qlvbayes.diagnosis.verdict import Base, Diagnosis, Ranked, Stage
+from qlvbayes.diagnosis.verdict import Base, Diagnosis, Stage
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.units import UnitSystem
 from qlvbayes.wording import joined, plain
@@ -41,7 +41,7 @@ def paragraphs(diagnosis: Diagnosis) -> list[str]:
     text += _next_test(diagnosis)
     text += _unseen(diagnosis)
     text += _bent(diagnosis)
-    return text + [f"{one[0].upper()}{one[1:]}." for one in diagnosis.notices]
+    return text + [f"{_upper(one)}." for one in diagnosis.notices]
 
 
 def _units(diagnosis: Diagnosis) -> UnitSystem:
@@ -79,7 +79,7 @@ def _named(d: Diagnosis) -> str:
     """Effects with their values, and what one sees of them."""
     last = d.stages[-1]
     named = joined([_with_value(effect, last) for effect in d.effects])
-    seen = " ".join(f"{_effect(d, e).seen[0].upper()}{_effect(d, e).seen[1:]}." for e in d.effects)
+    seen = " ".join(f"{_upper(_effect(d, e).seen)}." for e in d.effects)
     return f"{named}. {seen}"
 
 
@@ -253,10 +253,9 @@ def _sureness(d: Diagnosis) -> str:
 def _runner_up(d: Diagnosis) -> list[str]:
     """The likeliest effect that is not named."""
     taken = {*d.tried, *d.group, "none"}
-    best = next((r for r in d.ranking if r.effect not in taken), None)
-    if best is None:
+    rival = next((r for r in d.ranking if r.effect not in taken), None)
+    if rival is None:
         return []
-    rival: Ranked = best
     return [
         f"Next of the list: {rival.effect}, there with a probability of "
         f"{_percent(rival.inclusion)}; with it the model leaves {plain(rival.rmse)} "

@@ -160,6 +160,5 @@ def _change(before: Stage, after: Stage, most: int) -> str:
     dropped = [name for name in before.effects if name not in after.effects]
     lines = [f"+ {broken(name, most)}" for name in added]
     lines += [f"− {broken(name, most)}" for name in dropped]
-    laws = zip(before.base, after.base, strict=True)
-    lines += [broken(law, most) for other, law in laws if law != other]
+    lines += [broken(law, most) for law in after.other_laws(before)]
     return "\n".join(lines)

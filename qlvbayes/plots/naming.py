@@ -41,8 +41,7 @@ def _found(diagnosis: Diagnosis) -> str:
 
 def _on_laws(diagnosis: Diagnosis) -> str:
     """The base laws, where they are not those chosen."""
-    first, last = diagnosis.stages[0].base, diagnosis.stages[-1].base
-    other = [law for law, chosen in zip(last, first, strict=True) if law != chosen]
+    other = diagnosis.stages[-1].other_laws(diagnosis.stages[0])
     return f", by {' and '.join(other)}" if other else ""
 
 

@@ -106,11 +106,11 @@ def besides(found: dict) -> str:
 
 def _on_laws(found: dict) -> str:
     """The base laws, where they are not those chosen."""
-    changed = _changed(found["steps"][0], found["steps"][-1])
+    changed = changed_laws(found["steps"][0], found["steps"][-1])
     return f", with other laws than were chosen: {joined(changed)}" if changed else ""
 
 
-def _changed(first: dict, last: dict) -> list[str]:
+def changed_laws(first: dict, last: dict) -> list[str]:
     """Laws of one step that an earlier one has not."""
     base, chosen = last.get("base") or {}, first.get("base") or {}
     return [base[key] for key in base if base[key] != chosen.get(key)]
@@ -150,7 +150,7 @@ def _bars(found: dict, unit: str) -> tuple[Bar, ...]:
     kind = "after" if found["verdict"] == "adequate" else "before"
     rows = [("plain model", first[error], kind)]
     added = [e for e in last["effects"] if e not in first["effects"]]
-    changed = [*_changed(first, last), *added]
+    changed = [*changed_laws(first, last), *added]
     if changed:
         rows.append((f"with {' + '.join(changed)}", last[error], "after"))
     if first["effects"]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from qlvbayes.report.boxes import seen, verdict_line
+from qlvbayes.report.boxes import changed_laws, seen, verdict_line
 from qlvbayes.report.collect import PadResults
 from qlvbayes.report.numbers import number, percent, with_unit
 
@@ -93,9 +93,7 @@ def _step(step: dict, first: dict, noise: float) -> Step:
 
 def _model(step: dict, first: dict) -> str:
     """Its laws, where they are not those chosen, and its effects."""
-    base, chosen = step.get("base") or {}, first.get("base") or {}
-    other = [base[key] for key in base if base[key] != chosen.get(key)]
-    return " + ".join((", ".join(other) or "plain model", *step["effects"]))
+    return " + ".join((", ".join(changed_laws(first, step)) or "plain model", *step["effects"]))
 
 
 def _hypothesis(entry: dict, named: set[str]) -> Hypothesis:
