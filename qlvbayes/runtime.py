@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import jax
+from threadpoolctl import threadpool_limits
 
 _MAPPINGS = Path("/proc/self/maps")
 _MANY = 20_000  # of the 65 530 that Linux allows a process; LLVM stops it beyond
@@ -35,6 +37,16 @@ def configure() -> None:
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", 0)
+
+
+def one_blas_thread() -> AbstractContextManager[object]:
+    """Keep BLAS to one thread inside a ``with``.
+
+    Matrices here have at most some hundred rows: a second thread costs more than it brings, and
+    waits on the cores that compute forces.
+    """
+    limits: AbstractContextManager[object] = threadpool_limits(limits=1, user_api="blas")
+    return limits
 
 
 def forget_compiled() -> None:

@@ -16,7 +16,7 @@ from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.experiment import Experiment
 from qlvbayes.pulling import pull_notices
-from qlvbayes.runtime import forget_compiled
+from qlvbayes.runtime import forget_compiled, one_blas_thread
 
 EVIDENCES = ("laplace", "nested")
 
@@ -40,9 +40,10 @@ def diagnose(
     choices = choices or Choices()
     experiment = as_chosen(experiment, choices)
     forget_compiled()
-    search = search_of(experiment, choices, kinds=kinds, settings=settings, tell=tell)
-    search.run()
-    found = summed_up(experiment, search, kinds, choices.bonded, tell)
+    with one_blas_thread():
+        search = search_of(experiment, choices, kinds=kinds, settings=settings, tell=tell)
+        search.run()
+        found = summed_up(experiment, search, kinds, choices.bonded, tell)
+        sampled = nested_audit(search, seed, tell) if evidence == "nested" else ()
     notices = pull_notices(experiment, bonded=choices.bonded, effects=choices.effects)
-    sampled = nested_audit(search, seed, tell) if evidence == "nested" else ()
     return replace(found, nested=sampled, notices=(*notices, *found.notices))

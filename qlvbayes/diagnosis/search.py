@@ -64,8 +64,7 @@ class Weighed:
 class _Start:
     """Where a hypothesis is to be optimised from, and what its evidence promises to be there."""
 
-    hypothesis: Hypothesis
-    theta: Array
+    point: Point
     log_evidence: float
 
 
@@ -135,10 +134,11 @@ class Search:
         grown.add(hypothesis)
         self.tell(f"effects beside {described(hypothesis)}")
         if len(self.added(hypothesis)) < _MOST_EFFECTS:
-            added = [name for name in self.density.space.effects if name not in hypothesis.effects]
-            starts = [start for name in added for start in self._promising(hypothesis, name)]
+            others = [name for name in self.density.space.effects if name not in hypothesis.effects]
+            starts = [start for name in others for start in self._promising(hypothesis, name)]
             for one in sorted(starts, key=lambda one: -one.log_evidence):
-                self._keep(one.hypothesis, self._optimised(one.hypothesis, [one.theta]))
+                added = one.point.own.hypothesis
+                self._keep(added, self._optimised(added, [one.point]))
         for name in self.added(hypothesis):
             self.see_without(hypothesis, name)
 
@@ -191,7 +191,7 @@ class Search:
                 point = self.density.at(hypothesis, theta)
                 if point is not None:
                     log = evidence(self.density, point, linear=True).log
-                    found.append(_Start(hypothesis, theta, log))
+                    found.append(_Start(point, log))
         return sorted(found, key=lambda one: -one.log_evidence)[:_FOLLOWED]
 
     def see_without(self, base: Hypothesis, effect: str) -> None:
@@ -224,7 +224,10 @@ class Search:
         self._keep(hypothesis, self._optimised(hypothesis, [*starts, mixed]))
 
     def _optimised(
-        self, hypothesis: Hypothesis, starts: Iterable[Array], sizes: Iterable[float] | None = None
+        self,
+        hypothesis: Hypothesis,
+        starts: Iterable[Array | Point],
+        sizes: Iterable[float] | None = None,
     ) -> list[Mode]:
         """From some places, with a discrepancy of some size (N) at first, by default none."""
         pairs = zip(starts, repeat(0.0) if sizes is None else sizes, strict=False)

@@ -14,8 +14,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
-from typing import NamedTuple
+from functools import cached_property, partial
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -38,9 +38,9 @@ _STEP = 1e-5  # of a natural length, over which a slope is taken: half a float64
 
 
 class Terms(NamedTuple):
-    """Loss, gradient (F,) and curvature (F, F) over the free numbers."""
+    """Loss, gradient (F,) and curvature (F, F) over the free numbers; or of S sizes at once."""
 
-    loss: float
+    loss: Any
     gradient: Array
     curvature: Array
 
@@ -76,13 +76,13 @@ class Point:
     def _products(self) -> tuple[Array, Array]:
         return self.jacobian @ self.residual, self.jacobian @ self.jacobian.T
 
-    def terms(self, taken: Array, log_volume: float) -> Terms:
-        """With shares (M,) of each axis taken by a discrepancy; log_volume: ln|Q^-1|."""
+    def terms(self, taken: Array, log_volume: Any) -> Terms:
+        """With shares (..., M) of each axis taken by a discrepancy; log_volume (...): ln|Q^-1|."""
         slope, information = self._products
         own = self.jacobian_parts
-        loss = 0.5 * (self.squares - float(taken @ self.parts**2) + log_volume)
-        gradient = -(slope - own @ (taken * self.parts))
-        curvature = information - (own * taken) @ own.T
+        loss = 0.5 * (self.squares - taken @ self.parts**2 + log_volume)
+        gradient = (taken * self.parts) @ own.T - slope
+        curvature = information - (taken[..., None, :] * own) @ own.T
         return Terms(
             loss + self.prior.loss,
             gradient + self.prior.gradient,
@@ -166,8 +166,13 @@ class Density:
     def terms(self, point: Point, size: float) -> Terms:
         """At a size (N) of the discrepancy."""
         own = self.discrepancy
-        volume = float(np.log1p(size**2 * own.strengths).sum())
-        return point.terms(own.taken(size), volume)
+        return point.terms(own.taken(size), own.log_volume(size))
+
+    def terms_by_size(self, point: Point) -> Terms:
+        """At each of the discrepancy's S sizes."""
+        own = self.discrepancy
+        sizes = own.sizes[:, None]
+        return point.terms(own.taken(sizes), own.log_volume(sizes))
 
     def likeliest_size(self, point: Point) -> float:
         """Size (N) of highest density at a place."""
@@ -187,19 +192,20 @@ def _prior(own: Parameters, theta: Array) -> Terms:
             gradient[here] = (number - leaf.prior.mean) / leaf.prior.sd**2
             curvature[here, here] = 1.0 / leaf.prior.sd**2
             continue
-        log, first, second = map(np.asarray, _log_prior(leaf.prior, theta[here]))
+        log, first, second = map(np.asarray, _log_prior(*leaf.flat, theta[here]))
         loss -= float(log)
         gradient[here] = -first
         curvature[here, here] = positive_part(-second)
     return Terms(loss, gradient, curvature)
 
 
-@jax.jit
-def _log_prior(prior: AbstractPrior, numbers: JaxArray) -> tuple[JaxArray, ...]:
-    """Log density and its two derivatives at numbers (size,)."""
+@partial(jax.jit, static_argnums=0)
+def _log_prior(structure: Any, prior: tuple[Array, ...], numbers: JaxArray) -> tuple[JaxArray, ...]:
+    """Log density and its two derivatives at numbers (size,), by a flattened prior."""
+    whole: AbstractPrior = jax.tree.unflatten(structure, prior)
 
     def log(x: JaxArray) -> JaxArray:
-        return jnp.sum(prior.constrain(x)[1])
+        return jnp.sum(whole.constrain(x)[1])
 
     slope = jax.jacfwd(log)
     return log(numbers), slope(numbers), jax.jacfwd(slope)(numbers)

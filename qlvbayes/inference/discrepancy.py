@@ -16,6 +16,7 @@ for.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,9 +64,13 @@ class Discrepancy:
         fewer = Discrepancy.of(self.shapes[:, rows], self.peak, 1.0)
         return Discrepancy(fewer.shapes, fewer.axes, fewer.strengths, self.sizes, self.log_prior)
 
-    def taken(self, size: float) -> Array:
-        """(M',) share k_m of each axis that a discrepancy of this size (N) takes."""
+    def taken(self, size: float | Array) -> Array:
+        """(..., M') share k_m of each axis that a discrepancy of a size (..., 1) (N) takes."""
         return 1.0 - 1.0 / (1.0 + size**2 * self.strengths)
+
+    def log_volume(self, size: float | Array) -> Any:
+        """(...) sum of ln(1 + s^2 lambda_m) at a size (..., 1) (N)."""
+        return np.log1p(size**2 * self.strengths).sum(axis=-1)
 
     def losses(self, squares: Array) -> Array:
         """(S,) what every size adds to the loss |r|^2/2 of squares (M',) of a residual's parts."""

@@ -7,7 +7,9 @@ derivative that would serve better, and half as much is traced and compiled.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar, Self
@@ -31,6 +33,8 @@ Array = NDArray[np.float64]
 
 TOGETHER = 4
 """Sets of constants come in multiples of this, so that few sizes are compiled."""
+_AT_ONCE = ThreadPoolExecutor(min(4, os.cpu_count() or 1), thread_name_prefix="force")
+"""XLA runs a force on one core and lets Python go on meanwhile: so do several at once."""
 FEW = 4
 """Modes up to which a spectrum counts as short, and runs in a model of its own."""
 
@@ -125,6 +129,7 @@ class Engine:
     effects: tuple[AbstractEffect, ...]
     bonded: bool
     _models: dict[tuple[int, frozenset[str]], Model] = field(default_factory=dict)
+    _compiled: set[Any] = field(default_factory=set)
 
     @cached_property
     def width(self) -> int:
@@ -168,12 +173,16 @@ class Engine:
         if (lanes, names) not in self._models:
             self._models[lanes, names] = self._model(lanes, kept)
         model = self._models[lanes, names]
-        found = []
-        for begin in range(0, len(own), TOGETHER):
-            some = own[begin : begin + TOGETHER]
-            full = filled_up(some)
-            found.append(np.asarray(_forces(model, record, which, full))[: len(some)])
-        return np.concatenate(found)
+        parts = np.split(filled_up(own), range(TOGETHER, len(own), TOGETHER))
+
+        def run(part: Array) -> Array:
+            return np.asarray(_forces(model, record, which, part))
+
+        kind = (lanes, names, np.shape(record.blocks.force))
+        if kind in self._compiled:
+            return np.concatenate(list(_AT_ONCE.map(run, parts)))[: len(own)]
+        self._compiled.add(kind)  # by one thread only: each would compile it for itself
+        return np.concatenate([run(part) for part in parts])[: len(own)]
 
     def _model(self, lanes: int, effects: Sequence[AbstractEffect]) -> Model:
         """With empty numbers."""

@@ -17,16 +17,16 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.special import log_ndtr, logsumexp
 
-from qlvbayes.inference.density import Density, Point
+from qlvbayes.inference.density import Density, Point, Terms
 from qlvbayes.inference.modes import bounded_step, promised
 
 Array = NDArray[np.float64]
 
 
 _FAR = 2.0  # log density below a mode, from which nothing normal can be laid about a place
+_SINGULAR = 1e-14  # least eigenvalue of a scaled curvature that is told from nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,43 +53,37 @@ def evidence(density: Density, point: Point, *, linear: bool = False) -> Evidenc
     the place itself, which says too little.
     """
     lowest, length, own = point.own.lowest, point.own.length, point.theta
-    logs, best = [], (-math.inf, own, np.eye(own.size))
+    log_prior = density.discrepancy.log_prior
     here = density.terms(point, density.likeliest_size(point))
     step = bounded_step(here, 0.0, lowest - own, length)
-    still = not linear and promised(here, step) > _FAR
-    for size, log_prior in zip(
-        density.discrepancy.sizes, density.discrepancy.log_prior, strict=True
-    ):
-        found = _normal(density, point, float(size), lowest - own, still)
-        log = -math.inf
-        if found is not None:
-            log, shift, covariance = found[0] + log_prior, found[1], found[2]
-            if log > best[0]:
-                best = (log, own + shift, covariance)
-        logs.append(log)
-    return Evidence(float(logsumexp(logs)), np.array(logs), best[1], best[2])
-
-
-def _normal(
-    density: Density, point: Point, size: float, room: Array, still: bool
-) -> tuple[float, Array, Array] | None:
-    """Log evidence at one size, and the normal's mean (from the point) and covariance.
-
-    still: the mean is the point.
-    """
-    terms = density.terms(point, size)
-    if still:
+    terms = density.terms_by_size(point)
+    if not linear and promised(here, step) > _FAR:
         terms = terms._replace(gradient=np.zeros_like(terms.gradient))
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(terms.curvature), 1e-300))
-    try:
-        factor = cho_factor(terms.curvature * np.outer(scale, scale), lower=True)
-    except LinAlgError:
-        return None
-    inverse = cho_solve(factor, np.eye(scale.size)) * np.outer(scale, scale)
-    shift = -inverse @ terms.gradient
-    log_det = 2.0 * float(np.log(np.diag(factor[0])).sum() - np.log(scale).sum())
-    log = -terms.loss - 0.5 * float(terms.gradient @ shift)
-    log += 0.5 * (scale.size * math.log(2.0 * math.pi) - log_det)
+    logs, shifts, covariances = _normals(terms, lowest - own)
+    logs += log_prior
+    best = int(np.argmax(logs))
+    if not math.isfinite(logs[best]):
+        return Evidence(-math.inf, logs, own, np.eye(own.size))
+    return Evidence(float(logsumexp(logs)), logs, own + shifts[best], covariances[best])
+
+
+def _normals(terms: Terms, room: Array) -> tuple[Array, Array, Array]:
+    """Log evidence (S,) of terms of S sizes, normals' means (from the point) and covariances.
+
+    Minus infinity where the curvature is not positive definite.
+    """
+    count = terms.gradient.shape[-1]
+    diagonal = np.maximum(np.einsum("sff->sf", terms.curvature), 1e-300)
+    scale = np.sqrt(diagonal[:, :, None] * diagonal[:, None, :])
+    values, vectors = np.linalg.eigh(terms.curvature / scale)
+    sound = values[:, 0] > _SINGULAR
+    values = np.where(sound[:, None], values, 1.0)
+    inverse = (vectors / values[:, None, :]) @ vectors.transpose(0, 2, 1) / scale
+    shift = -np.einsum("sfg,sg->sf", inverse, terms.gradient)
+    log_det = np.log(values).sum(axis=1) + np.log(diagonal).sum(axis=1)
+    log = -terms.loss - 0.5 * np.einsum("sf,sf->s", terms.gradient, shift)
+    log += 0.5 * (count * math.log(2.0 * math.pi) - log_det)
     bounded = np.isfinite(room)
-    inside = (shift - room)[bounded] / np.sqrt(np.diag(inverse)[bounded])
-    return log + float(log_ndtr(inside).sum()), shift, inverse
+    sds = np.sqrt(np.einsum("sff->sf", inverse)[:, bounded])
+    log += log_ndtr((shift - room)[:, bounded] / sds).sum(axis=1)
+    return np.where(sound, log, -math.inf), shift, inverse

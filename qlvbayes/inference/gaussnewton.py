@@ -146,6 +146,8 @@ def positive_part(matrix: np.ndarray) -> np.ndarray:
     """Symmetric part with negative eigenvalues taken as 0; 0 where the density has overflowed."""
     if not np.isfinite(matrix).all():
         return np.zeros_like(matrix)
+    if matrix.size == 1:
+        return np.maximum(matrix, 0.0)
     values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
     return (vectors * np.maximum(values, 0.0)) @ vectors.T
 

@@ -48,18 +48,18 @@ class Mode:
 def find_mode(
     density: Density,
     hypothesis: Hypothesis,
-    start: Array,
+    start: Array | Point,
     worth: float = np.inf,
     enough: float = _ENOUGH,
     size: float = 0.0,
 ) -> Mode | None:
-    """Levenberg-Marquardt from theta (F,), then on at the discrepancy's likeliest size.
+    """Levenberg-Marquardt from theta (F,) or a point, then on at the discrepancy's likeliest size.
 
     size: of the discrepancy (N) at first; from far away none, as it would take what the force has
     not yet been fitted to. None: not finite. worth: a loss; what does not promise to reach it is
     given up on its way; enough: rise of the log density that a step must promise.
     """
-    point = density.at(hypothesis, start)
+    point = start if isinstance(start, Point) else density.at(hypothesis, start)
     if point is None:
         return None
     lowest, length = point.own.lowest, point.own.length

@@ -6,9 +6,10 @@ by one `Engine`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import equinox as eqx
@@ -59,6 +60,17 @@ class Leaf:
     theta: range
     constants: range
 
+    @cached_property
+    def flat(self) -> tuple[Any, tuple[Array, ...]]:
+        """The prior's structure and numbers: JAX takes them faster than the prior itself."""
+        numbers, structure = jax.tree.flatten(self.prior)
+        return structure, tuple(np.asarray(number, dtype=float) for number in numbers)
+
+    def values(self, thetas: Array) -> Array:
+        """(K, ...) values of rows of all free numbers (K, F), K a multiple of ``TOGETHER``."""
+        own = thetas[:, self.theta.start : self.theta.stop]
+        return own if isinstance(self.prior, Natural) else np.asarray(_value(*self.flat, own))
+
 
 @dataclass(frozen=True, eq=False)
 class Parameters:
@@ -86,7 +98,7 @@ class Parameters:
                 fixed.append(np.ravel(leaf))
                 constants += fixed[-1].size
                 continue
-            count = int(np.size(np.asarray(_value(leaf, np.zeros((1, leaf.size))))))
+            count = int(np.prod(value_shape(leaf), dtype=int))
             places = range(theta, theta + leaf.size), range(constants, constants + count)
             leaves.append(Leaf(leaf, *places))
             low, step = (leaf.lowest, leaf.sd) if isinstance(leaf, Natural) else (-np.inf, 1.0)
@@ -114,8 +126,8 @@ class Parameters:
         full = filled_up(thetas)
         found = np.tile(self.fixed, (len(full), 1))
         for leaf in self.leaves:
-            values = np.asarray(_value(leaf.prior, full[:, leaf.theta.start : leaf.theta.stop]))
-            found[:, list(leaf.constants)] = values.reshape(len(full), -1)
+            here = slice(leaf.constants.start, leaf.constants.stop)
+            found[:, here] = leaf.values(full).reshape(len(full), -1)
         return found[:count]
 
 
@@ -176,42 +188,54 @@ class Space:
 
     def _rows(self, hypothesis: Hypothesis, constants: Array) -> tuple[Array, int]:
         """(K, R) rows of the engine, and their lanes."""
-        law, relaxation = self.elastic[hypothesis.elastic], self.relaxation[hypothesis.relaxation]
-        count = len(jax.tree.leaves(_emptied(law)))
+        count = self._counts[hypothesis.elastic]
         elastic = np.zeros((len(constants), self.engine.width))
         elastic[:, :count] = constants[:, :count]
         shapes = self._shapes[hypothesis.relaxation]
-        fractions, rates = _spectra(relaxation, shapes, constants[:, count:])
+        structure = self._structures[hypothesis.relaxation]
+        fractions, rates = _spectra(structure, shapes, constants[:, count:])
         lanes = FEW if rates.shape[1] <= FEW else self._many
         missing = lanes - rates.shape[1]
         fractions = np.pad(fractions, ((0, 0), (0, missing)))
         rates = np.pad(rates, ((0, 0), (0, missing)), constant_values=1.0)
         slots = self.engine.slots
-        effects = np.zeros((len(constants), sum(len(slot) for slot in slots.values())))
-        for name, slot in slots.items():
-            if name not in hypothesis.effects:
-                effects[:, list(slot)] = self._null(name)
-        start = count + sum(int(np.prod(shape, dtype=int)) for shape in shapes)
+        effects = np.tile(self._null, (len(constants), 1))
+        start = count + sum(math.prod(shape) for shape in shapes)
         for name in sorted(hypothesis.effects, key=lambda name: slots[name].start):
             width = len(slots[name])
-            effects[:, list(slots[name])] = constants[:, start : start + width]
+            effects[:, slots[name].start : slots[name].stop] = constants[:, start : start + width]
             start += width
         return np.concatenate([elastic, fractions, rates, effects], axis=1), lanes
 
-    def _null(self, name: str) -> Array:
-        """Constants at which an effect vanishes; its others are of no account, but finite."""
-        effect = self.effects[name]
-        fields = list(effect.units)
-        return np.array([effect.null.get(field, 1.0) for field in fields])
+    @cached_property
+    def _null(self) -> Array:
+        """Constants at which all effects vanish; their others are of no account, but finite."""
+        found = np.zeros(sum(len(slot) for slot in self.engine.slots.values()))
+        for name, slot in self.engine.slots.items():
+            effect = self.effects[name]
+            found[list(slot)] = [effect.null.get(field, 1.0) for field in effect.units]
+        return found
+
+    @cached_property
+    def _counts(self) -> dict[str, int]:
+        """Constants of each elastic law."""
+        return {name: len(jax.tree.leaves(_emptied(law))) for name, law in self.elastic.items()}
+
+    @cached_property
+    def _structures(self) -> dict[str, Any]:
+        """Of the relaxations, a prior a leaf."""
+        return {
+            name: jax.tree.structure(law, is_leaf=is_prior) for name, law in self.relaxation.items()
+        }
 
     @cached_property
     def _many(self) -> int:
         """Modes of the longest spectrum: all that are not short run as if they were as long."""
         counts = []
-        for name, law in self.relaxation.items():
-            structure = jax.tree.structure(law, is_leaf=is_prior)
+        for name in self.relaxation:
             leaves = [jax.ShapeDtypeStruct(shape, float) for shape in self._shapes[name]]
-            found = jax.eval_shape(_spectrum_of, jax.tree.unflatten(structure, leaves))
+            whole = jax.tree.unflatten(self._structures[name], leaves)
+            found = jax.eval_shape(_spectrum_of, whole)
             counts.append(found[1].shape[0])
         return max(counts)
 
@@ -267,20 +291,19 @@ def _emptied(part: Any) -> Any:
 
 
 def _spectra(
-    relaxation: AbstractRelaxation, shapes: list[tuple[int, ...]], constants: Array
+    structure: Any, shapes: list[tuple[int, ...]], constants: Array
 ) -> tuple[Array, Array]:
     """Fractions (K, L + 1) and rates (K, L) of constants (K, ...) that begin with the law's.
 
-    shapes: of the relaxation's fields.
+    structure, shapes: of the relaxation and its fields.
     """
-    structure = jax.tree.structure(relaxation, is_leaf=is_prior)
     filled, start = [], 0
     for size in shapes:
-        count = int(np.prod(size, dtype=int))
+        count = math.prod(size)
         part = constants[:, start : start + count].reshape(len(constants), *size)
         filled.append(filled_up(part))
         start += count
-    fractions, rates = _spectrum(jax.tree.unflatten(structure, filled))
+    fractions, rates = _spectrum(structure, tuple(filled))
     return np.asarray(fractions)[: len(constants)], np.asarray(rates)[: len(constants)]
 
 
@@ -288,15 +311,16 @@ def _spectrum_of(relaxation: AbstractRelaxation) -> tuple[JaxArray, JaxArray]:
     return relaxation.spectrum()
 
 
-@jax.jit
-def _spectrum(relaxations: AbstractRelaxation) -> tuple[JaxArray, JaxArray]:
-    return jax.vmap(_spectrum_of)(relaxations)
+@partial(jax.jit, static_argnums=0)
+def _spectrum(structure: Any, constants: tuple[Array, ...]) -> tuple[JaxArray, JaxArray]:
+    return jax.vmap(_spectrum_of)(jax.tree.unflatten(structure, constants))
 
 
-@jax.jit
-def _value(prior: AbstractPrior, numbers: JaxArray) -> JaxArray:
-    """(K, ...) values of numbers (K, size)."""
-    return jax.vmap(lambda x: prior.constrain(x)[0])(numbers)
+@partial(jax.jit, static_argnums=0)
+def _value(structure: Any, prior: tuple[Array, ...], numbers: JaxArray) -> JaxArray:
+    """(K, ...) values of numbers (K, size), by a flattened prior."""
+    whole: AbstractPrior = jax.tree.unflatten(structure, prior)
+    return jax.vmap(lambda x: whole.constrain(x)[0])(numbers)
 
 
 @jax.jit
