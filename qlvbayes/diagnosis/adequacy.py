@@ -38,7 +38,7 @@ from scipy.stats import chi2
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.experiment import Experiment, Trial
 from qlvbayes.inference.density import Point
-from qlvbayes.inference.floor_covariance import LEAST_NOISE, covariance
+from qlvbayes.inference.floor_covariance import covariance
 from qlvbayes.kinematics.phases import Phase
 from qlvbayes.noisefloor import NoiseFloor
 from qlvbayes.records.record import Blocks, Record
@@ -89,12 +89,12 @@ def adequacy(experiment: Experiment, record: Record, point: Point) -> Adequacy:
     cells, curves = cell_curves(experiment.trials, record.blocks)
     slopes = point.responses[np.any(point.responses != 0.0, axis=(1, 2))]
     vectors = np.concatenate([residual[None], slopes, curves])
-    least = LEAST_NOISE * experiment.scales.force
+    peak = experiment.scales.force
     tests = _tests(record.blocks)
     floors, weights = experiment.floor.weighted(_DRAWS)
     found = []
     for floor in floors:
-        products = _products(floor, tests, vectors, least)
+        products = _products(floor, tests, vectors, peak)
         found.append(_p_values(products, len(slopes), [rows for _, rows in cells]))
     cell_ps = np.average([ps for ps, _, _ in found], axis=0, weights=weights)
     joint, both = np.average([one[1:] for one in found], axis=0, weights=weights)
@@ -136,13 +136,13 @@ def _tests(blocks: Blocks) -> list[tuple[np.ndarray, Blocks]]:
 
 
 def _products(
-    floor: NoiseFloor, tests: list[tuple[np.ndarray, Blocks]], vectors: np.ndarray, least: float
+    floor: NoiseFloor, tests: list[tuple[np.ndarray, Blocks]], vectors: np.ndarray, peak: float
 ) -> np.ndarray:
     """(M, M) products v^T Sigma^-1 w of vectors (M, T, B) under a floor."""
     total = np.zeros((len(vectors), len(vectors)))
     for k, (real, of_test) in enumerate(tests):
         some = np.flatnonzero(np.any(vectors[:, k, real] != 0.0, axis=1))
-        root = cholesky(covariance(floor, of_test, least), lower=True, check_finite=False)
+        root = cholesky(covariance(floor, of_test, peak), lower=True, check_finite=False)
         white = solve_triangular(root, vectors[some, k][:, real].T, lower=True, check_finite=False)
         total[np.ix_(some, some)] += white.T @ white
     return total

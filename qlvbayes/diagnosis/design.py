@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from qlvbayes.diagnosis.search import Weighed
 from qlvbayes.experiment import Experiment
 from qlvbayes.inference.density import Density
-from qlvbayes.inference.floor_covariance import LEAST_NOISE
 from qlvbayes.inference.whitening import Whitener
 from qlvbayes.kinematics.programme import Stroke, planned
 from qlvbayes.records.batching import batch
@@ -53,7 +52,7 @@ def suggest(experiment: Experiment, density: Density, found: list[Weighed]) -> l
     """Practicable tests, best first; the evidence is that between the two nearest explanations."""
     plans = _candidates(experiment)
     record = batch([_record(experiment, plan) for plan in plans])
-    whitener = Whitener.of(experiment.floor, record.blocks, LEAST_NOISE * experiment.scales.force)
+    whitener = Whitener.of(experiment.floor, record.blocks, experiment.scales.force)
     future = Density(replace(density.space, record=record), whitener, density.discrepancy)
     worth = np.full(len(plans), np.inf)
     for a in found:

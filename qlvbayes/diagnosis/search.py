@@ -39,7 +39,7 @@ Tell = Callable[[str], None]
 _SHAPES = 4  # quantiles of a new effect's first constant besides its amplitude
 _FOLLOWED = 2  # of these, that are optimised
 _MODES = 4  # of a hypothesis, that are kept to start its neighbours from
-_NEAR = 40.0  # log posterior behind the best, within which a law is tried with an effect less
+_NEAR = 40.0  # log posterior behind the best, within which an effect more or less may lead
 _FACTORS = (0.2, 5.0)  # by which a prior is fitted to the motion: beyond, nothing can be seen
 _BEHIND = 30.0  # loss behind the best, at which a hypothesis is given up
 _MOST_EFFECTS = 3
@@ -77,6 +77,7 @@ class Search:
     usual: Hypothesis
     tell: Tell = lambda text: None
     modes: dict[Hypothesis, list[Weighed]] = field(default_factory=dict)
+    _lessened: set[tuple[Hypothesis, str]] = field(default_factory=set)
 
     @property
     def seen(self) -> dict[Hypothesis, Weighed]:
@@ -126,8 +127,25 @@ class Search:
                 self.tell(f"other laws of {described(best)}")
                 for neighbour in self._other_laws(best):
                     self.see_rebased(best, neighbour)
+            elif (simpler := self._simpler(grown)) is not None:
+                self._grow(simpler, grown)
             else:
                 return
+
+    def _simpler(self, grown: set[Hypothesis]) -> Hypothesis | None:
+        """On other laws, with fewer effects than the best, one that an effect may bring up to it."""
+        best = self.best
+        likeliest: dict[tuple[str, str], Hypothesis] = {}
+        for one in sorted(self.modes, key=self.log_posterior):
+            likeliest[one.elastic, one.relaxation] = one
+        found = [
+            one
+            for one in likeliest.values()
+            if one not in grown
+            and len(one.effects) < len(best.effects)
+            and self.log_posterior(one) > self.log_posterior(best) - _NEAR
+        ]
+        return max(found, key=self.log_posterior, default=None)
 
     def _grow(self, hypothesis: Hypothesis, grown: set[Hypothesis]) -> None:
         """Every effect more, the most promising first, and every effect less."""
@@ -196,6 +214,9 @@ class Search:
 
     def see_without(self, base: Hypothesis, effect: str) -> None:
         """One effect less."""
+        if (base, effect) in self._lessened:
+            return
+        self._lessened.add((base, effect))
         hypothesis = base.less(effect)
         nothing = np.zeros(self.density.space.parameters(hypothesis).size)
         found = self.modes[base][0]
@@ -318,11 +339,8 @@ def _in_proportion(search: Search) -> Space:
             effects[name] = effect
             continue
         leaf, sd = amplitude
-        added = start.copy()
-        added[leaf.theta.start] = sd
-        constants = space.parameters(hypothesis).constants(np.stack([start, added]))
-        before, after = space.forces(hypothesis, constants)
-        largest = float(np.max(np.abs(after - before)[space.real]))
+        force = space.added_force(hypothesis, start, leaf.theta.start, sd)
+        largest = float(np.max(np.abs(force[space.real])))
         factor = SHARE * peak / largest if largest > 0.0 and math.isfinite(largest) else 1.0
         effects[name] = in_natural_amplitude(effect, float(np.clip(factor, *_FACTORS)))
     return replace(space, effects=effects, _cache={}, _draws={})

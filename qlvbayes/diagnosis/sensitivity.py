@@ -95,11 +95,9 @@ def _response(
     size: float,
     start: Array,
 ) -> Response:
-    density, added = search.density, start.copy()
-    added[leaf.theta.start] = size
-    constants = own.constants(np.stack([start, added]))
-    before, after = density.space.forces(own.hypothesis, constants)
-    change = np.nan_to_num(density.whitener((after - before)[None])[0])
+    density = search.density
+    force = density.space.added_force(own.hypothesis, start, leaf.theta.start, size)
+    change = np.nan_to_num(density.whitener(force[None])[0])
     jacobian, prior = plain.point.jacobian, plain.point.prior.curvature
     shift = np.linalg.solve(jacobian @ jacobian.T + prior, jacobian @ change)
     left = change - shift @ jacobian

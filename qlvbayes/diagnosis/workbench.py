@@ -19,7 +19,6 @@ from qlvbayes.experiment import Experiment
 from qlvbayes.inference.density import Density
 from qlvbayes.inference.discrepancy import Discrepancy
 from qlvbayes.inference.features import Features, Places
-from qlvbayes.inference.floor_covariance import LEAST_NOISE
 from qlvbayes.inference.space import Hypothesis, Space, in_natural_amplitude
 from qlvbayes.inference.whitening import Whitener
 from qlvbayes.laws.elastic.law import AbstractElastic
@@ -62,8 +61,9 @@ def search_of(
         )
     space = _space(experiment, choices, model, kinds)
     peak, blocks = experiment.scales.force, space.record.blocks
-    whitener = Whitener.of(experiment.floor, blocks, LEAST_NOISE * peak)
-    shapes = smooth(experiment, blocks)(_places(experiment, blocks))
+    whitener = Whitener.of(experiment.floor, blocks, peak)
+    places = _places(experiment, blocks)
+    shapes = Features.of(places)(places)
     full = np.zeros((len(shapes), *np.asarray(blocks.real).shape))
     full[:, np.asarray(blocks.real)] = shapes
     discrepancy = Discrepancy.of(whitener(full), peak, settings.tolerance)

@@ -4,29 +4,24 @@ from __future__ import annotations
 
 import numpy as np
 
-from qlvbayes.experiment import Experiment
 from qlvbayes.noisefloor import NoiseFloor
 from qlvbayes.noisefloor.averages import rate, regression, variance
 from qlvbayes.records.record import Blocks
 
-LEAST_NOISE = 1e-6  # sd of a block mean, over the largest force, that keeps covariances invertible
+_LEAST = 1e-6  # sd of a block mean, over the largest force, that keeps covariances invertible
 
 
-def floor_covariance(experiment: Experiment, blocks: Blocks) -> np.ndarray:
-    """Covariance (N, N) of the noise floor of one test's block means (N^2)."""
-    return covariance(experiment.floor, blocks, LEAST_NOISE * experiment.scales.force)
+def covariance(floor: NoiseFloor, blocks: Blocks, peak: float) -> np.ndarray:
+    """Covariance (N, N) of the noise of one test's block means (N^2); peak: largest force (N).
 
-
-def covariance(floor: NoiseFloor, blocks: Blocks, least: float) -> np.ndarray:
-    """The same of any floor; ``least``: sd (N) of the white noise that every block mean has.
-
-    What the motion is not known by is one error a block, and alike over a movement.
+    A millionth of it every block mean has, whatever the floor. What the motion is not known by is
+    one error a block, and alike over a movement.
     """
     first, last, count, weight, scale, extra = map(
         np.asarray,
         (blocks.first, blocks.last, blocks.count, blocks.weight, blocks.scale, blocks.extra),
     )
-    white = (floor.white * weight * scale) ** 2 / count + least**2
+    white = (floor.white * weight * scale) ** 2 / count + (_LEAST * peak) ** 2
     correlated = floor.ou**2 * np.outer(scale, scale)
     correlation = averaged_correlation(first, last, count, floor.tau, floor.smooth)
     moving = (extra > 0.0).astype(float)

@@ -54,16 +54,6 @@ class Point:
         """(F, F) over the free numbers."""
         return np.linalg.inv(self.curvature)
 
-    @property
-    def constants_covariance(self) -> np.ndarray:
-        """(P, P) over all constants; 0 where fixed."""
-        return self.slopes @ self.covariance @ self.slopes.T
-
-    @property
-    def constants_sds(self) -> np.ndarray:
-        """(P,) of all constants; 0 where fixed."""
-        return np.sqrt(np.maximum(np.diag(self.constants_covariance), 0.0))
-
 
 def evaluate(
     ensemble: Ensemble, subset: Subset, theta: np.ndarray, weight: np.ndarray | None = None

@@ -186,6 +186,14 @@ class Space:
         rows, lanes = self._rows(hypothesis, constants)
         return self.engine.forces(which, lanes, hypothesis.effects, rows, record or self.record)
 
+    def added_force(self, hypothesis: Hypothesis, theta: Array, number: int, size: float) -> Array:
+        """(T, B) what ``size`` more of one free number adds to the force (N) at theta (F,)."""
+        added = theta.copy()
+        added[number] += size
+        constants = self.parameters(hypothesis).constants(np.stack([theta, added]))
+        before, after = self.forces(hypothesis, constants)
+        return np.asarray(after - before)
+
     def _rows(self, hypothesis: Hypothesis, constants: Array) -> tuple[Array, int]:
         """(K, R) rows of the engine, and their lanes."""
         count = self._counts[hypothesis.elastic]

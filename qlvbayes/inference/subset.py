@@ -150,11 +150,6 @@ class Ensemble:
         return [self._part(names) for names in (*self._usual, light, *pairs, every)]
 
     @property
-    def usual_parts(self) -> list[Part]:
-        """Without effects, with either half of those that are not costly, with a costly one."""
-        return self.parts[: len(self._usual)]
-
-    @property
     def _usual(self) -> list[list[str]]:
         return [[], *self._halves, *self._costly]
 

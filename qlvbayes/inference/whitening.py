@@ -36,13 +36,13 @@ class Whitener:
     tests: NDArray[np.intp]
 
     @classmethod
-    def of(cls, floor: NoiseFloor, blocks: Blocks, least: float) -> Whitener:
-        """Of a floor; ``least``: sd (N) of the white noise that every block mean has at least."""
+    def of(cls, floor: NoiseFloor, blocks: Blocks, peak: float) -> Whitener:
+        """Of a floor; peak: largest force (N), a share of which every block mean has as noise."""
         arrays = jax.tree.map(np.asarray, blocks)
         factors = []
         for k, real in enumerate(arrays.real):
             of_test = jax.tree.map(lambda x, k=k, real=real: x[k][real], arrays)
-            factors.append(cholesky(covariance(floor, of_test, least), lower=True))
+            factors.append(cholesky(covariance(floor, of_test, peak), lower=True))
         sizes = [len(factor) for factor in factors]
         tests = np.repeat(np.arange(len(sizes)), sizes)
         return cls(tuple(arrays.real), tuple(factors), tests)

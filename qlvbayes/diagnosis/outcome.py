@@ -1,0 +1,188 @@
+"""A finished search in figures: probabilities, errors, tests of what is left, each made once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp, softmax
+
+from qlvbayes.diagnosis.adequacy import Adequacy, adequacy
+from qlvbayes.diagnosis.averaging import averaged
+from qlvbayes.diagnosis.decision import Weight
+from qlvbayes.diagnosis.heldout import held_out
+from qlvbayes.diagnosis.prior import log_odds_of_effect
+from qlvbayes.diagnosis.remainder import Remainder, remainder
+from qlvbayes.diagnosis.samples import Samples, cell_errors, rmse
+from qlvbayes.diagnosis.search import Search, Weighed
+from qlvbayes.diagnosis.verdict import Alternative, Estimate, NotRuledOut, Ranked, Stage
+from qlvbayes.experiment import Experiment
+from qlvbayes.inference.space import Hypothesis
+from qlvbayes.parameters import unit_kinds
+
+Array = NDArray[np.float64]
+
+LEAST = 0.02  # probability of what is told: 50 to 1
+_LISTED = 3  # sets of effects that are told as not ruled out
+_ALTERNATIVES = 10  # hypotheses told
+
+
+class Outcome:
+    """One search's posterior over hypotheses, and figures of any of them."""
+
+    def __init__(self, experiment: Experiment, search: Search) -> None:
+        self.experiment, self.search = experiment, search
+        self.samples = Samples.of(experiment, search.density.space)
+        self.seen = list(search.seen.values())
+        sizes, peak = search.density.discrepancy.sizes, experiment.scales.force
+        limit = search.settings.tolerance * peak
+        self.weights = [
+            Weight(
+                (one.hypothesis.elastic, one.hypothesis.relaxation),
+                frozenset(search.added(one.hypothesis)),
+                search.log_posterior(one.hypothesis),
+                one.evidence.probability_above(sizes, limit),
+            )
+            for one in self.seen
+        ]
+        self.shares = softmax([weight.log_posterior for weight in self.weights])
+        self._heldout: dict[Hypothesis, float] = {}
+        self._residuals: dict[Hypothesis, list[Array]] = {}
+        self._tested: dict[Hypothesis, Adequacy] = {}
+
+    def heldout(self, found: Weighed) -> float:
+        """Error on tests left out (N)."""
+        if found.hypothesis not in self._heldout:
+            error = held_out(self.search.density, self.samples, found).rmse
+            self._heldout[found.hypothesis] = error
+        return self._heldout[found.hypothesis]
+
+    def residuals(self, found: Weighed) -> list[Array]:
+        """Measured minus predicted force of each trial's samples (N)."""
+        if found.hypothesis not in self._residuals:
+            residuals = self.samples.residuals(found.hypothesis, found.point.constants)
+            self._residuals[found.hypothesis] = residuals
+        return self._residuals[found.hypothesis]
+
+    def tested(self, found: Weighed) -> Adequacy:
+        """Whether structure is left."""
+        if found.hypothesis not in self._tested:
+            record = self.search.density.space.record
+            self._tested[found.hypothesis] = adequacy(self.experiment, record, found.point)
+        return self._tested[found.hypothesis]
+
+    def left(self, found: Weighed) -> Remainder:
+        """Size of what a hypothesis leaves."""
+        residuals, test = self.residuals(found), self.tested(found)
+        plain = self.residuals(self.search.modes[self.search.usual][0])
+        peak, settings = self.experiment.scales.force, self.search.settings
+        return remainder(self.samples, residuals, test, plain, peak=peak, settings=settings)
+
+    def stage(self, found: Weighed) -> Stage:
+        """One hypothesis in figures."""
+        residuals, tested = self.residuals(found), self.tested(found)
+        level = 0.5 * self.search.settings.false_alarms / len(tested.cells)
+        return Stage(
+            base=(found.hypothesis.elastic, found.hypothesis.relaxation),
+            effects=tuple(self._ordered(found)),
+            rmse=rmse(residuals),
+            heldout_rmse=self.heldout(found),
+            log_evidence=found.log_evidence,
+            p_value=tested.p_value,
+            testable=tested.testable,
+            sound=tested.is_sound(self.search.settings),
+            cells=tuple(cell_errors(self.samples, residuals)),
+            failing=tuple((c.test, c.phase) for c in tested.cells if c.p_value < level),
+            parameters=self.estimates(found, lambda name: not name.startswith("noise.")),
+        )
+
+    def _ordered(self, found: Weighed) -> list[str]:
+        """Its effects, the surest first."""
+        names = self.search.added(found.hypothesis)
+        return sorted(names, key=lambda name: -self.inclusion(name))
+
+    def inclusion(self, effect: str) -> float:
+        """Probability that an effect is in the model."""
+        inside = [effect in weight.effects for weight in self.weights]
+        return min(float(self.shares @ np.array(inside, dtype=float)), 1.0)
+
+    def estimates(self, found: Weighed, wanted: Callable[[str], bool]) -> dict[str, Estimate]:
+        """Constants at a mode, by Laplace's approximation."""
+        point, kinds = found.point, unit_kinds(found.point.own.posterior)
+        spread = point.slopes @ found.evidence.covariance @ point.slopes.T
+        sds = np.sqrt(np.maximum(np.diag(spread), 0.0))
+        return {
+            name: Estimate(self.experiment.units.of(kind), float(value), float(sd))
+            for name, kind, value, sd in zip(
+                point.own.names, kinds, point.constants, sds, strict=True
+            )
+            if wanted(name)
+        }
+
+    def ranking(self) -> tuple[Ranked, ...]:
+        """``none`` and every effect by inclusion probability."""
+        usual = self.search.usual.effects
+        candidates = [n for n in self.search.density.space.effects if n not in usual]
+        prior = log_odds_of_effect(len(candidates), self.search.settings)
+        logs = np.array([weight.log_posterior for weight in self.weights])
+        counts = np.array([max(len(weight.effects), 1) for weight in self.weights])
+        ranked = []
+        for name in ("none", *candidates):
+            inside = np.array(
+                [not w.effects if name == "none" else name in w.effects for w in self.weights]
+            )
+            if not inside.any():
+                continue
+            best = self.seen[int(np.argmax(np.where(inside, logs, -np.inf)))]
+            odds = _log_odds(logs, inside) - (0.0 if name == "none" else prior)
+            own = self.estimates(best, partial(_starts, f"{name}."))
+            found = {key.removeprefix(f"{name}."): value for key, value in own.items()}
+            share = min(float(self.shares[inside].sum()), 1.0)
+            alone = float((self.shares / counts)[inside].sum())
+            ranked.append(Ranked(name, share, alone, odds, rmse(self.residuals(best)), found))
+        return tuple(sorted(ranked, key=lambda one: (-one.inclusion, -one.log_bayes_factor)))
+
+    def constants(self, told: Weighed) -> dict[str, Estimate]:
+        """The base law's, averaged over all hypotheses on the same laws."""
+        base = (told.hypothesis.elastic, told.hypothesis.relaxation)
+        same = [k for k, weight in enumerate(self.weights) if weight.base == base]
+        logs = [self.weights[k].log_posterior for k in same]
+        near = [k for k, log in zip(same, logs, strict=True) if log > max(logs) - 10.0]
+        found = [self.estimates(self.seen[k], _is_plain) for k in near]
+        return averaged([self.weights[k].log_posterior for k in near], found)
+
+    def sets(self) -> tuple[NotRuledOut, ...]:
+        """Sets of effects over all base laws, the likeliest first."""
+        found: dict[frozenset[str], float] = {}
+        for weight, share in zip(self.weights, self.shares.tolist(), strict=True):
+            found[weight.effects] = found.get(weight.effects, 0.0) + share
+        best = sorted(found.items(), key=lambda item: -item[1])[:_LISTED]
+        return tuple(NotRuledOut(tuple(sorted(s)), p) for s, p in best if p >= LEAST)
+
+    def alternatives(self) -> tuple[Alternative, ...]:
+        """Single hypotheses, the likeliest first."""
+        order = np.argsort(-self.shares)[:_ALTERNATIVES]
+        return tuple(
+            Alternative(
+                self.weights[k].base, tuple(sorted(self.weights[k].effects)), float(self.shares[k])
+            )
+            for k in order
+            if self.shares[k] >= LEAST
+        )
+
+
+def _log_odds(logs: Array, inside: NDArray[np.bool_]) -> float:
+    if inside.all():
+        return math.inf
+    return float(logsumexp(logs[inside]) - logsumexp(logs[~inside]))
+
+
+def _is_plain(name: str) -> bool:
+    return "." not in name
+
+
+def _starts(prefix: str, name: str) -> bool:
+    return name.startswith(prefix)

@@ -1,0 +1,76 @@
+"""What is told of a finished search: the decision by probabilities, and what may veto it.
+
+An effect with which tests left out are predicted worse is not named; nor one beside something
+unlisted that takes more of the error than it; and nothing is explained where what is left matters.
+"""
+
+from __future__ import annotations
+
+from qlvbayes.diagnosis.decision import LEFT, Decision, decide, inside, less, unless_sound
+from qlvbayes.diagnosis.outcome import Outcome
+from qlvbayes.diagnosis.search import Tell, Weighed
+
+RISES = "tests left out are predicted worse with it"
+IMITATES = "it takes less of the error than what no effect of the list explains, and may imitate it"
+
+
+def decided(outcome: Outcome, tell: Tell) -> tuple[Decision, tuple[tuple[str, str], ...]]:
+    """The decision after both vetoes, and effects refused with the reason."""
+    settings = outcome.search.settings
+    decision = decide(outcome.weights, settings)
+    if decision.verdict in LEFT and _is_enough(outcome, outcome.seen[decision.told]):
+        decision = inside(decision, outcome.weights, settings)
+    told = outcome.seen[decision.told]
+    tell("tests left out")
+    refused = [(name, RISES) for name in decision.tried if _rises(outcome, told, name)]
+    decision = less(decision, outcome.weights, [name for name, _ in refused])
+    tell("testing what is left")
+    told = outcome.seen[decision.told]
+    decision = unless_sound(decision, outcome.weights, sound=_is_enough(outcome, told))
+    if decision.verdict == "partly_explained":
+        small = [
+            (name, IMITATES) for name in decision.effects if _takes_little(outcome, told, name)
+        ]
+        decision = less(decision, outcome.weights, [name for name, _ in small])
+        decision = unless_sound(decision, outcome.weights, sound=False)
+        refused += small
+    return decision, tuple(refused)
+
+
+def _is_enough(outcome: Outcome, told: Weighed) -> bool:
+    """Whether what a hypothesis leaves passes as noise or is small.
+
+    Where no rest shows whether noise is correlated, single cells say nothing: all over then.
+    """
+    tested, left = outcome.tested(told), outcome.left(told)
+    little = not tested.testable and left.excess <= left.tolerance * left.peak
+    return tested.is_sound(outcome.search.settings) or left.is_small or little
+
+
+def _without(outcome: Outcome, told: Weighed, effect: str) -> Weighed | None:
+    """A hypothesis less one of its effects; None if it has not got it."""
+    if effect not in told.hypothesis.effects:
+        return None
+    outcome.search.see_without(told.hypothesis, effect)
+    found = outcome.search.modes.get(told.hypothesis.less(effect))
+    return found[0] if found else None
+
+
+def _rises(outcome: Outcome, told: Weighed, effect: str) -> bool:
+    """Whether tests left out are predicted worse with an effect than without."""
+    without = _without(outcome, told, effect)
+    if without is None:
+        return False
+    limit = (1.0 + outcome.search.settings.rise) * outcome.heldout(without)
+    return bool(outcome.heldout(told) > limit)
+
+
+def _takes_little(outcome: Outcome, told: Weighed, effect: str) -> bool:
+    """Whether an effect takes less of the squared error than what no effect explains.
+
+    Then it may as well imitate a part of that.
+    """
+    without = _without(outcome, told, effect)
+    if without is None:
+        return False
+    return bool(outcome.left(without).excess ** 2 < 2.0 * outcome.left(told).excess ** 2)
