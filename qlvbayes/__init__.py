@@ -27,6 +27,7 @@ from qlvbayes.laws.elastic.hertz import HertzPower
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.elastic.linear import Linear
 from qlvbayes.laws.elastic.quadratic import Quadratic
+from qlvbayes.laws.elastic.spline import Spline
 from qlvbayes.laws.elastic.toe_exponential import ToeExponential
 from qlvbayes.laws.relaxation.fung import Fung
 from qlvbayes.laws.relaxation.law import AbstractRelaxation

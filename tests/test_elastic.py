@@ -13,6 +13,7 @@ from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.elastic.hertz import HertzPower
 from qlvbayes.laws.elastic.linear import Linear
 from qlvbayes.laws.elastic.quadratic import Quadratic
+from qlvbayes.laws.elastic.spline import Spline
 from qlvbayes.laws.elastic.toe_exponential import ToeExponential
 
 NODES, WEIGHTS = leggauss(40)
@@ -26,8 +27,9 @@ LAWS = [
     ToeExponential(0.3, 1.2, 0.45),
     ToeExponential(0.3, 0.0, 0.0),
     HertzPower(0.5, 1.5),
+    Spline(0.3, 0.35, 0.4, 0.9, 1.1, 0.8, 1.5, depth=1.5),
 ]
-CLOSED_FORM = LAWS[:-1]
+CLOSED_FORM = LAWS[:-2]
 DECAYS = [0.0, 1e-12, 1e-3, 0.0999, 0.1001, 0.3, 1.0, 30.0, 1e4]
 
 

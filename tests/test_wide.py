@@ -250,6 +250,20 @@ def test_a_form_may_be_called_by_its_family():
     assert not names_wrongly(case("form", ("root_leak",), effects=("fluid_leak",)))
 
 
+def test_the_rigs_own_gap_is_neither_wanted_nor_wrong():
+    rig, gap = {"rig": {"gap_mm": 0.01}}, "contact_offset"
+    assert is_named(case(effects=("friction", gap)) | rig)
+    assert not is_named(case(effects=(gap,)) | rig)
+    assert not names_wrongly(case(effects=(gap,)) | rig)
+    assert is_named(case("none", (), effects=(gap,)) | rig)
+    assert not is_named(case("none", (), effects=(gap, "friction")) | rig)
+    assert is_named(case("outside", ("slip",), "partly_explained", (gap,)) | rig)
+    assert names_wrongly(case(effects=("friction", gap)))  # where there is none
+    assert not is_named(case(names=(gap,), effects=()) | rig)  # hidden, it is wanted
+    rivals = case(verdict="ambiguous", effects=(gap, "inertia"), group=("inertia", "friction"))
+    assert is_grouped(rivals | rig)
+
+
 def test_bounds_are_those_of_clopper_and_pearson():
     """Of no hit in n, p with (1 - p)^n = 0.05; of all hits, its mirror."""
     assert upper(Rate(0, 30)) == pytest.approx(1.0 - 0.05 ** (1 / 30))

@@ -3,6 +3,9 @@
 named: the verdict names exactly what is hidden and nothing besides, without a rival. group: named,
 or the verdict is `ambiguous` and its own `group`, of at most three, completes what it is sure of to
 exactly what is hidden; a longer list beside a wrong name counts for nothing.
+
+The platen of the wide population starts a little above the pad: there a ``contact_offset`` that was
+not hidden is true all the same, and counts neither as wanted nor as wrong.
 """
 
 from __future__ import annotations
@@ -18,6 +21,7 @@ LARGEST_GROUP = 3
 LEVEL = 0.95  # of the one-sided bounds
 _SURE = ("missing_effect", "partly_explained")
 _OPEN = ("unexplained", "partly_explained")
+_GAP = "contact_offset"
 
 
 def is_named(case: Case) -> bool:
@@ -25,12 +29,13 @@ def is_named(case: Case) -> bool:
 
     Beside an outsider the listed effect is to be named; alone it leaves nothing to name.
     """
-    wanted = _listed(case)
+    wanted, told = _listed(case), _told(case)
     if case["kind"] == "none":
-        return bool(case["verdict"] == "adequate")
+        gap_alone = case["verdict"] == "missing_effect" and not told
+        return bool(case["verdict"] == "adequate" or gap_alone)
     if case["kind"] == "outside":
-        return case["verdict"] in _OPEN and not case["effects"]
-    return case["verdict"] in _SURE and set(case["effects"]) == wanted
+        return case["verdict"] in _OPEN and not told
+    return case["verdict"] in _SURE and told == wanted
 
 
 def is_grouped(case: Case) -> bool:
@@ -39,18 +44,15 @@ def is_grouped(case: Case) -> bool:
         return True
     if case["verdict"] != "ambiguous" or len(case["group"]) > LARGEST_GROUP:
         return False
-    sure = case["effects"][:-1]
+    sure = _told(case | {"effects": case["effects"][:-1]})
     return bool(_listed(case)) and _listed(case) in [{*sure, rival} for rival in case["group"]]
 
 
 def names_kin(case: Case) -> bool:
     """One effect that the hidden form may be called by is named, and nothing besides."""
     (name,) = case["names"]
-    return (
-        case["verdict"] in _SURE
-        and len(case["effects"]) == 1
-        and case["effects"][0] in case["kin"][name]
-    )
+    told = _told(case)
+    return case["verdict"] in _SURE and len(told) == 1 and told <= set(case["kin"][name])
 
 
 def names_wrongly(case: Case) -> bool:
@@ -58,7 +60,7 @@ def names_wrongly(case: Case) -> bool:
     allowed = set().union(*(set(kin) for kin in case["kin"].values()))
     if case["kind"] in ("single", "double"):
         allowed = set(case["names"])
-    return case["verdict"] in _SURE and not set(case["effects"]) <= allowed
+    return case["verdict"] in _SURE and not _told(case) <= allowed
 
 
 def is_unexplained(case: Case) -> bool:
@@ -79,6 +81,12 @@ def is_right(case: Case) -> bool:
 def _listed(case: Case) -> set[str]:
     """Hidden effects that the list holds."""
     return {name for name in case["names"] if name in case["kin"][name]}
+
+
+def _told(case: Case) -> set[str]:
+    """Effects that the verdict names, less the rig's own gap."""
+    has_gap = case.get("rig", {}).get("gap_mm", 0.0) > 0.0
+    return set(case["effects"]) - ({_GAP} - set(case["names"]) if has_gap else set())
 
 
 @dataclass(frozen=True)

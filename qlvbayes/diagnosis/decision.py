@@ -33,12 +33,17 @@ _BESIDE = 0.5  # probability of something outside, from which it is taken to be 
 
 @dataclass(frozen=True)
 class Weight:
-    """A hypothesis in numbers; outside: probability of something that no list holds beside it."""
+    """A hypothesis in numbers.
+
+    outside: probability of something that no list holds beside it; listed: whether its laws are of
+    the list.
+    """
 
     base: tuple[str, str]
     effects: frozenset[str]
     log_posterior: float
     outside: float
+    listed: bool = True
 
 
 @dataclass(frozen=True)
@@ -71,7 +76,7 @@ def decide(weights: Sequence[Weight], settings: Settings | None = None) -> Decis
     pairs = list(zip(weights, shares.tolist(), strict=True))
     inclusion = _summed((name, p) for w, p in pairs for name in w.effects)
     base = _summed((w.base, p) for w, p in pairs)
-    outside = sum(p * w.outside for w, p in pairs)
+    outside = sum(p * (w.outside if w.listed else 1.0) for w, p in pairs)
     named = tuple(name for name, p in inclusion.items() if p >= settings.named)
     if outside > _BESIDE:
         group: tuple[str, ...] = ()
@@ -86,7 +91,7 @@ def decide(weights: Sequence[Weight], settings: Settings | None = None) -> Decis
 
 
 def inside(decision: Decision, weights: Sequence[Weight], settings: Settings) -> Decision:
-    """As if nothing were outside: what the discrepancy takes passes as noise, or is small."""
+    """As if no discrepancy were beside the laws: what it takes passes as noise, or is small."""
     listed = [replace(weight, outside=0.0) for weight in weights]
     return replace(decide(listed, settings), outside=decision.outside)
 

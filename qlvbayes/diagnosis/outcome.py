@@ -45,6 +45,7 @@ class Outcome:
                 frozenset(search.added(one.hypothesis)),
                 search.log_posterior(one.hypothesis),
                 one.evidence.probability_above(sizes, limit),
+                one.hypothesis.elastic in search.listed,
             )
             for one in self.seen
         ]

@@ -112,7 +112,7 @@ class Search:
         if self.usual not in self.modes:
             raise NoFiniteForceError
         self.density = self.density.with_space(_in_proportion(self))
-        for name in self.density.space.elastic:
+        for name in self.listed:
             self.tell(f"elastic law {name}")
             self.see_plain(replace(self.usual, elastic=name))
         grown: set[Hypothesis] = set()
@@ -133,7 +133,7 @@ class Search:
                 return
 
     def _simpler(self, grown: set[Hypothesis]) -> Hypothesis | None:
-        """On other laws, with fewer effects than the best, one that an effect may bring up to it."""
+        """On other laws, with fewer effects than the best, one that more may bring up to it."""
         best = self.best
         likeliest: dict[tuple[str, str], Hypothesis] = {}
         for one in sorted(self.modes, key=self.log_posterior):
@@ -168,7 +168,7 @@ class Search:
         """
         space, effects = self.density.space, self.added(hypothesis)
         left = self.modes[hypothesis][0].mode.size > 0.0
-        bases = [(name, hypothesis.relaxation) for name in space.elastic]
+        bases = [(name, hypothesis.relaxation) for name in (space.elastic if left else self.listed)]
         if left or effects:
             bases += [(hypothesis.elastic, name) for name in space.relaxation]
         for elastic, relaxation in bases:
@@ -178,6 +178,12 @@ class Search:
                 yield other
                 if self.log_posterior(other) > self.log_posterior(self.best) - _NEAR:
                     yield from (other.less(effect) for effect in effects)
+
+    @property
+    def listed(self) -> list[str]:
+        """Elastic laws that say what the elasticity is; the user's own does."""
+        laws = self.density.space.elastic
+        return [name for name in laws if laws[name].listed or name == self.usual.elastic]
 
     def see_plain(self, hypothesis: Hypothesis) -> None:
         """A base law from its priors, and from what others found that share a part of it."""

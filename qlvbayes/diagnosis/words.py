@@ -120,6 +120,11 @@ def _unexplained(d: Diagnosis) -> str:
 def _structure(d: Diagnosis) -> str:
     """Where structure is left, and how large it is."""
     unit, last = _units(d).force, d.stages[-1]
+    if d.base.elastic not in d.work.search.listed and last.sound:
+        return (
+            f"the elasticity is that of no law of the list. With a free curve of stiffness over "
+            f"depth ({d.base.elastic}) nothing is left but noise ({_p(last.p_value)})."
+        )
     worst = max(last.cells, key=lambda cell: cell.rmse)
     cells = list(dict.fromkeys(f"{_PHASE[phase]} of {test}" for test, phase in last.failing))
     more = f" and {len(cells) - _MOST_CELLS} more" if len(cells) > _MOST_CELLS else ""

@@ -13,6 +13,7 @@ from qlvbayes.laws.elastic.hertz import HertzPower
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.elastic.linear import Linear
 from qlvbayes.laws.elastic.quadratic import Quadratic
+from qlvbayes.laws.elastic.spline import Spline
 from qlvbayes.laws.elastic.toe_exponential import ToeExponential
 from qlvbayes.laws.relaxation.fung import Fung
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
@@ -31,7 +32,7 @@ class Laws:
 
 
 LAWS: Laws = Laws(
-    (Exponential, Linear, HertzPower, Quadratic, Cubic, ToeExponential),
+    (Exponential, Linear, HertzPower, Quadratic, Cubic, ToeExponential, Spline),
     (Prony, Fung, PowerLaw, StretchedExponential, LogNormalSpectrum),
 )
 """Every law that comes with the package."""

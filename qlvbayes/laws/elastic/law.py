@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Self
+from typing import ClassVar, Self
 
 import equinox as eqx
 from jaxtyping import Array
@@ -17,6 +17,8 @@ class AbstractElastic(eqx.Module):
     A field is a constant: a number, or a prior while it is free. ``name`` as after ``--elastic``;
     ``units`` names the kind of unit of each constant (`units.UnitSystem.of`), ``meanings`` says
     each in a few words; ``law`` and ``reference``: for people, in one line each.
+    ``listed``: whether it says what the elasticity is; a free curve, preferred to all that do, says
+    that none is right.
     """
 
     name: eqx.AbstractClassVar[str]
@@ -24,6 +26,7 @@ class AbstractElastic(eqx.Module):
     meanings: eqx.AbstractClassVar[dict[str, str]]
     law: eqx.AbstractClassVar[str]
     reference: eqx.AbstractClassVar[str]
+    listed: ClassVar[bool] = True
 
     @classmethod
     @abstractmethod

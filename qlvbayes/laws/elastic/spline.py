@@ -1,0 +1,91 @@
+"""Stiffness as a curve over depth: what elasticity there is besides the laws that have a name."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Self
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from qlvbayes.laws.elastic.law import AbstractElastic
+from qlvbayes.laws.elastic.steps import quadratic_force_step
+from qlvbayes.scales import Scales, lognormal
+
+_PIECES = 6  # of depth: a contact that sets in halfway is then met to about 1 % of the peak force
+
+
+class Spline(AbstractElastic):
+    r"""Stiffness linear in depth between knots, constant beyond the last.
+
+    .. math:: K(\delta) = k_j + (k_{j+1} - k_j)(\delta - x_j)/h, \quad x_j = j h \le \delta \le
+              x_{j+1}, \quad h = \mathrm{depth}/6
+
+    k0 to k6: stiffness (N/mm) at the knots; depth: of the deepest test (mm), a fact. Of no law's
+    form: where it is far likelier than every law, the elasticity is none of the list.
+    """
+
+    k0: Any
+    k1: Any
+    k2: Any
+    k3: Any
+    k4: Any
+    k5: Any
+    k6: Any
+    depth: float = eqx.field(static=True)
+    name: ClassVar[str] = "spline"
+    listed: ClassVar[bool] = False
+    units: ClassVar[dict[str, str]] = {f"k{j}": "stiffness" for j in range(_PIECES + 1)}
+    meanings: ClassVar[dict[str, str]] = {
+        f"k{j}": f"stiffness at {j}/{_PIECES} of the largest depth" for j in range(_PIECES + 1)
+    }
+    law: ClassVar[str] = "K(δ) linear between seven knots"
+    reference: ClassVar[str] = "de Boor 1978, A Practical Guide to Splines"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """Every knot's stiffness by itself, as a line's: within a factor 5."""
+        stiffness = lognormal(scales.force / scales.depth, 5.0)
+        knots: dict[str, Any] = dict.fromkeys(cls.units, stiffness)
+        return cls(**knots, depth=scales.depth)
+
+    def force(self, depth: Array) -> Array:
+        """F_e, continuous with its slope."""
+        piece, beyond = self._place(depth)
+        first, rise = self._first, self._rise
+        added = self._width * (first + 0.5 * self._width * rise)[1:-1]
+        at_knots = jnp.concatenate([jnp.zeros(2), jnp.cumsum(added)])[piece]
+        return at_knots + beyond * (first[piece] + 0.5 * rise[piece] * beyond)
+
+    def stiffness(self, depth: Array) -> Array:
+        """K, that at the last knot beyond it, and that at first contact below zero."""
+        piece, beyond = self._place(depth)
+        return self._first[piece] + self._rise[piece] * beyond
+
+    def relaxed_step(
+        self, start: Array, stop: Array, force_start: Array, force_stop: Array, decay: Array
+    ) -> Array:
+        """With the force taken as quadratic over the step, which it is between two knots."""
+        middle = self.force(0.5 * (start + stop))
+        return quadratic_force_step(force_start, middle, force_stop, decay)
+
+    @property
+    def _width(self) -> float:
+        return self.depth / _PIECES
+
+    @property
+    def _first(self) -> Array:
+        """(8,) stiffness where a piece begins: below zero, between knots, beyond them."""
+        k = [self.k0, self.k0, self.k1, self.k2, self.k3, self.k4, self.k5, self.k6]
+        return jnp.stack([jnp.asarray(number) for number in k])
+
+    @property
+    def _rise(self) -> Array:
+        """(8,) by which it grows in a piece (N/mm2)."""
+        between = jnp.diff(self._first[1:]) / self._width
+        return jnp.concatenate([jnp.zeros(1), between, jnp.zeros(1)])
+
+    def _place(self, depth: Array) -> tuple[Array, Array]:
+        """The piece of a depth, and how far in it lies."""
+        knot = jnp.clip(jnp.floor(depth / self._width), -1, _PIECES)
+        return knot.astype(int) + 1, depth - jnp.maximum(knot, 0.0) * self._width
