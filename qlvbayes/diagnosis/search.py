@@ -112,12 +112,9 @@ class Search:
         if self.usual not in self.modes:
             raise NoFiniteForceError
         self.density = self.density.with_space(_in_proportion(self))
-        for name in self.listed:
-            self.tell(f"elastic law {name}")
-            self.see_plain(replace(self.usual, elastic=name))
+        self._see_bases()
         grown: set[Hypothesis] = set()
         rebased: set[Hypothesis] = set()
-        self._grow(self.usual, grown)
         while True:
             best = self.best
             if best not in grown:
@@ -131,6 +128,24 @@ class Search:
                 self._grow(simpler, grown)
             else:
                 return
+
+    def _see_bases(self) -> None:
+        """Laws without effects: elastic ones, then where something is left relaxations.
+
+        Effects are looked for on the likeliest: on a wrong law several imitate the right one.
+        """
+        self.tell("elastic laws")
+        for name in self.listed:
+            self.see_plain(replace(self.usual, elastic=name))
+        best = self.best
+        if self.modes[best][0].mode.size == 0.0:
+            return
+        self.tell(f"relaxations of {described(best)}")
+        for name in self.density.space.relaxation:
+            self.see_plain(replace(best, relaxation=name))
+        if self.best != best:
+            for name in self.listed:
+                self.see_plain(replace(self.best, elastic=name))
 
     def _simpler(self, grown: set[Hypothesis]) -> Hypothesis | None:
         """On other laws, with fewer effects than the best, one that more may bring up to it."""
