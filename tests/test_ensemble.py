@@ -23,6 +23,7 @@ from qlvbayes.parameters import names
 from qlvbayes.posterior import Posterior, draw_priors
 
 RNG = 20
+DRAWN = 5000  # rates, from their prior
 STEPS = Settings(min_steps=100, stretch=20, max_steps=4000)
 
 
@@ -58,27 +59,32 @@ def constants(uninformed, chain):
     return values.reshape(*theta.shape[:2], -1)
 
 
-def prior_quantiles(uninformed, name, shares):
-    """What the prior says; rates, whose order makes it no textbook's, by many draws."""
+@pytest.fixture(scope="module")
+def rates(uninformed):
+    """Draws of the rates, whose order makes their prior no textbook's."""
+    rng = np.random.default_rng(RNG + 1)
+    return np.array([uninformed.model.relaxation.v.draw(rng) for _ in range(DRAWN)])
+
+
+def prior_quantiles(rates, name, shares):
+    """What the prior says."""
     if name == "m":
         return np.exp(norm.ppf(shares, 0.0, 0.5))
     if name == "b":
         return np.exp(norm.ppf(shares, -1.0, 0.5))
     if name.startswith("c"):
         return beta.ppf(shares, 1.0, 2.0)
-    rng = np.random.default_rng(RNG + 1)
-    rates = [uninformed.model.relaxation.v.draw(rng) for _ in range(20_000)]
     return np.quantile(rates, shares, axis=0)[:, int(name[2]) - 1]
 
 
-def test_without_information_the_prior_comes_out(uninformed, constants):
+def test_without_information_the_prior_comes_out(uninformed, constants, rates):
     shares = np.array([0.05, 0.25, 0.5, 0.75, 0.95])
     ess = diagnose_chain(constants).ess_bulk
     for k, name in enumerate(names(uninformed)[:-1]):
-        expected = prior_quantiles(uninformed, name, shares)
+        expected = prior_quantiles(rates, name, shares)
         found = np.array([np.mean(constants[..., k] < q) for q in expected])
-        # effective draws of the chain, and the 20 000 of the rates
-        error = np.sqrt(shares * (1.0 - shares) * (1.0 / ess[k] + 1.0 / 20_000))
+        # effective draws of the chain, and those of the rates
+        error = np.sqrt(shares * (1.0 - shares) * (1.0 / ess[k] + 1.0 / DRAWN))
         assert np.all(np.abs(found - shares) < 4.5 * error), name
 
 

@@ -94,6 +94,7 @@ def test_prior_draws_are_of_the_prior():
     assert kstest(standard, "norm").pvalue > 1e-3
 
 
+@pytest.mark.slow
 def test_nested_sampling_agrees_with_laplace_on_a_real_pad():
     """One relaxation mode over one test: few numbers, a quick run."""
     one = experiment()
