@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from qlvbayes.diagnosis.decision import VERDICTS, Weight, decide, inside, less, unless_sound
-from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.decision import VERDICTS, Weight, decide, less, listed, unless_sound
 
 EXP = ("exponential", "prony:2")
 HERTZ = ("hertz", "prony:2")
@@ -72,9 +71,20 @@ def test_what_is_named_stays_named_beside_structure():
 
 def test_what_passes_as_noise_is_not_outside():
     weights = [weight("drag", 0.98, outside=0.7), weight("", 0.02, outside=0.9)]
-    found = inside(decide(weights), weights, Settings())
+    assert decide(weights).outside == pytest.approx(0.98 * 0.7 + 0.02 * 0.9)
+    found = decide(listed(weights))
     assert (found.verdict, found.effects) == ("missing_effect", ("drag",))
-    assert found.outside == pytest.approx(0.98 * 0.7 + 0.02 * 0.9)
+
+
+def test_a_law_that_names_nothing_is_outside_unless_the_listed_ones_do():
+    free = Weight(("spline", "prony:2"), frozenset({"drag"}), 0.0, 0.0, listed=False)
+    weights = [free, weight("drag", 1e-9), weight("", 1e-12)]
+    found = decide(weights)
+    assert (found.verdict, found.effects) == ("partly_explained", ("drag",))
+    assert found.outside == pytest.approx(1.0)
+    found = decide(listed(weights))
+    assert (found.verdict, found.effects) == ("missing_effect", ("drag",))
+    assert weights[found.told].base == EXP
 
 
 def test_no_effect_is_named_whose_addition_raises_the_error_on_tests_left_out():

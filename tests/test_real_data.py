@@ -106,6 +106,7 @@ def test_every_pad_has_phases_and_a_noise_floor(data, pads):
             assert {"ramp", "hold"} <= {phase.kind for phase in trial.phases}
 
 
+@pytest.mark.slow
 def test_no_effect_of_the_list_explains_muscle_with_calcium(tmp_path):
     status, _, err = call("diagnose", MUSCLE, "-o", tmp_path, "--pads", "calcium", "--json")
     assert (status, noted(err)) == (0, True), err

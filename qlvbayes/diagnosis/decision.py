@@ -70,7 +70,7 @@ class Decision:
 
 
 def decide(weights: Sequence[Weight], settings: Settings | None = None) -> Decision:
-    """Of all hypotheses seen, before what is told is tested: see `less` and `unless_sound`."""
+    """Of all hypotheses seen, before what is told is tested: see `vetoes`."""
     settings = settings or Settings()
     shares = softmax([weight.log_posterior for weight in weights])
     pairs = list(zip(weights, shares.tolist(), strict=True))
@@ -90,10 +90,12 @@ def decide(weights: Sequence[Weight], settings: Settings | None = None) -> Decis
     return Decision(verdict, named, group, inclusion, base, outside, told)
 
 
-def inside(decision: Decision, weights: Sequence[Weight], settings: Settings) -> Decision:
-    """As if no discrepancy were beside the laws: what it takes passes as noise, or is small."""
-    listed = [replace(weight, outside=0.0) for weight in weights]
-    return replace(decide(listed, settings), outside=decision.outside)
+def listed(weights: Sequence[Weight]) -> list[Weight]:
+    """As if nothing were outside: what the listed laws leave passes as noise, or is small."""
+    return [
+        replace(w, outside=0.0, log_posterior=w.log_posterior if w.listed else -np.inf)
+        for w in weights
+    ]
 
 
 def less(decision: Decision, weights: Sequence[Weight], rising: Iterable[str]) -> Decision:

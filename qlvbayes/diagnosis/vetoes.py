@@ -6,7 +6,9 @@ unlisted that takes more of the error than it; and nothing is explained where wh
 
 from __future__ import annotations
 
-from qlvbayes.diagnosis.decision import LEFT, Decision, decide, inside, less, unless_sound
+from dataclasses import replace
+
+from qlvbayes.diagnosis.decision import LEFT, Decision, decide, less, listed, unless_sound
 from qlvbayes.diagnosis.outcome import Outcome
 from qlvbayes.diagnosis.search import Tell, Weighed
 
@@ -17,22 +19,26 @@ IMITATES = "it takes less of the error than what no effect of the list explains,
 def decided(outcome: Outcome, tell: Tell) -> tuple[Decision, tuple[tuple[str, str], ...]]:
     """The decision after both vetoes, and effects refused with the reason."""
     settings = outcome.search.settings
-    decision = decide(outcome.weights, settings)
-    if decision.verdict in LEFT and _is_enough(outcome, outcome.seen[decision.told]):
-        decision = inside(decision, outcome.weights, settings)
+    weights = outcome.weights
+    decision = decide(weights, settings)
+    if decision.verdict in LEFT:
+        inside = decide(listed(weights), settings)
+        if _is_enough(outcome, outcome.seen[inside.told]):
+            weights = listed(weights)
+            decision = replace(inside, outside=decision.outside)
     told = outcome.seen[decision.told]
     tell("tests left out")
     refused = [(name, RISES) for name in decision.tried if _rises(outcome, told, name)]
-    decision = less(decision, outcome.weights, [name for name, _ in refused])
+    decision = less(decision, weights, [name for name, _ in refused])
     tell("testing what is left")
     told = outcome.seen[decision.told]
-    decision = unless_sound(decision, outcome.weights, sound=_is_enough(outcome, told))
+    decision = unless_sound(decision, weights, sound=_is_enough(outcome, told))
     if decision.verdict == "partly_explained":
         small = [
             (name, IMITATES) for name in decision.effects if _takes_little(outcome, told, name)
         ]
-        decision = less(decision, outcome.weights, [name for name, _ in small])
-        decision = unless_sound(decision, outcome.weights, sound=False)
+        decision = less(decision, weights, [name for name, _ in small])
+        decision = unless_sound(decision, weights, sound=False)
         refused += small
     return decision, tuple(refused)
 
