@@ -16,11 +16,11 @@ ROOT = Path(__file__).resolve().parents[1]
 FOLDER = Path(__file__).parent / "registered"
 
 ASKED = {
-    "none_adequate": 0.95, "false_name": 0.02, "single_named": 0.80, "single_group": 0.95,
+    "none_adequate": 0.95, "false_name": 0.02, "single_named": 0.85, "single_group": 0.95,
     "double_named": 0.70, "form_kin": 0.80, "outside_open": 0.90, "beside_named": 0.70,
-    "wrong": 0.05, "failed": 0.0,
+    "wrong": 0.02, "failed": 0.0,
 }  # fmt: skip
-"""Shares asked of each rate: at least, or for what is bad at most. Aims, none met by a "before"."""
+"""Shares asked of each rate: at least, or for what is bad at most."""
 
 
 @dataclass(frozen=True)
