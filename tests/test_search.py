@@ -1,12 +1,14 @@
 """The search over hypotheses against pads whose law and hidden effect are known."""
 
 import math
+from dataclasses import replace
 
 import pytest
 from hidden_pads import hidden_pad
 
 from qlvbayes.diagnosis.decision import Weight, decide
 from qlvbayes.diagnosis.prior import log_prior
+from qlvbayes.diagnosis.search import Search
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.effects.catalogue import find
@@ -62,6 +64,23 @@ def test_nothing_is_missing_where_nothing_is_hidden():
     found = decided(search)
     assert (found.verdict, found.effects, found.group) == ("adequate", (), ())
     assert search.best == USUAL
+
+
+def test_a_law_with_fewer_effects_that_comes_near_is_grown_too():
+    """Here the right law lacks one effect yet, and the wrong one has three that imitate it."""
+    wrong = Hypothesis("hertz", "prony:2", frozenset({"friction", "force_offset", "inertia"}))
+    right = Hypothesis("hertz", "stretched", frozenset({"viscous_drag"}))
+    far, as_many = Hypothesis("linear", "prony:2"), replace(wrong, relaxation="fung")
+    table = {wrong: -100.0, right: -120.0, replace(right, effects=frozenset()): -135.0}
+    table |= {far: -500.0, as_many: -101.0}
+
+    class Tabled(Search):
+        def log_posterior(self, hypothesis):
+            return table[hypothesis]
+
+    search = Tabled(None, Settings(), USUAL, modes={key: [] for key in table})
+    assert search.simpler(set()) == right
+    assert search.simpler({right}) is None
 
 
 def test_prior_sums_to_one_over_all_sets_and_laws():

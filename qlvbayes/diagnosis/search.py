@@ -124,7 +124,7 @@ class Search:
                 self.tell(f"other laws of {described(best)}")
                 for neighbour in self._other_laws(best):
                     self.see_rebased(best, neighbour)
-            elif (simpler := self._simpler(grown)) is not None:
+            elif (simpler := self.simpler(grown)) is not None:
                 self._grow(simpler, grown)
             else:
                 return
@@ -147,7 +147,7 @@ class Search:
             for name in self.listed:
                 self.see_plain(replace(self.best, elastic=name))
 
-    def _simpler(self, grown: set[Hypothesis]) -> Hypothesis | None:
+    def simpler(self, grown: set[Hypothesis]) -> Hypothesis | None:
         """On other laws, with fewer effects than the best, one that more may bring up to it."""
         best = self.best
         likeliest: dict[tuple[str, str], Hypothesis] = {}
