@@ -40,6 +40,7 @@ _SHAPES = 4  # quantiles of a new effect's first constant besides its amplitude
 _FOLLOWED = 2  # of these, that are optimised
 _MODES = 4  # of a hypothesis, that are kept to start its neighbours from
 _NEAR = 40.0  # log posterior behind the best, within which an effect more or less may lead
+_RIVAL = 10.0  # log posterior behind the best, up to which effects are tried on all such laws
 _FACTORS = (0.2, 5.0)  # by which a prior is fitted to the motion: beyond, nothing can be seen
 _BEHIND = 30.0  # loss behind the best, at which a hypothesis is given up
 _MOST_EFFECTS = 3
@@ -124,10 +125,37 @@ class Search:
                 self.tell(f"other laws of {described(best)}")
                 for neighbour in self._other_laws(best):
                     self.see_rebased(best, neighbour)
-            elif (simpler := self.simpler(grown)) is not None:
-                self._grow(simpler, grown)
+            elif others := [*self._exchanges(best, grown), *self.simpler(grown)]:
+                self._grow(others[0], grown)
+            elif crossed := self._crossed(best):
+                self.tell("likely effects on likely laws")
+                for found, neighbour in crossed:
+                    self.see_rebased(found, neighbour)
             else:
                 return
+
+    def _crossed(self, best: Hypothesis) -> list[tuple[Hypothesis, Hypothesis]]:
+        """Likely sets of effects on other laws that come near, where not seen: from, and what."""
+        top = self.log_posterior(best)
+        ordered = sorted(self.modes, key=self.log_posterior, reverse=True)
+        near = [one for one in ordered if self.log_posterior(one) > top - _NEAR]
+        sets: dict[frozenset[str], Hypothesis] = {}
+        for one in near:
+            few = len(one.effects) <= len(best.effects)
+            if few and self.log_posterior(one) > top - _RIVAL:
+                sets.setdefault(one.effects, one)
+        bases = dict.fromkeys((one.elastic, one.relaxation) for one in near)
+        return [
+            (found, Hypothesis(*base, effects))
+            for effects, found in sets.items()
+            for base in bases
+            if Hypothesis(*base, effects) not in self.modes
+        ]
+
+    def _exchanges(self, best: Hypothesis, grown: set[Hypothesis]) -> list[Hypothesis]:
+        """The best without one of its effects: grown, they have another in its place."""
+        fewer = [best.less(effect) for effect in self.added(best)]
+        return [one for one in fewer if one in self.modes and one not in grown]
 
     def _see_bases(self) -> None:
         """Laws without effects: elastic ones, then where something is left relaxations.
@@ -147,8 +175,8 @@ class Search:
             for name in self.listed:
                 self.see_plain(replace(self.best, elastic=name))
 
-    def simpler(self, grown: set[Hypothesis]) -> Hypothesis | None:
-        """On other laws, with fewer effects than the best, one that more may bring up to it."""
+    def simpler(self, grown: set[Hypothesis]) -> list[Hypothesis]:
+        """On other laws, with fewer effects than the best, those that more may bring up to it."""
         best = self.best
         likeliest: dict[tuple[str, str], Hypothesis] = {}
         for one in sorted(self.modes, key=self.log_posterior):
@@ -160,7 +188,7 @@ class Search:
             and len(one.effects) < len(best.effects)
             and self.log_posterior(one) > self.log_posterior(best) - _NEAR
         ]
-        return max(found, key=self.log_posterior, default=None)
+        return sorted(found, key=self.log_posterior, reverse=True)
 
     def _grow(self, hypothesis: Hypothesis, grown: set[Hypothesis]) -> None:
         """Every effect more, the most promising first, and every effect less."""
