@@ -20,6 +20,16 @@ FEW = tuple(map(find, ("viscous_drag", "friction", "force_offset")))
 USUAL = Hypothesis("exponential", "prony:2")
 
 
+def tabled(table):
+    """A search that has seen hypotheses of these log posteriors."""
+
+    class Tabled(Search):
+        def log_posterior(self, hypothesis):
+            return table[hypothesis]
+
+    return Tabled(None, Settings(), USUAL, modes={key: [] for key in table})
+
+
 def decided(search):
     return decide(
         [
@@ -74,13 +84,18 @@ def test_a_law_with_fewer_effects_that_comes_near_is_grown_too():
     table = {wrong: -100.0, right: -120.0, replace(right, effects=frozenset()): -135.0}
     table |= {far: -500.0, as_many: -101.0}
 
-    class Tabled(Search):
-        def log_posterior(self, hypothesis):
-            return table[hypothesis]
-
-    search = Tabled(None, Settings(), USUAL, modes={key: [] for key in table})
+    search = tabled(table)
     assert search.simpler(set()) == [right]
     assert search.simpler({right}) == []
+
+
+def test_likely_effects_are_tried_on_every_law_that_comes_near():
+    best = Hypothesis("toe", "prony:2", frozenset({"force_offset", "squeeze_film"}))
+    rival = replace(best, effects=frozenset({"force_offset", "viscous_drag"}))
+    unlikely = replace(best, effects=frozenset({"force_offset", "inertia"}))
+    near, far = replace(best, elastic="exponential"), replace(best, elastic="linear")
+    search = tabled({best: -100.0, rival: -104.0, unlikely: -120.0, near: -130.0, far: -500.0})
+    assert search.crossed(best) == [(rival, replace(rival, elastic="exponential"))]
 
 
 def test_prior_sums_to_one_over_all_sets_and_laws():

@@ -127,14 +127,14 @@ class Search:
                     self.see_rebased(best, neighbour)
             elif others := [*self._exchanges(best, grown), *self.simpler(grown)]:
                 self._grow(others[0], grown)
-            elif crossed := self._crossed(best):
+            elif crossed := self.crossed(best):
                 self.tell("likely effects on likely laws")
                 for found, neighbour in crossed:
                     self.see_rebased(found, neighbour)
             else:
                 return
 
-    def _crossed(self, best: Hypothesis) -> list[tuple[Hypothesis, Hypothesis]]:
+    def crossed(self, best: Hypothesis) -> list[tuple[Hypothesis, Hypothesis]]:
         """Likely sets of effects on other laws that come near, where not seen: from, and what."""
         top = self.log_posterior(best)
         ordered = sorted(self.modes, key=self.log_posterior, reverse=True)
