@@ -41,7 +41,7 @@ class Outcome:
         limit = search.settings.tolerance * peak
         self.weights = [
             Weight(
-                (one.hypothesis.elastic, one.hypothesis.relaxation),
+                one.hypothesis.base,
                 frozenset(search.added(one.hypothesis)),
                 search.log_posterior(one.hypothesis),
                 one.evidence.probability_above(sizes, limit),
@@ -87,7 +87,7 @@ class Outcome:
         residuals, tested = self.residuals(found), self.tested(found)
         level = 0.5 * self.search.settings.false_alarms / len(tested.cells)
         return Stage(
-            base=(found.hypothesis.elastic, found.hypothesis.relaxation),
+            base=found.hypothesis.base,
             effects=tuple(self._ordered(found)),
             rmse=rmse(residuals),
             heldout_rmse=self.heldout(found),
@@ -107,8 +107,10 @@ class Outcome:
 
     def inclusion(self, effect: str) -> float:
         """Probability that an effect is in the model."""
-        inside = [effect in weight.effects for weight in self.weights]
-        return min(float(self.shares @ np.array(inside, dtype=float)), 1.0)
+        return self._summed(np.array([effect in weight.effects for weight in self.weights]))
+
+    def _summed(self, inside: NDArray[np.bool_]) -> float:
+        return min(float(self.shares[inside].sum()), 1.0)
 
     def estimates(self, found: Weighed, wanted: Callable[[str], bool]) -> dict[str, Estimate]:
         """Constants at a mode, by Laplace's approximation."""
@@ -141,14 +143,14 @@ class Outcome:
             odds = _log_odds(logs, inside) - (0.0 if name == "none" else prior)
             own = self.estimates(best, partial(_starts, f"{name}."))
             found = {key.removeprefix(f"{name}."): value for key, value in own.items()}
-            share = min(float(self.shares[inside].sum()), 1.0)
+            share = self._summed(inside)
             alone = float((self.shares / counts)[inside].sum())
             ranked.append(Ranked(name, share, alone, odds, rmse(self.residuals(best)), found))
         return tuple(sorted(ranked, key=lambda one: (-one.inclusion, -one.log_bayes_factor)))
 
     def constants(self, told: Weighed) -> dict[str, Estimate]:
         """The base law's, averaged over all hypotheses on the same laws."""
-        base = (told.hypothesis.elastic, told.hypothesis.relaxation)
+        base = told.hypothesis.base
         same = [k for k, weight in enumerate(self.weights) if weight.base == base]
         logs = [self.weights[k].log_posterior for k in same]
         near = [k for k, log in zip(same, logs, strict=True) if log > max(logs) - 10.0]

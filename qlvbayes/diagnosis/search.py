@@ -144,7 +144,7 @@ class Search:
             few = len(one.effects) <= len(best.effects)
             if few and self.log_posterior(one) > top - _RIVAL:
                 sets.setdefault(one.effects, one)
-        bases = dict.fromkeys((one.elastic, one.relaxation) for one in near)
+        bases = dict.fromkeys(one.base for one in near)
         return [
             (found, Hypothesis(*base, effects))
             for effects, found in sets.items()
@@ -180,7 +180,7 @@ class Search:
         best = self.best
         likeliest: dict[tuple[str, str], Hypothesis] = {}
         for one in sorted(self.modes, key=self.log_posterior):
-            likeliest[one.elastic, one.relaxation] = one
+            likeliest[one.base] = one
         found = [
             one
             for one in likeliest.values()

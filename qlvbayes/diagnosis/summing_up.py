@@ -49,7 +49,7 @@ def summed_up(
     protocol = protocol_of(experiment, bonded=bonded)
     added = responses(search, plain)
     bases = tuple(Base(*laws, share) for laws, share in decision.base.items() if share >= LEAST)
-    own = (told.hypothesis.elastic, told.hypothesis.relaxation)
+    own = told.hypothesis.base
     candidates = [kind for kind in kinds if kind.name not in search.usual.effects]
     stages = tuple(outcome.stage(one) for one in path)
     return Diagnosis(

@@ -43,6 +43,11 @@ class Hypothesis:
     relaxation: str
     effects: frozenset[str] = frozenset()
 
+    @property
+    def base(self) -> tuple[str, str]:
+        """Its laws."""
+        return self.elastic, self.relaxation
+
     def plus(self, effect: str) -> Hypothesis:
         """With one more effect."""
         return replace(self, effects=self.effects | {effect})
