@@ -254,12 +254,23 @@ class Search:
         found = []
         for order, one in enumerate(self.modes[base]):
             starts = self.starts_with(one, hypothesis, effect)
-            for theta in starts if order == 0 else starts[len(starts) // 2 :][:1]:
-                point = self.density.at(hypothesis, theta)
-                if point is not None:
-                    log = evidence(self.density, point, linear=True).log
-                    found.append(_Start(point, log))
+            some = starts if order == 0 else starts[len(starts) // 2 :][:1]
+            for point in self._with_effect(one.point, hypothesis, effect, some):
+                log = evidence(self.density, point, linear=True).log
+                found.append(_Start(point, log))
         return sorted(found, key=lambda one: -one.log_evidence)[:_FOLLOWED]
+
+    def _with_effect(
+        self, point: Point, hypothesis: Hypothesis, effect: str, starts: list[Array]
+    ) -> list[Point]:
+        """Points of places where an effect more is at nothing; what is not finite is left out."""
+        density = self.density
+        found = amplitude_of(density.space.parameters(hypothesis), effect)
+        null = next(iter(density.space.effects[effect].null.values()))
+        if found is not None and null == 0.0:
+            return density.extended(point, hypothesis, found[0].theta.start, starts)
+        points = (density.at(hypothesis, theta) for theta in starts)
+        return [point for point in points if point is not None]
 
     def see_without(self, base: Hypothesis, effect: str) -> None:
         """One effect less."""
@@ -325,8 +336,8 @@ class Search:
     def _with_carried(self, found: Weighed, hypothesis: Hypothesis, others: Array) -> Array:
         """Theta (F,) with the numbers that a mode has too; others (F,): those that it lacks."""
         old, new = found.point.own, self.density.space.parameters(hypothesis)
-        numbers, theta = _by_name(old), others.copy()
-        for name, leaf in _by_name(new).items():
+        numbers, theta = old.by_name, others.copy()
+        for name, leaf in new.by_name.items():
             if name in numbers and len(numbers[name].theta) == len(leaf.theta):
                 theta[list(leaf.theta)] = found.point.theta[list(numbers[name].theta)]
         return theta
@@ -335,7 +346,7 @@ class Search:
         """Starts (F,): the effect at nothing, its first other constant over its prior."""
         space, new = self.density.space, self.density.space.parameters(hypothesis)
         start = self._with_carried(found, hypothesis, np.zeros(new.size))
-        own = [leaf for name, leaf in _by_name(new).items() if name.startswith(f"{effect}.")]
+        own = [leaf for name, leaf in new.by_name.items() if name.startswith(f"{effect}.")]
         draws, taken, shapes = space.draws("effects", effect), 0, []
         for leaf in own:
             if not isinstance(leaf.prior, Natural):
@@ -397,11 +408,7 @@ def _in_proportion(search: Search) -> Space:
 
 def amplitude_of(own: Parameters, effect: str) -> tuple[Leaf, float] | None:
     """The number by which an effect's force grows, where it is taken as it is, and its prior sd."""
-    for name, leaf in _by_name(own).items():
+    for name, leaf in own.by_name.items():
         if name.startswith(f"{effect}.") and isinstance(leaf.prior, Natural):
             return leaf, leaf.prior.sd
     return None
-
-
-def _by_name(own: Parameters) -> dict[str, Leaf]:
-    return {own.names[leaf.constants.start]: leaf for leaf in own.leaves}

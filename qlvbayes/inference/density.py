@@ -13,6 +13,7 @@ with Q = 1 - sum_m k_m u_m u_m^T of `discrepancy`. H leaves out second derivativ
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any, NamedTuple
@@ -134,7 +135,7 @@ class Density:
     def _run(self, own: Parameters, theta: Array) -> tuple[Array, Array, Array]:
         """Constants (1 + F, P) at theta and a step along each number, block means and slopes."""
         steps = _STEP * own.length
-        constants = own.constants(np.concatenate([theta[None], theta + np.diag(steps)]))
+        constants = own.constants(_stepped(theta, steps))
         found = self.space.forces(own.hypothesis, constants)
         return constants, found[0], (found[1:] - found[0]) / steps[:, None, None]
 
@@ -146,9 +147,7 @@ class Density:
         largest = max(np.abs(predicted).max(), np.abs(responses).max() * _STEP * own.length.max())
         if not (largest < _FARTHEST * self.discrepancy.peak and np.isfinite(prior.loss)):
             return None
-        white = self.whitener(np.concatenate([(self._force - predicted)[None], responses]))
-        white = white[:, self.rows]
-        parts = white @ self.discrepancy.axes.T
+        white, parts = self._whitened(np.concatenate([(self._force - predicted)[None], responses]))
         return Point(
             own,
             theta,
@@ -162,6 +161,56 @@ class Density:
             parts[1:],
             prior,
         )
+
+    def extended(
+        self, point: Point, hypothesis: Hypothesis, number: int, starts: Sequence[Array]
+    ) -> list[Point]:
+        """Points at places (F,) that differ from one of fewer numbers by an effect at its null.
+
+        number: the place in theta of the effect's amplitude, the only new number that moves the
+        force there; all else is the point's. A place of which nothing finite can be said is left
+        out.
+        """
+        own = self.space.parameters(hypothesis)
+        steps = _STEP * own.length
+        moved = [_stepped(theta, steps)[1 + number] for theta in starts]
+        forces = self.space.forces(hypothesis, own.constants(np.stack(moved)))
+        added = (forces - point.predicted) / steps[number]
+        white, parts = self._whitened(added)
+        kept = own.carried(point.own)
+        found = []
+        for k, theta in enumerate(starts):
+            prior = _prior(own, theta)
+            if not (np.isfinite(added[k]).all() and np.isfinite(prior.loss)):
+                continue
+            constants = own.constants(_stepped(theta, steps))
+
+            def filled(old: Array, new: Array) -> Array:
+                rows = np.zeros((own.size, *new.shape))
+                rows[kept], rows[number] = old, new
+                return rows
+
+            found.append(
+                Point(
+                    own,
+                    theta,
+                    constants[0],
+                    ((constants[1:] - constants[0]) / steps[:, None]).T,
+                    point.predicted,
+                    filled(point.responses, added[k]),
+                    point.residual,
+                    filled(point.jacobian, white[k]),
+                    point.parts,
+                    filled(point.jacobian_parts, parts[k]),
+                    prior,
+                )
+            )
+        return found
+
+    def _whitened(self, forces: Array) -> tuple[Array, Array]:
+        """Forces (K, T, B) whitened (K, n), and their parts (K, M) along the discrepancy's axes."""
+        white = self.whitener(forces)[:, self.rows]
+        return white, white @ self.discrepancy.axes.T
 
     def terms(self, point: Point, size: float) -> Terms:
         """At a size (N) of the discrepancy."""
@@ -178,6 +227,11 @@ class Density:
         """Size (N) of highest density at a place."""
         losses = self.discrepancy.losses(point.parts**2) - self.discrepancy.log_prior
         return float(self.discrepancy.sizes[np.argmin(losses)])
+
+
+def _stepped(theta: Array, steps: Array) -> Array:
+    """(1 + F, F): theta, and theta with a step along each number."""
+    return np.concatenate([theta[None], theta + np.diag(steps)])
 
 
 def _prior(own: Parameters, theta: Array) -> Terms:

@@ -125,6 +125,15 @@ class Parameters:
         """Of the P constants."""
         return names(self.posterior)
 
+    @cached_property
+    def by_name(self) -> dict[str, Leaf]:
+        """Fields by the name of their first constant, in the order of theta."""
+        return {self.names[leaf.constants.start]: leaf for leaf in self.leaves}
+
+    def carried(self, fewer: Parameters) -> list[int]:
+        """Where in theta the numbers are of a hypothesis that leaves no others free."""
+        return [place for name in fewer.by_name for place in self.by_name[name].theta]
+
     def constants(self, thetas: Array) -> Array:
         """(K, P) constants of thetas (K, F)."""
         count = len(thetas)
