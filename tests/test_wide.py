@@ -264,6 +264,19 @@ def test_the_rigs_own_gap_is_neither_wanted_nor_wrong():
     assert is_grouped(rivals | rig)
 
 
+def test_a_mode_that_the_base_law_lacks_is_neither_wanted_nor_wrong():
+    def told(true, base, *effects):
+        laws = {"strata": {"relaxation": true}, "base": {"relaxation": base}}
+        return case("none", (), effects=effects) | laws
+
+    mode = "extra_relaxation_mode"
+    assert is_named(told("prony:3", "prony:2", mode))
+    assert not is_named(told("prony:3", "prony:2", mode, "friction"))
+    assert not is_named(told("prony:2", "prony:2", mode))
+    assert not is_named(told("prony:3", "fung", mode))
+    assert not is_named(told("fung", "prony:2", mode))
+
+
 def test_bounds_are_those_of_clopper_and_pearson():
     """Of no hit in n, p with (1 - p)^n = 0.05; of all hits, its mirror."""
     assert upper(Rate(0, 30)) == pytest.approx(1.0 - 0.05 ** (1 / 30))

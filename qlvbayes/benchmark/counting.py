@@ -4,8 +4,9 @@ named: the verdict names exactly what is hidden and nothing besides, without a r
 or the verdict is `ambiguous` and its own `group`, of at most three, completes what it is sure of to
 exactly what is hidden; a longer list beside a wrong name counts for nothing.
 
-The platen of the wide population starts a little above the pad: there a ``contact_offset`` that was
-not hidden is true all the same, and counts neither as wanted nor as wrong.
+Some names are true though nothing of that name was hidden, and count neither as wanted nor as
+wrong: ``contact_offset`` where the platen starts above the pad, as it does in the wide population,
+and ``extra_relaxation_mode`` on a base law of fewer modes than the pad has.
 """
 
 from __future__ import annotations
@@ -21,7 +22,6 @@ LARGEST_GROUP = 3
 LEVEL = 0.95  # of the one-sided bounds
 _SURE = ("missing_effect", "partly_explained")
 _OPEN = ("unexplained", "partly_explained")
-_GAP = "contact_offset"
 
 
 def is_named(case: Case) -> bool:
@@ -84,9 +84,30 @@ def _listed(case: Case) -> set[str]:
 
 
 def _told(case: Case) -> set[str]:
-    """Effects that the verdict names, less the rig's own gap."""
-    has_gap = case.get("rig", {}).get("gap_mm", 0.0) > 0.0
-    return set(case["effects"]) - ({_GAP} - set(case["names"]) if has_gap else set())
+    """Effects that the verdict names, less those that are true though they were not hidden."""
+    return set(case["effects"]) - (_true_besides(case) - set(case["names"]))
+
+
+def _true_besides(case: Case) -> set[str]:
+    """The rig's own gap, and a mode that the base law told lacks."""
+    found = set()
+    if case.get("rig", {}).get("gap_mm", 0.0) > 0.0:
+        found.add("contact_offset")
+    if _modes(case.get("strata", {}).get("relaxation")) > _modes(_base(case)) > 0:
+        found.add("extra_relaxation_mode")
+    return found
+
+
+def _base(case: Case) -> str | None:
+    """The relaxation that the verdict tells."""
+    told: str | None = case.get("base", {}).get("relaxation")
+    return told
+
+
+def _modes(relaxation: str | None) -> int:
+    """Of a Prony series; 0 of another law."""
+    law, _, modes = (relaxation or "").partition(":")
+    return int(modes) if law == "prony" else 0
 
 
 @dataclass(frozen=True)

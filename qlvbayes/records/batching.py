@@ -13,8 +13,7 @@ from jaxtyping import Array
 from qlvbayes.motion import Motion
 from qlvbayes.records.record import Blocks, Record
 
-_GRID_STEP = 64  # sizes are rounded up to multiples of these, so that compiled functions are shared
-_BLOCK_STEP = 32
+_LEAST = 32  # points or blocks
 
 
 def batch(records: Sequence[Record], like: Record | None = None) -> Record:
@@ -22,8 +21,8 @@ def batch(records: Sequence[Record], like: Record | None = None) -> Record:
 
     like: a batch whose sizes are taken where they are large enough.
     """
-    points = _rounded(max(r.motion.time.shape[0] for r in records), _GRID_STEP)
-    blocks = _rounded(max(r.blocks.force.shape[0] for r in records), _BLOCK_STEP)
+    points = _rounded(max(r.motion.time.shape[0] for r in records))
+    blocks = _rounded(max(r.blocks.force.shape[0] for r in records))
     if like is not None:
         points = max(points, like.motion.time.shape[-1])
         blocks = max(blocks, like.blocks.force.shape[-1])
@@ -33,10 +32,13 @@ def batch(records: Sequence[Record], like: Record | None = None) -> Record:
     return jax.tree.map(lambda *leaves: jnp.stack(leaves), *padded)
 
 
-def _rounded(size: int, step: int) -> int:
-    """Up to a multiple of ``step``; of an eighth of the size or so, where that is coarser."""
-    step = max(step, 1 << max(size.bit_length() - 3, 0))
-    return -(-size // step) * step
+def _rounded(size: int) -> int:
+    """Up to a power of two or three quarters of one: pads of few sizes share what is compiled.
+
+    Compiling for a size of its own takes longer than most pads' evaluations.
+    """
+    whole = max(_LEAST, 1 << (size - 1).bit_length())
+    return 3 * whole // 4 if size <= 3 * whole // 4 and whole > _LEAST else whole
 
 
 def _pad(record: Record, points: int, blocks: int) -> Record:
