@@ -60,8 +60,8 @@ def test_a_pads_blocks_are_covered():
     experiment = hidden_pad(rates=(1.0, 20.0))
     search = search_of(experiment, kinds=())
     features = smooth(experiment, search.density.space.record.blocks)
-    assert len(search.density.discrepancy.shapes) == features.factor.shape[0]
-    assert np.isfinite(search.density.discrepancy.axes).all()
+    assert len(search.density.discrepancy.features) == features.factor.shape[0]
+    assert np.isfinite(search.density.discrepancy.shapes).all()
 
 
 def left_by_the_plain_model(experiment):

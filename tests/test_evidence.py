@@ -6,12 +6,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from scipy.linalg import block_diag
 from scipy.stats import multivariate_normal
 
 from qlvbayes import prepare, read_study
+from qlvbayes.diagnosis.search import amplitude_of
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.inference.density import Density
-from qlvbayes.inference.discrepancy import Discrepancy
+from qlvbayes.inference.discrepancy import ROUGH, Discrepancy
 from qlvbayes.inference.evidence import evidence
 from qlvbayes.inference.floor_covariance import covariance
 from qlvbayes.inference.modes import find_mode, modes
@@ -49,7 +51,7 @@ def density(experiment, space):
     whitener = Whitener.of(experiment.floor, space.record.blocks, PEAK)
     rng = np.random.default_rng(3)
     shapes = rng.standard_normal((7, *space.record.blocks.force.shape))
-    return Density(space, whitener, Discrepancy.of(whitener(shapes), 2.0, 0.01))
+    return Density(space, whitener, Discrepancy.of(shapes, whitener, 2.0, 0.01))
 
 
 def thetas(space, hypothesis, count):
@@ -84,21 +86,31 @@ def test_engine_gives_the_forces_of_the_models_it_stands_for(space, hypothesis):
         np.testing.assert_allclose(force, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
 
 
-def dense_loss(density, point, size):
-    """Minus log density by the whole covariance."""
-    whitener = density.whitener
-    shapes = density.discrepancy.shapes
-    wide = np.eye(whitener.tests.size) + size**2 * shapes.T @ shapes
-    log = multivariate_normal(np.zeros(len(wide)), wide).logpdf(point.residual)
-    log += 0.5 * len(wide) * np.log(2.0 * np.pi)  # left out, as it is everywhere the same
-    return -log + point.prior.loss
+def dense_loss(experiment, density, point, size, kept=(0, 1, 2, 3, 4, 5)):
+    """Minus log density by the whole covariance, less the constant that it leaves out."""
+    record, features = density.space.record, density.discrepancy.features
+    blocks, left = record.blocks, np.asarray(record.blocks.force) - point.predicted
+    loss = point.prior.loss + density.log_constant
+    parts, shapes, noise = [], [], []
+    for k in kept:
+        real = np.asarray(blocks.real)[k]
+        one = type(blocks)(*(np.asarray(getattr(blocks, name))[k][real] for name in vars(blocks)))
+        noise.append(covariance(experiment.floor, one, PEAK))
+        parts.append(left[k][real])
+        shapes.append(features[:, k, real])
+    shape, residual = np.concatenate(shapes, axis=1), np.concatenate(parts)
+    rough = ROUGH * np.eye(residual.size)
+    whole = block_diag(*noise) + size**2 * (shape.T @ shape + rough)
+    return loss - multivariate_normal(np.zeros(len(whole)), whole).logpdf(residual)
 
 
 @pytest.mark.parametrize("size", [0.0, 0.01, 0.4])
-def test_density_is_that_of_the_whole_covariance(density, space, size):
+def test_density_is_that_of_the_whole_covariance(experiment, density, space, size):
     hypothesis = Hypothesis("exponential", "prony:2", frozenset({"viscous_drag"}))
     point = density.at(hypothesis, thetas(space, hypothesis, 1)[0])
-    assert density.terms(point, size).loss == pytest.approx(dense_loss(density, point, size))
+    assert density.terms(point, size).loss == pytest.approx(
+        dense_loss(experiment, density, point, size)
+    )
 
 
 def test_whitened_products_are_those_of_the_covariance(experiment, space, density):
@@ -168,20 +180,42 @@ def test_a_place_that_is_no_mode_has_less_evidence_than_the_mode_it_leads_to(den
     assert evidence(density, density.at(hypothesis, start)).log < evidence(density, mode.point).log
 
 
-def test_a_test_left_out_has_no_part_in_the_density(density, space):
+def test_a_test_left_out_has_no_part_in_the_density(experiment, density, space):
     hypothesis = Hypothesis("exponential", "prony:2")
-    theta = median(space.plain_draws(hypothesis))
-    whole, fewer = (
-        density.at(hypothesis, theta),
-        density.without(density.whitener.tests == 2).at(hypothesis, theta),
-    )
-    kept = density.whitener.tests != 2
-    np.testing.assert_allclose(fewer.residual, whole.residual[kept])
-    size = 0.02
-    shapes = density.discrepancy.shapes[:, kept]
-    wide = np.eye(kept.sum()) + size**2 * shapes.T @ shapes
-    log = multivariate_normal(np.zeros(len(wide)), wide).logpdf(fewer.residual)
-    expected = -log - 0.5 * len(wide) * np.log(2.0 * np.pi) + fewer.prior.loss
-    assert density.without(density.whitener.tests == 2).terms(fewer, size).loss == pytest.approx(
-        expected
-    )
+    fewer = density.without(density.whitener.tests == 2)
+    point = fewer.at(hypothesis, median(space.plain_draws(hypothesis)))
+    expected = dense_loss(experiment, fewer, point, 0.02, kept=(0, 1, 3, 4, 5))
+    assert fewer.terms(point, 0.02).loss == pytest.approx(expected)
+
+
+def test_blocks_left_out_of_a_test_have_no_part_in_the_density(density, space):
+    """The rest's own covariance, not what is left of it in numbers that hold all of them."""
+    out = np.zeros(density.whitener.tests.size, dtype=bool)
+    out[3:20] = True
+    fewer = density.without(out).whitener
+    vector = np.random.default_rng(0).standard_normal((1, *space.record.blocks.force.shape))
+    rows = ~out[density.whitener.tests == 0]
+    own = vector[0, 0, density.whitener.blocks[0]][rows]
+    sigma = density.whitener.covariances[0][np.ix_(rows, rows)]
+    white = fewer(vector)[0, fewer.tests == 0]
+    assert white @ white == pytest.approx(own @ np.linalg.solve(sigma, own))
+
+
+def test_an_effect_at_nothing_is_where_it_would_be_computed(density, space):
+    """Its amplitude's slope and all others, for every effect."""
+    plain = Hypothesis("exponential", "prony:2")
+    theta = median(space.plain_draws(plain))
+    point = density.at(plain, theta)
+    for effect in space.effects:
+        hypothesis = plain.plus(effect)
+        own = space.parameters(hypothesis)
+        start = median(space.plain_draws(hypothesis))
+        start[own.carried(point.own)] = theta
+        leaf, _ = amplitude_of(own, effect)
+        start[leaf.theta.start] = 0.0
+        (found,) = density.extended(point, hypothesis, leaf.theta.start, [start])
+        expected = density.at(hypothesis, start)
+        apart = np.abs(found.responses - expected.responses).max(axis=(1, 2)) * own.length
+        assert apart.max() < 1e-4 * np.abs(expected.predicted).max(), effect
+        np.testing.assert_allclose(found.predicted, expected.predicted, atol=1e-9)
+        np.testing.assert_allclose(found.slopes, expected.slopes)

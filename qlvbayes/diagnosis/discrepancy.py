@@ -1,9 +1,10 @@
 r"""What the hypothesis told leaves, as a smooth function of what the tests do.
 
-With the discrepancy's features B (`inference.features`) and the size s that is likeliest, the
-coefficients w ~ N(0, s^2) given the whitened residual r of the block means are normal,
+With the discrepancy's whitened features B (`inference.features`), the variances D of its rough part
+and of noise, and the size s that is likeliest, the coefficients w ~ N(0, s^2) given the whitened
+residual r of the block means are normal,
 
-.. math:: C = (s^{-2} + B B^T)^{-1}, \quad \hat w = C B r,
+.. math:: C = (s^{-2} + B D^{-1} B^T)^{-1}, \quad \hat w = C B D^{-1} r,
 
 and the discrepancy at any sample is phi^T w. An alarm, not an explanation: it says nothing about
 what is missing, and must not be read as a correction of the material's constants.
@@ -38,9 +39,11 @@ def discrepancy(work: Work) -> list[Band]:
     if size == 0.0:
         return [Band(np.zeros(own.size), np.zeros(own.size)) for own in samples.rows]
     features = smooth(work.experiment, samples.space.record.blocks)
-    shapes = work.search.density.discrepancy.shapes
+    whole = work.search.density.discrepancy
+    weights = whole.at(size).root
+    shapes = whole.shapes * weights
     precision = shapes @ shapes.T + np.eye(len(shapes)) / size**2
-    mean = np.linalg.solve(precision, shapes @ point.residual)
+    mean = np.linalg.solve(precision, shapes @ (weights * point.residual))
     root = np.linalg.inv(np.linalg.cholesky(precision))
     forces = samples.predict(told.hypothesis, point.constants[None])
     found = []

@@ -281,7 +281,7 @@ class Search:
         nothing = np.zeros(self.density.space.parameters(hypothesis).size)
         found = self.modes[base][0]
         start = self._with_carried(found, hypothesis, nothing)
-        sizes = dict.fromkeys((0.0, found.mode.size))
+        sizes = dict.fromkeys((None, found.mode.size))
         self._keep(hypothesis, self._optimised(hypothesis, [start] * len(sizes), sizes))
 
     def see_rebased(self, base: Hypothesis, hypothesis: Hypothesis) -> None:
@@ -308,10 +308,10 @@ class Search:
         self,
         hypothesis: Hypothesis,
         starts: Iterable[Array | Point],
-        sizes: Iterable[float] | None = None,
+        sizes: Iterable[float | None] | None = None,
     ) -> list[Mode]:
-        """From some places, with a discrepancy of some size (N) at first, by default none."""
-        pairs = zip(starts, repeat(0.0) if sizes is None else sizes, strict=False)
+        """From some places, with a discrepancy of some size (N) at first."""
+        pairs = zip(starts, repeat(None) if sizes is None else sizes, strict=False)
         found = [
             find_mode(self.density, hypothesis, start, self._worth, size=size)
             for start, size in pairs

@@ -66,7 +66,7 @@ def search_of(
     shapes = Features.of(places)(places)
     full = np.zeros((len(shapes), *np.asarray(blocks.real).shape))
     full[:, np.asarray(blocks.real)] = shapes
-    discrepancy = Discrepancy.of(whitener(full), peak, settings.tolerance)
+    discrepancy = Discrepancy.of(full, whitener, peak, settings.tolerance)
     names = frozenset(effect.name for effect in model.effects)
     usual = Hypothesis(choices.law, choices.relaxing, names)
     return Search(Density(space, whitener, discrepancy), settings, usual, tell)

@@ -6,7 +6,7 @@ curvature of minus the log density, the discrepancy of size s integrated out:
 .. math:: \ell = \tfrac12 r^T Q r + \tfrac12 \ln|Q^{-1}| - \ln \pi, \quad
           g = -J Q r - \nabla \ln \pi, \quad H = J Q J^T - \nabla^2 \ln \pi,
 
-with Q = 1 - sum_m k_m u_m u_m^T of `discrepancy`. H leaves out second derivatives of the force
+with Q of `discrepancy`. H leaves out second derivatives of the force
 (Gauss-Newton).
 """
 
@@ -24,7 +24,7 @@ import numpy as np
 from jaxtyping import Array as JaxArray
 from numpy.typing import NDArray
 
-from qlvbayes.inference.discrepancy import Discrepancy
+from qlvbayes.inference.discrepancy import Discrepancy, Sized
 from qlvbayes.inference.gaussnewton import positive_part
 from qlvbayes.inference.space import Hypothesis, Parameters, Space
 from qlvbayes.inference.whitening import Whitener
@@ -52,8 +52,8 @@ class Point:
 
     theta (F,): the free numbers; constants (P,) and their slopes (P, F) along them;
     predicted (T, B) and responses (F, T, B): the force (N) and its slopes; residual (n,) and
-    jacobian (F, n): whitened; parts (M,) and (F, M): of both along the discrepancy's axes; prior:
-    log density over the free numbers, gradient and curvature (of minus it).
+    jacobian (F, n): whitened; prior: log density over the free numbers, gradient and curvature (of
+    minus it).
     """
 
     own: Parameters
@@ -64,8 +64,6 @@ class Point:
     responses: Array
     residual: Array
     jacobian: Array
-    parts: Array
-    jacobian_parts: Array
     prior: Terms
 
     @cached_property
@@ -73,21 +71,14 @@ class Point:
         """Of the whitened residual, summed: n where only noise is left."""
         return float(self.residual @ self.residual)
 
-    @cached_property
-    def _products(self) -> tuple[Array, Array]:
-        return self.jacobian @ self.residual, self.jacobian @ self.jacobian.T
-
-    def terms(self, taken: Array, log_volume: Any) -> Terms:
-        """With shares (..., M) of each axis taken by a discrepancy; log_volume (...): ln|Q^-1|."""
-        slope, information = self._products
-        own = self.jacobian_parts
-        loss = 0.5 * (self.squares - taken @ self.parts**2 + log_volume)
-        gradient = (taken * self.parts) @ own.T - slope
-        curvature = information - (taken[..., None, :] * own) @ own.T
+    def terms(self, own: Sized) -> Terms:
+        """Beside a discrepancy of one size."""
+        white, slopes = self.residual * own.root, self.jacobian * own.root
+        part, parts = own.axes @ white, slopes @ own.axes.T
         return Terms(
-            loss + self.prior.loss,
-            gradient + self.prior.gradient,
-            curvature + self.prior.curvature,
+            0.5 * (white @ white - part @ part + own.log_volume) + self.prior.loss,
+            parts @ part - slopes @ white + self.prior.gradient,
+            slopes @ slopes.T - parts @ parts.T + self.prior.curvature,
         )
 
 
@@ -98,7 +89,6 @@ class Density:
         self.space = space
         self.whitener = whitener
         self.discrepancy = discrepancy
-        self.rows = np.ones(whitener.tests.size, dtype=bool)
         self._force = np.asarray(space.record.blocks.force)
 
     @cached_property
@@ -106,10 +96,7 @@ class Density:
         """The same as if the noise were white and of half a per cent of the peak force."""
         size = _COARSE * float(np.max(np.abs(self._force)))
         whitener = self.whitener.replaced(size)
-        none = Discrepancy.of(np.zeros((1, whitener.tests.size)), self.discrepancy.peak, 1.0)
-        found = Density(self.space, whitener, none)
-        found.rows = self.rows
-        return found
+        return Density(self.space, whitener, self.discrepancy.none(whitener))
 
     def with_space(self, space: Space) -> Density:
         """Of other priors, about the same record."""
@@ -117,16 +104,14 @@ class Density:
 
     def without(self, left_out: NDArray[np.bool_]) -> Density:
         """The same with some of the n block means left out."""
-        rows = ~left_out
-        found = Density(self.space, self.whitener, self.discrepancy.of_some(rows))
-        found.rows = rows
-        return found
+        whitener = self.whitener.without(left_out)
+        return Density(self.space, whitener, self.discrepancy.under(whitener))
 
     @property
     def log_constant(self) -> float:
         """What a log likelihood has that losses leave out: -n/2 ln(2 pi) - ln|Sigma|/2."""
-        volume = sum(float(np.log(np.diag(factor)).sum()) for factor in self.whitener.factors)
-        return -0.5 * float(self.rows.size) * math.log(2.0 * math.pi) - volume
+        precisions = self.whitener.precisions
+        return 0.5 * float(np.log(precisions).sum() - precisions.size * math.log(2.0 * math.pi))
 
     def predicted(self, hypothesis: Hypothesis, theta: Array) -> tuple[Array, Array]:
         """Block means (T, B) at theta (F,), and their slopes (F, T, B)."""
@@ -147,7 +132,7 @@ class Density:
         largest = max(np.abs(predicted).max(), np.abs(responses).max() * _STEP * own.length.max())
         if not (largest < _FARTHEST * self.discrepancy.peak and np.isfinite(prior.loss)):
             return None
-        white, parts = self._whitened(np.concatenate([(self._force - predicted)[None], responses]))
+        white = self.whitener(np.concatenate([(self._force - predicted)[None], responses]))
         return Point(
             own,
             theta,
@@ -157,8 +142,6 @@ class Density:
             responses,
             white[0],
             white[1:],
-            parts[0],
-            parts[1:],
             prior,
         )
 
@@ -176,7 +159,7 @@ class Density:
         moved = [_stepped(theta, steps)[1 + number] for theta in starts]
         forces = self.space.forces(hypothesis, own.constants(np.stack(moved)))
         added = (forces - point.predicted) / steps[number]
-        white, parts = self._whitened(added)
+        white = self.whitener(added)
         kept = own.carried(point.own)
         found = []
         for k, theta in enumerate(starts):
@@ -200,32 +183,23 @@ class Density:
                     filled(point.responses, added[k]),
                     point.residual,
                     filled(point.jacobian, white[k]),
-                    point.parts,
-                    filled(point.jacobian_parts, parts[k]),
                     prior,
                 )
             )
         return found
 
-    def _whitened(self, forces: Array) -> tuple[Array, Array]:
-        """Forces (K, T, B) whitened (K, n), and their parts (K, M) along the discrepancy's axes."""
-        white = self.whitener(forces)[:, self.rows]
-        return white, white @ self.discrepancy.axes.T
-
     def terms(self, point: Point, size: float) -> Terms:
         """At a size (N) of the discrepancy."""
-        own = self.discrepancy
-        return point.terms(own.taken(size), own.log_volume(size))
+        return point.terms(self.discrepancy.at(size))
 
     def terms_by_size(self, point: Point) -> Terms:
         """At each of the discrepancy's S sizes."""
-        own = self.discrepancy
-        sizes = own.sizes[:, None]
-        return point.terms(own.taken(sizes), own.log_volume(sizes))
+        found = [self.terms(point, size) for size in self.discrepancy.sizes.tolist()]
+        return Terms(*(np.array(values) for values in zip(*found, strict=True)))
 
     def likeliest_size(self, point: Point) -> float:
         """Size (N) of highest density at a place."""
-        losses = self.discrepancy.losses(point.parts**2) - self.discrepancy.log_prior
+        losses = self.discrepancy.losses(point.residual) - self.discrepancy.log_prior
         return float(self.discrepancy.sizes[np.argmin(losses)])
 
 

@@ -1,12 +1,16 @@
-r"""What a model leaves beyond noise: smooth functions (`features`), of an unknown size.
+r"""What a model leaves beyond noise: smooth functions and a rough part, of an unknown size.
 
-Block means are y = f + B w + e, with the whitened shapes B (M, n), coefficients w ~ N(0, s^2) and
-noise e of unit variance. With B's singular values :math:`\sqrt{\lambda_m}` and the unit vectors
-u_m, the coefficients are integrated out in closed form (Kennedy & O'Hagan 2001,
+Block means are y = f + B w + u + e, with `features` B (M, n), coefficients w ~ N(0, s^2), a rough
+part u ~ N(0, rho s^2), independent from block to block, which stands for kinks and all else that
+no smooth function follows, and noise e. With whitened features and the variances lambda of
+`whitening`, everything but f is integrated out in closed form (Kennedy & O'Hagan 2001,
 doi:10.1111/1467-9868.00294, with a finite basis):
 
-.. math:: -2 \ln L(s) = |r|^2 - \sum_m k_m (u_m \cdot r)^2 + \sum_m \ln(1 + s^2 \lambda_m),
-          \quad k_m = \frac{s^2 \lambda_m}{1 + s^2 \lambda_m}
+.. math:: Q^{-1} = D + s^2 B^T B, \quad D = 1 + \rho s^2 / \lambda, \quad
+          -2 \ln L(s) = r^T Q r + \ln |Q^{-1}|
+
+Without the rough part, what a wrong model leaves beside the features would be weighed by the noise
+alone, however large it is, and the likeliest fit would be one that follows it and nothing else.
 
 The size s runs over a grid from nothing to a third of the peak force. Its prior has half its mass
 at nothing and falls as 1/(1 + s/t) per factor beyond the tolerance t, so that a size has to be paid
@@ -15,64 +19,88 @@ for.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+
+from qlvbayes.inference.whitening import Whitener
 
 Array = NDArray[np.float64]
 
 _SIZES = np.geomspace(3e-4, 0.3, 19)  # of the peak force: below the least, noise hides it
 _NONE = 0.5  # prior probability that there is none
-_NEGLIGIBLE = 1e-10  # of the largest strength
+ROUGH = 0.1
+"""rho: smooth first of all, as no curve of a soft body has many kinks."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sized:
+    """A discrepancy of one size: Q = root (1 - axes^T axes) root.
+
+    root (n,): D^(-1/2); axes (M, n); log_volume: ln|Q^-1|.
+    """
+
+    root: Array
+    axes: Array
+    log_volume: float
 
 
 @dataclass(frozen=True, eq=False)
 class Discrepancy:
-    """Shapes of n whitened block means, and the sizes they may have.
+    """Features of the block means of a pad, and the sizes that it may have.
 
-    shapes (M, n): whitened, as given; axes (M', n): unit vectors u_m; strengths (M',): lambda_m
-    (1/N^2); sizes (S,): N, the first is 0; log_prior (S,).
+    features (M, T, B): N of unit size; peak: largest force (N); sizes (S,): N, the first is 0;
+    log_prior (S,).
     """
 
-    shapes: Array
-    axes: Array
-    strengths: Array
+    features: Array
+    whitener: Whitener
+    peak: float
     sizes: Array
     log_prior: Array
+    _sized: dict[float, Sized] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, shapes: Array, peak: float, tolerance: float) -> Discrepancy:
-        """Of whitened shapes (M, n); peak: largest force (N), of which tolerance is a share."""
-        strengths, rotation = np.linalg.eigh(shapes @ shapes.T)
-        kept = strengths > _NEGLIGIBLE * max(strengths.max(initial=0.0), 1e-200)
-        strengths = strengths[kept]
-        axes = (rotation[:, kept] / np.sqrt(strengths)).T @ shapes
+    def of(cls, features: Array, whitener: Whitener, peak: float, tolerance: float) -> Discrepancy:
+        """Of any size; tolerance: a share of the peak force (N)."""
         falling = 1.0 / (1.0 + _SIZES / max(tolerance, _SIZES[0]))
         weights = np.concatenate([[_NONE], (1.0 - _NONE) * falling / falling.sum()])
         sizes = peak * np.concatenate([[0.0], _SIZES])
-        return cls(shapes, axes, strengths, sizes, np.log(weights))
+        return cls(features, whitener, peak, sizes, np.log(weights))
+
+    def none(self, whitener: Whitener) -> Discrepancy:
+        """Of no size but nothing, under other noise."""
+        return Discrepancy(self.features[:0], whitener, self.peak, np.zeros(1), np.zeros(1))
+
+    def under(self, whitener: Whitener) -> Discrepancy:
+        """The same under other noise."""
+        return Discrepancy(self.features, whitener, self.peak, self.sizes, self.log_prior)
 
     @property
-    def peak(self) -> float:
-        """Largest force (N), of which sizes are shares."""
-        return float(self.sizes[-1] / _SIZES[-1])
+    def shapes(self) -> Array:
+        """(M, n) whitened."""
+        return self.whitener(self.features)
 
-    def of_some(self, rows: NDArray[np.bool_]) -> Discrepancy:
-        """Of some of the n numbers only."""
-        fewer = Discrepancy.of(self.shapes[:, rows], self.peak, 1.0)
-        return Discrepancy(fewer.shapes, fewer.axes, fewer.strengths, self.sizes, self.log_prior)
+    def at(self, size: float) -> Sized:
+        """Of a size (N)."""
+        if size not in self._sized:
+            variances = 1.0 + ROUGH * size**2 * self.whitener.precisions
+            root = variances**-0.5
+            own = size * self.shapes * root if size > 0.0 else np.zeros((0, root.size))
+            factor = np.linalg.cholesky(np.eye(len(own)) + own @ own.T)
+            volume = np.log(variances).sum() + 2.0 * np.log(np.diag(factor)).sum()
+            axes = solve_triangular(factor, own, lower=True, check_finite=False)
+            self._sized[size] = Sized(root, axes, float(volume))
+        return self._sized[size]
 
-    def taken(self, size: float | Array) -> Array:
-        """(..., M') share k_m of each axis that a discrepancy of a size (..., 1) (N) takes."""
-        return 1.0 - 1.0 / (1.0 + size**2 * self.strengths)
-
-    def log_volume(self, size: float | Array) -> Any:
-        """(...) sum of ln(1 + s^2 lambda_m) at a size (..., 1) (N)."""
-        return np.log1p(size**2 * self.strengths).sum(axis=-1)
-
-    def losses(self, squares: Array) -> Array:
-        """(S,) what every size adds to the loss |r|^2/2 of squares (M',) of a residual's parts."""
-        strengths = self.sizes[:, None] ** 2 * self.strengths
-        return 0.5 * (np.log1p(strengths) - strengths / (1.0 + strengths) * squares).sum(axis=1)
+    def losses(self, residual: Array) -> Array:
+        """(S,) minus log likelihood of a whitened residual (n,) at every size."""
+        found = []
+        for size in self.sizes.tolist():
+            own = self.at(size)
+            white = own.root * residual
+            part = own.axes @ white
+            found.append(0.5 * (white @ white - part @ part + own.log_volume))
+        return np.array(found)

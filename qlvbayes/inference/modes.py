@@ -51,18 +51,19 @@ def find_mode(
     start: Array | Point,
     worth: float = np.inf,
     enough: float = _ENOUGH,
-    size: float = 0.0,
+    size: float | None = None,
 ) -> Mode | None:
     """Levenberg-Marquardt from theta (F,) or a point, then on at the discrepancy's likeliest size.
 
-    size: of the discrepancy (N) at first; from far away none, as it would take what the force has
-    not yet been fitted to. None: not finite. worth: a loss; what does not promise to reach it is
-    given up on its way; enough: rise of the log density that a step must promise.
+    size: of the discrepancy (N) at first, by default the likeliest at the start. None: not finite.
+    worth: a loss; what does not promise to reach it is given up on its way; enough: rise of the log
+    density that a step must promise.
     """
     point = start if isinstance(start, Point) else density.at(hypothesis, start)
     if point is None:
         return None
     lowest, length = point.own.lowest, point.own.length
+    size = density.likeliest_size(point) if size is None else size
     here = density.terms(point, size)
     damping, least, most = _DAMPING
     tried, over = 0, False

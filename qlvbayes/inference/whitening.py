@@ -1,20 +1,21 @@
 r"""Block means as independent numbers of unit variance, under the noise floor alone.
 
-With the Cholesky factor of each test's covariance, Sigma = L L^T,
+With the eigenvectors and eigenvalues of each test's covariance, Sigma = V diag(lambda) V^T,
 
-.. math:: \tilde x = L^{-1} x,
+.. math:: \tilde x = \lambda^{-1/2} V^T x,
 
-so that products of whitened vectors are the products :math:`x^T \Sigma^{-1} y` of a likelihood.
+so that products of whitened vectors are the products :math:`x^T \Sigma^{-1} y` of a likelihood, and
+noise of variance a, independent from block to block, adds :math:`a / \lambda` to each variance.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import jax
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cholesky, solve_triangular
 
 from qlvbayes.inference.floor_covariance import covariance
 from qlvbayes.noisefloor import NoiseFloor
@@ -22,40 +23,70 @@ from qlvbayes.records.record import Blocks
 
 Array = NDArray[np.float64]
 
+_SINGULAR = 1e-14  # of the largest eigenvalue: less is rounding
+
 
 @dataclass(frozen=True, eq=False)
 class Whitener:
-    """One factor a test; n blocks in all that are no padding.
+    """Of the n blocks of T tests that are no padding and not left out.
 
-    blocks: of each test, which of its B blocks are real; factors: lower Cholesky factors (N^2 under
-    the root); tests: which test each of the n blocks is of.
+    blocks: of each test, which of its B blocks those are; covariances: of their means (N^2).
     """
 
     blocks: tuple[NDArray[np.bool_], ...]
-    factors: tuple[Array, ...]
-    tests: NDArray[np.intp]
+    covariances: tuple[Array, ...]
 
     @classmethod
     def of(cls, floor: NoiseFloor, blocks: Blocks, peak: float) -> Whitener:
         """Of a floor; peak: largest force (N), a share of which every block mean has as noise."""
         arrays = jax.tree.map(np.asarray, blocks)
-        factors = []
+        found = []
         for k, real in enumerate(arrays.real):
             of_test = jax.tree.map(lambda x, k=k, real=real: x[k][real], arrays)
-            factors.append(cholesky(covariance(floor, of_test, peak), lower=True))
-        sizes = [len(factor) for factor in factors]
-        tests = np.repeat(np.arange(len(sizes)), sizes)
-        return cls(tuple(arrays.real), tuple(factors), tests)
+            found.append(covariance(floor, of_test, peak))
+        return cls(tuple(arrays.real), tuple(found))
 
     def replaced(self, size: float) -> Whitener:
         """As if the noise of every block were independent, of one size (N)."""
-        factors = tuple(size * np.eye(len(factor)) for factor in self.factors)
-        return Whitener(self.blocks, factors, self.tests)
+        found = tuple(size**2 * np.eye(len(one)) for one in self.covariances)
+        return Whitener(self.blocks, found)
+
+    def without(self, left_out: NDArray[np.bool_]) -> Whitener:
+        """Less some (n,) of the blocks."""
+        masks, found = [], []
+        for k, (real, of_test) in enumerate(zip(self.blocks, self.covariances, strict=True)):
+            kept = ~left_out[self.tests == k]
+            mask = real.copy()
+            mask[real] = kept
+            masks.append(mask)
+            found.append(of_test[np.ix_(kept, kept)])
+        return Whitener(tuple(masks), tuple(found))
+
+    @cached_property
+    def tests(self) -> NDArray[np.intp]:
+        """(n,) which test each block is of."""
+        sizes = [len(one) for one in self.covariances]
+        return np.repeat(np.arange(len(sizes)), sizes)
+
+    @cached_property
+    def _bases(self) -> list[tuple[Array, Array]]:
+        """Of each test: 1/sqrt(lambda), and the rows of V^T over it."""
+        found = []
+        for one in self.covariances:
+            values, vectors = np.linalg.eigh(one)
+            roots = np.maximum(values, _SINGULAR * values.max(initial=0.0)) ** -0.5
+            found.append((roots, roots[:, None] * vectors.T))
+        return found
+
+    @cached_property
+    def precisions(self) -> Array:
+        """(n,) 1/lambda (1/N^2)."""
+        return np.concatenate([roots**2 for roots, _ in self._bases])
 
     def __call__(self, vectors: Array) -> Array:
         """(M, T, B) to (M, n)."""
         parts = [
-            solve_triangular(factor, vectors[:, k, real].T, lower=True, check_finite=False).T
-            for k, (real, factor) in enumerate(zip(self.blocks, self.factors, strict=True))
+            vectors[:, k, real] @ rows.T
+            for k, (real, (_, rows)) in enumerate(zip(self.blocks, self._bases, strict=True))
         ]
         return np.concatenate(parts, axis=1)
