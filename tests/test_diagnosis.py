@@ -219,7 +219,10 @@ def test_left_out_is_predicted_from_the_others_only(drag):
 
 
 def test_samples_are_predicted_as_by_the_model_itself(drag):
-    """Parts of a record, each by the compiled functions of the fit, against one run of all."""
+    """Parts of a record, each by the compiled functions of the fit, against one run of all.
+
+    Their grids differ; each is within a quarter of an encoder step of the motion.
+    """
     work = drag.work
     told, samples = work.told, work.samples
     model, _ = told.point.own.posterior.with_constants(jnp.asarray(told.point.constants))
@@ -227,9 +230,10 @@ def test_samples_are_predicted_as_by_the_model_itself(drag):
     for k, (trial, rows) in enumerate(zip(samples.trials, samples.rows, strict=True)):
         record = single_samples(work.experiment, trial, rows)
         expected = np.asarray(record.average(model.force(record.motion)))
-        np.testing.assert_allclose(
-            predicted[k][0], expected, atol=2e-3 * work.experiment.floor.total
-        )
+        stiffness = float(model.elastic.stiffness(np.max(trial.test.displacement)))
+        promised = 0.25 * trial.trajectory.resolution * stiffness
+        assert promised < 0.1 * work.experiment.floor.total
+        np.testing.assert_allclose(predicted[k][0], expected, atol=promised)
 
 
 def test_of_one_test_alone_phases_are_left_out():

@@ -18,7 +18,7 @@ SHIFTS = (ForceDrift, ForceOffset)
 @pytest.fixture(scope="module")
 def jump():
     """Something in the rig gives way after the second test: a drift comes nearest."""
-    given_way = OUTSIDE["slow_creep_jump"](offset=-0.06, begin=280.0, time=15.0)
+    given_way = OUTSIDE["slow_creep_jump"](offset=-0.1, begin=280.0, time=15.0)
     return diagnose(hidden_pad(given_way, rates=PAPER_RATES), kinds=SHIFTS)
 
 

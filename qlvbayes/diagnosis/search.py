@@ -21,7 +21,7 @@ from qlvbayes.diagnosis.prior import log_prior
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.evidence import Evidence, evidence
-from qlvbayes.inference.modes import Mode, base_modes, distinct, find_mode, modes
+from qlvbayes.inference.modes import Mode, base_modes, distinct, find_modes, modes
 from qlvbayes.inference.space import (
     Hypothesis,
     Leaf,
@@ -312,11 +312,11 @@ class Search:
     ) -> list[Mode]:
         """From some places, with a discrepancy of some size (N) at first."""
         pairs = zip(starts, repeat(None) if sizes is None else sizes, strict=False)
-        found = [
-            find_mode(self.density, hypothesis, start, self._worth, size=size)
+        return [
+            mode
             for start, size in pairs
+            for mode in find_modes(self.density, hypothesis, start, self._worth, size)
         ]
-        return [mode for mode in found if mode is not None]
 
     @property
     def _worth(self) -> float:

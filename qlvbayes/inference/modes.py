@@ -28,6 +28,7 @@ _FARTHEST = 3.0  # longest step in a natural length
 _DAMPING = (1e-3, 1e-4, 1e9)  # first, least, most
 _POOR = 50.0  # loss behind the best, under coarse noise, at which a start is given up
 _KEPT = 30.0  # loss behind the best mode, at which another is given up
+_NEAR_NONE = 10.0  # of loss, by which no discrepancy may be worse at a place and yet have a mode
 _SAME = 0.5  # of loss, within which two modes are one
 
 
@@ -94,6 +95,23 @@ def find_mode(
     return Mode(point, size, density.terms(point, size).loss, False, tried)
 
 
+def find_modes(
+    density: Density,
+    hypothesis: Hypothesis,
+    start: Array | Point,
+    worth: float = np.inf,
+    size: float | None = None,
+) -> list[Mode]:
+    """As `find_mode`; where no discrepancy is nearly as likely there, also the mode without one."""
+    found = find_mode(density, hypothesis, start, worth, size=size)
+    if found is None or found.size == 0.0:
+        return [found] if found is not None else []
+    if density.terms(found.point, 0.0).loss > found.loss + _NEAR_NONE:
+        return [found]
+    other = find_mode(density, hypothesis, found.point, worth, size=0.0)
+    return [one for one in (found, other) if one is not None]
+
+
 def _is_hopeless(density: Density, point: Point, tried: int, promise: float, worth: float) -> bool:
     """Whether what steps promise does not reach what it must, whatever the discrepancy."""
     hope = min((hope for k, hope in _HOPE.items() if tried > k), default=math.inf)
@@ -121,8 +139,10 @@ def modes(
         mode = find_mode(density.coarse, hypothesis, start, least + _POOR, _NEARLY)
         rough += [mode] if mode is not None else []
     places = distinct(rough)[:most]
-    found = [find_mode(density, hypothesis, mode.point.theta, worth) for mode in places]
-    return distinct(mode for mode in found if mode is not None)
+    starts = [mode.point.theta for mode in places]
+    return distinct(
+        mode for theta in starts for mode in find_modes(density, hypothesis, theta, worth)
+    )
 
 
 def base_modes(density: Density, hypothesis: Hypothesis, seed: int = 0) -> list[Mode]:
