@@ -89,10 +89,17 @@ class Search:
         """Up to a constant; minus infinity of what was not seen."""
         if hypothesis not in self.modes:
             return -math.inf
+        return self.modes[hypothesis][0].log_evidence + self._log_prior(hypothesis)
+
+    def _log_prior(self, hypothesis: Hypothesis) -> float:
         space = self.density.space
         laws = (space.elastic, space.relaxation)
-        own = log_prior(hypothesis, self.usual, laws, len(space.effects), self.settings)
-        return self.modes[hypothesis][0].log_evidence + own
+        return log_prior(hypothesis, self.usual, laws, len(space.effects), self.settings)
+
+    def _may_lead(self, hypothesis: Hypothesis, log_evidence: float) -> bool:
+        """Whether what a start promises comes near the best."""
+        promised = log_evidence + self._log_prior(hypothesis)
+        return promised > self.log_posterior(self.best) - _NEAR
 
     @property
     def best(self) -> Hypothesis:
@@ -199,7 +206,8 @@ class Search:
             starts = [start for name in others for start in self._promising(hypothesis, name)]
             for one in sorted(starts, key=lambda one: -one.log_evidence):
                 added = one.point.own.hypothesis
-                self._keep(added, self._optimised(added, [one.point]))
+                if self._may_lead(added, one.log_evidence):
+                    self._keep(added, self._optimised(added, [one.point]))
         for name in self.added(hypothesis):
             self.see_without(hypothesis, name)
 
