@@ -1,26 +1,29 @@
 """Densities of hypotheses: the fast way against dense algebra, quadrature and the plain model."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.integrate import quad
+from scipy.integrate import dblquad, quad
 from scipy.linalg import block_diag
+from scipy.optimize import minimize
 from scipy.stats import multivariate_normal
 
 from qlvbayes import prepare, read_study
 from qlvbayes.diagnosis.search import amplitude_of
 from qlvbayes.effects.catalogue import EFFECTS
-from qlvbayes.inference.density import Density
+from qlvbayes.inference.density import Density, Terms
 from qlvbayes.inference.discrepancy import ROUGH, Discrepancy
 from qlvbayes.inference.evidence import evidence
 from qlvbayes.inference.floor_covariance import covariance
-from qlvbayes.inference.modes import find_mode, modes
+from qlvbayes.inference.modes import bounded_step, find_mode, modes, promised
 from qlvbayes.inference.space import Hypothesis, Space, in_natural_amplitude, median
 from qlvbayes.inference.whitening import Whitener
 from qlvbayes.laws.catalogue import LAWS
 from qlvbayes.laws.relaxation.prony import Prony
+from qlvbayes.priors.natural import within_bounds
 
 HIDDEN = Path(__file__).parents[1] / "data" / "hidden.csv"
 PEAK = 1.0
@@ -38,9 +41,9 @@ def space(experiment):
     relaxation |= {kind.name: kind.default(scales) for kind in LAWS.relaxation if kind != Prony}
     return Space(
         experiment.record(experiment.trials),
-        {kind.name: kind.default(scales) for kind in LAWS.elastic},
-        relaxation,
-        {kind.name: in_natural_amplitude(kind.default(scales)) for kind in EFFECTS},
+        {kind.name: within_bounds(kind.default(scales)) for kind in LAWS.elastic},
+        {name: within_bounds(law) for name, law in relaxation.items()},
+        {k.name: within_bounds(in_natural_amplitude(k.default(scales))) for k in EFFECTS},
         experiment.noise_at_rest,
         False,
     )
@@ -219,3 +222,61 @@ def test_an_effect_at_nothing_is_where_it_would_be_computed(density, space):
         assert apart.max() < 1e-4 * np.abs(expected.predicted).max(), effect
         np.testing.assert_allclose(found.predicted, expected.predicted, atol=1e-9)
         np.testing.assert_allclose(found.slopes, expected.slopes)
+
+
+def quadratic(gradient, curvature, theta, lowest, highest):
+    """A density whose loss is a quadratic about a place, between bounds."""
+    terms = Terms(0.0, np.asarray(gradient), np.asarray(curvature))
+    own = SimpleNamespace(
+        lowest=np.asarray(lowest),
+        highest=np.asarray(highest),
+        length=np.full(len(theta), 1e3),
+    )
+    point = SimpleNamespace(own=own, theta=np.asarray(theta))
+    stacked = Terms(np.zeros(1), terms.gradient[None], terms.curvature[None])
+    density = SimpleNamespace(
+        discrepancy=SimpleNamespace(log_prior=np.zeros(1)),
+        likeliest_size=lambda at: 0.0,
+        terms=lambda at, size: terms,
+        terms_by_size=lambda at: stacked,
+    )
+    return density, point, terms
+
+
+@pytest.mark.parametrize(("low", "high"), [(-0.3, 0.4), (0.5, 0.9), (4.0, 5.0), (-1.0, np.inf)])
+def test_evidence_between_two_bounds_agrees_with_quadrature(low, high):
+    """One number between bounds, correlated with a free one: also where the mode lies beyond."""
+    gradient, curvature = np.array([0.7, -0.4]), np.array([[3.0, 1.1], [1.1, 2.0]])
+    bounds = [low, -np.inf], [high, np.inf]
+    theta = np.array([min(low + 0.1, high), 0.0])
+    density, point, _ = quadratic(gradient, curvature, theta, *bounds)
+
+    def value(y, x):
+        z = np.array([x, y]) - theta
+        return float(np.exp(-gradient @ z - 0.5 * z @ curvature @ z))
+
+    area, _ = dblquad(value, low, min(high, 12.0), -12.0, 12.0, epsabs=1e-12)
+    assert evidence(density, point, linear=True).log == pytest.approx(np.log(area), abs=1e-6)
+
+
+def test_a_step_between_bounds_ends_at_the_lowest_place_there():
+    """Of 200 quadratics; damped, it promises less."""
+    rng = np.random.default_rng(8)
+    for _ in range(200):
+        jacobian, goal = rng.standard_normal((9, 4)), rng.standard_normal(9)
+        low, high = -rng.uniform(0.0, 0.5, 4), rng.uniform(0.0, 0.5, 4)
+        best = minimize(
+            lambda x, a=jacobian, b=goal: 0.5 * np.sum((a @ x - b) ** 2),
+            np.zeros(4),
+            jac=lambda x, a=jacobian, b=goal: a.T @ (a @ x - b),
+            bounds=list(zip(low, high, strict=True)),
+            method="L-BFGS-B",
+            options={"ftol": 1e-15, "gtol": 1e-12},
+        )
+        _, point, terms = quadratic(
+            -jacobian.T @ goal, jacobian.T @ jacobian, np.zeros(4), low, high
+        )
+        step, damped = (bounded_step(terms, damping, point) for damping in (0.0, 1.0))
+        assert np.all((step >= low) & (step <= high))
+        assert promised(terms, step) == pytest.approx(0.5 * goal @ goal - best.fun, rel=1e-6)
+        assert 0.0 < promised(terms, damped) <= promised(terms, step) * (1 + 1e-9)

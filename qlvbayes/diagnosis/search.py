@@ -214,8 +214,7 @@ class Search:
     def _other_laws(self, hypothesis: Hypothesis) -> Iterator[Hypothesis]:
         """Its effects on every other law, and without them: a law may be what they imitate.
 
-        On what comes near, also with an effect less. Other relaxations cost most: with effects they
-        are tried where something is left.
+        On what comes near, also with an effect less.
         """
         space, effects = self.density.space, self.added(hypothesis)
         left = self.modes[hypothesis][0].mode.size > 0.0
@@ -224,11 +223,10 @@ class Search:
             bases += [(hypothesis.elastic, name) for name in space.relaxation]
         for elastic, relaxation in bases:
             yield Hypothesis(elastic, relaxation, self.usual.effects)
-            if relaxation == hypothesis.relaxation or left:
-                other = Hypothesis(elastic, relaxation, hypothesis.effects)
-                yield other
-                if self.log_posterior(other) > self.log_posterior(self.best) - _NEAR:
-                    yield from (other.less(effect) for effect in effects)
+            other = Hypothesis(elastic, relaxation, hypothesis.effects)
+            yield other
+            if self.log_posterior(other) > self.log_posterior(self.best) - _NEAR:
+                yield from (other.less(effect) for effect in effects)
 
     @property
     def listed(self) -> list[str]:
@@ -293,24 +291,38 @@ class Search:
         self._keep(hypothesis, self._optimised(hypothesis, [start] * len(sizes), sizes))
 
     def see_rebased(self, base: Hypothesis, hypothesis: Hypothesis) -> None:
-        """The same effects on another law: from its own mode without them, and from its priors."""
+        """The same effects on another law: from its own modes, with those effects or none of them.
+
+        What stands for an effect on one law may be far from what it is on another.
+        """
         if hypothesis in self.modes:
             return
         bare = replace(hypothesis, effects=self.usual.effects)
-        if hypothesis == bare:
-            self.see_plain(hypothesis)
+        self.see_plain(bare)
+        if hypothesis == bare or bare not in self.modes:
             return
-        own = median(self.density.space.plain_draws(bare))
-        plain = [one.point.theta for one in self.modes.get(bare, [])] or [own]
         found = self.modes[base][0]
-        size = self.density.space.parameters(hypothesis).size
-        starts = []
-        for theta in plain:
-            start = self._with_carried(found, hypothesis, np.zeros(size))
-            start[: theta.size] = theta
+        starts = [self._without_effects(hypothesis)]
+        for one in self.modes[bare]:
+            start = self._with_carried(found, hypothesis, starts[0])
+            start[: one.point.theta.size] = one.point.theta
             starts.append(start)
         mixed = self._with_carried(found, hypothesis, starts[0])
         self._keep(hypothesis, self._optimised(hypothesis, [*starts, mixed]))
+
+    def _without_effects(self, hypothesis: Hypothesis) -> Array:
+        """Theta (F,) of a bare law's mode, every effect at nothing and as promises most there."""
+        bare = replace(hypothesis, effects=self.usual.effects)
+        found = self.modes[bare][0]
+        theta = np.zeros(self.density.space.parameters(hypothesis).size)
+        theta[: found.point.theta.size] = found.point.theta
+        own = self.density.space.parameters(hypothesis).by_name
+        for effect in self.added(hypothesis):
+            for start in self._promising(bare, effect)[:1]:
+                for name, leaf in start.point.own.by_name.items():
+                    if name.startswith(f"{effect}."):
+                        theta[list(own[name].theta)] = start.point.theta[list(leaf.theta)]
+        return theta
 
     def _optimised(
         self,

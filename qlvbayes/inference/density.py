@@ -29,7 +29,7 @@ from qlvbayes.inference.gaussnewton import positive_part
 from qlvbayes.inference.space import Hypothesis, Parameters, Space
 from qlvbayes.inference.whitening import Whitener
 from qlvbayes.priors.distributions import AbstractPrior
-from qlvbayes.priors.natural import Natural
+from qlvbayes.priors.natural import AbstractDirect
 
 Array = NDArray[np.float64]
 
@@ -214,11 +214,11 @@ def _prior(own: Parameters, theta: Array) -> Terms:
     curvature = np.zeros((own.size, own.size))
     for leaf in own.leaves:
         here = slice(leaf.theta.start, leaf.theta.stop)
-        if isinstance(leaf.prior, Natural):
-            number = theta[leaf.theta.start]
+        if isinstance(leaf.prior, AbstractDirect):
+            number = float(theta[leaf.theta.start])
             loss -= leaf.prior.log_of(number)
-            gradient[here] = (number - leaf.prior.mean) / leaf.prior.sd**2
-            curvature[here, here] = 1.0 / leaf.prior.sd**2
+            gradient[here] = leaf.prior.gradient(number)
+            curvature[here, here] = leaf.prior.curvature
             continue
         log, first, second = map(np.asarray, _log_prior(*leaf.flat, theta[here]))
         loss -= float(log)

@@ -1,10 +1,11 @@
 r"""The evidence of a hypothesis about a mode, the discrepancy's size summed over.
 
-At every size s the density is taken as normal about the mode (Laplace), cut where an amplitude
-would fall below its bound:
+At every size s the density is taken as normal about the mode (Laplace), cut where a number
+would fall beyond its bounds l_j and h_j:
 
 .. math:: Z = \sum_s p(s)\, e^{-\ell_s + \frac12 g_s^T H_s^{-1} g_s} (2\pi)^{F/2} |H_s|^{-1/2}
-          \prod_j \Phi(\mu_j / \sigma_j)
+          \prod_j \left[\Phi\left(\frac{h_j - \mu_j}{\sigma_j}\right)
+          - \Phi\left(\frac{l_j - \mu_j}{\sigma_j}\right)\right]
 
 with loss, gradient and curvature at the mode under that size: where the force is linear in what is
 free it is exact. An amplitude's prior leaves out what is too small to matter (`noticeable`).
@@ -33,7 +34,8 @@ _SINGULAR = 1e-14  # least eigenvalue of a scaled curvature that is told from no
 class Evidence:
     """Log evidence; by_size (S,): of every size of the discrepancy, with its prior.
 
-    mean (F,) and covariance (F, F): of the free numbers at the likeliest size, without the bounds.
+    mean (F,) and covariance (F, F): of the free numbers at the likeliest size, without the bounds
+    (a number between two counts as normal with the sd that it has there).
     """
 
     log: float
@@ -52,25 +54,33 @@ def evidence(density: Density, point: Point, *, linear: bool = False) -> Evidenc
     Else, where a step still promises much, nothing of what it promises is counted: a normal about
     the place itself, which says too little.
     """
-    lowest, length, own = point.own.lowest, point.own.length, point.theta
+    own = point.theta
     log_prior = density.discrepancy.log_prior
     here = density.terms(point, density.likeliest_size(point))
-    step = bounded_step(here, 0.0, lowest - own, length)
+    step = bounded_step(here, 0.0, point)
     terms = density.terms_by_size(point)
     if not linear and promised(here, step) > _FAR:
         terms = terms._replace(gradient=np.zeros_like(terms.gradient))
-    logs, shifts, covariances = _normals(terms, lowest - own)
+    logs, shifts = _normals(terms, point.own.lowest - own, point.own.highest - own)
     logs += log_prior
     best = int(np.argmax(logs))
     if not math.isfinite(logs[best]):
         return Evidence(-math.inf, logs, own, np.eye(own.size))
-    return Evidence(float(logsumexp(logs)), logs, own + shifts[best], covariances[best])
+    covariance = np.linalg.inv(terms.curvature[best] + np.diag(_widths(point) ** -2))
+    return Evidence(float(logsumexp(logs)), logs, own + shifts[best], covariance)
 
 
-def _normals(terms: Terms, room: Array) -> tuple[Array, Array, Array]:
-    """Log evidence (S,) of terms of S sizes, normals' means (from the point) and covariances.
+def _widths(point: Point) -> Array:
+    """(F,) sd of a number that may lie anywhere between two bounds; of others infinite."""
+    low, high = point.own.lowest, point.own.highest
+    return np.where(np.isfinite(low) & np.isfinite(high), (high - low) / math.sqrt(12.0), math.inf)
 
-    Minus infinity where the curvature is not positive definite.
+
+def _normals(terms: Terms, below: Array, above: Array) -> tuple[Array, Array]:
+    """Log evidence (S,) of terms of S sizes, and the normals' means (from the point).
+
+    below, above (F,): the bounds from the point. Minus infinity where the curvature is not positive
+    definite.
     """
     count = terms.gradient.shape[-1]
     diagonal = np.maximum(np.einsum("sff->sf", terms.curvature), 1e-300)
@@ -83,7 +93,17 @@ def _normals(terms: Terms, room: Array) -> tuple[Array, Array, Array]:
     log_det = np.log(values).sum(axis=1) + np.log(diagonal).sum(axis=1)
     log = -terms.loss - 0.5 * np.einsum("sf,sf->s", terms.gradient, shift)
     log += 0.5 * (count * math.log(2.0 * math.pi) - log_det)
-    bounded = np.isfinite(room)
+    bounded = np.isfinite(below) | np.isfinite(above)
     sds = np.sqrt(np.einsum("sff->sf", inverse)[:, bounded])
-    log += log_ndtr((shift - room)[:, bounded] / sds).sum(axis=1)
-    return np.where(sound, log, -math.inf), shift, inverse
+    own = shift[:, bounded]
+    log += _log_between((below[bounded] - own) / sds, (above[bounded] - own) / sds).sum(axis=1)
+    return np.where(sound, log, -math.inf), shift
+
+
+def _log_between(low: Array, high: Array) -> Array:
+    """Log probability of a standard normal between two bounds, far out in a tail too."""
+    turned = low > 0.0
+    low, high = np.where(turned, -high, low), np.where(turned, -low, high)
+    upper = log_ndtr(high)
+    gap = np.minimum(log_ndtr(low) - upper, -1e-300)
+    return np.asarray(upper + np.log(-np.expm1(gap)))

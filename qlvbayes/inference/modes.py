@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 
 from qlvbayes.inference.density import Density, Point, Terms
 from qlvbayes.inference.space import Hypothesis
@@ -63,13 +64,13 @@ def find_mode(
     point = start if isinstance(start, Point) else density.at(hypothesis, start)
     if point is None:
         return None
-    lowest, length = point.own.lowest, point.own.length
+    own = point.own
     size = density.likeliest_size(point) if size is None else size
     here = density.terms(point, size)
     damping, least, most = _DAMPING
     tried, over = 0, False
     for tried in range(1, _STEPS + 1):
-        step = bounded_step(here, damping, lowest - point.theta, length)
+        step = bounded_step(here, damping, point)
         promise = promised(here, step)
         if over or (promise < enough and damping <= 1.0):
             likeliest = density.likeliest_size(point)
@@ -80,7 +81,7 @@ def find_mode(
             continue
         if _is_hopeless(density, point, tried, promise, worth):
             break
-        found = density.at(hypothesis, np.maximum(point.theta + step, lowest))
+        found = density.at(hypothesis, np.clip(point.theta + step, own.lowest, own.highest))
         after = density.terms(found, size) if found is not None else None
         if found is None or after is None or not after.loss < here.loss:
             damping *= 10.0
@@ -192,16 +193,17 @@ def promised(terms: Terms, step: Array) -> float:
     return -float(terms.gradient @ step + 0.5 * step @ terms.curvature @ step)
 
 
-def bounded_step(terms: Terms, damping: float, room: Array, length: Array) -> Array:
-    """A damped step (F,) within what room (F,) the bounds leave."""
-    step = np.zeros(terms.gradient.size)
-    free = ~((room >= 0.0) & (terms.gradient > 0.0))
-    if not free.any():
-        return step
-    gradient, curvature = terms.gradient[free], terms.curvature[np.ix_(free, free)]
-    diagonal = np.maximum(np.diag(curvature), 1e-8 * np.diag(terms.curvature).max())
+def bounded_step(terms: Terms, damping: float, point: Point) -> Array:
+    """A damped step (F,): to the lowest place of the quadratic within the bounds, or near it."""
+    own, curvature = point.own, terms.curvature
+    diagonal = np.maximum(np.diag(curvature), 1e-8 * np.diag(curvature).max())
     scale = 1.0 / np.sqrt(diagonal)
-    matrix = curvature * np.outer(scale, scale) + (damping + 1e-13) * np.eye(scale.size)
-    step[free] = -scale * np.linalg.solve(matrix, gradient * scale)
-    step *= min(1.0, _FARTHEST / max(float(np.max(np.abs(step) / length)), 1e-300))
-    return np.maximum(step, room)
+    matrix = curvature * np.outer(scale, scale) + damping * np.eye(scale.size)
+    values, axes = np.linalg.eigh(matrix)
+    root = np.sqrt(np.maximum(values, 1e-13))
+    below, above = own.lowest - point.theta, own.highest - point.theta
+    goal = -(axes.T @ (terms.gradient * scale)) / root
+    bounds = (below / scale, above / scale)
+    found = lsq_linear(root[:, None] * axes.T, goal, bounds, method="bvls")
+    step = np.clip(scale * found.x, below, above)
+    return step * min(1.0, _FARTHEST / max(float(np.max(np.abs(step) / own.length)), 1e-300))

@@ -27,7 +27,7 @@ from qlvbayes.noise import AbstractNoise
 from qlvbayes.parameters import names
 from qlvbayes.posterior import Posterior, is_prior, value_shape
 from qlvbayes.priors.distributions import AbstractPrior
-from qlvbayes.priors.natural import Natural, natural
+from qlvbayes.priors.natural import AbstractDirect, Natural, natural
 from qlvbayes.records.record import Record
 
 Array = NDArray[np.float64]
@@ -74,29 +74,32 @@ class Leaf:
     def values(self, thetas: Array) -> Array:
         """(K, ...) values of rows of all free numbers (K, F), K a multiple of ``TOGETHER``."""
         own = thetas[:, self.theta.start : self.theta.stop]
-        return own if isinstance(self.prior, Natural) else np.asarray(_value(*self.flat, own))
+        if isinstance(self.prior, AbstractDirect):
+            return self.prior.value_of(own)
+        return np.asarray(_value(*self.flat, own))
 
 
 @dataclass(frozen=True, eq=False)
 class Parameters:
     """What a hypothesis leaves free: F numbers theta, P constants in the order of ``names``.
 
-    lowest, length (F,): least value and natural length of each free number; fixed (P,): constants
-    that are not free, nan elsewhere.
+    lowest, highest, length (F,): bounds and natural length of each free number; fixed (P,):
+    constants that are not free, nan elsewhere.
     """
 
     hypothesis: Hypothesis
     posterior: Posterior
     leaves: tuple[Leaf, ...]
     lowest: Array
+    highest: Array
     length: Array
     fixed: Array
 
     @classmethod
     def of(cls, hypothesis: Hypothesis, posterior: Posterior) -> Parameters:
-        """Of a posterior whose amplitudes are `Natural` and whose noise is fixed."""
+        """Of a posterior whose noise is fixed."""
         leaves: list[Leaf] = []
-        fixed, lowest, length = [np.zeros(0)], [np.zeros(0)], [np.zeros(0)]
+        fixed, bounds = [np.zeros(0)], [np.zeros((0, 3))]
         theta = constants = 0
         for leaf in jax.tree.leaves((posterior.model, posterior.noise), is_leaf=is_prior):
             if not is_prior(leaf):
@@ -106,14 +109,11 @@ class Parameters:
             count = int(np.prod(value_shape(leaf), dtype=int))
             places = range(theta, theta + leaf.size), range(constants, constants + count)
             leaves.append(Leaf(leaf, *places))
-            low, step = (leaf.lowest, leaf.sd) if isinstance(leaf, Natural) else (-np.inf, 1.0)
-            lowest.append(np.full(leaf.size, low))
-            length.append(np.full(leaf.size, step))
+            bounds.append(np.tile(_bounds(leaf), (leaf.size, 1)))
             fixed.append(np.full(count, np.nan))
             theta, constants = theta + leaf.size, constants + count
-        return cls(
-            hypothesis, posterior, tuple(leaves), *map(np.concatenate, (lowest, length, fixed))
-        )
+        low, high, length = np.concatenate(bounds).T
+        return cls(hypothesis, posterior, tuple(leaves), low, high, length, np.concatenate(fixed))
 
     @property
     def size(self) -> int:
@@ -305,6 +305,13 @@ def in_natural_amplitude(effect: AbstractEffect, factor: float = 1.0) -> Abstrac
         lambda e: getattr(e, name), effect, prior, is_leaf=is_prior
     )
     return changed
+
+
+def _bounds(prior: AbstractPrior) -> tuple[float, float, float]:
+    """Least and largest of a prior's numbers, and their natural length."""
+    if isinstance(prior, AbstractDirect):
+        return prior.lowest, prior.highest, prior.sd
+    return -math.inf, math.inf, 1.0
 
 
 def _emptied(part: Any) -> Any:
