@@ -75,7 +75,7 @@ def _bands(work: Work, found: Weighed, draws: int, rng: np.random.Generator) -> 
     thetas = rng.multivariate_normal(
         found.point.theta, found.evidence.covariance, draws, check_valid="ignore", method="eigh"
     )
-    thetas = np.concatenate([found.point.theta[None], np.clip(thetas, own.lowest, own.highest)])
+    thetas = np.concatenate([found.point.theta[None], own.within(thetas)])
     forces = work.samples.predict(found.hypothesis, own.constants(thetas))
     bands = []
     for k, force in enumerate(forces):

@@ -243,12 +243,12 @@ class Search:
         if same_relaxation:
             middle = median(space.plain_draws(hypothesis))
             known = self.modes[same_relaxation[0]][:_FOLLOWED]
-            starts = [self._with_carried(one, hypothesis, middle) for one in known]
+            starts = [self._with_carried(one.point, hypothesis, middle) for one in known]
         elif self.usual in self.modes:
             found = self.modes[self.usual][0]
             draws = space.plain_draws(hypothesis)
             others = [median(draws), draws[0]]
-            starts = [self._with_carried(found, hypothesis, own) for own in others]
+            starts = [self._with_carried(found.point, hypothesis, own) for own in others]
         else:
             self._keep(hypothesis, base_modes(self.density, hypothesis))
             return
@@ -286,7 +286,7 @@ class Search:
         hypothesis = base.less(effect)
         nothing = np.zeros(self.density.space.parameters(hypothesis).size)
         found = self.modes[base][0]
-        start = self._with_carried(found, hypothesis, nothing)
+        start = self._with_carried(found.point, hypothesis, nothing)
         sizes = dict.fromkeys((None, found.mode.size))
         self._keep(hypothesis, self._optimised(hypothesis, [start] * len(sizes), sizes))
 
@@ -301,28 +301,19 @@ class Search:
         self.see_plain(bare)
         if hypothesis == bare or bare not in self.modes:
             return
-        found = self.modes[base][0]
-        starts = [self._without_effects(hypothesis)]
-        for one in self.modes[bare]:
-            start = self._with_carried(found, hypothesis, starts[0])
-            start[: one.point.theta.size] = one.point.theta
-            starts.append(start)
-        mixed = self._with_carried(found, hypothesis, starts[0])
-        self._keep(hypothesis, self._optimised(hypothesis, [*starts, mixed]))
+        fresh = self._without_effects(hypothesis)
+        mixed = self._with_carried(self.modes[base][0].point, hypothesis, fresh)
+        carried = [self._with_carried(one.point, hypothesis, mixed) for one in self.modes[bare]]
+        self._keep(hypothesis, self._optimised(hypothesis, [fresh, *carried, mixed]))
 
     def _without_effects(self, hypothesis: Hypothesis) -> Array:
         """Theta (F,) of a bare law's mode, every effect at nothing and as promises most there."""
         bare = replace(hypothesis, effects=self.usual.effects)
-        found = self.modes[bare][0]
         theta = np.zeros(self.density.space.parameters(hypothesis).size)
-        theta[: found.point.theta.size] = found.point.theta
-        own = self.density.space.parameters(hypothesis).by_name
         for effect in self.added(hypothesis):
             for start in self._promising(bare, effect)[:1]:
-                for name, leaf in start.point.own.by_name.items():
-                    if name.startswith(f"{effect}."):
-                        theta[list(own[name].theta)] = start.point.theta[list(leaf.theta)]
-        return theta
+                theta = self._with_carried(start.point, hypothesis, theta)
+        return self._with_carried(self.modes[bare][0].point, hypothesis, theta)
 
     def _optimised(
         self,
@@ -353,19 +344,19 @@ class Search:
         if kept:
             self.modes[hypothesis] = kept
 
-    def _with_carried(self, found: Weighed, hypothesis: Hypothesis, others: Array) -> Array:
-        """Theta (F,) with the numbers that a mode has too; others (F,): those that it lacks."""
-        old, new = found.point.own, self.density.space.parameters(hypothesis)
+    def _with_carried(self, point: Point, hypothesis: Hypothesis, others: Array) -> Array:
+        """Theta (F,) with the numbers that a point has too; others (F,): those that it has not."""
+        old, new = point.own, self.density.space.parameters(hypothesis)
         numbers, theta = old.by_name, others.copy()
         for name, leaf in new.by_name.items():
             if name in numbers and len(numbers[name].theta) == len(leaf.theta):
-                theta[list(leaf.theta)] = found.point.theta[list(numbers[name].theta)]
+                theta[list(leaf.theta)] = point.theta[list(numbers[name].theta)]
         return theta
 
     def starts_with(self, found: Weighed, hypothesis: Hypothesis, effect: str) -> list[Array]:
         """Starts (F,): the effect at nothing, its first other constant over its prior."""
         space, new = self.density.space, self.density.space.parameters(hypothesis)
-        start = self._with_carried(found, hypothesis, np.zeros(new.size))
+        start = self._with_carried(found.point, hypothesis, np.zeros(new.size))
         own = [leaf for name, leaf in new.by_name.items() if name.startswith(f"{effect}.")]
         draws, taken, shapes = space.draws("effects", effect), 0, []
         for leaf in own:

@@ -55,14 +55,11 @@ def evidence(density: Density, point: Point, *, linear: bool = False) -> Evidenc
     the place itself, which says too little.
     """
     own = point.theta
-    log_prior = density.discrepancy.log_prior
-    here = density.terms(point, density.likeliest_size(point))
-    step = bounded_step(here, 0.0, point)
     terms = density.terms_by_size(point)
-    if not linear and promised(here, step) > _FAR:
+    if not linear and _is_far(density, point):
         terms = terms._replace(gradient=np.zeros_like(terms.gradient))
     logs, shifts = _normals(terms, point.own.lowest - own, point.own.highest - own)
-    logs += log_prior
+    logs += density.discrepancy.log_prior
     best = int(np.argmax(logs))
     if not math.isfinite(logs[best]):
         return Evidence(-math.inf, logs, own, np.eye(own.size))
@@ -70,10 +67,17 @@ def evidence(density: Density, point: Point, *, linear: bool = False) -> Evidenc
     return Evidence(float(logsumexp(logs)), logs, own + shifts[best], covariance)
 
 
+def _is_far(density: Density, point: Point) -> bool:
+    """Whether a step still promises much."""
+    here = density.terms(point, density.likeliest_size(point))
+    return promised(here, bounded_step(here, 0.0, point)) > _FAR
+
+
 def _widths(point: Point) -> Array:
     """(F,) sd of a number that may lie anywhere between two bounds; of others infinite."""
-    low, high = point.own.lowest, point.own.highest
-    return np.where(np.isfinite(low) & np.isfinite(high), (high - low) / math.sqrt(12.0), math.inf)
+    own = point.own
+    between = np.isfinite(own.lowest) & np.isfinite(own.highest)
+    return np.where(between, own.length, math.inf)
 
 
 def _normals(terms: Terms, below: Array, above: Array) -> tuple[Array, Array]:

@@ -64,7 +64,6 @@ def find_mode(
     point = start if isinstance(start, Point) else density.at(hypothesis, start)
     if point is None:
         return None
-    own = point.own
     size = density.likeliest_size(point) if size is None else size
     here = density.terms(point, size)
     damping, least, most = _DAMPING
@@ -81,7 +80,7 @@ def find_mode(
             continue
         if _is_hopeless(density, point, tried, promise, worth):
             break
-        found = density.at(hypothesis, np.clip(point.theta + step, own.lowest, own.highest))
+        found = density.at(hypothesis, point.own.within(point.theta + step))
         after = density.terms(found, size) if found is not None else None
         if found is None or after is None or not after.loss < here.loss:
             damping *= 10.0

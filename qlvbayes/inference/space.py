@@ -115,6 +115,10 @@ class Parameters:
         low, high, length = np.concatenate(bounds).T
         return cls(hypothesis, posterior, tuple(leaves), low, high, length, np.concatenate(fixed))
 
+    def within(self, thetas: Array) -> Array:
+        """Thetas (..., F) brought back to the bounds that they are beyond."""
+        return np.clip(thetas, self.lowest, self.highest)
+
     @property
     def size(self) -> int:
         """F."""
