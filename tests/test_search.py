@@ -58,7 +58,7 @@ def test_what_is_found_holds_the_true_drag(drag):
     point = drag.seen[drag.best].point
     place = point.own.names.index("viscous_drag.eta")
     assert point.constants[place] == pytest.approx(0.004, rel=0.1)
-    assert point.squares / point.residual.size == pytest.approx(1.0, abs=0.2)
+    assert point.residual @ point.residual / point.residual.size == pytest.approx(1.0, abs=0.2)
 
 
 def test_every_neighbour_of_the_best_has_been_seen(drag):

@@ -26,7 +26,7 @@ from qlvbayes.laws.relaxation.law import AbstractRelaxation
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model import Model
 from qlvbayes.noise import AbstractGaussian
-from qlvbayes.priors.natural import within_bounds
+from qlvbayes.priors.natural import in_own_numbers
 from qlvbayes.records.record import Blocks
 
 Array = NDArray[np.float64]
@@ -116,9 +116,9 @@ def _space(
     relaxation[choices.relaxing] = model.relaxation
     return Space(
         experiment.record(experiment.trials),
-        {name: within_bounds(law) for name, law in elastic.items()},
-        {name: within_bounds(law) for name, law in relaxation.items()},
-        {name: within_bounds(in_natural_amplitude(effect)) for name, effect in effects.items()},
+        {name: in_own_numbers(law) for name, law in elastic.items()},
+        {name: in_own_numbers(law) for name, law in relaxation.items()},
+        {name: in_own_numbers(in_natural_amplitude(effect)) for name, effect in effects.items()},
         experiment.noise_at_rest,
         choices.bonded,
     )

@@ -46,6 +46,12 @@ class Sized:
     axes: Array
     log_volume: float
 
+    def products(self, vectors: Array) -> Array:
+        """(M, M) v^T Q w of whitened vectors (M, n)."""
+        own = vectors * self.root
+        parts = own @ self.axes.T
+        return np.asarray(own @ own.T - parts @ parts.T)
+
 
 @dataclass(frozen=True, eq=False)
 class Discrepancy:
@@ -95,12 +101,31 @@ class Discrepancy:
             self._sized[size] = Sized(root, axes, float(volume))
         return self._sized[size]
 
-    def losses(self, residual: Array) -> Array:
-        """(S,) minus log likelihood of a whitened residual (n,) at every size."""
-        found = []
-        for size in self.sizes.tolist():
-            own = self.at(size)
-            white = own.root * residual
-            part = own.axes @ white
-            found.append(0.5 * (white @ white - part @ part + own.log_volume))
-        return np.array(found)
+    def loss(self, residual: Array, place: int) -> float:
+        """Minus log likelihood of a whitened residual (n,) at a size, less the size's log prior."""
+        own = self.at(float(self.sizes[place]))
+        loss = 0.5 * (float(own.products(residual[None])[0, 0]) + own.log_volume)
+        return loss - float(self.log_prior[place])
+
+    def likeliest(self, residual: Array, near: float = 0.0) -> float:
+        """Size (N) of highest density given a whitened residual (n,).
+
+        Downhill along the sizes from ``near`` (N), as the loss has one valley there; none at all is
+        tried by itself, as its prior stands apart.
+        """
+        count = self.sizes.size
+        none = self.loss(residual, 0)
+        if count == 1:
+            return 0.0
+        place = int(np.argmin(np.abs(self.sizes - near))) if near > 0.0 else count // 3
+        here = self.loss(residual, place)
+        for way in (1, -1):
+            first = place
+            while 0 < place + way < count:
+                there = self.loss(residual, place + way)
+                if there >= here:
+                    break
+                place, here = place + way, there
+            if place != first:
+                break
+        return 0.0 if none <= here else float(self.sizes[place])
