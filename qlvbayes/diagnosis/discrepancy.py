@@ -41,7 +41,8 @@ def discrepancy(work: Work) -> list[Band]:
     features = smooth(work.experiment, samples.space.record.blocks)
     whole = work.search.density.discrepancy
     weights = whole.at(size).root
-    shapes = whole.shapes * weights
+    # the smooth functions alone: what looks like an effect has no place of its own in a sample
+    shapes = whole.shapes[: len(features.factor)] * weights
     precision = shapes @ shapes.T + np.eye(len(shapes)) / size**2
     mean = np.linalg.solve(precision, shapes @ (weights * point.residual))
     root = np.linalg.inv(np.linalg.cholesky(precision))

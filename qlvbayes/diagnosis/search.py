@@ -135,7 +135,9 @@ class Search:
         self.see_plain(self.usual)
         if self.usual not in self.modes:
             raise NoFiniteForceError
-        self.density = self.density.with_space(_in_proportion(self))
+        self.density = _in_proportion(self)
+        known = [one.mode.point.theta for one in self.modes.pop(self.usual)]
+        self._keep(self.usual, self._optimised(self.usual, known))
         self._see_bases()
         grown: set[Hypothesis] = set()
         rebased: set[Hypothesis] = set()
@@ -418,30 +420,31 @@ def described(hypothesis: Hypothesis) -> str:
     return " + ".join((laws, *sorted(hypothesis.effects)))
 
 
-def _in_proportion(search: Search) -> Space:
-    """The space with every amplitude's prior such that its force has the same size.
+def _in_proportion(search: Search) -> Density:
+    """The density with every amplitude's prior such that its force has the same size.
 
-    One sd adds 5 % of the largest force, at the plain model's mode, in the user's own motion.
+    One sd adds 5 % of the largest force, at the plain model's mode, in the user's own motion. The
+    discrepancy may have each effect's signature too: whatever is there and not listed looks like
+    some of them, so that one is believed only where it is far larger than all else that is left.
     """
     density, usual = search.density, search.usual
-    space, effects = density.space, {}
+    space, effects, signatures = density.space, dict(density.space.effects), []
     peak = density.discrepancy.peak
     for name, effect in space.effects.items():
-        if name in usual.effects:
-            effects[name] = effect
-            continue
         hypothesis = usual.plus(name)
-        start = search.starts_with(search.modes[usual][0], hypothesis, name)[-1]
         amplitude = amplitude_of(space.parameters(hypothesis), name)
-        if amplitude is None:  # the user gave it a prior of another kind
-            effects[name] = effect
+        if name in usual.effects or amplitude is None:  # the user's own, with a prior of its own
             continue
         leaf, sd = amplitude
-        force = space.added_force(hypothesis, start, leaf.theta.start, sd)
-        largest = float(np.max(np.abs(force[space.real])))
-        factor = SHARE * peak / largest if largest > 0.0 and math.isfinite(largest) else 1.0
-        effects[name] = in_natural_amplitude(effect, float(np.clip(factor, *_FACTORS)))
-    return space.with_effects(effects)
+        starts = search.starts_with(search.modes[usual][0], hypothesis, name)
+        for start in dict.fromkeys(map(tuple, (starts[0], starts[-1]))):
+            force = space.added_force(hypothesis, np.array(start), leaf.theta.start, sd)
+            largest = float(np.max(np.abs(force[space.real])))
+            if largest > 0.0 and math.isfinite(largest):
+                signatures.append(force / largest)
+                factor = float(np.clip(SHARE * peak / largest, *_FACTORS))
+                effects[name] = in_natural_amplitude(effect, factor)
+    return density.with_space(space.with_effects(effects), signatures)
 
 
 def amplitude_of(own: Parameters, effect: str) -> tuple[Leaf, float] | None:

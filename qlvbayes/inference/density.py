@@ -110,9 +110,9 @@ class Density:
         whitener = self.whitener.replaced(size)
         return Density(self.space, whitener, self.discrepancy.none(whitener))
 
-    def with_space(self, space: Space) -> Density:
-        """Of other priors, about the same record."""
-        return Density(space, self.whitener, self.discrepancy)
+    def with_space(self, space: Space, features: Sequence[Array] = ()) -> Density:
+        """Of other priors, about the same record; features (T, B): more of the discrepancy's."""
+        return Density(space, self.whitener, self.discrepancy.beside(features))
 
     def without(self, left_out: NDArray[np.bool_]) -> Density:
         """The same with some of the n block means left out."""

@@ -19,7 +19,9 @@ for.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,11 +82,19 @@ class Discrepancy:
         """Of no size but nothing, under other noise."""
         return Discrepancy(self.features[:0], whitener, self.peak, np.zeros(1), np.zeros(1))
 
+    def beside(self, features: Sequence[Array]) -> Discrepancy:
+        """With more features (T, B), of unit size."""
+        if not len(features):
+            return self
+        real = np.stack(self.whitener.blocks)
+        found = np.concatenate([self.features, np.where(real, features, 0.0)])
+        return Discrepancy(found, self.whitener, self.peak, self.sizes, self.log_prior)
+
     def under(self, whitener: Whitener) -> Discrepancy:
         """The same under other noise."""
         return Discrepancy(self.features, whitener, self.peak, self.sizes, self.log_prior)
 
-    @property
+    @cached_property
     def shapes(self) -> Array:
         """(M, n) whitened."""
         return self.whitener(self.features)
