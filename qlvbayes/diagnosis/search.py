@@ -28,7 +28,6 @@ from qlvbayes.inference.space import (
     Hypothesis,
     Leaf,
     Parameters,
-    Space,
     in_natural_amplitude,
     median,
 )
