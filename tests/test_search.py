@@ -1,13 +1,11 @@
 """The search over hypotheses against pads whose law and hidden effect are known."""
 
-import math
 from dataclasses import replace
 
 import pytest
 from hidden_pads import hidden_pad
 
 from qlvbayes.diagnosis.decision import Weight, decide
-from qlvbayes.diagnosis.prior import log_prior
 from qlvbayes.diagnosis.search import Search
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.workbench import search_of
@@ -96,17 +94,3 @@ def test_likely_effects_are_tried_on_every_law_that_comes_near():
     near, far = replace(best, elastic="exponential"), replace(best, elastic="linear")
     search = tabled({best: -100.0, rival: -104.0, unlikely: -120.0, near: -130.0, far: -500.0})
     assert search.crossed(best) == [(rival, replace(rival, elastic="exponential"))]
-
-
-def test_prior_sums_to_one_over_all_sets_and_laws():
-    settings, effects = Settings(complete=0.5, usual=0.6), ("a", "b", "c")
-    laws = (("x", "y", "z"), ("p", "q"))
-    usual = Hypothesis("x", "p")
-    total = sum(
-        math.exp(log_prior(Hypothesis(e, r, frozenset(some)), usual, laws, 3, settings))
-        for e in laws[0]
-        for r in laws[1]
-        for some in [(), *[(k,) for k in effects], ("a", "b"), ("a", "c"), ("b", "c"), effects]
-    )
-    # sets of more effects than there are would hold the rest
-    assert total == pytest.approx(1.0 - 0.5**4)
