@@ -24,6 +24,7 @@ from qlvbayes.effects.pressure_friction import PressureFriction
 from qlvbayes.effects.slow_change import SlowChange
 from qlvbayes.effects.spreading_lag import SpreadingLag
 from qlvbayes.effects.stiffening_frame import StiffeningFrame
+from qlvbayes.elsewhere import infer_choices
 from qlvbayes.scales import Scales
 from qlvbayes.synthetic import TABLE_1, HiddenPad, Platen, draw_effect, paper_protocol
 from qlvbayes.synthetic.hidden import contact_effects, effect, forms, sensor_effects
@@ -125,6 +126,14 @@ def test_one_form_of_an_effect_is_enough():
         both.build(STRAINED)
     model, _ = Choices(effects=("pressure_friction", "fluid_leak")).build(STRAINED)
     assert [added.name for added in model.effects] == ["fluid_leak", "pressure_friction"]
+
+
+@ADDED
+def test_a_posterior_of_another_program_is_told_by_the_constants_names(kind):
+    """As the model's own, fixed reference values among them."""
+    names_of = [f"{kind.name}.{constant}" for constant in kind.units]
+    choices = infer_choices(["m", "b", "c[0]", "c[1]", "v[1]", *names_of])
+    assert choices.effects == (kind.name,)
 
 
 def test_a_diagnosis_looks_for_the_list_alone():

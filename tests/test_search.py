@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 from hidden_pads import hidden_pad
 
+from qlvbayes.choices import Choices
 from qlvbayes.diagnosis.decision import Weight, decide
 from qlvbayes.diagnosis.search import Search
 from qlvbayes.diagnosis.settings import Settings
@@ -72,6 +73,13 @@ def test_nothing_is_missing_where_nothing_is_hidden():
     found = decided(search)
     assert (found.verdict, found.effects, found.group) == ("adequate", (), ())
     assert search.best == USUAL
+
+
+def test_a_form_put_into_the_model_takes_the_place_of_its_family():
+    chosen = Choices(effects=("pressure_friction",))
+    search = search_of(hidden_pad(rates=RATES[:2]), chosen, kinds=FEW)
+    effects = set(search.density.space.effects)
+    assert effects == {"viscous_drag", "pressure_friction", "force_offset"}
 
 
 def test_a_law_with_fewer_effects_that_comes_near_is_grown_too():
