@@ -100,9 +100,10 @@ def _space(
     scales = experiment.scales
     protocol = protocol_of(experiment, bonded=choices.bonded)
     effects = {effect.name: effect for effect in model.effects}
+    chosen = {effect.family() for effect in model.effects}
     for kind in kinds:
         pointless = choices.bonded and kind.name == "adhesion"
-        if kind.name not in effects and kind.unmeasured(protocol) is None and not pointless:
+        if kind.family() not in chosen and kind.unmeasured(protocol) is None and not pointless:
             effects[kind.name] = kind.default(scales)
     elastic: dict[str, AbstractElastic] = {
         kind.name: kind.default(scales) for kind in choices.laws.elastic
