@@ -29,6 +29,16 @@ class Families:
             frozenset(kind.name for kind in kinds if kind.outside),
         )
 
+    @property
+    def listed(self) -> list[str]:
+        """Candidates that a diagnosis names."""
+        return [name for name, own in self.of.items() if name == own and name not in self.outside]
+
+    def beside(self, effects: Collection[str]) -> list[str]:
+        """Candidates of families that a set of effects has none of."""
+        taken = {self.of[name] for name in effects}
+        return [name for name, own in self.of.items() if own not in taken]
+
     def members(self, family: str) -> list[str]:
         """Candidates of one family."""
         return [name for name, own in self.of.items() if own == family]

@@ -46,7 +46,7 @@ class Outcome:
                 search.log_posterior(one.hypothesis),
                 one.evidence.probability_above(sizes, limit),
                 one.hypothesis.elastic in search.listed,
-            )
+            ).within(search.families)
             for one in self.seen
         ]
         self.shares = softmax([weight.log_posterior for weight in self.weights])
@@ -103,10 +103,10 @@ class Outcome:
     def _ordered(self, found: Weighed) -> list[str]:
         """Its effects, the surest first."""
         names = self.search.added(found.hypothesis)
-        return sorted(names, key=lambda name: -self.inclusion(name))
+        return sorted(names, key=lambda name: -self.inclusion(self.search.families.of[name]))
 
     def inclusion(self, effect: str) -> float:
-        """Probability that an effect is in the model."""
+        """Probability that an effect is in the model, in whichever of its forms."""
         return self._summed(np.array([effect in weight.effects for weight in self.weights]))
 
     def _summed(self, inside: NDArray[np.bool_]) -> float:
@@ -128,7 +128,7 @@ class Outcome:
     def ranking(self) -> tuple[Ranked, ...]:
         """``none`` and every effect by inclusion probability."""
         usual = self.search.usual.effects
-        candidates = [n for n in self.search.density.space.effects if n not in usual]
+        candidates = [n for n in self.search.families.listed if n not in usual]
         prior = log_odds_of_effect(len(candidates), self.search.settings)
         logs = np.array([weight.log_posterior for weight in self.weights])
         counts = np.array([max(len(weight.effects), 1) for weight in self.weights])
@@ -139,10 +139,11 @@ class Outcome:
             )
             if not inside.any():
                 continue
-            best = self.seen[int(np.argmax(np.where(inside, logs, -np.inf)))]
+            place = int(np.argmax(np.where(inside, logs, -np.inf)))
+            best, form = self.seen[place], self.weights[place].forms.get(name, name)
             odds = _log_odds(logs, inside) - (0.0 if name == "none" else prior)
-            own = self.estimates(best, partial(_starts, f"{name}."))
-            found = {key.removeprefix(f"{name}."): value for key, value in own.items()}
+            own = self.estimates(best, partial(_starts, f"{form}."))
+            found = {key.removeprefix(f"{form}."): value for key, value in own.items()}
             share = self._summed(inside)
             alone = float((self.shares / counts)[inside].sum())
             ranked.append(Ranked(name, share, alone, odds, rmse(self.residuals(best)), found))
@@ -170,7 +171,9 @@ class Outcome:
         order = np.argsort(-self.shares)[:_ALTERNATIVES]
         return tuple(
             Alternative(
-                self.weights[k].base, tuple(sorted(self.weights[k].effects)), float(self.shares[k])
+                self.weights[k].base,
+                tuple(self.search.added(self.seen[k].hypothesis)),
+                float(self.shares[k]),
             )
             for k in order
             if self.shares[k] >= LEAST

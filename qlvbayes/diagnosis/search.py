@@ -8,7 +8,7 @@ hopelessly behind on its way is given up. What has been seen may be looked at at
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import repeat
 
@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes.checks import NoFiniteForceError
+from qlvbayes.diagnosis.families import Families
 from qlvbayes.diagnosis.noticeable import log_noticeable
 from qlvbayes.diagnosis.prior import log_prior
 from qlvbayes.diagnosis.settings import Settings
@@ -83,6 +84,7 @@ class Search:
     density: Density
     settings: Settings
     usual: Hypothesis
+    families: Families
     tell: Tell = lambda text: None
     modes: dict[Hypothesis, list[Weighed]] = field(default_factory=dict)
     _lessened: set[tuple[Hypothesis, str]] = field(default_factory=set)
@@ -101,7 +103,7 @@ class Search:
     def _log_prior(self, hypothesis: Hypothesis) -> float:
         space = self.density.space
         laws = (space.elastic, space.relaxation)
-        return log_prior(hypothesis, self.usual, laws, len(space.effects), self.settings)
+        return log_prior(hypothesis, self.usual, laws, self.families, self.settings)
 
     def _may_lead(self, base: Hypothesis, one: _Promise) -> bool:
         """Whether what an effect more promises comes near the best.
@@ -140,6 +142,7 @@ class Search:
         self._see_bases()
         grown: set[Hypothesis] = set()
         rebased: set[Hypothesis] = set()
+        formed: set[Hypothesis] = set()
         while True:
             best = self.best
             if self.added(best) and best not in rebased:
@@ -149,6 +152,9 @@ class Search:
                     self.see_rebased(best, neighbour)
             elif best not in grown:
                 self._grow(best, grown)
+            elif self._leaves_more(best) and best not in formed:
+                formed.add(best)
+                self._see_forms(best)
             elif others := [*self._exchanges(best, grown), *self.simpler(grown)]:
                 self._grow(others[0], grown)
             elif crossed := self.crossed(best):
@@ -217,13 +223,31 @@ class Search:
         grown.add(hypothesis)
         self.tell(f"effects beside {described(hypothesis)}")
         if len(self.added(hypothesis)) < _MOST_EFFECTS:
-            for one in self._promises(hypothesis):
-                if self._may_lead(hypothesis, one):
-                    start = self.density.extended(one.point, one.added)
-                    if start is not None:
-                        self._keep(one.hypothesis, self._optimised(one.hypothesis, [start]))
+            self._add(hypothesis, self.families.listed)
         for name in self.added(hypothesis):
             self.see_without(hypothesis, name)
+
+    def _add(self, hypothesis: Hypothesis, effects: Iterable[str]) -> None:
+        """Each of some effects more, of families that are not in yet, the most promising first."""
+        free = set(self.families.beside(hypothesis.effects))
+        for one in self._promises(hypothesis, [name for name in effects if name in free]):
+            if self._may_lead(hypothesis, one):
+                start = self.density.extended(one.point, one.added)
+                if start is not None:
+                    self._keep(one.hypothesis, self._optimised(one.hypothesis, [start]))
+
+    def _see_forms(self, hypothesis: Hypothesis) -> None:
+        """Where something is left: other forms of its effects, of others, and what names nothing."""
+        self.tell(f"other forms of the effects of {described(hypothesis)}")
+        listed = set(self.families.listed)
+        others = [name for name in self.families.of if name not in listed]
+        if len(self.added(hypothesis)) < _MOST_EFFECTS:
+            self._add(hypothesis, others)
+        for effect in self.added(hypothesis):
+            family = self.families.of[effect]
+            fewer = hypothesis.less(effect)
+            if fewer in self.modes:
+                self._add(fewer, [name for name in self.families.members(family) if name != effect])
 
     def _other_laws(self, hypothesis: Hypothesis) -> Iterator[Hypothesis]:
         """Its effects on every other law, and without them: a law may be what they imitate.
@@ -265,10 +289,8 @@ class Search:
         if self._is_near(hypothesis):
             self._keep(hypothesis, modes(self.density, hypothesis, [start], self._worth))
 
-    def _promises(self, base: Hypothesis, effects: Iterable[str] | None = None) -> list[_Promise]:
-        """Of every effect more (or of some) the places that promise most, at the base's modes."""
-        some = self.density.space.effects if effects is None else effects
-        names = [name for name in some if name not in base.effects]
+    def _promises(self, base: Hypothesis, names: Sequence[str]) -> list[_Promise]:
+        """Of each of some effects more the places that promise most, at the base's modes."""
         found: dict[Hypothesis, list[_Promise]] = {}
         for order, one in enumerate(self.modes[base]):
             added = [part for name in names for part in self._extensions(one, name, order == 0)]
@@ -426,10 +448,10 @@ def _in_proportion(search: Search) -> Density:
     discrepancy may have each effect's signature too: whatever is there and not listed looks like
     some of them, so that one is believed only where it is far larger than all else that is left.
     """
-    density, usual = search.density, search.usual
-    space, effects, signatures = density.space, dict(density.space.effects), []
+    density, usual, families = search.density, search.usual, search.families
+    space, signatures, factors = density.space, [], {}
     peak = density.discrepancy.peak
-    for name, effect in space.effects.items():
+    for name in families.listed:
         hypothesis = usual.plus(name)
         amplitude = amplitude_of(space.parameters(hypothesis), name)
         if name in usual.effects or amplitude is None:  # the user's own, with a prior of its own
@@ -441,9 +463,14 @@ def _in_proportion(search: Search) -> Density:
             largest = float(np.max(np.abs(force[space.real])))
             if largest > 0.0 and math.isfinite(largest):
                 signatures.append(force / largest)
-                factor = float(np.clip(SHARE * peak / largest, *_FACTORS))
-                effects[name] = in_natural_amplitude(effect, factor)
-    return density.with_space(space.with_effects(effects), signatures)
+                factors[name] = float(np.clip(SHARE * peak / largest, *_FACTORS))
+    # a form holds the listed law inside, with the same amplitude
+    effects = {
+        name: in_natural_amplitude(effect, factors[families.of[name]])
+        for name, effect in space.effects.items()
+        if families.of[name] in factors
+    }
+    return density.with_space(space.with_effects({**space.effects, **effects}), signatures)
 
 
 def amplitude_of(own: Parameters, effect: str) -> tuple[Leaf, float] | None:

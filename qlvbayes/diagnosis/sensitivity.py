@@ -73,7 +73,7 @@ class Response:
 def responses(search: Search, plain: Weighed) -> list[Response]:
     """Of every candidate, at the shape that shows best."""
     found = []
-    for name in search.density.space.effects:
+    for name in search.families.listed:
         if name in plain.hypothesis.effects:
             continue
         hypothesis = plain.hypothesis.plus(name)

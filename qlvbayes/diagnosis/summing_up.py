@@ -80,11 +80,18 @@ def summed_up(
             tuple(outcome.tested(one) for one in path),
         ),
         discrepancy=told.mode.size,
+        forms=_forms(search, told, decision),
         not_ruled_out=outcome.sets() if decision.verdict != "unexplained" else (),
         constants=outcome.constants(told),
         remainder=outcome.left(told),
         notices=_notices(experiment, search, told),
     )
+
+
+def _forms(search: Search, told: Weighed, decision: Decision) -> dict[str, str]:
+    """Members of families that stand for an effect named, where that is not the listed law."""
+    own = search.families.named(told.hypothesis.effects)
+    return {name: own[name] for name in decision.tried if own.get(name, name) != name}
 
 
 def _path(search: Search, told: Weighed) -> tuple[Weighed, ...]:

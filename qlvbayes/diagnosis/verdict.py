@@ -137,7 +137,8 @@ class Diagnosis:
     probabilities; alternatives: the likeliest hypotheses; outside: probability that something
     outside the list is there; noise: the floor's sd (N), measured without the model; nested:
     evidence by nested sampling, where it was asked for; discrepancy: likeliest size (N) of what the
-    hypothesis told leaves; not_ruled_out: the likeliest sets of effects; constants: the base law's,
+    hypothesis told leaves; forms: of effects that are told by another law than the list's, which
+    (by the listed name); not_ruled_out: the likeliest sets of effects; constants: the base law's,
     averaged over all hypotheses on it; remainder: size of what the hypothesis told leaves; refused:
     effects that are likely, and why they are not named; notices: what one should know of the tests.
     """
@@ -161,6 +162,7 @@ class Diagnosis:
     work: Work
     nested: tuple[Sampled, ...] = ()
     discrepancy: float = 0.0
+    forms: dict[str, str] = field(default_factory=dict)
     not_ruled_out: tuple[NotRuledOut, ...] = ()
     constants: dict[str, Estimate] = field(default_factory=dict)
     remainder: Remainder | None = None
@@ -201,6 +203,7 @@ class Diagnosis:
             "verdict": self.verdict,
             "effects": list(self.effects),
             "group": list(self.group),
+            "forms": dict(self.forms),
             "base": self.base.as_dict(),
             "bases": [base.as_dict() for base in self.bases],
             "outside": self.outside,

@@ -54,12 +54,14 @@ def _is_enough(outcome: Outcome, told: Weighed) -> bool:
 
 
 def _without(outcome: Outcome, told: Weighed, effect: str) -> Weighed | None:
-    """A hypothesis less one of its effects; None if it has not got it."""
-    if effect not in told.hypothesis.effects:
-        return None
-    outcome.search.see_without(told.hypothesis, effect)
-    found = outcome.search.modes.get(told.hypothesis.less(effect))
-    return found[0] if found else None
+    """A hypothesis less one of its effects, in whichever form; None if it has not got it."""
+    search, own = outcome.search, told.hypothesis
+    for member in search.added(own):
+        if search.families.of[member] == effect:
+            search.see_without(own, member)
+            found = search.modes.get(own.less(member))
+            return found[0] if found else None
+    return None
 
 
 def _rises(outcome: Outcome, told: Weighed, effect: str) -> bool:

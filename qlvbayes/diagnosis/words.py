@@ -6,7 +6,7 @@ import math
 
 from qlvbayes.diagnosis.samples import CellError
 from qlvbayes.diagnosis.sensitivity import Bend
-from qlvbayes.diagnosis.verdict import Base, Diagnosis, Stage
+from qlvbayes.diagnosis.verdict import Base, Diagnosis
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.units import UnitSystem
 from qlvbayes.wording import joined, plain
@@ -77,9 +77,8 @@ def _missing(d: Diagnosis) -> str:
 
 def _named(d: Diagnosis) -> str:
     """Effects with their values, and what one sees of them."""
-    last = d.stages[-1]
-    named = joined([_with_value(effect, last) for effect in d.effects])
-    seen = " ".join(f"{_upper(_effect(d, e).seen)}." for e in d.effects)
+    named = joined([_with_value(d, effect) for effect in d.effects])
+    seen = " ".join(f"{_upper(_effect(d, d.forms.get(e, e)).seen)}." for e in d.effects)
     return f"{named}. {seen}"
 
 
@@ -340,10 +339,12 @@ def _off(change: float) -> str:
     return f"{by} too {'high' if change > 0.0 else 'low'}"
 
 
-def _with_value(effect: str, stage: Stage) -> str:
-    own = {n: e for n, e in stage.parameters.items() if n.startswith(f"{effect}.")}
+def _with_value(d: Diagnosis, effect: str) -> str:
+    form = d.forms.get(effect, effect)
+    own = {n: e for n, e in d.stages[-1].parameters.items() if n.startswith(f"{form}.")}
     values = ", ".join(f"{name.partition('.')[2]} = {e}" for name, e in own.items())
-    return f"{effect} ({values})" if values else effect
+    said = effect if form == effect else f"{effect} by the law of {form}"
+    return f"{said} ({values})" if values else said
 
 
 def _effect(d: Diagnosis, name: str) -> AbstractEffect:

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
+from qlvbayes.diagnosis.families import Families
 from qlvbayes.diagnosis.protocol import protocol_of
 from qlvbayes.diagnosis.search import Search, Tell
 from qlvbayes.diagnosis.settings import Settings
-from qlvbayes.effects.catalogue import EFFECTS
+from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.experiment import Experiment
 from qlvbayes.inference.density import Density
@@ -50,7 +51,8 @@ def search_of(
 ) -> Search:
     """A search, not begun yet, over every law and effect that these tests can speak of.
 
-    Effects made of a velocity or an acceleration that the records do not give are left out. Raises
+    Beside the effects of ``kinds`` their other forms and what names nothing are looked for. Effects
+    made of a velocity or an acceleration that the records do not give are left out. Raises
     InputError where the noise model chosen is not Gaussian.
     """
     choices, settings = choices or Choices(), settings or Settings()
@@ -60,6 +62,8 @@ def search_of(
         raise InputError(
             "the diagnosis needs normal noise", remedy="use --noise correlated or --noise white"
         )
+    listed = {kind.name for kind in kinds}
+    kinds = (*kinds, *(one for one in FORMS if one.family() in listed), *OUTSIDE)
     space = _space(experiment, choices, model, kinds)
     peak, blocks = experiment.scales.force, space.record.blocks
     whitener = Whitener.of(experiment.floor, blocks, peak)
@@ -70,7 +74,8 @@ def search_of(
     discrepancy = Discrepancy.of(full, whitener, peak, settings.tolerance)
     names = frozenset(effect.name for effect in model.effects)
     usual = Hypothesis(choices.law, choices.relaxing, names)
-    return Search(Density(space, whitener, discrepancy), settings, usual, tell)
+    families = Families.of_kinds(type(effect) for effect in space.effects.values())
+    return Search(Density(space, whitener, discrepancy), settings, usual, families, tell)
 
 
 def smooth(experiment: Experiment, blocks: Blocks) -> Features:

@@ -153,9 +153,12 @@ class Engine:
     @cached_property
     def _parts(self) -> list[frozenset[str]]:
         """Sets of effects that are compiled together, the cheapest first."""
-        light = [e.name for e in self.effects if not e.costly]
+        listed = [e for e in self.effects if e.generalises is None and not e.outside]
+        light = [e.name for e in listed if not e.costly]
         costly = [e.name for e in self.effects if e.costly]
-        sets = [[], light, *([*light, one] for one in costly), [*light, *costly]]
+        every = [e.name for e in self.effects]
+        cheap = [e.name for e in self.effects if not e.costly]
+        sets = [[], light, *([*light, one] for one in costly), cheap, every]
         return [frozenset(names) for names in sets]
 
     def forces(

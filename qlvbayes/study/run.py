@@ -109,7 +109,10 @@ def _one(
         watcher=watcher,
         thresholds=thresholds,
     )
-    effects = (*choices.effects, *(e for e in found.effects if e not in choices.effects))
+    effects = (
+        *choices.effects,
+        *(found.forms.get(e, e) for e in found.effects if e not in choices.effects),
+    )
     fuller = replace(_on_laws(choices, found), effects=effects)
     every = fuller != choices
     checked = _fit_and_check(pad, study, fuller, settings, folder, watcher, all_tests=every)
