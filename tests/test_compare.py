@@ -91,7 +91,7 @@ def test_what_engineers_read_is_compared_too(oil_and_glycerin):
         "constants", "stiffness", "force", "relaxation", "energy", "loss tangent"
     ]  # fmt: skip
     for c in oil_and_glycerin.contrasts:
-        for value in (*c.values, c.difference, c.ratio):
+        for value in (c.first, c.second, c.difference, c.ratio):
             assert value.low < value.median < value.high
         assert 0.0 <= c.direction <= 1.0
         assert 0.0 <= c.equivalence <= 1.0

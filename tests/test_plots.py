@@ -1,9 +1,9 @@
 import sys
-from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
 import matplotlib
+import msgspec
 import numpy as np
 import pytest
 from matplotlib._pylab_helpers import Gcf
@@ -295,7 +295,7 @@ def test_the_map_of_any_protocol_stays_on_the_page(predictions):
     assert bar.yaxis.label.get_window_extent().height < figure.bbox.height
     for noise in (0.0, 1e-7):
         for width in (85.0, 120.0):
-            changed = replace(found, noise=noise)
+            changed = msgspec.structs.replace(found, noise=noise)
             assert ink_stays_on_the_page(page(plot_residual_map, changed, PAD, width=width))
 
 
