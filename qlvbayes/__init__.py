@@ -10,6 +10,7 @@ from qlvbayes.compare.compare import compare
 from qlvbayes.compare.contrast import Comparison, Contrast, Interval
 from qlvbayes.data import Pad, Study, Test, read_study
 from qlvbayes.diagnosis.diagnose import diagnose
+from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.verdict import Diagnosis
 from qlvbayes.diagnosis.words import paragraphs
 from qlvbayes.effects.catalogue import EFFECTS
@@ -50,14 +51,14 @@ from qlvbayes.priors import (
 )
 from qlvbayes.recovery.rate import Recovery, recovery_rate
 from qlvbayes.report.write import write_report
-from qlvbayes.residuals import Check, check
+from qlvbayes.residuals import CheckResult, check
 from qlvbayes.results import Saved, to_arviz
 from qlvbayes.results import load as load_results
 from qlvbayes.results import save as save_results
 from qlvbayes.runtime import configure
 from qlvbayes.scales import Scales
 from qlvbayes.study import Watcher, run_study
-from qlvbayes.summary import Summary, summarise
+from qlvbayes.summary import FitSummary, summarise
 
 __version__ = "0.1.0"
 

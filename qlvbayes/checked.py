@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from qlvbayes.checks import InputError
 from qlvbayes.conversion import factors
@@ -11,7 +11,7 @@ from qlvbayes.elsewhere import has_noise
 from qlvbayes.experiment import Experiment, prepare
 from qlvbayes.predict import Prediction, predict
 from qlvbayes.pulling import pull_notices
-from qlvbayes.residuals import Check, check
+from qlvbayes.residuals import CheckResult, check
 from qlvbayes.results import Saved
 
 
@@ -21,7 +21,7 @@ class CheckedPad:
 
     experiment: Experiment
     predictions: tuple[Prediction, ...]
-    check: Check
+    check: CheckResult
 
 
 def check_pad(saved: Saved, pad: Pad, *, seed: int = 0) -> CheckedPad:
@@ -42,8 +42,14 @@ def check_pad(saved: Saved, pad: Pad, *, seed: int = 0) -> CheckedPad:
     constants = {name: by[name] * draws for name, draws in constants.items()}
     predictions = predict(experiment, saved.choices, constants, experiment.trials, seed=seed)
     chosen, floor = saved.choices, experiment.floor
-    found = check(pad.name, floor.total, predictions, chosen.effects)
     pulling = pull_notices(experiment, bonded=chosen.bonded, effects=chosen.effects)
     of_noise = [f"pad {pad.name}: {text}" for text in floor.notices]
-    found = replace(found, units=pad.units, notices=(*pulling, *of_noise))
+    found = check(
+        pad.name,
+        floor.total,
+        predictions,
+        chosen.effects,
+        units=pad.units,
+        notices=(*pulling, *of_noise),
+    )
     return CheckedPad(experiment, tuple(predictions), found)

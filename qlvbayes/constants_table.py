@@ -12,7 +12,7 @@ from pathlib import Path
 
 from qlvbayes.checks import InputError
 from qlvbayes.files import write_whole
-from qlvbayes.summary import Summary
+from qlvbayes.summary import Constant, FitSummary
 
 _COLUMNS = ["pad", "parameter", "value", "unit"]
 _HEADS = "pad,parameter,unit,median,low90,high90,reference"
@@ -98,45 +98,36 @@ def _add(
     found[pad, parameter] = Reference(value, unit)
 
 
-def that_fit(references: References, contents: Iterable[Mapping]) -> References:
-    """Those in the unit of the constant, which another elastic law may give another one.
-
-    contents: of ``summary.json``, a pad each.
-    """
-    units = {
-        (str(content["pad"]), name): found["unit"]
-        for content in contents
-        for name, found in content["parameters"].items()
-    }
+def that_fit(references: References, summaries: Iterable[FitSummary]) -> References:
+    """Those in the unit of the constant, which another elastic law may give another one."""
+    units = {(s.pad, name): c.unit for s in summaries for name, c in s.parameters.items()}
     return {at: known for at, known in references.items() if units.get(at) in (None, known.unit)}
 
 
 def constants_table(
-    summaries: Iterable[Summary | Mapping], references: References | None = None
+    summaries: Iterable[FitSummary], references: References | None = None
 ) -> list[Entry]:
     """Every constant of every pad, pad by pad.
 
-    summaries: of fits, or the contents of their ``summary.json``; references: by pad and parameter.
-    Raises InputError where a reference is given in another unit than the constant has.
+    references: by pad and parameter. Raises InputError where one is given in another unit than
+    the constant has.
     """
-    contents = [s.as_dict() if isinstance(s, Summary) else s for s in summaries]
     return [
-        _entry(str(content["pad"]), name, found, references or {})
-        for content in contents
-        for name, found in content["parameters"].items()
+        _entry(s.pad, name, c, references or {})
+        for s in summaries
+        for name, c in s.parameters.items()
     ]
 
 
-def _entry(pad: str, name: str, found: Mapping, references: References) -> Entry:
+def _entry(pad: str, name: str, found: Constant, references: References) -> Entry:
     reference = references.get((pad, name))
-    if reference is not None and reference.unit != found["unit"]:
+    if reference is not None and reference.unit != found.unit:
         raise InputError(
             f"the reference of {name} of pad {pad} is in {reference.unit or 'no unit'}",
-            remedy=f"give it in {found['unit']}",
+            remedy=f"give it in {found.unit}",
         )
-    low, high = found["hdi90"]
     value = None if reference is None else reference.value
-    return Entry(pad, name, found["unit"], found["median"], low, high, value)
+    return Entry(pad, name, found.unit, found.median, *found.hdi90, value)
 
 
 def as_csv(entries: Sequence[Entry]) -> str:

@@ -3,25 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Annotated
 
+import msgspec
 import numpy as np
 from scipy.stats import chi2
 
 from qlvbayes.kinematics.phases import KINDS, phase_index
 from qlvbayes.predict import Prediction
+from qlvbayes.resultfile import Part, Result
 from qlvbayes.units import PAD, UnitSystem
 
 FALSE_ALARMS = 0.01  # probability that any cell of a right model is called failing
 
 
-@dataclass(frozen=True)
-class Cell:
+class Cell(Part, frozen=True, rename={"rate": "rate_mm_s", "rmse": "rmse_N", "bias": "bias_N"}):
     """One test's samples in one kind of phase.
 
-    rmse, bias: of observed minus predicted mean (N); coverage90: share of samples within the 90 %
-    predictive interval; p_value: probability of an rmse at least as large if the model were right,
-    from posterior draws plus the noise floor.
+    rate: None where the test has none; rmse, bias: of observed minus predicted mean (N);
+    coverage90: share of samples within the 90 % predictive interval; p_value: probability of an
+    rmse at least as large if the model were right, from posterior draws plus the noise floor;
+    fails: whether structure beyond noise is left (1 % false alarms over all cells of the pad).
     """
 
     test: str
@@ -32,11 +34,11 @@ class Cell:
     rmse: float
     bias: float
     coverage90: float
-    p_value: float
+    p_value: float | None = None
+    fails: bool = False
 
 
-@dataclass(frozen=True)
-class Cycle:
+class Cycle(Part, frozen=True, rename={"rmse": "rmse_N", "bias": "bias_N"}):
     """One phase of a test that has several of its kind: a cycle's loading, a staircase's step.
 
     number: from 1, in order of time; rmse, bias: as in `Cell` (N).
@@ -50,63 +52,30 @@ class Cycle:
     bias: float
 
 
-@dataclass(frozen=True)
-class Check:
-    """All cells of one pad, the noise floor (sd, in the unit of force) and which cells fail.
+class CheckResult(Result, frozen=True, kw_only=True, rename={"noise": "noise_N"}):
+    """All cells of one pad and the noise floor (sd, in the unit of force): ``check.json``.
 
     cycles: the phases of tests that have several of a kind, one by one; notices: about the
     measurements and their noise.
     """
 
     pad: str
-    noise: float
-    cells: tuple[Cell, ...]
     effects: tuple[str, ...] = ()
     units: UnitSystem = PAD
-    notices: tuple[str, ...] = ()
+    noise: float
+    cells: Annotated[tuple[Cell, ...], msgspec.Meta(min_length=1)]
     cycles: tuple[Cycle, ...] = ()
+    notices: tuple[str, ...] = ()
 
-    def fails(self, cell: Cell) -> bool:
-        """Whether structure beyond noise is left in a cell (1 % false alarms over all cells)."""
-        return cell.p_value < FALSE_ALARMS / len(self.cells)
+    @property
+    def failing(self) -> list[Cell]:
+        """Cells in which structure beyond noise is left."""
+        return [cell for cell in self.cells if cell.fails]
 
-    def as_dict(self) -> dict:
-        """The content of ``check.json``."""
-        cells = [
-            {
-                "test": c.test,
-                "role": c.role,
-                "rate_mm_s": c.rate,
-                "phase": c.phase,
-                "n": c.n,
-                "rmse_N": c.rmse,
-                "bias_N": c.bias,
-                "coverage90": c.coverage90,
-                "p_value": c.p_value,
-                "fails": self.fails(c),
-            }
-            for c in self.cells
-        ]
-        return {
-            "schema": 1,
-            "pad": self.pad,
-            "effects": list(self.effects),
-            "units": self.units.as_dict(),
-            "noise_N": self.noise,
-            "cells": cells,
-            "cycles": [
-                {
-                    "test": c.test,
-                    "phase": c.phase,
-                    "number": c.number,
-                    "n": c.n,
-                    "rmse_N": c.rmse,
-                    "bias_N": c.bias,
-                }
-                for c in self.cycles
-            ],
-            "notices": list(self.notices),
-        }
+    @property
+    def worst(self) -> Cell | None:
+        """The one with the largest error among those that fail; None where none does."""
+        return max(self.failing, key=lambda cell: cell.rmse, default=None)
 
 
 def check(
@@ -114,24 +83,36 @@ def check(
     noise: float,
     predictions: Sequence[Prediction],
     effects: Sequence[str] = (),
-) -> Check:
+    *,
+    units: UnitSystem = PAD,
+    notices: Sequence[str] = (),
+) -> CheckResult:
     """Compare predictions with what was measured; cells without samples are left out."""
-    cells = [
-        _cell(prediction, kind)
+    places = [
+        (prediction, kind)
         for prediction in predictions
         for kind in KINDS
         if np.any(prediction.phase == kind)
     ]
-    cycles = tuple(cycle for prediction in predictions for cycle in _cycles(prediction))
-    return Check(pad, noise, tuple(cells), tuple(effects), cycles=cycles)
+    return CheckResult(
+        pad=pad,
+        effects=tuple(effects),
+        units=units,
+        noise=noise,
+        cells=tuple(_cell(*place, FALSE_ALARMS / len(places)) for place in places),
+        cycles=tuple(cycle for prediction in predictions for cycle in _cycles(prediction)),
+        notices=tuple(notices),
+    )
 
 
-def _cell(prediction: Prediction, kind: str) -> Cell:
+def _cell(prediction: Prediction, kind: str, level: float) -> Cell:
+    """level: p-value below which it fails."""
     here = prediction.phase == kind
     residual = prediction.residual[here]
     inside = (prediction.observed >= prediction.low) & (prediction.observed <= prediction.high)
     trial = prediction.trial
     rmse = _rmse(residual)
+    p_value = _p_value(rmse, prediction, here)
     return Cell(
         test=trial.name,
         role=trial.role,
@@ -141,7 +122,8 @@ def _cell(prediction: Prediction, kind: str) -> Cell:
         rmse=rmse,
         bias=float(residual.mean()),
         coverage90=float(inside[here].mean()),
-        p_value=_p_value(rmse, prediction, here),
+        p_value=p_value,
+        fails=p_value < level,
     )
 
 

@@ -28,7 +28,7 @@ from qlvbayes.files import write_whole
 from qlvbayes.fit import Fit
 from qlvbayes.inference import compiled
 from qlvbayes.parameters import all_fields, described
-from qlvbayes.summary import Summary
+from qlvbayes.summary import FitSummary
 from qlvbayes.units import PAD, UnitSystem
 
 _MEMBER = re.compile(r"(.+)\[(\d+)\]")
@@ -64,7 +64,7 @@ class Saved:
 
 
 def to_arviz(
-    fit: Fit, summary: Summary, *, source: str, sha256: str, all_tests: bool, seed: int
+    fit: Fit, summary: FitSummary, *, source: str, sha256: str, all_tests: bool, seed: int
 ) -> xarray.DataTree:
     """Posterior, posterior predictive, pointwise log likelihood, data and constant data.
 
@@ -147,7 +147,7 @@ def _label(tree: xarray.DataTree, fit: Fit, force: str) -> None:
 
 
 def _provenance(
-    fit: Fit, summary: Summary, source: str, sha256: str, all_tests: bool, seed: int
+    fit: Fit, summary: FitSummary, source: str, sha256: str, all_tests: bool, seed: int
 ) -> dict:
     units = fit.experiment.units
     return {

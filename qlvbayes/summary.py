@@ -1,9 +1,9 @@
-"""A fit in numbers: what ``summary.json`` and the terminal's table show."""
+"""A fit in numbers: ``summary.json``, and what terminal and report show of it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import jax.numpy as jnp
 import numpy as np
@@ -11,18 +11,20 @@ import numpy as np
 from qlvbayes.carried import carried_notices, clock_notices
 from qlvbayes.fit import Fit
 from qlvbayes.inference import compiled
-from qlvbayes.inference.diagnostics import diagnose_chain, highest_density
+from qlvbayes.inference.diagnostics import Diagnostics, diagnose_chain, highest_density
 from qlvbayes.inference.ensemble import STEPS_PER_TIME
 from qlvbayes.records.record import Record
+from qlvbayes.resultfile import Part, Result
 from qlvbayes.units import PAD, UnitSystem
 from qlvbayes.unresolved import unresolved_times
 
 
-@dataclass(frozen=True)
-class Constant:
-    """One constant's posterior: mean, sd, median, 90 % highest-density interval, diagnostics."""
+class Constant(Part, frozen=True):
+    """One constant's posterior: mean, sd, median, 90 % highest-density interval, diagnostics.
 
-    name: str
+    r_hat, ess_bulk: None where there is no chain to judge.
+    """
+
     unit: str
     mean: float
     sd: float
@@ -37,84 +39,58 @@ class Constant:
         return self.sd == 0.0
 
 
-@dataclass(frozen=True)
-class Summary:
-    """All constants of one pad, and whether the sampling can be trusted.
+class FitSummary(Result, frozen=True, kw_only=True):
+    """All constants of one pad, and whether the sampling can be trusted: ``summary.json``.
 
-    troubles: what speaks against the sampling; notices: what one should know of the tests.
+    sampler: the method; converged: no R-hat, effective sample size or autocorrelation time speaks
+    against it; troubles: what does; notices: what one should know of the tests; parameters: the
+    constants by name.
     """
 
     pad: str
-    method: str
-    effects: tuple[str, ...]
-    constants: tuple[Constant, ...]
-    troubles: tuple[str, ...]
     units: UnitSystem = PAD
+    effects: tuple[str, ...]
+    sampler: str
+    converged: bool
+    troubles: tuple[str, ...] = ()
     notices: tuple[str, ...] = ()
-
-    @property
-    def converged(self) -> bool:
-        """No R-hat, effective sample size or autocorrelation time speaks against it."""
-        return not self.troubles
+    parameters: dict[str, Constant]
 
     def __getitem__(self, name: str) -> Constant:
         """The constant of that name."""
-        return next(constant for constant in self.constants if constant.name == name)
-
-    def as_dict(self) -> dict:
-        """The content of ``summary.json``."""
-        parameters = {
-            c.name: {
-                "unit": c.unit,
-                "mean": c.mean,
-                "sd": c.sd,
-                "median": c.median,
-                "hdi90": list(c.hdi90),
-                "r_hat": c.r_hat,
-                "ess_bulk": c.ess_bulk,
-            }
-            for c in self.constants
-        }
-        return {
-            "schema": 1,
-            "pad": self.pad,
-            "units": self.units.as_dict(),
-            "effects": list(self.effects),
-            "sampler": self.method,
-            "converged": self.converged,
-            "troubles": list(self.troubles),
-            "notices": list(self.notices),
-            "parameters": parameters,
-        }
+        return self.parameters[name]
 
 
-def summarise(fit: Fit) -> Summary:
+def summarise(fit: Fit) -> FitSummary:
     """Means, sds, medians, intervals and diagnostics of every constant, before thinning."""
-    sampled = fit.method == "emcee"
-    diagnostics = diagnose_chain(fit.every) if sampled else None
-    rows = []
-    for k, (name, unit) in enumerate(zip(fit.names, fit.units, strict=True)):
-        values = fit.every[..., k]
-        rows.append(
-            Constant(
-                name,
-                unit,
-                _mean(values),
-                _spread(values),
-                float(np.median(values)),
-                highest_density(values),
-                _or_none(diagnostics.r_hat[k]) if diagnostics else None,
-                _or_none(diagnostics.ess_bulk[k]) if diagnostics else None,
-            )
-        )
-    return Summary(
-        fit.pad,
-        fit.method,
-        fit.choices.effects,
-        tuple(rows),
-        (*(diagnostics.troubles if diagnostics else ()), *_length_troubles(fit)),
-        fit.experiment.units,
-        tuple(_notices(fit)),
+    judged = diagnose_chain(fit.every) if fit.method == "emcee" else None
+    troubles = (*(judged.troubles if judged else ()), *_length_troubles(fit))
+    return FitSummary(
+        pad=fit.pad,
+        units=fit.experiment.units,
+        effects=fit.choices.effects,
+        sampler=fit.method,
+        converged=not troubles,
+        troubles=troubles,
+        notices=tuple(_notices(fit)),
+        parameters={
+            name: constant_of(fit.every[..., k], unit, k, judged)
+            for k, (name, unit) in enumerate(zip(fit.names, fit.units, strict=True))
+        },
+    )
+
+
+def constant_of(values: np.ndarray, unit: str, place: int, judged: Diagnostics | None) -> Constant:
+    """Draws (chains, draws) of one constant in numbers; place: its own in the diagnostics."""
+    varies = np.ptp(values) > 0.0  # else exactly the constant's value, and exactly 0
+    return Constant(
+        unit=unit,
+        mean=float(values.mean()) if varies else float(values.flat[0]),
+        sd=float(values.std()) if varies else 0.0,
+        median=float(np.median(values)),
+        hdi90=highest_density(values),
+        r_hat=_or_none(judged.r_hat[place]) if judged else None,
+        ess_bulk=_or_none(judged.ess_bulk[place]) if judged else None,
     )
 
 
@@ -133,16 +109,6 @@ def _notices(fit: Fit) -> Iterator[str]:
     times = unresolved_times(model.relaxation, fit.experiment.scales)
     for text in (*fit.experiment.floor.notices, *times):
         yield f"pad {fit.pad}: {text}"
-
-
-def _mean(values: np.ndarray) -> float:
-    """Mean; exactly the constant's value for one that does not vary."""
-    return float(values.mean()) if np.ptp(values) > 0.0 else float(values.flat[0])
-
-
-def _spread(values: np.ndarray) -> float:
-    """Standard deviation; exactly 0 for a constant that does not vary."""
-    return float(values.std()) if np.ptp(values) > 0.0 else 0.0
 
 
 def _or_none(value: float) -> float | None:

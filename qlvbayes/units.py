@@ -23,13 +23,21 @@ class UnitSystem:
 
     displacement: str
     force: str
-    displacement_name: str
-    force_name: str
 
     @property
     def dimensionless(self) -> bool:
         """Whether displacement is a strain."""
         return self.displacement == "1"
+
+    @property
+    def displacement_name(self) -> str:
+        """What stands for displacement, in words."""
+        return "strain" if self.dimensionless else "displacement"
+
+    @property
+    def force_name(self) -> str:
+        """What stands for force, in words."""
+        return "stress" if self.dimensionless else "force"
 
     @property
     def stiffness(self) -> str:
@@ -110,10 +118,6 @@ class UnitSystem:
         """1 mm/s in this system's speed; 1/s stays 1."""
         return 1.0 if self.dimensionless else 10.0 ** (-3 - _EXPONENTS[self.displacement])
 
-    def as_dict(self) -> dict[str, str]:
-        """For JSON: ``{"displacement": "mm", "force": "N"}``."""
-        return {"displacement": self.displacement, "force": self.force}
-
     def factor_to(self, other: UnitSystem, kind: str) -> float:
         """What a number of that kind is multiplied by to be in the other system's unit.
 
@@ -130,8 +134,8 @@ class UnitSystem:
         return self.dimensionless
 
 
-PAD = UnitSystem("mm", "N", "displacement", "force")
-STRAIN = UnitSystem("1", "kPa", "strain", "stress")
+PAD = UnitSystem("mm", "N")
+STRAIN = UnitSystem("1", "kPa")
 
 # Powers of ten to m, to N and to Pa.
 _EXPONENTS = {
@@ -164,12 +168,12 @@ _DIMENSIONS = {
 
 def unit_system(displacement: str, force: str) -> UnitSystem:
     """Units of these names; KeyError where one is unknown or force meets strain."""
-    base = STRAIN if displacement == STRAIN.displacement else PAD
-    known = _STRESS if base is STRAIN else _FORCE
-    lengths = (STRAIN.displacement,) if base is STRAIN else tuple(_LENGTH)
+    found = UnitSystem(displacement, force)
+    known = _STRESS if found.dimensionless else _FORCE
+    lengths = (STRAIN.displacement,) if found.dimensionless else tuple(_LENGTH)
     if displacement not in lengths or force not in known:
         raise KeyError(f"{displacement}, {force}")
-    return UnitSystem(displacement, force, base.displacement_name, base.force_name)
+    return found
 
 
 def _decades(unit: str, other: str) -> int:

@@ -1,7 +1,10 @@
 """Simulated tests of a pad with effects hidden in it, made ready for a diagnosis."""
 
+from msgspec.structs import replace
+
 from qlvbayes import Choices, prepare
 from qlvbayes.benchmark.study import measured
+from qlvbayes.diagnosis.verdict import Diagnosis
 from qlvbayes.experiment import Experiment
 from qlvbayes.fit import build_posterior
 from qlvbayes.inference.subset import Ensemble, with_every_effect
@@ -24,6 +27,11 @@ def hidden_pad(
     programs = {f"{rate:g}": protocol(rate) for rate in rates}
     pads = {"B": HiddenPad(constants, effects)}
     return prepare(measured(record_study(pads, programs, NOISES["correlated"], seed, _ROWS), "B"))
+
+
+def said_otherwise(found: Diagnosis, **changes) -> Diagnosis:
+    """The same diagnosis with other things said of it."""
+    return Diagnosis(replace(found.result, **changes), found.work)
 
 
 def ensemble_of(experiment: Experiment, *kinds) -> Ensemble:

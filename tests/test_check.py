@@ -77,7 +77,7 @@ def at_truth(noise="correlated"):
 
 
 def test_a_right_model_fails_nowhere(right):
-    assert [c for c in right.check.cells if right.check.fails(c)] == []
+    assert right.check.failing == []
 
 
 def test_the_noise_floor_is_what_a_right_model_leaves(right):
@@ -124,7 +124,7 @@ def test_a_fit_of_all_tests_has_no_validation():
 
 
 def test_drag_fails_the_fast_ramps_and_not_the_slow_tests(dragged):
-    failing = {(c.test, c.phase) for c in dragged.check.cells if dragged.check.fails(c)}
+    failing = {(c.test, c.phase) for c in dragged.check.failing}
     assert {("B-30", "ramp"), ("B-100", "ramp")} <= failing
     assert not {name for name, _ in failing} & {"B-0.1", "B-1", "B-20"}
     assert not {phase for _, phase in failing} & {"unload", "recovery"}

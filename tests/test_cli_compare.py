@@ -7,6 +7,8 @@ import pytest
 from endtoend import call, read_json
 from test_elsewhere import drawn, vectors, written
 
+from qlvbayes.compare.contrast import Comparison
+
 PLACES = ("--depth", 1, "--rates", "1", "--frequencies", "0.3")
 
 
@@ -56,6 +58,13 @@ def test_table_and_json_agree(compared):
         assert row["quantity"] == entry["quantity"]
         assert row["answer"] == entry["answer"]
         assert float(row["difference_low90"]) == pytest.approx(entry["difference"]["low"], rel=1e-5)
+
+
+def test_the_file_is_read_back_and_written_again_byte_for_byte(compared):
+    text = (compared[0] / "compare.json").read_bytes()
+    found = Comparison.from_json(text)
+    assert found.to_json().encode() == text
+    assert "\n\n".join(found.words) + "\n" == (compared[0] / "compare.txt").read_text()
 
 
 def test_a_seed_repeats_and_json_is_all_that_is_printed(compared, pads):

@@ -9,11 +9,24 @@ import pytest
 from endtoend import call, keeps_check_contract, keeps_summary_contract, read_json
 
 from qlvbayes.choices import Choices
-from qlvbayes.diagnosis.verdict import Base
+from qlvbayes.curves import Curves
+from qlvbayes.diagnosis.result import Base, DiagnosisResult
+from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.effects.catalogue import EFFECTS
+from qlvbayes.residuals import CheckResult
+from qlvbayes.runs import Runs
 from qlvbayes.study.run import _on_laws
+from qlvbayes.summary import FitSummary
 
 ROOT = Path(__file__).parents[1]
 HIDDEN = ROOT / "data" / "hidden.csv"
+KINDS = {
+    "summary": FitSummary,
+    "check": CheckResult,
+    "diagnosis": DiagnosisResult,
+    "curves": Curves,
+    "run": Runs,
+}
 FIGURES = ("residuals_before_after", "forces_before_after", "evidence", "error_staircase")
 
 
@@ -60,6 +73,24 @@ def test_study_leaves_every_file(study):
             read_json(place / "curves.json")["effects"]
             == read_json(place / "check.json")["effects"]
         )
+
+
+def test_every_file_is_read_back_and_written_again_byte_for_byte(study):
+    files = sorted(study[0].parent.rglob("*.json"))
+    assert {file.stem for file in files} == {"summary", "check", "curves", "diagnosis", "run"}
+    for file in files:
+        found = KINDS[file.stem].read(file)
+        assert found.to_json().encode() == file.read_bytes()
+        assert KINDS[file.stem].from_json(found.to_json()) == found
+
+
+def test_what_was_tried_travels_in_the_verdict(study):
+    used = DiagnosisResult.read(study[0] / "diagnosis.json").settings
+    assert used.thresholds == Settings()
+    assert {"exponential", "hertz"} <= set(used.elastic)
+    assert "prony:2" in used.relaxation
+    assert set(used.effects) <= {kind.name for kind in EFFECTS}
+    assert (used.seed, used.evidence) == (0, "laplace")
 
 
 def test_study_ends_with_the_report(study, answer):

@@ -1,11 +1,11 @@
 """Two pads set against each other: known differences, equals, and what cannot be told."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from endtoend import fitted
+from msgspec.structs import replace
 from scipy.stats import kstest, norm
 
 import qlvbayes
@@ -72,7 +72,7 @@ def test_known_differences_are_found(oil_and_glycerin):
         error = 4.0 * 1.25 * np.sqrt(2.0 / 300) * WIDTHS[name]
         assert abs(np.log(ratio.median / (true[name] / other[name]))) < error
         assert found[name].difference.median == pytest.approx(
-            found[name].values[0].median - found[name].values[1].median, abs=0.02
+            found[name].first.median - found[name].second.median, abs=0.02
         )
 
 
@@ -91,7 +91,7 @@ def test_what_engineers_read_is_compared_too(oil_and_glycerin):
         "constants", "stiffness", "force", "relaxation", "energy", "loss tangent"
     ]  # fmt: skip
     for c in oil_and_glycerin.contrasts:
-        for value in (*c.values, c.difference, c.ratio):
+        for value in (c.first, c.second, c.difference, c.ratio):
             assert value.low < value.median < value.high
         assert 0.0 <= c.direction <= 1.0
         assert 0.0 <= c.equivalence <= 1.0
@@ -228,8 +228,8 @@ def test_a_constant_fixed_in_both_is_not_compared():
 def test_fits_are_compared_at_places_that_their_tests_reach():
     """A fit against itself, nothing said of depth, rates and frequencies."""
     found = compare(fitted(), fitted(), seed=3)
-    assert found.settings["depth"] == 1.5
-    assert found.settings["rates"] == [0.1, 3.0, 30.0]
+    assert found.settings.depth == 1.5
+    assert found.settings.rates == (0.1, 3.0, 30.0)
     assert not any(c.extrapolated for c in found.contrasts)
     assert found.differ in (None, False)
     assert any("fitted to B-20 of 6 tests" in notice for notice in found.notices)

@@ -115,7 +115,7 @@ def test_fluids_are_compared_with_the_spread_of_their_specimens(fluids):
     assert fluids["m"].answer == "less"
     assert fluids.differ is True
     # far wider than one specimen's own interval: specimens spread by 5 %, their posteriors by 1 %
-    value = fluids["m"].values[0]
+    value = fluids["m"].first
     assert value.high / value.low > np.exp(2 * 1.645 * 1.5 * WIDTHS["m"])
 
 

@@ -17,19 +17,30 @@ from qlvbayes.constants_table import (
     that_fit,
     write_constants,
 )
+from qlvbayes.summary import Constant, FitSummary
 from qlvbayes.synthetic import TABLE_1
 
 PAPER = Path(__file__).parents[1] / "data" / "paper_table1.csv"
-SUMMARY = {
-    "pad": "B_1",
-    "parameters": {
-        "m": {"unit": "N/mm", "median": 0.33617, "hdi90": [0.33036, 0.34208]},
-        "c[0]": {"unit": "1", "median": 0.29621, "hdi90": [0.2935, 0.299]},
-        "v[2]": {"unit": "1/s", "median": 0.14, "hdi90": [0.14, 0.14]},
-        "viscous_drag.eta": {"unit": "N s/mm", "median": -0.00312, "hdi90": [-0.0042, -0.002]},
-        "noise.white": {"unit": "N", "median": 0.006, "hdi90": [0.005, 0.007]},
+
+
+def constant(unit, median, low, high):
+    return Constant(unit, median, 0.5 * (high - low), median, (low, high), None, None)
+
+
+def summary(pad, **parameters):
+    return FitSummary(pad=pad, effects=(), sampler="emcee", converged=True, parameters=parameters)
+
+
+SUMMARY = summary(
+    "B_1",
+    **{
+        "m": constant("N/mm", 0.33617, 0.33036, 0.34208),
+        "c[0]": constant("1", 0.29621, 0.2935, 0.299),
+        "v[2]": constant("1/s", 0.14, 0.14, 0.14),
+        "viscous_drag.eta": constant("N s/mm", -0.00312, -0.0042, -0.002),
+        "noise.white": constant("N", 0.006, 0.005, 0.007),
     },
-}
+)
 KNOWN = {("B_1", "m"): Reference(0.34, "N/mm"), ("other", "m"): Reference(9.0, "N/mm")}
 
 
@@ -50,11 +61,11 @@ def test_csv_holds_every_constant_with_interval_and_reference(tmp_path):
     files = write_constants(tmp_path, entries)
     assert [file.name for file in files] == ["constants.csv", "constants.tex"]
     table = pd.read_csv(files[0], dtype={"pad": str}).set_index("parameter")
-    assert list(table.index) == list(SUMMARY["parameters"])
-    for name, found in SUMMARY["parameters"].items():
+    assert list(table.index) == list(SUMMARY.parameters)
+    for name, found in SUMMARY.parameters.items():
         row = table.loc[name]
-        assert [row["median"], row["low90"], row["high90"]] == [found["median"], *found["hdi90"]]
-        assert row["unit"] == found["unit"] or row["unit"] == 1
+        assert [row["median"], row["low90"], row["high90"]] == [found.median, *found.hdi90]
+        assert row["unit"] == found.unit or row["unit"] == 1
     assert table.loc["m", "reference"] == 0.34
     assert table["reference"].isna().sum() == 4
 
@@ -74,7 +85,7 @@ def test_latex_gives_two_digits_of_half_the_interval():
 
 
 def test_pads_with_other_constants_leave_gaps():
-    other = {"pad": "C", "parameters": {"m": SUMMARY["parameters"]["m"]}}
+    other = summary("C", m=SUMMARY["m"])
     lines = as_latex(constants_table([SUMMARY, other])).splitlines()
     assert "$c_0$ &  & 0.2962 [0.2935, 0.2990] & -- \\\\" in lines
 

@@ -6,15 +6,17 @@ from dataclasses import replace
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hidden_pads import hidden_pad
+from hidden_pads import hidden_pad, said_otherwise
+from msgspec.structs import replace as changed
 
 from qlvbayes import Choices, InputError
 from qlvbayes.diagnosis.adequacy import adequacy
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.heldout import held_out
 from qlvbayes.diagnosis.protocol import protocol_of
+from qlvbayes.diagnosis.result import Bend
 from qlvbayes.diagnosis.samples import Samples
-from qlvbayes.diagnosis.sensitivity import Bend, responses, unseen
+from qlvbayes.diagnosis.sensitivity import responses, unseen
 from qlvbayes.diagnosis.words import paragraphs
 from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.effects.catalogue import find
@@ -64,38 +66,39 @@ def outside():
 
 
 def test_nothing_missing_is_called_adequate(plain):
-    assert plain.verdict == "adequate"
-    assert plain.effects == ()
-    assert plain.ranking[0].effect == "none"
-    assert plain.stages[-1].heldout_rmse < 1.2 * plain.noise
+    assert plain.result.verdict == "adequate"
+    assert plain.result.effects == ()
+    assert plain.result.ranking[0].effect == "none"
+    assert plain.result.stages[-1].heldout_rmse < 1.2 * plain.result.noise
 
 
 def test_a_hidden_drag_is_named_with_its_size(drag):
-    assert drag.verdict == "missing_effect"
-    assert drag.effects == ("viscous_drag",)
-    eta = drag.stages[-1].parameters["viscous_drag.eta"]
+    assert drag.result.verdict == "missing_effect"
+    assert drag.result.effects == ("viscous_drag",)
+    eta = drag.result.stages[-1].parameters["viscous_drag.eta"]
     assert abs(eta.mean - 0.004) < 4.0 * eta.sd
-    assert drag.ranking[0].inclusion > 0.9
-    assert drag.stages[-1].heldout_rmse < 1.2 * drag.noise < drag.stages[0].heldout_rmse
+    assert drag.result.ranking[0].inclusion > 0.9
+    before, after = (drag.result.stages[k].heldout_rmse for k in (0, -1))
+    assert after < 1.2 * drag.result.noise < before
 
 
 def test_two_effects_are_found_one_by_one(two):
-    assert set(two.effects) == {"viscous_drag", "force_offset"}
-    errors = [stage.heldout_rmse for stage in two.stages]
+    assert set(two.result.effects) == {"viscous_drag", "force_offset"}
+    errors = [stage.heldout_rmse for stage in two.result.stages]
     assert len(errors) == 3
-    assert errors[-1] < min(1.2 * two.noise, errors[0] / 3.0)
+    assert errors[-1] < min(1.2 * two.result.noise, errors[0] / 3.0)
 
 
 def test_what_is_not_on_the_list_is_said_to_be_outside(outside):
-    assert outside.verdict in ("unexplained", "partly_explained")
-    assert outside.stages[-1].p_value < 0.01
-    assert not outside.remainder.is_small
+    assert outside.result.verdict in ("unexplained", "partly_explained")
+    assert outside.result.stages[-1].p_value < 0.01
+    assert not outside.result.remainder.small
 
 
 @pytest.mark.parametrize("name", ["plain", "drag", "two", "outside"])
 def test_the_json_keeps_the_contract(name, request):
     found = request.getfixturevalue(name)
-    content = json.loads(json.dumps(found.as_dict(), allow_nan=False))
+    content = json.loads(json.dumps(found.result.as_dict(), allow_nan=False))
     assert content["schema"] == 1
     assert content["steps"][0]["effects"] == []
     assert "none" in [entry["effect"] for entry in content["ranking"]]
@@ -116,21 +119,22 @@ def test_the_words_say_verdict_place_and_size(drag, outside, plain):
         "unexplained": "No effect is named",
         "partly_explained": "no effect of the list explains",
     }
-    assert said[outside.verdict] in " ".join(paragraphs(outside))
+    assert said[outside.result.verdict] in " ".join(paragraphs(outside))
     assert "nothing is missing that these tests can show" in paragraphs(plain)[0]
 
 
 def test_the_words_do_not_call_a_doubtful_nothing_sure(plain):
-    ranking = [replace(r, inclusion=0.3) if r.effect == "none" else r for r in plain.ranking]
-    doubtful = replace(plain, ranking=tuple(ranking))
+    told = plain.result.ranking
+    ranking = [changed(r, inclusion=0.3) if r.effect == "none" else r for r in told]
+    doubtful = said_otherwise(plain, ranking=tuple(ranking))
     assert "although something may be missing" in paragraphs(doubtful)[0]
 
 
 def test_an_error_that_rose_is_not_said_to_fall(drag):
-    first, *others = drag.stages
-    nearer = replace(first, heldout_rmse=0.5 * others[-1].heldout_rmse)
+    first, *others = drag.result.stages
+    nearer = changed(first, heldout_rmse=0.5 * others[-1].heldout_rmse)
     assert "falls from" in paragraphs(drag)[0]
-    assert "falls from" not in paragraphs(replace(drag, stages=(nearer, *others)))[0]
+    assert "falls from" not in paragraphs(said_otherwise(drag, stages=(nearer, *others)))[0]
 
 
 def test_adhesion_shows_only_where_the_platen_retracts():
@@ -154,7 +158,7 @@ def _not_seen(experiment):
 
 
 def test_an_effect_that_hides_says_what_it_would_bend(plain):
-    bends = {bend.effect: bend for bend in plain.bends}
+    bends = {bend.effect: bend for bend in plain.result.bends}
     assert "frame_compliance" in bends
     assert bends["frame_compliance"].left < 0.15
     assert bends["frame_compliance"].changes["b"] < 0.0  # a soft frame looks like less stiffening
@@ -165,15 +169,15 @@ def test_an_effect_that_hides_says_what_it_would_bend(plain):
 )
 def test_no_constant_is_said_to_fall_by_more_than_all_of_itself(plain, change, words):
     bend = Bend("inertia", "inertia.mass", 1.0, 0.1, {"b": change}, visible=False)
-    said = "\n".join(paragraphs(replace(plain, bends=(bend,))))
+    said = "\n".join(paragraphs(said_otherwise(plain, bends=(bend,))))
     assert f"b would be {words}" in said
 
 
 def test_an_added_effect_is_part_of_the_plain_model(drag):
     experiment = drag.work.experiment
     with_it = diagnose(experiment, Choices(effects=("viscous_drag",)))
-    assert with_it.verdict == "adequate"
-    assert "viscous_drag" not in [ranked.effect for ranked in with_it.ranking]
+    assert with_it.result.verdict == "adequate"
+    assert "viscous_drag" not in [ranked.effect for ranked in with_it.result.ranking]
 
 
 def test_student_noise_is_refused(drag):
@@ -242,5 +246,5 @@ def test_of_one_test_alone_phases_are_left_out():
     work = found.work
     left_out = held_out(work.search.density, work.samples, work.told)
     assert len(left_out.by_part) == len(work.experiment.trials[0].phases)
-    assert left_out.rmse > found.stages[-1].rmse
-    assert found.stages[-1].heldout_rmse == left_out.rmse
+    assert left_out.rmse > found.result.stages[-1].rmse
+    assert found.result.stages[-1].heldout_rmse == left_out.rmse

@@ -135,7 +135,7 @@ def test_a_narrow_prior_wins_over_the_data():
 def test_least_squares_draws_stand_for_its_normal_approximation(method):
     found = fitted(method=method)
     summary = summarise(found)
-    assert summary.method == method
+    assert summary.sampler == method
     assert summary.converged
     assert found.names[-1] == "noise.white"
     assert summary["noise.white"].fixed

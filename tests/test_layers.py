@@ -12,6 +12,7 @@ ROOT = Path(qlvbayes.__file__).parent
 LAYERS = [
     ["runtime", "checks", "units", "wording"],
     ["files", "usermodule"],
+    ["resultfile"],
     # measurements, and the motion in them
     ["reading"],
     ["data"],
@@ -33,7 +34,7 @@ LAYERS = [
     ["parameters", "experiment"],
     ["overrides", "pulling"],
     ["choices"],
-    ["carried", "covered", "drawn"],
+    ["carried", "covered", "drawn", "runs"],
     ["elsewhere", "conversion"],
     # inference and what is made of it
     ["inference"],
@@ -41,6 +42,7 @@ LAYERS = [
     ["summary", "predict"],
     ["results", "residuals", "diagnosis", "constants_table"],
     ["checked", "compare"],
+    ["curves"],
     # a rig of its own, which shares nothing with the model
     ["synthetic"],
     # how well the diagnosis does on what that rig hides

@@ -16,7 +16,7 @@ from qlvbayes.experiment import prepare
 from qlvbayes.fit import build_posterior
 from qlvbayes.inference import compiled
 from qlvbayes.posterior import central
-from qlvbayes.summary import Summary
+from qlvbayes.summary import FitSummary
 from qlvbayes.units import PAD, STRAIN, unit_system
 from qlvbayes.wording import plain
 
@@ -126,7 +126,9 @@ def test_force_does_not_go_with_strain():
 
 def test_summary_says_its_units():
     units = unit_system("um", "nN")
-    found = Summary("a", "emcee", (), (), (), units).as_dict()
+    found = FitSummary(
+        pad="a", units=units, effects=(), sampler="emcee", converged=True, parameters={}
+    ).as_dict()
     assert found["units"] == {"displacement": "um", "force": "nN"}
 
 

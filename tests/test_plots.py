@@ -1,9 +1,9 @@
 import sys
-from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
 import matplotlib
+import msgspec
 import numpy as np
 import pytest
 from matplotlib._pylab_helpers import Gcf
@@ -21,7 +21,7 @@ from qlvbayes.plots.files import figure_of, save_figure
 from qlvbayes.plots.forces import plot_forces
 from qlvbayes.plots.residual_map import plot_residual_map
 from qlvbayes.predict import Prediction
-from qlvbayes.residuals import Cell, Check, check
+from qlvbayes.residuals import Cell, CheckResult, check
 from qlvbayes.units import PAD, STRAIN
 
 NOISE = 0.01
@@ -223,7 +223,11 @@ def test_a_rest_before_the_ramp_does_not_squeeze_it():
 
 
 def cell(test="a", rate=1.0, phase="ramp", rmse=NOISE, bias=0.0, p=0.5, role="validate"):
-    return Cell(test, role, rate, phase, 9, rmse, bias, 0.9, p)
+    return Cell(test, role, rate, phase, 9, rmse, bias, 0.9, p, fails=p < 0.01)
+
+
+def checked(cells, noise=NOISE):
+    return CheckResult(pad="B", noise=noise, cells=tuple(cells))
 
 
 def squares(figure):
@@ -241,7 +245,7 @@ def test_failing_cells_and_only_they_are_framed():
         cell("slow", 0.1), cell("slow", 0.1, "hold", 5 * NOISE, p=1e-9),
         cell("quick", 9.0, "unload", 5 * NOISE), cell("quick", 9.0, "recovery", p=1e-4),
     )  # fmt: skip
-    found = Check("B", NOISE, cells)
+    found = checked(cells)
     figure = page(plot_residual_map, found, PAD)
     framed = {place for place, p in squares(figure).items() if p.get_gid() == "fails"}
     assert framed == {(0, 1), (1, 3)}
@@ -252,7 +256,7 @@ def test_failing_cells_and_only_they_are_framed():
 def test_a_worse_cell_is_darker_also_in_grey():
     ratios = (0.3, 1.0, 1.5, 3.0, 9.0, 40.0)
     cells = tuple(cell(f"t{k}", float(k), rmse=r * NOISE) for k, r in enumerate(ratios))
-    shown = squares(page(plot_residual_map, Check("B", NOISE, cells), PAD))
+    shown = squares(page(plot_residual_map, checked(cells), PAD))
     light = [lightness(shown[k, 0]) for k in range(len(ratios))]
     assert light[0] == light[1]
     assert np.all(np.diff(light[1:]) < -0.02)
@@ -260,7 +264,7 @@ def test_a_worse_cell_is_darker_also_in_grey():
 
 def test_cells_say_ratio_and_signed_bias_and_empty_ones_are_hatched():
     cells = (cell(rmse=2.12 * NOISE, bias=-0.0208), cell(phase="hold", rmse=1.23, bias=0.5))
-    figure = page(plot_residual_map, Check("B", NOISE, cells), PAD)
+    figure = page(plot_residual_map, checked(cells), PAD)
     axis = figure.axes[0]
     assert [t.get_text() for t in axis.texts] == ["2.12\n−0.021", "123\n+0.5"]
     hatched = {place for place, p in squares(figure).items() if p.get_hatch()}
@@ -270,7 +274,7 @@ def test_cells_say_ratio_and_signed_bias_and_empty_ones_are_hatched():
 
 def test_the_map_names_tests_by_rate_roles_and_units():
     cells = (cell("b", 3.0, role="fit"), cell("a", 0.5), cell("none", None))
-    figure = page(plot_residual_map, Check("B", 0.0123, cells), STRAIN)
+    figure = page(plot_residual_map, checked(cells, 0.0123), STRAIN)
     axis, bar = figure.axes
     labels = axis.get_yticklabels()
     assert [t.get_text() for t in labels] == [
@@ -291,7 +295,7 @@ def test_the_map_of_any_protocol_stays_on_the_page(predictions):
     assert bar.yaxis.label.get_window_extent().height < figure.bbox.height
     for noise in (0.0, 1e-7):
         for width in (85.0, 120.0):
-            changed = replace(found, noise=noise)
+            changed = msgspec.structs.replace(found, noise=noise)
             assert ink_stays_on_the_page(page(plot_residual_map, changed, PAD, width=width))
 
 
@@ -311,7 +315,7 @@ def test_files_are_whole_repeatable_and_hold_their_fonts(tmp_path):
 
 
 def test_a_write_that_breaks_off_leaves_the_older_file(tmp_path, monkeypatch):
-    figure = page(plot_residual_map, Check("B", NOISE, (cell(),)), PAD)
+    figure = page(plot_residual_map, checked((cell(),)), PAD)
     image = save_figure(figure, tmp_path / "map")
     older = {path: path.read_bytes() for path in tmp_path.iterdir()}
 

@@ -1,11 +1,11 @@
-from dataclasses import replace
+import dataclasses
 from functools import cache
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 from matplotlib.text import Text
+from msgspec.structs import replace
 from pages import collisions
 from test_plots import drawn, page, prediction, protocol
 
@@ -13,9 +13,21 @@ from qlvbayes.data import Pad
 from qlvbayes.data import Test as Record
 from qlvbayes.diagnosis.curves import Band, Curve, curves
 from qlvbayes.diagnosis.diagnose import diagnose
-from qlvbayes.diagnosis.samples import CellError
-from qlvbayes.diagnosis.sensitivity import Unseen
-from qlvbayes.diagnosis.verdict import Base, Diagnosis, Ranked, Stage
+from qlvbayes.diagnosis.result import (
+    Base,
+    CellError,
+    DiagnosisResult,
+    Laws,
+    Place,
+    Ranked,
+    Refused,
+    Stage,
+    Unseen,
+    Used,
+    Worst,
+)
+from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.verdict import Diagnosis
 from qlvbayes.effects.catalogue import names
 from qlvbayes.effects.viscous_drag import ViscousDrag
 from qlvbayes.experiment import prepare
@@ -42,14 +54,14 @@ def cells(tests, ratio):
 
 
 LAWS = ("exponential", "prony:2")
+USED = Used(Settings(), 0, "laplace", LAWS[:1], LAWS[1:], ("viscous_drag",))
 
 
 def stage(effects, tests, ratio, failing=(), base=LAWS):
     p = 1e-9 if failing else 0.5
     errors = ratio * NOISE, 1.2 * ratio * NOISE
-    found = cells(tests, ratio)
-    sound = not failing
-    return Stage(base, tuple(effects), *errors, -1.0, p, True, sound, found, tuple(failing), {})
+    found, places = cells(tests, ratio), tuple(Place(*place) for place in failing)
+    return Stage(Laws(*base), tuple(effects), *errors, -1.0, p, True, places, found, {})
 
 
 def ranking(best):
@@ -64,19 +76,18 @@ def ranking(best):
 
 
 def diagnosed(count=3, added=("viscous_drag",), verdict="missing_effect", **changes):
-    """A diagnosis by hand, with as many steps as effects were added."""
+    """What a diagnosis says, by hand, with as many steps as effects were added."""
     tests = [f"test-{k}" for k in range(count)]
     steps = [added[:k] for k in range(len(added) + 1)]
     failing = [(tests[0], "ramp"), (tests[-1], "hold")] if added else []
     stages = [stage(e, tests, 12.0 / (1 + k) ** 2) for k, e in enumerate(steps)]
     stages[0] = stage((), tests, 12.0 if added else 1.0, failing)
-    found = Diagnosis(
+    found = DiagnosisResult(
         pad="B", noise=NOISE, verdict=verdict, effects=tuple(added), group=tuple(added[-1:]),
         base=Base(*LAWS, 0.99), bases=(Base(*LAWS, 0.99),), alternatives=(), outside=0.0,
         stages=tuple(stages), ranking=ranking(added[-1] if added else "friction"),
         not_identifiable=(Unseen("own_effect", "no test unloads"),), bends=(), coincident=(),
-        refused=(), suggestions=(),
-        work=SimpleNamespace(experiment=SimpleNamespace(units=changes.pop("units", PAD))),
+        worst=Worst(tests[0], "ramp", 12.0 * NOISE, 0.0), settings=USED,
     )  # fmt: skip
     return replace(found, **changes)
 
@@ -128,7 +139,7 @@ def pages(case, width=180.0):
     found, shown = CASES[case]
     made = (
         page(plot_residuals_before_after, found, width=width),
-        page(plot_forces_before_after, found, shown, width=width),
+        page(plot_forces_before_after, Diagnosis(found, None), shown, width=width),
         page(plot_evidence, found, width=width),
         page(plot_error_staircase, found, width=width),
     )
@@ -176,7 +187,7 @@ def test_no_text_of_a_narrow_figure_runs_into_another(case):
 
 @every_case
 def test_every_axis_names_its_unit(case):
-    unit = CASES[case][0].work.experiment.units.force
+    unit = CASES[case][0].units.force
     residuals, forces, evidence, staircase = (figure for figure, _ in pages(case))
     assert f"(1 = 0.01 {unit})" in residuals.axes[-1].get_ylabel()
     assert {axis.get_ylabel()[-3 - len(unit) :] for axis in forces.axes if axis.get_ylabel()} <= {
@@ -223,7 +234,7 @@ def strip_dots(axis, colour):
 
 def test_a_strip_shows_what_each_model_leaves_over_the_noise():
     (shown,) = pressed(1)
-    figure = page(plot_forces_before_after, diagnosed(1), [shown])
+    figure = page(plot_forces_before_after, Diagnosis(diagnosed(1), None), [shown])
     ramp = shown.phase == "ramp"
     strip = figure.axes[4]
     assert strip.get_ylabel() == "residual\n(N)"
@@ -276,7 +287,8 @@ def test_a_group_is_framed_and_refused_effects_are_crossed():
     ranks = {r.effect: r for r in found.ranking}
     above = replace(
         diagnosed(verdict="unexplained", effects=(), group=()),
-        ranking=tuple(ranks[n] for n in order), refused=(("friction", "it predicts no better"),),
+        ranking=tuple(ranks[n] for n in order),
+        refused=(Refused("friction", "it predicts no better"),),
     )  # fmt: skip
     figure = page(plot_evidence, above)
     assert "friction ×" in bars(figure)
@@ -288,7 +300,7 @@ def test_probabilities_and_values_stand_beside_the_bars():
     written = [t.get_text() for t in page(plot_evidence, found).axes[0].texts]
     assert written[:2] == ["900.0", "> 99.9 %"]
     assert "< 0.1 %" in written
-    lost = replace(found.ranking[3], log_bayes_factor=-np.inf)
+    lost = replace(found.ranking[3], log_bayes_factor=None)
     figure = page(plot_evidence, replace(found, ranking=(*found.ranking[:3], lost)))
     assert "n/a" in words(figure)
     assert "Not ranked, as these tests cannot show them: own_effect" in words(
@@ -324,7 +336,7 @@ def test_a_step_names_what_it_made_useless():
 
 def test_a_step_names_another_law():
     found = diagnosed(2, MANY[:1])
-    hertz = replace(found.stages[1], base=("hertz", LAWS[1]), effects=())
+    hertz = replace(found.stages[1], base=Laws("hertz", LAWS[1]), effects=())
     shown = replace(found, stages=(found.stages[0], hertz), effects=(), verdict="adequate")
     figure = page(plot_error_staircase, shown)
     assert figure.axes[0].get_xticklabels()[1].get_text() == "hertz"
@@ -333,7 +345,7 @@ def test_a_step_names_another_law():
 
 def test_without_left_out_tests_there_is_one_line_of_steps():
     found = diagnosed(1)
-    stages = tuple(replace(one, heldout_rmse=np.nan) for one in found.stages)
+    stages = tuple(replace(one, heldout_rmse=None) for one in found.stages)
     axis = page(plot_error_staircase, replace(found, stages=stages)).axes[0]
     assert [list(s.get_data().values) for s in axis.patches] == [[s.rmse for s in stages]]
 
@@ -367,15 +379,15 @@ def real():
 
 def test_curves_hold_the_stages_errors_and_most_readings(real):
     shown = curves(real)
-    assert real.tried == ("viscous_drag",)
-    for model, stage in (("plain", real.stages[0]), ("final", real.stages[-1])):
+    assert real.result.tried == ("viscous_drag",)
+    for model, stage in (("plain", real.result.stages[0]), ("final", real.result.stages[-1])):
         left = np.concatenate([c.observed - getattr(c, model).mean for c in shown])
         assert np.sqrt(np.mean(left**2)) == pytest.approx(stage.rmse, rel=1e-6)
     for c in shown:
         assert c.time.shape == c.phase.shape == c.observed.shape == c.floor.shape
         assert np.all(c.final.low < c.final.mean)
         assert np.all(c.final.mean < c.final.high)
-        assert c.floor == pytest.approx(real.noise)
+        assert c.floor == pytest.approx(real.result.noise)
         inside = (c.observed > c.final.low) & (c.observed < c.final.high)
         assert 0.75 < inside.mean() <= 1.0
 
@@ -400,8 +412,8 @@ def test_files_have_the_names_that_the_command_line_tells(real, tmp_path):
 def test_measured_sds_shape_the_noise_band(real):
     samples, floor = real.work.samples, real.work.experiment.floor
     noisier = tuple(3.0 * weights for weights in samples.weights)
-    work = replace(real.work, samples=replace(samples, weights=noisier))
-    shown = curves(replace(real, work=work), draws=20)
+    work = dataclasses.replace(real.work, samples=dataclasses.replace(samples, weights=noisier))
+    shown = curves(Diagnosis(real.result, work), draws=20)
     assert shown[0].floor == pytest.approx(np.hypot(3.0 * floor.white, floor.ou))
     wider = [np.mean(c.final.high - c.final.low) for c in (shown[0], curves(real)[0])]
     assert wider[0] > 1.3 * wider[1]

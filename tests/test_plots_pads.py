@@ -25,6 +25,7 @@ from qlvbayes.plots import (
     save_figure,
 )
 from qlvbayes.results import Saved
+from qlvbayes.summary import Constant, FitSummary
 from qlvbayes.units import PAD, STRAIN
 
 WIDTHS = (85.0, 180.0)
@@ -60,13 +61,16 @@ def table(pads="ABC", **changes):
     """Constants of some pads with m = 1, 2, ... and intervals of a tenth."""
     known = {"m": "N/mm", "b": "1/mm", "c[0]": "1", "v[1]": "1/s", "viscous_drag.eta": "N s/mm"}
     summaries = [
-        {
-            "pad": pad,
-            "parameters": {
-                name: {"unit": unit, "median": k + 1.0, "hdi90": [k + 0.9, k + 1.1]}
+        FitSummary(
+            pad=pad,
+            effects=(),
+            sampler="emcee",
+            converged=True,
+            parameters={
+                name: Constant(unit, k + 1.0, 0.06, k + 1.0, (k + 0.9, k + 1.1), None, None)
                 for name, unit in {**known, "noise.white": "N"}.items()
             },
-        }
+        )
         for k, pad in enumerate(pads)
     ]
     return constants_table(summaries, {("A", "m"): Reference(1.05, "N/mm")} | changes)
@@ -98,7 +102,7 @@ def contrast(name, ratio, answer, group="constants", unit="1", extrapolated=Fals
     found = None if ratio is None else Interval(ratio, 0.95 * ratio, 1.05 * ratio)
     value = Interval(1.0, 0.9, 1.1)
     return Contrast(
-        name, unit, (value, value), Interval(0.0, -0.1, 0.1), found, 0.609, 0.2, answer, group,
+        name, value, value, unit, Interval(0.0, -0.1, 0.1), found, 0.609, 0.2, answer, group,
         extrapolated,
     )  # fmt: skip
 
@@ -111,7 +115,9 @@ def comparison(*more, region=0.1):
         contrast("energy lost in a cycle at 30 mm/s", 0.5, "less", "energy", extrapolated=True),
         contrast("relaxed force at 1 mm", None, "cannot tell", "force"),
     )  # fmt: skip
-    return Comparison(("B", "C"), "pads", region, (*found, *more), True, None)
+    return Comparison(
+        names=("B", "C"), between="pads", region=region, contrasts=(*found, *more), differ=True
+    )
 
 
 DRAWN = {

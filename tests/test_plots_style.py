@@ -11,10 +11,12 @@ import qlvbayes.plots as plots
 from qlvbayes.checks import InputError
 from qlvbayes.cli.main import app
 from qlvbayes.plots.style import COLOURS, colours, style, using
-from qlvbayes.residuals import Cell, Check
+from qlvbayes.residuals import Cell, CheckResult
 from qlvbayes.units import PAD
 
-FOUND = Check("B", 0.01, (Cell("a", "fit", 1.0, "ramp", 9, 0.02, 0.0, 0.9, 0.5),))
+FOUND = CheckResult(
+    pad="B", noise=0.01, cells=(Cell("a", "fit", 1.0, "ramp", 9, 0.02, 0.0, 0.9, 0.5),)
+)
 
 
 def test_every_public_figure_can_be_had_from_the_package():

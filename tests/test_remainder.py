@@ -88,10 +88,10 @@ def test_what_is_surely_below_the_tolerance_everywhere_is_small():
 
 def test_the_largest_cell_is_told_with_its_size_and_place():
     large = left(0.01, test="B-9", phase="hold")
-    told = remaining(left(0.005), large, left(0.5, shown=False)).as_dict()
-    assert (told["test"], told["phase"]) == ("B-9", "hold")
-    assert told["share_of_peak"] == pytest.approx(0.008 / 2.0)
-    assert told["small"]
+    told = remaining(left(0.005), large, left(0.5, shown=False)).told
+    assert (told.test, told.phase) == ("B-9", "hold")
+    assert told.share_of_peak == pytest.approx(0.008 / 2.0)
+    assert told.small
 
 
 def test_effects_are_weighed_with_the_same_tolerance():
@@ -124,14 +124,16 @@ def rippled():
 
 
 def test_structure_that_is_sure_but_small_does_not_make_a_pad_unexplained(rippled):
-    assert not rippled.stages[-1].sound
-    assert rippled.verdict == "adequate"
-    left = rippled.as_dict()["remainder"]
-    assert left["sure"]
-    assert 0.0 < left["rms_N"] < 0.007  # the smooth part of the ripple
-    assert not replace(rippled.remainder, tolerance=1e-3).is_small
+    assert rippled.result.stages[-1].p_value < Settings().false_alarms
+    assert rippled.result.verdict == "adequate"
+    left = rippled.result.remainder
+    assert left.sure
+    assert left.small
+    assert 0.0 < left.rms < 0.007  # the smooth part of the ripple
+    peak = rippled.work.experiment.scales.force
+    assert max(left.upper95, left.excess) > 1e-3 * peak  # a tenth of the tolerance it is not below
     text = paragraphs(rippled)[0]
     assert "structure that is sure but small" in text
-    assert f"{left['rms_N']:.2g} N" in text
-    assert left["test"] in text
+    assert f"{left.rms:.2g} N" in text
+    assert left.test in text
     assert "1 % of the peak" in text

@@ -61,7 +61,7 @@ def test_structure_of_five_sds_fails(name):
     times = TIMES[name]
     observed = noise(times, 1, rng)[0] + 5.0 * np.hypot(WHITE, OU)
     found = check("pad", 0.01, [prediction(times, observed, rng)])
-    assert found.fails(found.cells[0])
+    assert found.cells[0].fails
 
 
 def test_an_error_of_nothing_but_rounding_does_not_divide_by_zero():

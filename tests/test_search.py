@@ -62,7 +62,7 @@ def test_what_is_found_holds_the_true_drag(drag):
 
 def test_every_neighbour_of_the_best_has_been_seen(drag):
     best = drag.best
-    for name in set(drag.density.space.effects) - best.effects:
+    for name in set(drag.families.listed) - best.effects:
         assert best.plus(name) in drag.seen
     assert best.less("viscous_drag") in drag.seen
 

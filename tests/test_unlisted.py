@@ -6,6 +6,7 @@ from hidden_pads import hidden_pad
 
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.discrepancy import discrepancy
+from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.words import paragraphs
 from qlvbayes.effects.force_drift import ForceDrift
 from qlvbayes.effects.force_offset import ForceOffset
@@ -24,15 +25,15 @@ def jump():
 
 def test_a_jump_in_the_middle_of_a_study_is_no_drift_alone(jump):
     """A drift may take a part of it, but something else is there and is said to be."""
-    assert jump.verdict in ("partly_explained", "unexplained")
-    assert jump.outside > 0.5
+    assert jump.result.verdict in ("partly_explained", "unexplained")
+    assert jump.result.outside > 0.5
     assert "structure remains beyond the noise" in paragraphs(jump)[0].lower()
-    assert jump.stages[-1].rmse > 1.5 * jump.noise
+    assert jump.result.stages[-1].rmse > 1.5 * jump.result.noise
 
 
 def test_a_steady_drift_is_one():
     steady = hidden_pad(HIDDEN["force_drift"](rate=1e-4), rates=PAPER_RATES)
-    found = diagnose(steady, kinds=SHIFTS)
+    found = diagnose(steady, kinds=SHIFTS).result
     assert (found.verdict, found.effects) == ("missing_effect", ("force_drift",))
     drift = found.stages[-1].parameters["force_drift.rate"]
     assert abs(drift.mean - 1e-4) < 4.0 * drift.sd
@@ -47,16 +48,16 @@ def clipped():
 
 
 def test_what_is_not_on_the_list_is_left(clipped):
-    assert clipped.verdict in ("unexplained", "partly_explained")
-    assert clipped.outside > 0.5
-    assert not clipped.stages[-1].sound
+    assert clipped.result.verdict in ("unexplained", "partly_explained")
+    assert clipped.result.outside > 0.5
+    assert clipped.result.stages[-1].p_value < Settings().false_alarms
 
 
 def test_its_size_and_place_are_told(clipped):
-    left = clipped.remainder
-    assert not left.is_small
+    left = clipped.result.remainder
+    assert not left.small
     said = " ".join(paragraphs(clipped))
-    assert left.worst.test in said
+    assert left.test in said
     assert "of the peak force" in said
 
 

@@ -23,7 +23,7 @@ from qlvbayes.inference.subset import Ensemble, with_every_effect
 from qlvbayes.parameters import names
 from qlvbayes.posterior import Posterior
 from qlvbayes.records.record import Record
-from qlvbayes.residuals import Check
+from qlvbayes.residuals import CheckResult
 from qlvbayes.synthetic import Noise, SimulatedTest, draw_constants, simulate_study, thin
 from qlvbayes.units import PAD
 
@@ -110,7 +110,7 @@ class Bench:
             "p": found.p_value,
             "testable": found.testable,
             "cells": [cell.p_value for cell in cells.cells],
-            "alarm": any(cells.fails(cell) for cell in cells.cells),
+            "alarm": any(cell.fails for cell in cells.cells),
             "seconds": time.perf_counter() - begun,
         }
 
@@ -157,7 +157,7 @@ class Bench:
 
     def _check(
         self, experiment: Experiment, ensemble: Ensemble, point: Climbed, rng: np.random.Generator
-    ) -> Check:
+    ) -> CheckResult:
         """Cells of ``check``, from normal draws about the highest point."""
         root = np.linalg.cholesky(point.covariance)
         theta = point.theta + rng.standard_normal((400, point.theta.size)) @ root.T

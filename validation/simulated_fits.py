@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from qlvbayes import Choices, Fit, Pad, Settings, Test, check, fit_pad, predict, prepare, summarise
-from qlvbayes.summary import Summary
+from qlvbayes.summary import FitSummary
 from qlvbayes.synthetic import (
     NOISES,
     PAPER_RATES,
@@ -101,18 +101,18 @@ def true_values(truth: Constants, noise: Noise) -> dict[str, float]:
     return values
 
 
-def _parameters(fit: Fit, summary: Summary, truth: dict[str, float]) -> dict[str, dict]:
+def _parameters(fit: Fit, summary: FitSummary, truth: dict[str, float]) -> dict[str, dict]:
     draws = fit.every.reshape(-1, fit.every.shape[-1])
     return {
-        c.name: {
-            "truth": truth[c.name],
+        name: {
+            "truth": truth[name],
             "mean": c.mean,
             "sd": c.sd,
             "low": c.hdi90[0],
             "high": c.hdi90[1],
-            "below": float(np.mean(draws[:, k] < truth[c.name])),
+            "below": float(np.mean(draws[:, k] < truth[name])),
         }
-        for k, c in enumerate(summary.constants)
+        for k, (name, c) in enumerate(summary.parameters.items())
     }
 
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import time
 from dataclasses import asdict
+from math import nan
 
+from msgspec import to_builtins
 from scipy.special import logit
 
 from qlvbayes.benchmark.detect import SEEN, expected
@@ -14,8 +16,8 @@ from qlvbayes.benchmark.study import Study, make_study, true_noise, true_values
 from qlvbayes.choices import Choices
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.prior import log_odds_of_effect
+from qlvbayes.diagnosis.result import DiagnosisResult, Estimate, Stage
 from qlvbayes.diagnosis.settings import Settings
-from qlvbayes.diagnosis.verdict import Diagnosis, Estimate, Stage
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.experiment import prepare
 
@@ -51,7 +53,7 @@ def _fill(case: Case, study: Study) -> None:
     least = 2.0 * DECISIVE
     case["chance"] = {name: effect.chance(least) for name, effect in effects.items()}
     between = time.perf_counter()
-    case |= verdict_of(diagnose(experiment, Choices(noise=study.fitted)))
+    case |= verdict_of(diagnose(experiment, Choices(noise=study.fitted)).result)
     case["seconds"] = {"detect": between - begun, "diagnose": time.perf_counter() - between}
 
 
@@ -67,7 +69,7 @@ def _truth(study: Study) -> dict:
     }
 
 
-def verdict_of(found: Diagnosis) -> dict:
+def verdict_of(found: DiagnosisResult) -> dict:
     """All of a verdict that a stranger needs to score it again, as plain values."""
     return {
         "verdict": found.verdict,
@@ -75,14 +77,14 @@ def verdict_of(found: Diagnosis) -> dict:
         "group": list(found.group),
         "not_ruled_out": [list(one.effects) for one in found.not_ruled_out],
         "alternatives": [
-            [list(one.base), list(one.effects), one.probability] for one in found.alternatives
+            [list(one.base.pair), list(one.effects), one.probability] for one in found.alternatives
         ],
-        "base": found.base.as_dict(),
+        "base": to_builtins(found.base),
         "outside": found.outside,
         "floor": found.noise,
         "log_bayes_factors": {ranked.effect: ranked.log_bayes_factor for ranked in found.ranking},
         "probabilities": {ranked.effect: ranked.inclusion for ranked in found.ranking},
-        "refused": [list(pair) for pair in found.refused],
+        "refused": [[one.effect, one.reason] for one in found.refused],
         "stages": [_stage(stage) for stage in found.stages],
         "found": _pairs(found.constants),
     }
@@ -90,10 +92,10 @@ def verdict_of(found: Diagnosis) -> dict:
 
 def _stage(stage: Stage) -> dict:
     return {
-        "base": list(stage.base),
+        "base": list(stage.base.pair),
         "effects": list(stage.effects),
         "rmse": stage.rmse,
-        "heldout_rmse": stage.heldout_rmse,
+        "heldout_rmse": nan if stage.heldout_rmse is None else stage.heldout_rmse,
         "log_evidence": stage.log_evidence,
         "p_value": stage.p_value,
         "testable": stage.testable,

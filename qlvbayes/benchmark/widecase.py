@@ -32,7 +32,7 @@ def run_wide(population: Population, index: int) -> Case:
     case["seen"] = all(value > SEEN for value in case["detectability"].values())
     between = time.perf_counter()
     try:
-        case |= verdict_of(diagnose(prepare(study.pad), Choices()))
+        case |= verdict_of(diagnose(prepare(study.pad), Choices()).result)
     except Exception as error:  # one bad study must not end a run of hundreds
         text = f"{type(error).__name__}: {error}"
         case |= {"verdict": FAILED, "error": text, "effects": [], "group": []}

@@ -17,6 +17,7 @@ from qlvbayes.data import Study, read_study
 from qlvbayes.results import Saved, load
 from qlvbayes.study.checking import check_into
 from qlvbayes.study.drawing import draw_forces_at_rates
+from qlvbayes.summary import FitSummary
 
 
 def check(
@@ -77,6 +78,6 @@ def _study(source: Path, saved: Saved) -> Study:
 
 def _show_constants(files: list[Path]) -> None:
     summaries = [file.with_name("summary.json") for file in files]
-    found = [json.loads(path.read_text(encoding="utf-8")) for path in summaries if path.exists()]
+    found = [FitSummary.read(path) for path in summaries if path.exists()]
     if found:
         out.print(pads_table(found))

@@ -68,8 +68,6 @@ def compare_command(
     OUT/compare/B-vs-C/compare.json, .csv, .tex, .txt and the figure contrasts (PNG and PDF).
     """
     from qlvbayes.cli.compare_table import contrasts_table
-    from qlvbayes.compare.words import paragraphs
-    from qlvbayes.compare.writing import content
 
     pairs = _pairs(saved_pads(folder, data), folder, pads, fluids)
     watcher = Terminal(quiet=as_json)
@@ -86,11 +84,11 @@ def compare_command(
             seed=seed,
             watcher=watcher,
         )
-        contents.append(content(found))
+        contents.append(found.as_dict())
         figures += drawn
         if not as_json:
             out.print(contrasts_table(found))
-            for text in paragraphs(found):
+            for text in found.words:
                 out.print(text, markup=False, soft_wrap=not out.is_terminal)
                 out.print()
     if as_json:

@@ -36,8 +36,8 @@ def _cells(c: Contrast) -> list[str | Text]:
     return [
         c.quantity + (" *" if c.extrapolated else ""),
         "" if c.unit == "1" else c.unit,
-        written(c.values[0])[0],
-        written(c.values[1])[0],
+        written(c.first)[0],
+        written(c.second)[0],
         "" if c.ratio is None else with_interval(c.ratio),
         f"{c.direction:.3f}",
         f"{c.equivalence:.3f}",

@@ -35,8 +35,8 @@ from qlvbayes.cli.options import (
 from qlvbayes.cli.terminal import Terminal
 from qlvbayes.data import read_study
 from qlvbayes.diagnosis.diagnose import EVIDENCES
+from qlvbayes.runs import record_run
 from qlvbayes.study.diagnosing import diagnose_into
-from qlvbayes.study.record import record_run
 
 Evidence = Annotated[str, typer.Option(help=f"One of {', '.join(EVIDENCES)}.")]
 
@@ -101,8 +101,8 @@ def diagnose_command(
         )
         for pad in chosen_pads(study, pads)
     ]
-    record_run(output, "diagnose", command_line(), study, choices, seed, settings)
+    record_run(output, "diagnose", command_line(), study, choices, seed)
     if as_json:
-        print(json.dumps([diagnosis.as_dict() for diagnosis in found], allow_nan=False))
+        print(json.dumps([diagnosis.result.as_dict() for diagnosis in found], allow_nan=False))
     else:
         out.print(f"results in {output}", markup=False)

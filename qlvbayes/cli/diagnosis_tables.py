@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from math import isfinite
-
 from rich.table import Table
 
-from qlvbayes.diagnosis.verdict import Diagnosis, Estimate, Ranked, Stage
+from qlvbayes.diagnosis.result import DiagnosisResult, Estimate, Laws, Ranked, Stage
 from qlvbayes.wording import plain
 
 _MOST = 8  # hypotheses shown
 
 
-def steps_table(found: Diagnosis, unit: str) -> Table:
+def steps_table(found: DiagnosisResult, unit: str) -> Table:
     """The error after each step against the noise floor."""
     title = f"pad {found.pad}: error after each step, noise floor {plain(found.noise)} {unit}"
     table = Table(title=title, title_justify="left", title_style="bold")
@@ -22,17 +20,17 @@ def steps_table(found: Diagnosis, unit: str) -> Table:
     table.add_column("cells that fail", justify="right")
     for stage in found.stages:
         table.add_row(
-            _model(stage, found.stages[0]),
+            _model(stage, found.stages[0].base),
             plain(stage.rmse, 4),
-            plain(stage.heldout_rmse, 4) if isfinite(stage.heldout_rmse) else "one test",
-            f"{stage.heldout_rmse / found.noise:.2f}" if isfinite(stage.heldout_rmse) else "",
-            f"{stage.log_evidence:.1f}",
+            "one test" if stage.heldout_rmse is None else plain(stage.heldout_rmse, 4),
+            "" if stage.heldout_rmse is None else f"{stage.heldout_rmse / found.noise:.2f}",
+            _one_digit(stage.log_evidence),
             str(len(stage.failing)),
         )
     return table
 
 
-def ranking_table(found: Diagnosis, unit: str) -> Table:
+def ranking_table(found: DiagnosisResult, unit: str) -> Table:
     """What the plain model may lack, likeliest first, over all base laws and companions."""
     table = Table(title="what the plain model may lack", title_justify="left", title_style="bold")
     table.add_column("effect", no_wrap=True)
@@ -45,14 +43,14 @@ def ranking_table(found: Diagnosis, unit: str) -> Table:
     return table
 
 
-def _model(stage: Stage, first: Stage) -> str:
+def _model(stage: Stage, chosen: Laws) -> str:
     """Its laws, where they are not those chosen, and its effects."""
-    return " + ".join((", ".join(stage.other_laws(first)) or "QLV", *stage.effects))
+    return " + ".join((", ".join(stage.base.others(chosen)) or "QLV", *stage.effects))
 
 
 def _figures(ranked: Ranked) -> tuple[str, str, str]:
     return (
-        f"{ranked.log_bayes_factor:.1f}",
+        _one_digit(ranked.log_bayes_factor),
         plain(ranked.rmse, 4),
         ", ".join(_constant(name, e) for name, e in ranked.parameters.items()),
     )
@@ -60,3 +58,7 @@ def _figures(ranked: Ranked) -> tuple[str, str, str]:
 
 def _constant(name: str, e: Estimate) -> str:
     return f"{name} = {e}"
+
+
+def _one_digit(value: float | None) -> str:
+    return "n/a" if value is None else f"{value:.1f}"

@@ -34,9 +34,9 @@ from qlvbayes.cli.terminal import Terminal
 from qlvbayes.data import read_study
 from qlvbayes.fit import METHODS
 from qlvbayes.inference.ensemble import Settings
+from qlvbayes.runs import record_run
 from qlvbayes.study.drawing import draw_constants, references_of
 from qlvbayes.study.fitting import fit_into
-from qlvbayes.study.record import record_run
 
 
 def fit(

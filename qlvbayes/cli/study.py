@@ -96,7 +96,7 @@ def study_command(
         command=command_line(),
         references=references,
     )
-    for found in verdicts:
+    for found in (one.result for one in verdicts):
         named = ", ".join(found.group or found.effects)
         out.print(f"pad {found.pad}: {found.verdict}{': ' + named if named else ''}", markup=False)
     out.print(f"results in {output}, report in {output / REPORT}", markup=False)

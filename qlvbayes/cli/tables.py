@@ -8,8 +8,8 @@ from math import floor, log10
 from rich.table import Table
 from rich.text import Text
 
-from qlvbayes.residuals import Check
-from qlvbayes.summary import Constant, Summary
+from qlvbayes.residuals import CheckResult
+from qlvbayes.summary import Constant, FitSummary
 from qlvbayes.wording import plain
 
 
@@ -20,17 +20,17 @@ def significant(value: float, sd: float) -> str:
     return f"{value:.{max(0, 1 - floor(log10(sd)))}f}"
 
 
-def constants_table(summary: Summary) -> Table:
+def constants_table(summary: FitSummary) -> Table:
     """One pad: every constant with its interval and diagnostics."""
-    title = f"pad {summary.pad}, {summary.method}"
+    title = f"pad {summary.pad}, {summary.sampler}"
     table = Table(title=title, title_justify="left", title_style="bold")
     table.add_column("constant")
     table.add_column("unit")
-    for name in ("median", "mean", "sd", "90 % interval", "R-hat", "ESS"):
-        table.add_column(name, justify="right")
-    for c in summary.constants:
+    for head in ("median", "mean", "sd", "90 % interval", "R-hat", "ESS"):
+        table.add_column(head, justify="right")
+    for name, c in summary.parameters.items():
         table.add_row(
-            c.name,
+            name,
             "" if c.unit == "1" else c.unit,
             significant(c.median, c.sd),
             significant(c.mean, c.sd),
@@ -47,30 +47,29 @@ def _interval(c: Constant) -> str:
     return "" if c.fixed else f"{low} to {high}"
 
 
-def pads_table(summaries: Sequence[dict]) -> Table:
-    """All pads side by side, from the contents of ``summary.json``: median (90 % interval)."""
+def pads_table(summaries: Sequence[FitSummary]) -> Table:
+    """All pads side by side: median (90 % interval)."""
     table = Table(
         title="constants: median (90 % interval)", title_justify="left", title_style="bold"
     )
     table.add_column("constant")
     table.add_column("unit")
     for summary in summaries:
-        table.add_column(f"pad {summary['pad']}", justify="right")
+        table.add_column(f"pad {summary.pad}", justify="right")
     rows: dict[str, str] = {}
     for summary in summaries:
-        rows |= {name: p["unit"] for name, p in summary["parameters"].items()}
+        rows |= {name: c.unit for name, c in summary.parameters.items()}
     for name, unit in rows.items():
-        cells = [_cell(summary["parameters"].get(name)) for summary in summaries]
+        cells = [_cell(summary.parameters.get(name)) for summary in summaries]
         table.add_row(name, "" if unit == "1" else unit, *cells)
     return table
 
 
-def _cell(parameter: dict | None) -> str:
-    if parameter is None:
+def _cell(c: Constant | None) -> str:
+    if c is None:
         return ""
-    sd = parameter["sd"]
-    low, high = (significant(x, sd) for x in parameter["hdi90"])
-    return f"{significant(parameter['median'], sd)} ({low} to {high})"
+    low, high = (significant(x, c.sd) for x in c.hdi90)
+    return f"{significant(c.median, c.sd)} ({low} to {high})"
 
 
 def _error(value: float, noise: float, sign: str = "") -> str:
@@ -79,7 +78,7 @@ def _error(value: float, noise: float, sign: str = "") -> str:
     return f"{value:{sign}.{places}f}" if places <= 6 else f"{value:{sign}.2g}"
 
 
-def check_table(check: Check, force_unit: str, speed_unit: str) -> Table:
+def check_table(check: CheckResult, force_unit: str, speed_unit: str) -> Table:
     """One pad: every cell of test and phase against the noise floor, failing ones marked."""
     title = f"pad {check.pad}: prediction errors, noise floor {plain(check.noise)} {force_unit}"
     table = Table(title=title, title_justify="left", title_style="bold")
@@ -97,7 +96,6 @@ def check_table(check: Check, force_unit: str, speed_unit: str) -> Table:
     table.add_column("")
     before = None
     for c in check.cells:
-        fails = check.fails(c)
         if before not in (None, c.test):
             table.add_section()
         before = c.test
@@ -111,6 +109,6 @@ def check_table(check: Check, force_unit: str, speed_unit: str) -> Table:
             f"{c.rmse / check.noise:.2f}",
             _error(c.bias, check.noise, "+"),
             f"{100 * c.coverage90:.0f} %",
-            Text("fails", style="bold red") if fails else "",
+            Text("fails", style="bold red") if c.fails else "",
         )
     return table

@@ -17,7 +17,7 @@ from qlvbayes.experiment import Experiment
 from qlvbayes.inference.ensemble import Progress
 from qlvbayes.parameters import described, fields_of
 from qlvbayes.study.watcher import Watcher
-from qlvbayes.summary import Summary
+from qlvbayes.summary import FitSummary
 from qlvbayes.wording import plain
 
 
@@ -60,7 +60,7 @@ class Terminal(Watcher):
             lines += [f"  {name} ~ {text}" for name, text in described(fields_of(part)).items()]
         out.print("\n".join(lines), markup=False)
 
-    def fitted(self, summary: Summary) -> None:
+    def fitted(self, summary: FitSummary) -> None:
         """The constants, and what speaks against the chain."""
         if not self.quiet:
             out.print(constants_table(summary))
@@ -79,13 +79,13 @@ class Terminal(Watcher):
         """The steps, the ranking, the verdict in words."""
         if self.quiet:
             return
-        units = found.work.experiment.units
-        out.print(steps_table(found, units.force))
-        out.print(ranking_table(found, units.force))
+        result = found.result
+        out.print(steps_table(result, result.units.force))
+        out.print(ranking_table(result, result.units.force))
         for paragraph in paragraphs(found):
             out.print(paragraph, markup=False, soft_wrap=not out.is_terminal)
             out.print()
-        for warning in found.warnings:
+        for warning in result.warnings:
             err.print(f"warning: {warning}", markup=False)
         show_figures(figures)
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from msgspec.structs import replace
 
 from qlvbayes.checks import InputError
-from qlvbayes.compare.contrast import Comparison, Contrast, Omnibus
+from qlvbayes.compare.contrast import BY_CHANCE, Comparison, Contrast, Omnibus
 from qlvbayes.compare.hierarchy import DRAWS, fluid_draws
 from qlvbayes.compare.joint import joint_test, smallest_tail
 from qlvbayes.compare.judging import contrast
@@ -16,6 +17,7 @@ from qlvbayes.compare.readings import Reading, readings
 from qlvbayes.compare.settings import Settings, choose
 from qlvbayes.compare.shared import shared_constants
 from qlvbayes.compare.side import Side, Source, side_of
+from qlvbayes.compare.words import paragraphs
 from qlvbayes.fit import Fit
 from qlvbayes.results import Saved
 from qlvbayes.units import UnitSystem
@@ -73,18 +75,20 @@ def compare(
     contrasts, lost = _contrasts(groups, shared, settings, region, between, rng)
     constants = contrasts[: len(shared)]
     omnibus = _omnibus(groups, constants, between)
-    return Comparison(
+    found = Comparison(
         names=labels,
         between=between,
-        region=region,
-        contrasts=tuple(contrasts),
+        units=units,
+        specimens=(len(groups[0]), len(groups[1])),
+        region=float(region),
         differ=_differ(omnibus, constants),
         omnibus=omnibus,
+        by_chance=BY_CHANCE * len(contrasts),
+        settings=settings.told,
+        contrasts=tuple(contrasts),
         notices=tuple(notices(groups, labels, settings, shared, contrasts, lost)),
-        specimens=(len(groups[0]), len(groups[1])),
-        settings=settings.as_dict(),
-        units=units,
     )
+    return replace(found, words=tuple(paragraphs(found)))
 
 
 def _in_units(sides: Sequence[Side], units: UnitSystem) -> list[Side]:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
 
+from qlvbayes.resultfile import Part, Result
 from qlvbayes.units import PAD, UnitSystem
 
 SHARE = 0.90  # of the draws, that an interval holds
@@ -13,8 +13,7 @@ EQUAL = 0.95  # probability of equivalence at which two are called equal
 BY_CHANCE = 2.0 * (1.0 - DECIDED)  # of equal quantities that are called different
 
 
-@dataclass(frozen=True)
-class Interval:
+class Interval(Part, frozen=True):
     """Median and the ends of the central 90 % interval."""
 
     median: float
@@ -22,12 +21,11 @@ class Interval:
     high: float
 
 
-@dataclass(frozen=True)
-class Contrast:
+class Contrast(Part, frozen=True):
     """One quantity of the first and of the second.
 
-    values: of each; difference: first minus second; ratio: first over second, None where one of
-    them may be zero or change its sign; direction: probability that the first is greater;
+    first, second: its values; difference: first minus second; ratio: first over second, None where
+    one of them may be zero or change its sign; direction: probability that the first is greater;
     equivalence: probability that the ratio lies within 1/(1 + region) .. 1 + region; answer:
     ``equal`` (equivalence at least 95 %), else ``greater`` or ``less`` (direction at least 97.5 %
     or at most 2.5 %), else ``cannot tell``; group: kind of quantity; extrapolated: whether the
@@ -35,8 +33,9 @@ class Contrast:
     """
 
     quantity: str
+    first: Interval
+    second: Interval
     unit: str
-    values: tuple[Interval, Interval]
     difference: Interval
     ratio: Interval | None
     direction: float
@@ -45,15 +44,8 @@ class Contrast:
     group: str = "constants"
     extrapolated: bool = False
 
-    def as_dict(self) -> dict:
-        """For JSON."""
-        content = asdict(self)
-        first, second = content.pop("values")
-        return {"quantity": content.pop("quantity"), "first": first, "second": second, **content}
 
-
-@dataclass(frozen=True)
-class Omnibus:
+class Omnibus(Part, frozen=True):
     """The joint test of all shared constants.
 
     statistic, freedom: chi-square and its degrees of freedom (None between fluids, where the
@@ -68,25 +60,36 @@ class Omnibus:
     false_alarms: float
 
 
-@dataclass(frozen=True)
-class Comparison:
-    """All contrasts of two pads or two fluids.
+class ReadAt(Part, frozen=True, rename={"frequencies": "frequencies_Hz", "hold": "hold_s"}):
+    """depth (mm), rates (mm/s), frequencies (Hz) and hold (s) at which quantities are read."""
+
+    depth: float
+    rates: tuple[float, ...]
+    frequencies: tuple[float, ...]
+    hold: float
+
+
+class Comparison(Result, frozen=True, kw_only=True):
+    """All contrasts of two pads or two fluids: ``compare.json``.
 
     differ: True where the joint test calls the shared constants different; False where it does not
     and each of them is equal within the region; None where the data cannot tell. specimens: how
-    many of each; settings: the depth, rates, frequencies and hold at which quantities were read.
+    many of each; by_chance: how many quantities would be called different one by one were the two
+    equal; settings: where quantities were read; words: the answer in sentences.
     """
 
     names: tuple[str, str]
     between: str
-    region: float
-    contrasts: tuple[Contrast, ...]
-    differ: bool | None
-    omnibus: Omnibus | None
-    notices: tuple[str, ...] = ()
-    specimens: tuple[int, int] = (1, 1)
-    settings: dict[str, object] = field(default_factory=dict)
     units: UnitSystem = PAD
+    specimens: tuple[int, int] = (1, 1)
+    region: float
+    differ: bool | None
+    omnibus: Omnibus | None = None
+    by_chance: float = 0.0
+    settings: ReadAt | None = None
+    contrasts: tuple[Contrast, ...]
+    notices: tuple[str, ...] = ()
+    words: tuple[str, ...] = ()
 
     def __getitem__(self, quantity: str) -> Contrast:
         """The contrast of that quantity; KeyError lists the others."""
@@ -98,20 +101,3 @@ class Comparison:
     def of_group(self, group: str) -> Sequence[Contrast]:
         """The contrasts of one kind."""
         return [contrast for contrast in self.contrasts if contrast.group == group]
-
-    def as_dict(self) -> dict:
-        """The content of ``compare.json`` but for the words."""
-        return {
-            "schema": 1,
-            "names": list(self.names),
-            "between": self.between,
-            "units": self.units.as_dict(),
-            "specimens": list(self.specimens),
-            "region": self.region,
-            "differ": self.differ,
-            "omnibus": None if self.omnibus is None else asdict(self.omnibus),
-            "by_chance": BY_CHANCE * len(self.contrasts),
-            "settings": self.settings,
-            "contrasts": [contrast.as_dict() for contrast in self.contrasts],
-            "notices": list(self.notices),
-        }

@@ -15,8 +15,9 @@ def contrast(reading: Reading, first: np.ndarray, second: np.ndarray, region: fl
     equivalence = float(np.mean(alike(first, second, region)))
     return Contrast(
         quantity=reading.quantity,
+        first=interval(first),
+        second=interval(second),
         unit=reading.unit,
-        values=(interval(first), interval(second)),
         difference=interval(first - second),
         ratio=interval(first / second) if positive else None,
         direction=direction,

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from qlvbayes.checks import InputError
+from qlvbayes.compare.contrast import ReadAt
 from qlvbayes.covered import Covered
 
 _ROUND = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
@@ -16,7 +17,7 @@ _NEAR = 1.05  # of a range, that still counts as inside it
 
 @dataclass(frozen=True)
 class Settings:
-    """depth (mm), rates (mm/s), frequencies (Hz) and hold (s) at which quantities are read."""
+    """Where quantities are read, as in `ReadAt`, and what the tests cover, if that is known."""
 
     depth: float
     rates: tuple[float, ...]
@@ -40,14 +41,10 @@ class Settings:
         low, high = _band(self.reach)
         return self.known and not low / _NEAR <= frequency <= _NEAR * high
 
-    def as_dict(self) -> dict[str, object]:
-        """For JSON."""
-        return {
-            "depth": self.depth,
-            "rates": list(self.rates),
-            "frequencies_Hz": list(self.frequencies),
-            "hold_s": self.hold,
-        }
+    @property
+    def told(self) -> ReadAt:
+        """What the comparison says of them."""
+        return ReadAt(self.depth, self.rates, self.frequencies, self.hold)
 
 
 def choose(
@@ -68,9 +65,9 @@ def choose(
             if number is not None and not (math.isfinite(number) and number > 0.0):
                 raise InputError(f"{what} {number:g} is not above 0", remedy="give a positive one")
     return Settings(
-        depth=_round_below(reach.depth) if depth is None else depth,
-        rates=tuple(rates or _spread(reach.slowest, reach.fastest)),
-        frequencies=tuple(frequencies or _series(*_band(reach))),
+        depth=_round_below(reach.depth) if depth is None else float(depth),
+        rates=tuple(map(float, rates or _spread(reach.slowest, reach.fastest))),
+        frequencies=tuple(map(float, frequencies or _series(*_band(reach)))),
         hold=float(f"{reach.hold:.2g}"),
         reach=reach,
         known=bool(known),

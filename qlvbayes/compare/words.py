@@ -76,7 +76,7 @@ def _relaxation(found: Comparison) -> list[str]:
 
 def _one(c: Contrast, found: Comparison) -> str:
     one, other = found.names
-    values = f"{c.quantity} {written(c.values[0])[0]} and {written(c.values[1])[0]}{_unit(c.unit)}"
+    values = f"{c.quantity} {written(c.first)[0]} and {written(c.second)[0]}{_unit(c.unit)}"
     ratio = "" if c.ratio is None else f", ratio {with_interval(c.ratio)}"
     region = f"{100 * found.region:g} %"
     said = {
@@ -117,11 +117,10 @@ def _brief(c: Contrast) -> str:
 def _chance(found: Comparison) -> str:
     count = len(found.contrasts)
     different = sum(c.answer in ("greater", "less") for c in found.contrasts)
-    expected = BY_CHANCE * count
     return (
         f"{different} of {count} quantities are called different one by one; were the two equal in "
-        f"all of them, up to {expected:.1f} would be by chance ({100 * BY_CHANCE:g} % each). "
-        "Whether they differ at all is therefore judged by the joint test above."
+        f"all of them, up to {found.by_chance:.1f} would be by chance ({100 * BY_CHANCE:g} % "
+        "each). Whether they differ at all is therefore judged by the joint test above."
     )
 
 

@@ -8,8 +8,7 @@ from pathlib import Path
 
 from qlvbayes.compare.contrast import Comparison, Contrast, Interval
 from qlvbayes.compare.numbers import written
-from qlvbayes.compare.words import paragraphs
-from qlvbayes.files import results_folder, write_json, write_whole
+from qlvbayes.files import results_folder, write_whole
 
 _TEX = str.maketrans(
     {
@@ -28,20 +27,15 @@ def write_comparison(folder: Path, found: Comparison) -> list[Path]:
     Raises InputError where the folder cannot be written.
     """
     results_folder(folder)
-    write_json(folder / "compare.json", content(found))
+    found.write(folder / "compare.json")
     texts = {
         "csv": as_csv(found),
         "tex": as_latex(found),
-        "txt": "\n\n".join(paragraphs(found)) + "\n",
+        "txt": "\n\n".join(found.words) + "\n",
     }
     for suffix, text in texts.items():
         write_whole(folder / f"compare.{suffix}", text.encode())
     return [folder / f"compare.{suffix}" for suffix in ("json", *texts)]
-
-
-def content(found: Comparison) -> dict:
-    """The content of ``compare.json``: the comparison, and in words."""
-    return {**found.as_dict(), "words": paragraphs(found)}
 
 
 def as_csv(found: Comparison) -> str:
@@ -53,7 +47,7 @@ def as_csv(found: Comparison) -> str:
         ["quantity", "unit", *heads, "p_first_greater", "p_equivalent", "answer", "extrapolated"]
     )
     for c in found.contrasts:
-        numbers = [*_numbers(c.values[0]), *_numbers(c.values[1])]
+        numbers = [*_numbers(c.first), *_numbers(c.second)]
         numbers += [*_numbers(c.difference), *_numbers(c.ratio)]
         shares = [f"{c.direction:.6g}", f"{c.equivalence:.6g}"]
         row = [c.quantity, c.unit, *numbers, *shares, c.answer, "yes" if c.extrapolated else "no"]
@@ -90,7 +84,7 @@ def as_latex(found: Comparison) -> str:
 def _latex_row(c: Contrast) -> str:
     unit = "" if c.unit == "1" else _escaped(c.unit)
     ratio = "--" if c.ratio is None else _spread(c.ratio)
-    cells = [_escaped(c.quantity), unit, _spread(c.values[0]), _spread(c.values[1]), ratio]
+    cells = [_escaped(c.quantity), unit, _spread(c.first), _spread(c.second), ratio]
     return " & ".join([*cells, f"{c.direction:.3f}", f"{c.equivalence:.3f}", c.answer]) + " \\\\"
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from qlvbayes.diagnosis.result import Sampled
 from qlvbayes.diagnosis.search import Search, Tell, described
-from qlvbayes.diagnosis.verdict import Sampled
 
 
 def nested_audit(
@@ -25,5 +25,7 @@ def nested_audit(
         posterior = weighed.point.own.posterior
         laplace += search.density.log_constant
         sampled = nested_evidence(posterior, seed)
-        found.append(Sampled(described(hypothesis), laplace, sampled.log_evidence, sampled.error))
+        agrees = abs(laplace - sampled.log_evidence) < 3.0 * sampled.error + 0.5
+        told = described(hypothesis), laplace, sampled.log_evidence, sampled.error
+        found.append(Sampled(*told, agrees))
     return tuple(found)

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.special import softmax
 
-from qlvbayes.diagnosis.verdict import Estimate
+from qlvbayes.diagnosis.result import Estimate
 
 
 def averaged(

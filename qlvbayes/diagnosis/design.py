@@ -16,6 +16,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from qlvbayes.diagnosis.result import Suggestion
 from qlvbayes.diagnosis.search import Weighed
 from qlvbayes.experiment import Experiment
 from qlvbayes.inference.density import Density
@@ -31,14 +32,6 @@ Array = NDArray[np.float64]
 _HOLD = 30.0  # s
 _PER_STRETCH = 60  # samples between two kinks, evenly spaced in the logarithm of time
 _LATER = 3600.0  # s
-
-
-@dataclass(frozen=True)
-class Suggestion:
-    """A further test and the expected 2 ln(Bayes factor) by which it would tell a group apart."""
-
-    test: str
-    evidence: float
 
 
 @dataclass(frozen=True)

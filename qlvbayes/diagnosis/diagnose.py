@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from qlvbayes.choices import Choices
 from qlvbayes.diagnosis.audit import nested_audit
+from qlvbayes.diagnosis.result import Used
 from qlvbayes.diagnosis.search import Tell
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.summing_up import summed_up
@@ -46,4 +48,19 @@ def diagnose(
         found = summed_up(experiment, search, kinds, choices.bonded, tell)
         sampled = nested_audit(search, seed, tell) if evidence == "nested" else ()
     notices = pull_notices(experiment, bonded=choices.bonded, effects=choices.effects)
-    return replace(found, nested=sampled, notices=(*notices, *found.notices))
+    space = search.density.space
+    result = replace(
+        found.result,
+        nested=sampled,
+        warnings=tuple(str(one) for one in sampled if not one.agrees),
+        notices=(*notices, *found.result.notices),
+        settings=Used(
+            thresholds=search.settings,
+            seed=seed,
+            evidence=evidence,
+            elastic=tuple(space.elastic),
+            relaxation=tuple(space.relaxation),
+            effects=tuple(space.effects),
+        ),
+    )
+    return Diagnosis(result, found.work)

@@ -16,9 +16,17 @@ from qlvbayes.diagnosis.decision import Weight
 from qlvbayes.diagnosis.heldout import held_out
 from qlvbayes.diagnosis.prior import log_odds_of_effect
 from qlvbayes.diagnosis.remainder import Remainder, remainder
+from qlvbayes.diagnosis.result import (
+    Alternative,
+    Estimate,
+    Laws,
+    NotRuledOut,
+    Place,
+    Ranked,
+    Stage,
+)
 from qlvbayes.diagnosis.samples import Samples, cell_errors, rmse
 from qlvbayes.diagnosis.search import Search, Weighed
-from qlvbayes.diagnosis.verdict import Alternative, Estimate, NotRuledOut, Ranked, Stage
 from qlvbayes.experiment import Experiment
 from qlvbayes.inference.space import Hypothesis
 from qlvbayes.parameters import unit_kinds
@@ -87,16 +95,15 @@ class Outcome:
         residuals, tested = self.residuals(found), self.tested(found)
         level = 0.5 * self.search.settings.false_alarms / len(tested.cells)
         return Stage(
-            base=found.hypothesis.base,
+            base=Laws(*found.hypothesis.base),
             effects=tuple(self._ordered(found)),
             rmse=rmse(residuals),
-            heldout_rmse=self.heldout(found),
-            log_evidence=found.log_evidence,
+            heldout_rmse=_finite(self.heldout(found)),
+            log_evidence=_finite(found.log_evidence),
             p_value=tested.p_value,
             testable=tested.testable,
-            sound=tested.is_sound(self.search.settings),
+            failing=tuple(Place(c.test, c.phase) for c in tested.cells if c.p_value < level),
             cells=tuple(cell_errors(self.samples, residuals)),
-            failing=tuple((c.test, c.phase) for c in tested.cells if c.p_value < level),
             parameters=self.estimates(found, lambda name: not name.startswith("noise.")),
         )
 
@@ -132,7 +139,7 @@ class Outcome:
         prior = log_odds_of_effect(len(candidates), self.search.settings)
         logs = np.array([weight.log_posterior for weight in self.weights])
         counts = np.array([max(len(weight.effects), 1) for weight in self.weights])
-        ranked = []
+        ranked: list[tuple[float, Ranked]] = []
         for name in ("none", *candidates):
             inside = np.array(
                 [not w.effects if name == "none" else name in w.effects for w in self.weights]
@@ -146,8 +153,10 @@ class Outcome:
             found = {key.removeprefix(f"{form}."): value for key, value in own.items()}
             share = self._summed(inside)
             alone = float((self.shares / counts)[inside].sum())
-            ranked.append(Ranked(name, share, alone, odds, rmse(self.residuals(best)), found))
-        return tuple(sorted(ranked, key=lambda one: (-one.inclusion, -one.log_bayes_factor)))
+            error = rmse(self.residuals(best))
+            ranked.append((odds, Ranked(name, share, alone, _finite(odds), error, found)))
+        ranked.sort(key=lambda pair: (-pair[1].inclusion, -pair[0]))
+        return tuple(one for _, one in ranked)
 
     def constants(self, told: Weighed) -> dict[str, Estimate]:
         """The base law's, averaged over all hypotheses on the same laws."""
@@ -171,7 +180,7 @@ class Outcome:
         order = np.argsort(-self.shares)[:_ALTERNATIVES]
         return tuple(
             Alternative(
-                self.weights[k].base,
+                Laws(*self.weights[k].base),
                 tuple(self.search.added(self.seen[k].hypothesis)),
                 float(self.shares[k]),
             )
@@ -184,6 +193,10 @@ def _log_odds(logs: Array, inside: NDArray[np.bool_]) -> float:
     if inside.all():
         return math.inf
     return float(logsumexp(logs[inside]) - logsumexp(logs[~inside]))
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
 
 
 def _is_plain(name: str) -> bool:

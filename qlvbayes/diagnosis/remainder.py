@@ -34,6 +34,7 @@ from numpy.polynomial import legendre
 from scipy.linalg import cho_factor, cho_solve
 
 from qlvbayes.diagnosis.adequacy import Adequacy
+from qlvbayes.diagnosis.result import Remains
 from qlvbayes.diagnosis.samples import Samples, rmse
 from qlvbayes.diagnosis.settings import Settings
 
@@ -100,23 +101,24 @@ class Remainder:
     def _shown(self) -> tuple[Left, ...]:
         return tuple(cell for cell in self.cells if cell.shown)
 
-    def as_dict(self) -> dict | None:
-        """The largest cell, for ``diagnosis.json``."""
+    @property
+    def told(self) -> Remains | None:
+        """What the diagnosis says of it: the largest cell."""
         worst = self.worst
         if worst is None:
             return None
-        return {
-            "rms_N": worst.rms,
-            "upper95_N": worst.upper,
-            "share_of_peak": worst.rms / self.peak,
-            "share_of_error": self.share_of_error,
-            "test": worst.test,
-            "phase": worst.phase,
-            "bias_N": worst.bias,
-            "excess_N": self.excess,
-            "sure": self.sure,
-            "small": self.is_small,
-        }
+        return Remains(
+            rms=worst.rms,
+            upper95=worst.upper,
+            share_of_peak=worst.rms / self.peak,
+            share_of_error=self.share_of_error,
+            test=worst.test,
+            phase=worst.phase,
+            bias=worst.bias,
+            excess=self.excess,
+            sure=self.sure,
+            small=self.is_small,
+        )
 
 
 def remainder(

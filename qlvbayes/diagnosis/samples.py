@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from qlvbayes.diagnosis.result import CellError
 from qlvbayes.experiment import Experiment, Trial
 from qlvbayes.inference.space import Hypothesis, Space
 from qlvbayes.kinematics.phases import KINDS
@@ -112,18 +113,6 @@ def _part(
     return batch(records, like)
 
 
-@dataclass(frozen=True)
-class CellError:
-    """Error in one test's samples of one kind of phase: root mean square and mean (N)."""
-
-    test: str
-    phase: str
-    rate: float
-    n: int
-    rmse: float
-    bias: float
-
-
 def cell_errors(samples: Samples, residuals: list[Array]) -> list[CellError]:
     """One entry a test and kind of phase."""
     cells = []
@@ -133,7 +122,8 @@ def cell_errors(samples: Samples, residuals: list[Array]) -> list[CellError]:
             here = residual[phases == kind]
             if here.size:
                 size, bias = float(np.sqrt(np.mean(here**2))), float(here.mean())
-                cells.append(CellError(trial.name, kind, float(trial.rate), here.size, size, bias))
+                rate = float(trial.rate) if np.isfinite(trial.rate) else None
+                cells.append(CellError(trial.name, kind, rate, here.size, size, bias))
     return cells
 
 

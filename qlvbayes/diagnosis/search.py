@@ -237,7 +237,7 @@ class Search:
                     self._keep(one.hypothesis, self._optimised(one.hypothesis, [start]))
 
     def _see_forms(self, hypothesis: Hypothesis) -> None:
-        """Where something is left: other forms of its effects, of others, and what names nothing."""
+        """Where something is left: other forms of effects, and what names nothing."""
         self.tell(f"other forms of the effects of {described(hypothesis)}")
         listed = set(self.families.listed)
         others = [name for name in self.families.of if name not in listed]

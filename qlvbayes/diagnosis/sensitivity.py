@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from qlvbayes.diagnosis.result import Bend, Unseen
 from qlvbayes.diagnosis.search import Search, Weighed, amplitude_of
 from qlvbayes.effects.effect import AbstractEffect, Protocol
 from qlvbayes.inference.space import Leaf, Parameters
@@ -20,31 +21,6 @@ TOO_ALIKE = "too small here, or too much like a change of the constants"
 _FREE_RIDE = 0.15  # share of an effect's force that is left once the constants are refitted
 _LEAST_BEND = 0.01  # relative change of a constant that is worth a word
 _COINCIDE = 0.98  # correlation of what two effects leave
-
-
-@dataclass(frozen=True)
-class Unseen:
-    """An effect that these tests cannot show, and why."""
-
-    effect: str
-    reason: str
-
-
-@dataclass(frozen=True)
-class Bend:
-    """An effect that hides by bending the constants.
-
-    size: value of its amplitude; left: share of its force that the constants do not take; changes:
-    relative change of each constant if it were there and left out; visible: whether these tests
-    would show it at that size all the same.
-    """
-
-    effect: str
-    amplitude: str
-    size: float
-    left: float
-    changes: dict[str, float]
-    visible: bool
 
 
 @dataclass(frozen=True, eq=False)

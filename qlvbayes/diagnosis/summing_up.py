@@ -14,6 +14,7 @@ from qlvbayes.diagnosis.decision import Decision
 from qlvbayes.diagnosis.design import suggest
 from qlvbayes.diagnosis.outcome import LEAST, Outcome
 from qlvbayes.diagnosis.protocol import protocol_of
+from qlvbayes.diagnosis.result import Base, DiagnosisResult, Refused, Suggestion, Worst
 from qlvbayes.diagnosis.search import Search, Tell, Weighed
 from qlvbayes.diagnosis.sensitivity import (
     bends,
@@ -22,7 +23,7 @@ from qlvbayes.diagnosis.sensitivity import (
     unmeasured,
     unseen,
 )
-from qlvbayes.diagnosis.verdict import Base, Diagnosis, Work
+from qlvbayes.diagnosis.verdict import Diagnosis, Work
 from qlvbayes.diagnosis.vetoes import decided
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.experiment import Experiment
@@ -52,40 +53,39 @@ def summed_up(
     own = told.hypothesis.base
     candidates = [kind for kind in kinds if kind.name not in search.usual.effects]
     stages = tuple(outcome.stage(one) for one in path)
-    return Diagnosis(
+    left, worst = outcome.left(told), stages[0].worst
+    result = DiagnosisResult(
         pad=experiment.pad,
+        units=experiment.units,
         noise=experiment.floor.total,
         verdict=decision.verdict,
         effects=decision.tried,
         group=decision.group,
+        forms=_forms(search, told, decision),
         base=Base(*own, decision.base[own]),
         bases=bases,
+        outside=decision.outside,
+        alternatives=outcome.alternatives(),
+        not_ruled_out=outcome.sets() if decision.verdict != "unexplained" else (),
+        constants=outcome.constants(told),
         stages=stages,
         ranking=outcome.ranking(),
-        alternatives=outcome.alternatives(),
-        outside=decision.outside,
         not_identifiable=(
             *unseen(added, search, protocol),
             *unmeasured(candidates, protocol),
         ),
         bends=tuple(bends(added, plain)),
         coincident=tuple(coincident(added)),
-        refused=refused,
-        suggestions=_suggestions(outcome, decision),
-        work=Work(
-            experiment,
-            search,
-            outcome.samples,
-            path,
-            tuple(outcome.tested(one) for one in path),
-        ),
-        discrepancy=told.mode.size,
-        forms=_forms(search, told, decision),
-        not_ruled_out=outcome.sets() if decision.verdict != "unexplained" else (),
-        constants=outcome.constants(told),
-        remainder=outcome.left(told),
+        refused=tuple(Refused(name, why) for name, why in refused),
         notices=_notices(experiment, search, told),
+        suggestions=_suggestions(outcome, decision),
+        discrepancy=told.mode.size,
+        tolerance=left.tolerance,
+        remainder=left.told,
+        worst=Worst(worst.test, worst.phase, worst.rmse, worst.bias),
     )
+    adequacies = tuple(outcome.tested(one) for one in path)
+    return Diagnosis(result, Work(experiment, search, outcome.samples, path, adequacies))
 
 
 def _forms(search: Search, told: Weighed, decision: Decision) -> dict[str, str]:
@@ -111,7 +111,7 @@ def _path(search: Search, told: Weighed) -> tuple[Weighed, ...]:
     return tuple(search.modes[one][0] for one in known)
 
 
-def _suggestions(outcome: Outcome, decision: Decision) -> tuple:
+def _suggestions(outcome: Outcome, decision: Decision) -> tuple[Suggestion, ...]:
     """Tests that would tell the members of a group apart."""
     rest = set(decision.effects)
     points = []

@@ -15,10 +15,10 @@ from qlvbayes.plots.forces_before_after import plot_forces_before_after
 from qlvbayes.plots.residuals_before_after import plot_residuals_before_after
 
 FIGURES: dict[str, Callable[[Diagnosis], Axes | Sequence[Axes]]] = {
-    "residuals_before_after": plot_residuals_before_after,
+    "residuals_before_after": lambda found: plot_residuals_before_after(found.result),
     "forces_before_after": plot_forces_before_after,
-    "evidence": plot_evidence,
-    "error_staircase": plot_error_staircase,
+    "evidence": lambda found: plot_evidence(found.result),
+    "error_staircase": lambda found: plot_error_staircase(found.result),
 }
 
 

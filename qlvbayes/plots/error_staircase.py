@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from qlvbayes.diagnosis.verdict import Diagnosis, Stage
+from qlvbayes.diagnosis.result import DiagnosisResult, Stage
 from qlvbayes.plots.naming import broken, heading, three
 from qlvbayes.plots.style import BLACK, DOUBLE, MM, colours, narrow, quantity, style, title_look
 from qlvbayes.units import UnitSystem
@@ -28,21 +28,21 @@ _RISE = (
 )
 
 
-def plot_error_staircase(diagnosis: Diagnosis, *, width: float = DOUBLE) -> Axes:
+def plot_error_staircase(diagnosis: DiagnosisResult, *, width: float = DOUBLE) -> Axes:
     """Draw the root mean square error of all samples after each step of the search.
 
     Filled dots and full lines: all tests fitted together; open squares and dashes: each test
     predicted from the others. The horizontal line is the noise measured without a model. Below
     each step stands what it added and what it made useless. width: of the figure (mm).
     """
-    units, tight = diagnosis.work.experiment.units, narrow(width)
+    units, tight = diagnosis.units, narrow(width)
     with style():
         upright = tight and len(diagnosis.stages) > _LEVEL
         height = (_HEIGHT_TIGHT if tight else _HEIGHT) + upright * _UPRIGHT
         figure = Figure((width * MM, height * MM), layout="constrained")
         axis = figure.subplots()
         fitted = np.array([stage.rmse for stage in diagnosis.stages])
-        heldout = np.array([stage.heldout_rmse for stage in diagnosis.stages])
+        heldout = np.array([stage.heldout_rmse for stage in diagnosis.stages], float)
         _limits(axis, np.concatenate([fitted, heldout[np.isfinite(heldout)], [diagnosis.noise]]))
         inks = colours()
         _stairs(axis, fitted, inks[0], "-", "o", "all tests fitted")
@@ -128,7 +128,7 @@ def _floor(axis: Axes, noise: float, units: UnitSystem, *, tight: bool) -> None:
 
 
 def _label(
-    axis: Axes, diagnosis: Diagnosis, units: UnitSystem, *, tight: bool, upright: bool
+    axis: Axes, diagnosis: DiagnosisResult, units: UnitSystem, *, tight: bool, upright: bool
 ) -> None:
     stages = diagnosis.stages
     most = _UNBROKEN if upright else _NAME_TIGHT if tight else _NAME
@@ -141,7 +141,7 @@ def _label(
     axis.set_ylabel(quantity(f"RMSE,{gap}measured − predicted", units.force))
 
 
-def _legend(figure: Figure, axis: Axes, diagnosis: Diagnosis, *, tight: bool) -> None:
+def _legend(figure: Figure, axis: Axes, diagnosis: DiagnosisResult, *, tight: bool) -> None:
     handles, labels = axis.get_legend_handles_labels()
     figure.legend(
         handles,
@@ -160,5 +160,5 @@ def _change(before: Stage, after: Stage, most: int) -> str:
     dropped = [name for name in before.effects if name not in after.effects]
     lines = [f"+ {broken(name, most)}" for name in added]
     lines += [f"− {broken(name, most)}" for name in dropped]
-    lines += [broken(law, most) for law in after.other_laws(before)]
+    lines += [broken(law, most) for law in after.base.others(before.base)]
     return "\n".join(lines)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import exp, isfinite
+from math import exp
 from textwrap import fill
 from typing import Any
 
@@ -12,8 +12,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
 from matplotlib.transforms import Transform
 
-from qlvbayes.diagnosis.settings import Settings
-from qlvbayes.diagnosis.verdict import Diagnosis, Ranked
+from qlvbayes.diagnosis.result import DiagnosisResult, Ranked
 from qlvbayes.plots.naming import heading
 from qlvbayes.plots.style import (
     BLACK,
@@ -47,7 +46,7 @@ _NONE = "none of them"
 _NAMED, _GROUP, _TRIED, _OTHER = _LOOKS
 
 
-def plot_evidence(diagnosis: Diagnosis, *, width: float = DOUBLE) -> Axes:
+def plot_evidence(diagnosis: DiagnosisResult, *, width: float = DOUBLE) -> Axes:
     """Draw each effect's log Bayes factor for being in the model, the likeliest on top.
 
     Over all base laws and all companions. The number and the probability stand beside the bar;
@@ -63,7 +62,7 @@ def plot_evidence(diagnosis: Diagnosis, *, width: float = DOUBLE) -> Axes:
         axis = figure.subplots()
         for row, ranked in enumerate(ranking):
             _bar(axis, row, ranked, _look(diagnosis, ranked))
-        _scale(axis, [r.log_bayes_factor for r in ranking if isfinite(r.log_bayes_factor)], tight)
+        _scale(axis, [x for r in ranking if (x := r.log_bayes_factor) is not None], tight)
         _label(axis, diagnosis, ranking)
         _legend(figure, diagnosis, tight)
         _notes(figure, diagnosis, tight)
@@ -79,7 +78,7 @@ def _look_of(name: str) -> dict[str, Any]:
     }
 
 
-def _look(diagnosis: Diagnosis, ranked: Ranked) -> str:
+def _look(diagnosis: DiagnosisResult, ranked: Ranked) -> str:
     if ranked.effect in diagnosis.effects:
         return _NAMED
     if ranked.effect in diagnosis.group:
@@ -89,8 +88,8 @@ def _look(diagnosis: Diagnosis, ranked: Ranked) -> str:
 
 def _bar(axis: Axes, row: int, ranked: Ranked, look: str) -> None:
     value = ranked.log_bayes_factor
-    axis.barh(row, value if isfinite(value) else 0.0, height=0.7, gid=look, **_look_of(look))
-    number = f"{value:.1f}".replace("-0.0", "0.0").replace("-", "−") if isfinite(value) else "n/a"
+    axis.barh(row, value or 0.0, height=0.7, gid=look, **_look_of(look))
+    number = "n/a" if value is None else f"{value:.1f}".replace("-0.0", "0.0").replace("-", "−")
     for text, points in zip((number, _share(ranked.inclusion)), _BESIDE, strict=True):
         _beside(axis, text, row, points, axis.get_yaxis_transform(), va="center")
 
@@ -141,7 +140,7 @@ def _ticks(low: float, high: float, tight: bool) -> list[float]:
     return [x for x in ticks if x >= 1.3 * low]
 
 
-def _label(axis: Axes, diagnosis: Diagnosis, ranking: tuple[Ranked, ...]) -> None:
+def _label(axis: Axes, diagnosis: DiagnosisResult, ranking: tuple[Ranked, ...]) -> None:
     refused = _refused(diagnosis)
     names = [_name(ranked, refused) for ranked in ranking]
     axis.set_yticks(range(len(ranking)), names)
@@ -171,11 +170,11 @@ def _name(ranked: Ranked, refused: set[str]) -> str:
     return shortened(ranked.effect) + " ×" * (ranked.effect in refused)
 
 
-def _refused(diagnosis: Diagnosis) -> set[str]:
-    return {name for name, _ in diagnosis.refused}
+def _refused(diagnosis: DiagnosisResult) -> set[str]:
+    return {one.effect for one in diagnosis.refused}
 
 
-def _legend(figure: Figure, diagnosis: Diagnosis, tight: bool) -> None:
+def _legend(figure: Figure, diagnosis: DiagnosisResult, tight: bool) -> None:
     used = {_look(diagnosis, ranked) for ranked in diagnosis.ranking}
     handles = [Patch(**_look_of(name), label=name) for name in _LOOKS if name in used]
     figure.legend(
@@ -188,12 +187,14 @@ def _legend(figure: Figure, diagnosis: Diagnosis, tight: bool) -> None:
     )
 
 
-def _notes(figure: Figure, diagnosis: Diagnosis, tight: bool) -> None:
+def _notes(figure: Figure, diagnosis: DiagnosisResult, tight: bool) -> None:
     ranked = {entry.effect for entry in diagnosis.ranking}
     unseen = [u.effect for u in diagnosis.not_identifiable if u.effect not in ranked]
+    used = diagnosis.settings
+    named = f"; an effect is named from {used.thresholds.named:g} on" if used else ""
     lines = [
-        "Sorted by probability, which counts all base laws and all companions; an effect is named "
-        f"from {Settings().named:g} on. Dotted: {exp(_ODDS):.0f} to 1 for the effect."
+        f"Sorted by probability, which counts all base laws and all companions{named}. Dotted: "
+        f"{exp(_ODDS):.0f} to 1 for the effect."
     ]
     if _refused(diagnosis):
         lines += ["×: refused, predicts left-out tests no better."]

@@ -14,6 +14,7 @@ from matplotlib.ticker import MaxNLocator
 from scipy.special import ndtri
 
 from qlvbayes.diagnosis.curves import Band, Curve, curves
+from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.verdict import Diagnosis
 from qlvbayes.plots.naming import broken, heading, model_name
 from qlvbayes.plots.panels import leaders, lines_of, name_row, place_panels
@@ -66,7 +67,7 @@ def plot_forces_before_after(
     figure (mm). Returns the panels, row by row.
     """
     shown = sorted(shown or curves(diagnosis), key=lambda curve: by_rate(curve.trial.rate))
-    units, tight = diagnosis.work.experiment.units, narrow(width)
+    units, tight = diagnosis.result.units, narrow(width)
     with style():
         parts = [divide(curve.time, curve.trial.phases) for curve in shown]
         names = columns(parts)
@@ -77,7 +78,7 @@ def plot_forces_before_after(
                 _draw(upper, lower, name, curve, stretches, tight=tight)
             _label_row(pair, curve, units, left, tight=tight)
         _finish(figure, axes, names, left)
-        _legend(figure, axes, diagnosis, tight=tight)
+        _legend(figure, axes, diagnosis.result, tight=tight)
     return list(axes.flat)
 
 
@@ -170,7 +171,7 @@ def _finish(figure: Figure, axes: np.ndarray, names: Sequence[str], left: range)
     figure.align_ylabels(axes[:, :, left].ravel())
 
 
-def _legend(figure: Figure, axes: np.ndarray, diagnosis: Diagnosis, *, tight: bool) -> None:
+def _legend(figure: Figure, axes: np.ndarray, diagnosis: DiagnosisResult, *, tight: bool) -> None:
     upper, lower = next(pair for pair in axes[0].T if pair[0].lines)
     bands = {to_hex(area.get_facecolor()[0]): area for area in upper.collections}
     lines = {line.get_color(): line for line in upper.lines if line.get_linestyle() != "None"}

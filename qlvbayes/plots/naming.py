@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from textwrap import fill
 
-from qlvbayes.diagnosis.verdict import Diagnosis
+from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.plots.style import quantity, shortened
 from qlvbayes.wording import plain
 
@@ -20,13 +20,13 @@ def model_name(effects: Sequence[str]) -> str:
     return f"with {' + '.join(effects)}" if effects else "plain model"
 
 
-def heading(diagnosis: Diagnosis, *, tight: bool = False) -> str:
+def heading(diagnosis: DiagnosisResult, *, tight: bool = False) -> str:
     """The pad and its verdict, in as many lines as it takes; tight: of one column."""
     line = _LINE_TIGHT if tight else _LINE
     return fill(f"pad {shortened(diagnosis.pad, line // 2)}: {_found(diagnosis)}", line)
 
 
-def _found(diagnosis: Diagnosis) -> str:
+def _found(diagnosis: DiagnosisResult) -> str:
     if diagnosis.verdict == "adequate":
         return f"nothing missing that these tests show{_on_laws(diagnosis)}"
     if diagnosis.verdict == "unexplained":
@@ -39,10 +39,9 @@ def _found(diagnosis: Diagnosis) -> str:
     return f"missing {' + '.join(diagnosis.effects)}{rest}{_on_laws(diagnosis)}"
 
 
-def _on_laws(diagnosis: Diagnosis) -> str:
+def _on_laws(diagnosis: DiagnosisResult) -> str:
     """The base laws, where they are not those chosen."""
-    other = diagnosis.stages[-1].other_laws(diagnosis.stages[0])
-    return f", by {' and '.join(other)}" if other else ""
+    return f", by {' and '.join(diagnosis.changed)}" if diagnosis.changed else ""
 
 
 def parameter_label(name: str, unit: str = "1") -> str:

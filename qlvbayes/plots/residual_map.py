@@ -19,7 +19,7 @@ from qlvbayes.plots.cellmap import (
     worst_of,
 )
 from qlvbayes.plots.style import MIDDLE, MM, narrow, quantity, rated, shortened, style
-from qlvbayes.residuals import Cell, Check
+from qlvbayes.residuals import Cell, CheckResult
 from qlvbayes.units import UnitSystem
 
 _ROW, _FRAME = 9.0, 28.0  # mm, a row of cells and what is around them
@@ -28,7 +28,7 @@ _ROW_TIGHT, _BAR = 10.5, 10.0  # mm, in one column: three lines of a row's label
 _NAME, _NAME_TIGHT = 28, 14  # characters of a test's name
 
 
-def plot_residual_map(check: Check, units: UnitSystem, *, width: float = MIDDLE) -> Axes:
+def plot_residual_map(check: CheckResult, units: UnitSystem, *, width: float = MIDDLE) -> Axes:
     """Draw how far each test is missed in each phase.
 
     One row a test, slowest first, fitted ones bold; one column a kind of phase. A cell's colour and
@@ -73,11 +73,11 @@ def _hatch_empty(axis: Axes, cells: Sequence[Cell], tests: Sequence[str]) -> int
     return len(empty)
 
 
-def _draw_cell(axis: Axes, cell: Cell, check: Check, worst: float, row: int) -> None:
+def _draw_cell(axis: Axes, cell: Cell, check: CheckResult, worst: float, row: int) -> None:
     ratio = over_floor(cell.rmse, check.noise)
     text = f"{short(ratio)}\n{_signed(cell.bias, max(cell.rmse, check.noise))}"
     place = (row, KINDS.index(cell.phase))
-    draw_square(axis, place, ratio, worst, text, fails=check.fails(cell))
+    draw_square(axis, place, ratio, worst, text, fails=cell.fails)
 
 
 def _signed(bias: float, error: float) -> str:
@@ -88,7 +88,7 @@ def _signed(bias: float, error: float) -> str:
 
 
 def _label(
-    axis: Axes, check: Check, tests: dict[str, Cell], units: UnitSystem, *, tight: bool
+    axis: Axes, check: CheckResult, tests: dict[str, Cell], units: UnitSystem, *, tight: bool
 ) -> None:
     axis.set_title(f"pad {shortened(check.pad)}", loc="left", weight="bold")
     rows = [_row_label(cell, units, tight=tight) for cell in tests.values()]

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from math import inf
 from textwrap import fill
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from qlvbayes.diagnosis.samples import CellError
-from qlvbayes.diagnosis.verdict import Diagnosis, Stage
+from qlvbayes.diagnosis.result import CellError, DiagnosisResult, Place, Stage
 from qlvbayes.kinematics.phases import KINDS
 from qlvbayes.plots.cellmap import (
     draw_colours,
@@ -20,7 +20,6 @@ from qlvbayes.plots.cellmap import (
     worst_of,
 )
 from qlvbayes.plots.naming import heading, model_name
-from qlvbayes.plots.stretches import by_rate
 from qlvbayes.plots.style import DOUBLE, MM, narrow, rated, shortened, style
 from qlvbayes.units import UnitSystem
 
@@ -30,7 +29,7 @@ _TITLE = 40  # characters a line, of a panel's title
 _KEY_TIGHT = 58  # characters a line, of the key in one column
 
 
-def plot_residuals_before_after(diagnosis: Diagnosis, *, width: float = DOUBLE) -> list[Axes]:
+def plot_residuals_before_after(diagnosis: DiagnosisResult, *, width: float = DOUBLE) -> list[Axes]:
     """Draw how far each test is missed in each phase, by the plain and by the last model.
 
     One row a test, slowest first; one column a kind of phase. Colour and number give the root mean
@@ -42,7 +41,7 @@ def plot_residuals_before_after(diagnosis: Diagnosis, *, width: float = DOUBLE) 
     """
     tight = narrow(width)
     stages = diagnosis.stages[:: max(len(diagnosis.stages) - 1, 1)]
-    units = diagnosis.work.experiment.units
+    units = diagnosis.units
     with style():
         tests = _tests(stages[0])
         kinds: list[str] = [kind for kind in KINDS if any(c.phase == kind for c in stages[0].cells)]
@@ -64,12 +63,17 @@ def plot_residuals_before_after(diagnosis: Diagnosis, *, width: float = DOUBLE) 
 
 def _tests(stage: Stage) -> dict[str, CellError]:
     """One cell of each test, by the test's rate."""
-    return {cell.test: cell for cell in sorted(stage.cells, key=lambda cell: by_rate(cell.rate))}
+    return {cell.test: cell for cell in sorted(stage.cells, key=_by_rate)}
+
+
+def _by_rate(cell: CellError) -> float:
+    """Tests without a rate stand last."""
+    return inf if cell.rate is None else cell.rate
 
 
 def _row_label(cell: CellError, units: UnitSystem) -> str:
-    name, rate = shortened(cell.test, 24), rated(cell.rate, units.speed)
-    return name if rate.startswith("nan") else f"{name}\n{rate}"
+    name = shortened(cell.test, 24)
+    return name if cell.rate is None else f"{name}\n{rated(cell.rate, units.speed)}"
 
 
 def _draw(
@@ -83,7 +87,7 @@ def _draw(
                 draw_empty(axis, (row, column))
                 continue
             ratio = over_floor(cell.rmse, noise)
-            fails = (test, kind) in stage.failing
+            fails = Place(test, kind) in stage.failing
             draw_square(axis, (row, column), ratio, worst, short(ratio), fails=fails)
     title = fill(model_name(stage.effects), _TITLE)
     axis.set_title(f"{title}\n{_p_value(stage.p_value)}", loc="left")

@@ -9,8 +9,9 @@ from qlvbayes.report.boxes import besides, seen
 from qlvbayes.report.collect import PadResults, Results
 from qlvbayes.report.comparing import Comparing
 from qlvbayes.report.constants import constants_words
-from qlvbayes.report.failing import model_name, where, worst_of
+from qlvbayes.report.failing import model_name, where
 from qlvbayes.report.numbers import NBSP
+from qlvbayes.residuals import Cell, CheckResult
 from qlvbayes.wording import joined
 
 _VERDICTS = {
@@ -72,31 +73,30 @@ def _fails(pad: PadResults, remedies: dict) -> str:
     check = pad.final.check
     if check is None:
         return f"not checked yet: {remedies['check']}"
-    worst = worst_of(check)
+    worst = check.worst
     said = "nowhere beyond noise" if worst is None else _worst(worst, check, pad)
     plain = pad.plain.check if pad.plain else None
-    if pad.final.effects and plain and (worst := worst_of(plain)):
+    if pad.final.effects and plain and (worst := plain.worst):
         return f"{model_name(pad.final)} {said}; the plain model {_worst(worst, plain, pad)}."
     return f"{said}."
 
 
-def _worst(cell: dict, check: dict, pad: PadResults) -> str:
-    fails = sum(bool(entry.get("fails")) for entry in check["cells"])
-    place = where(cell, check["noise_N"], pad.force_unit)
-    return f"fails in {fails} of {len(check['cells'])} phases, worst in {place}"
+def _worst(cell: Cell, check: CheckResult, pad: PadResults) -> str:
+    place = where(cell, check.noise, pad.force_unit)
+    return f"fails in {len(check.failing)} of {len(check.cells)} phases, worst in {place}"
 
 
 def _missing(pad: PadResults, remedies: dict) -> str:
     found = pad.diagnosis
     if found is None:
         return f"not diagnosed yet: {remedies['diagnose']}"
-    if found["verdict"] in _VERDICTS:
-        return f"{_VERDICTS[found['verdict']]}."
-    if found["verdict"] == "ambiguous":
-        group = joined(list(found["group"]), "or")
+    if found.verdict in _VERDICTS:
+        return f"{_VERDICTS[found.verdict]}."
+    if found.verdict == "ambiguous":
+        group = joined(list(found.group), "or")
         return f"one of {group}{besides(found)}; these tests cannot tell which."
-    rest = ", and something that none of them explains" * (found["verdict"] == "partly_explained")
-    return f"{joined([_with_sight(name) for name in found['effects']])}{rest}."
+    rest = ", and something that none of them explains" * (found.verdict == "partly_explained")
+    return f"{joined([_with_sight(name) for name in found.effects])}{rest}."
 
 
 def _with_sight(name: str) -> str:

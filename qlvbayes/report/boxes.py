@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
+from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.effects.catalogue import find
 from qlvbayes.report.collect import PadResults
 from qlvbayes.report.numbers import number, percent, with_unit
@@ -59,8 +60,8 @@ _BADGES = {
 def verdict_box(pad: PadResults, remedy: str) -> Box:
     """The box of one pad; ``remedy`` is the command that would diagnose it."""
     found = pad.diagnosis
-    verdict = found["verdict"] if found else ""
-    shown = list(found["group"] or found["effects"]) if found else []
+    verdict = found.verdict if found else ""
+    shown = (found.group or found.effects) if found else ()
     return Box(
         pad.name,
         pad.fluid,
@@ -83,9 +84,9 @@ def seen(name: str) -> str:
         return ""
 
 
-def verdict_line(found: dict) -> str:
+def verdict_line(found: DiagnosisResult) -> str:
     """The verdict in one line; named effects follow it."""
-    many = len(found["effects"]) > 1
+    many = len(found.effects) > 1
     return {
         "adequate": f"Nothing is missing that these tests can show{_on_laws(found)}.",
         "missing_effect": f"The plain model lacks {'these effects' if many else 'one effect'}"
@@ -95,67 +96,60 @@ def verdict_line(found: dict) -> str:
         "partly_explained": f"The plain model lacks {'these effects' if many else 'this effect'}"
         f"{_sure(found)}, and something that none of the known effects explains:",
         "unexplained": "Something is missing that none of the known effects explains.",
-    }.get(found["verdict"], found["verdict"])
+    }.get(found.verdict, found.verdict)
 
 
-def besides(found: dict) -> str:
+def besides(found: DiagnosisResult) -> str:
     """What an ambiguous verdict is sure of; the last effect stands for the group."""
-    sure = list(found["effects"][:-1])
+    sure = list(found.effects[:-1])
     return f" besides {joined(sure)}" if sure else ""
 
 
-def _on_laws(found: dict) -> str:
+def _on_laws(found: DiagnosisResult) -> str:
     """The base laws, where they are not those chosen."""
-    changed = changed_laws(found["steps"][0], found["steps"][-1])
-    return f", with other laws than were chosen: {joined(changed)}" if changed else ""
-
-
-def changed_laws(first: dict, last: dict) -> list[str]:
-    """Laws of one step that an earlier one has not."""
-    base, chosen = last.get("base") or {}, first.get("base") or {}
-    return [base[key] for key in base if base[key] != chosen.get(key)]
-
-
-def _sure(found: dict) -> str:
-    named = {
-        entry["effect"]: entry.get("inclusion", entry["probability"]) for entry in found["ranking"]
-    }
-    if len(found["effects"]) != 1 or found["effects"][0] not in named:
+    if not found.changed:
         return ""
-    return f" (probability {percent(named[found['effects'][0]])})"
+    return f", with other laws than were chosen: {joined(found.changed)}"
+
+
+def _sure(found: DiagnosisResult) -> str:
+    if len(found.effects) != 1:
+        return ""
+    return f" (probability {percent(found.probability_of(found.effects[0]))})"
 
 
 def _undiagnosed(pad: PadResults) -> str:
     check = pad.final.check
     if check is None:
         return "Fitted, but neither checked nor diagnosed."
-    fails = sum(bool(cell.get("fails")) for cell in check["cells"])
+    fails = len(check.failing)
     if not fails:
         return "Not diagnosed. The fit leaves no structure in any phase of any test."
-    return f"Not diagnosed. The fit fails in {fails} of {len(check['cells'])} phases of its tests."
+    return f"Not diagnosed. The fit fails in {fails} of {len(check.cells)} phases of its tests."
 
 
-def _of_what(found: dict) -> str:
-    return "on tests left out" if _errors(found) == "heldout_rmse_N" else "of the fit"
+def _of_what(found: DiagnosisResult) -> str:
+    return "of the fit" if _heldout(found) is None else "on tests left out"
 
 
-def _errors(found: dict) -> str:
-    """Which errors are shown: one test alone leaves none out."""
-    known = all(step["heldout_rmse_N"] is not None for step in found["steps"])
-    return "heldout_rmse_N" if known else "rmse_N"
+def _heldout(found: DiagnosisResult) -> list[float] | None:
+    """Errors on tests left out, stage by stage; None for one test alone, which leaves none out."""
+    known = [stage.heldout_rmse for stage in found.stages if stage.heldout_rmse is not None]
+    return known if len(known) == len(found.stages) else None
 
 
-def _bars(found: dict, unit: str) -> tuple[Bar, ...]:
-    first, last, error = found["steps"][0], found["steps"][-1], _errors(found)
-    kind = "after" if found["verdict"] == "adequate" else "before"
-    rows = [("plain model", first[error], kind)]
-    added = [e for e in last["effects"] if e not in first["effects"]]
-    changed = [*changed_laws(first, last), *added]
+def _bars(found: DiagnosisResult, unit: str) -> tuple[Bar, ...]:
+    first, last = found.stages[0], found.stages[-1]
+    errors = _heldout(found) or [stage.rmse for stage in found.stages]
+    kind = "after" if found.verdict == "adequate" else "before"
+    rows = [("plain model", errors[0], kind)]
+    added = [e for e in last.effects if e not in first.effects]
+    changed = [*found.changed, *added]
     if changed:
-        rows.append((f"with {' + '.join(changed)}", last[error], "after"))
-    if first["effects"]:
-        rows[0] = (f"with {' + '.join(first['effects'])}", *rows[0][1:])
-    rows.append(("noise alone", found["noise_N"], "noise"))
+        rows.append((f"with {' + '.join(changed)}", errors[-1], "after"))
+    if first.effects:
+        rows[0] = (f"with {' + '.join(first.effects)}", *rows[0][1:])
+    rows.append(("noise alone", found.noise, "noise"))
     longest = max(value for _, value, _ in rows) or 1.0
     return tuple(
         Bar(label, value / longest, with_unit(number(value, zeros=True), unit), kind)
@@ -165,7 +159,7 @@ def _bars(found: dict, unit: str) -> tuple[Bar, ...]:
 
 def _warnings(pad: PadResults) -> list[str]:
     summary = pad.final.summary
-    troubles = summary.get("troubles", []) if summary and not summary["converged"] else []
+    troubles = summary.troubles if summary and not summary.converged else ()
     found = [f"The sampling has not converged: {text}." for text in troubles]
     found += _notices(pad)
     return found + _other_laws(pad)
@@ -173,40 +167,42 @@ def _warnings(pad: PadResults) -> list[str]:
 
 def _other_laws(pad: PadResults) -> list[str]:
     """Where the fit has not the laws that the diagnosis asks for."""
-    diagnosis, chosen = pad.diagnosis or {}, pad.final.facts.get("choices")
-    base = diagnosis.get("base")
-    if base is None or chosen is None or diagnosis["verdict"] == "unexplained":
+    found, chosen = pad.diagnosis, pad.final.facts.get("choices")
+    if found is None or chosen is None or found.verdict == "unexplained":
         return []
     try:
         own = Choices.from_dict(json.loads(chosen))
     except InputError:  # a law's file that has gone
         return []
-    if (own.law, own.relaxing) == (base["elastic"], base["relaxation"]):
+    base = found.base
+    if (own.law, own.relaxing) == base.pair:
         return []
-    words = ["--elastic", base["elastic"], "--relaxation", base["relaxation"]]
+    words = ["--elastic", base.elastic, "--relaxation", base.relaxation]
     words += [word for name in own.effects for word in ("--add", name)]
     return [
         f"These tests ask for other laws than the fit has (probability "
-        f"{percent(base['probability'])}): fit again with {' '.join(words)}."
+        f"{percent(base.probability)}): fit again with {' '.join(words)}."
     ]
 
 
 def _notices(pad: PadResults) -> list[str]:
     """About the measurements, and structure that is sure but small."""
     parts = (pad.final.summary, pad.final.check, pad.diagnosis)
-    told = dict.fromkeys(text for part in parts if part for text in part.get("notices", []))
+    told = dict.fromkeys(text for part in parts if part for text in part.notices)
     said = [text.removeprefix(f"pad {pad.name}: ") for text in told]
     return [f"{text[0].upper()}{text[1:]}." for text in said] + _small(pad)
 
 
 def _small(pad: PadResults) -> list[str]:
     """What is left where the verdict does not count it."""
-    found = pad.diagnosis or {}
-    left = found.get("remainder")
-    if not left or not left["sure"] or found["verdict"] in ("unexplained", "partly_explained"):
+    found = pad.diagnosis
+    left = found.remainder if found else None
+    if found is None or left is None or not left.sure:
         return []
-    size = with_unit(number(left["rms_N"], 2), pad.force_unit)
+    if found.verdict in ("unexplained", "partly_explained"):
+        return []
+    size = with_unit(number(left.rms, 2), pad.force_unit)
     return [
-        f"Structure that is sure but small is left: {percent(left['share_of_peak'])} of the peak "
-        f"force ({size}) in the {left['phase']} of {left['test']}."
+        f"Structure that is sure but small is left: {percent(left.share_of_peak)} of the peak "
+        f"force ({size}) in the {left.phase} of {left.test}."
     ]

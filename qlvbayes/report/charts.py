@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from math import inf
 
+from qlvbayes.curves import Curves, TestCurves
 from qlvbayes.report.collect import Model, PadResults
-from qlvbayes.report.failing import model_name, worst_of
+from qlvbayes.report.failing import model_name
 
 _MOST = 3000  # samples of a test
 _BAND = 1.645  # sds on either side that hold 90 % of normal noise
@@ -18,61 +20,63 @@ def chart_of(pad: PadResults) -> dict | None:
     the plain model's mean, at the same times (s).
     """
     curves = pad.final.curves
-    if curves is None or not curves["tests"]:
+    if curves is None or not curves.tests:
         return None
     before, tests = _plain_means(pad), _by_rate(curves)
     return {
-        "unit": curves["force_unit"],
-        "name": curves["force_name"],
-        "noise": _BAND * curves["noise_N"],
+        "unit": curves.force_unit,
+        "name": curves.force_name,
+        "noise": _BAND * curves.noise,
         "model": model_name(pad.final),
-        "first": _first(pad, [test["test"] for test in tests]),
-        "tests": [_test(test, before.get(test["test"]), pad) for test in tests],
+        "first": _first(pad, [test.test for test in tests]),
+        "tests": [_test(test, before.get(test.test), pad) for test in tests],
     }
 
 
 def _first(pad: PadResults, names: list[str]) -> int:
     """The test to begin with: where the model, or the plain one, fails worst; else the fastest."""
     for model in (pad.final, pad.plain):
-        worst = worst_of(model.check) if model and model.check else None
-        if worst and worst["test"] in names:
-            return names.index(worst["test"])
+        worst = model.check.worst if model and model.check else None
+        if worst and worst.test in names:
+            return names.index(worst.test)
     return len(names) - 1
 
 
-def _plain_means(pad: PadResults) -> dict[str, tuple[list, list]]:
-    """Times and means of the plain model, by test, where it is not the last model."""
+def _plain_means(pad: PadResults) -> dict[str, TestCurves]:
+    """The plain model's, by test, where it is not the last model."""
     plain: Model | None = pad.plain
     if plain is None or plain.curves is None or plain.effects == pad.final.effects:
         return {}
-    return {test["test"]: (test["time_s"], test["mean_N"]) for test in plain.curves["tests"]}
+    return {test.test: test for test in plain.curves.tests}
 
 
-def _by_rate(curves: dict) -> list[dict]:
+def _by_rate(curves: Curves) -> list[TestCurves]:
     """Slowest first, as in the figures; tests without a rate last."""
-    return sorted(
-        curves["tests"],
-        key=lambda test: float("inf") if test["rate_mm_s"] is None else test["rate_mm_s"],
-    )
+    return sorted(curves.tests, key=lambda test: inf if test.rate is None else test.rate)
 
 
-def _test(test: dict, before: tuple[list, list] | None, pad: PadResults) -> dict:
-    rows = list(_rows(test["phase"]))
-    plain = before[1] if before and before[0] == test["time_s"] else None
-    found = {
-        "name": test["test"],
-        "rate": None if test["rate_mm_s"] is None else float(f"{test['rate_mm_s']:.3g}"),
-        "speed": pad.speed_unit,
-        "fitted": test["role"] == "fit",
-        "phases": [[p["kind"], p["start_s"], p["stop_s"]] for p in test["phases"]],
+def _test(test: TestCurves, before: TestCurves | None, pad: PadResults) -> dict:
+    rows = list(_rows(test.phase))
+    plain = before.mean if before and before.time == test.time else None
+    columns = {
+        "t": test.time,
+        "observed": test.observed,
+        "mean": test.mean,
+        "low": test.low,
+        "high": test.high,
     }
-    columns = {"t": "time_s", "observed": "observed_N", "mean": "mean_N"}
-    columns |= {"low": "low_N", "high": "high_N"}
-    found |= {key: [test[name][k] for k in rows] for key, name in columns.items()}
-    return found | {"plain": None if plain is None else [plain[k] for k in rows]}
+    return {
+        "name": test.test,
+        "rate": None if test.rate is None else float(f"{test.rate:.3g}"),
+        "speed": pad.speed_unit,
+        "fitted": test.role == "fit",
+        "phases": [[p.kind, p.start, p.stop] for p in test.phases],
+        **{name: [values[k] for k in rows] for name, values in columns.items()},
+        "plain": None if plain is None else [plain[k] for k in rows],
+    }
 
 
-def _rows(phase: list[str]) -> Iterator[int]:
+def _rows(phase: Sequence[str]) -> Iterator[int]:
     """Every sample, or evenly many of them in order; first and last of a phase always."""
     step = -(-len(phase) // _MOST)
     for k in range(len(phase)):

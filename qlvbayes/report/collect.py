@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import h5py
 import numpy as np
 
 from qlvbayes.checks import InputError
+from qlvbayes.compare.contrast import Comparison
+from qlvbayes.curves import Curves
+from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.report.draws import summary_of_draws
+from qlvbayes.residuals import CheckResult
+from qlvbayes.resultfile import Result
+from qlvbayes.runs import Run, Runs
+from qlvbayes.summary import FitSummary
+
+Kind = TypeVar("Kind", bound=Result)
 
 _MARKS = ("posterior.nc", "summary.json", "check.json", "diagnosis.json")
 
@@ -23,16 +32,16 @@ class Model:
     """
 
     folder: Path
-    summary: dict | None
-    check: dict | None
-    curves: dict | None
+    summary: FitSummary | None
+    check: CheckResult | None
+    curves: Curves | None
     facts: dict
 
     @property
     def effects(self) -> list[str]:
         """In the model."""
-        known = self.summary or self.check or {}
-        return list(known.get("effects", []))
+        known = self.summary or self.check
+        return list(known.effects) if known else []
 
 
 @dataclass(frozen=True)
@@ -43,7 +52,7 @@ class PadResults:
     folder: Path
     final: Model
     plain: Model | None
-    diagnosis: dict | None
+    diagnosis: DiagnosisResult | None
     words: tuple[str, ...]
 
     @property
@@ -68,18 +77,18 @@ class Compared:
     """Two pads or two fluids beside each other: the numbers and the answer in words."""
 
     folder: Path
-    content: dict
+    found: Comparison
     words: tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class Results:
-    """All that lies in ``out``; ``runs`` says by which commands it was made."""
+    """All that lies in ``out``; ``runs`` says by which commands it was made, by step."""
 
     out: Path
     pads: tuple[PadResults, ...]
     comparisons: tuple[Compared, ...]
-    runs: dict
+    runs: dict[str, Run]
 
 
 def collect(out: Path) -> Results:
@@ -92,15 +101,16 @@ def collect(out: Path) -> Results:
             remedy=f"run qlvbayes study FILE -o {out} first",
         )
     compared = [_compared(path.parent) for path in sorted(out.glob("compare/*/compare.json"))]
-    runs = (_json(out / "run.json") or {}).get("runs", {})
+    noted = _read(Runs, out / "run.json")
+    runs = noted.runs if noted else {}
     return Results(out, tuple(_pad(folder) for folder in folders), tuple(compared), runs)
 
 
 def _pad(folder: Path) -> PadResults:
     final = _model(folder)
     plain = folder / "plain"
-    diagnosis = _json(folder / "diagnosis.json")
-    named = [part["pad"] for part in (final.summary, final.check, diagnosis) if part]
+    diagnosis = _read(DiagnosisResult, folder / "diagnosis.json")
+    named = [part.pad for part in (final.summary, final.check, diagnosis) if part]
     return PadResults(
         str(named[0] if named else final.facts.get("pad", folder.name)),
         folder,
@@ -112,32 +122,23 @@ def _pad(folder: Path) -> PadResults:
 
 
 def _model(folder: Path) -> Model:
-    draws, summary = folder / "posterior.nc", _json(folder / "summary.json")
+    draws, summary = folder / "posterior.nc", _read(FitSummary, folder / "summary.json")
     facts = _facts(draws)
     if summary is None and draws.exists():
         summary, told = summary_of_draws(draws)
         facts = told | facts
-    return Model(
-        folder, summary, _json(folder / "check.json"), _json(folder / "curves.json"), facts
-    )
+    check = _read(CheckResult, folder / "check.json")
+    return Model(folder, summary, check, _read(Curves, folder / "curves.json"), facts)
 
 
 def _compared(folder: Path) -> Compared:
-    content = _json(folder / "compare.json") or {}
-    return Compared(folder, content, _paragraphs(folder / "compare.txt"))
+    found = Comparison.read(folder / "compare.json")
+    return Compared(folder, found, _paragraphs(folder / "compare.txt"))
 
 
-def _json(path: Path) -> dict | None:
-    """An object in a JSON file; None where there is no file."""
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        return None
-    except ValueError as error:
-        raise _damaged(path) from error
-    if not isinstance(content, dict):
-        raise _damaged(path)
-    return content
+def _read(kind: type[Kind], path: Path) -> Kind | None:
+    """A result in a file; None where there is no file."""
+    return kind.read(path) if path.exists() else None
 
 
 def _paragraphs(path: Path) -> tuple[str, ...]:

@@ -13,6 +13,7 @@ from qlvbayes.laws.catalogue import find_elastic, find_relaxation
 from qlvbayes.report.boxes import seen
 from qlvbayes.report.collect import Model, PadResults
 from qlvbayes.report.numbers import DASH, NBSP, number, to_sd, with_unit
+from qlvbayes.summary import Constant
 from qlvbayes.wording import joined
 
 _INDEXED = re.compile(r"([cv])\[(\d+)\]")
@@ -69,7 +70,7 @@ def constants_rows(pads: Sequence[PadResults]) -> tuple[Row, ...]:
     """Every constant that any of the pads has: the material's, the effects', the noise's."""
     units: dict[str, str] = {}
     for pad in pads:
-        units |= {name: p["unit"] for name, p in _parameters(pad.final).items()}
+        units |= {name: c.unit for name, c in _parameters(pad.final).items()}
     names = sorted(units, key=_place)
     meanings = _MEANINGS | {n: text for pad in pads for n, text in _of_laws(pad).items()}
     return tuple(
@@ -89,10 +90,10 @@ def constants_words(pad: PadResults) -> str | None:
     if summary is None:
         return None
     told = ("m", "c[0]", "c0", "v[1]")
-    said = [_in_words(name, summary["parameters"]) for name in told]
+    said = [_in_words(name, summary.parameters) for name in told]
     added = f", with {joined(pad.final.effects)} in the model" if pad.final.effects else ""
     doubt = " But the model fails (question 3): these are constants of a wrong model."
-    wrong = any(cell.get("fails") for cell in (pad.final.check or {"cells": []})["cells"])
+    wrong = bool(pad.final.check and pad.final.check.failing)
     return f"{'; '.join(text for text in said if text)}{added}.{doubt * wrong}"
 
 
@@ -104,13 +105,13 @@ def shifts_of(pad: PadResults) -> Shifts | None:
     names = [n for n in sorted(before, key=_place) if n in after and not n.startswith("noise.")]
     if not names:
         return None
-    changes = {n: before[n]["median"] / after[n]["median"] - 1.0 for n in names}
+    changes = {n: before[n].median / after[n].median - 1.0 for n in names}
     rows = tuple(
         Shift(
             name,
-            "" if before[name]["unit"] == "1" else before[name]["unit"],
-            to_sd(before[name]["median"], before[name]["sd"]),
-            to_sd(after[name]["median"], after[name]["sd"]),
+            "" if before[name].unit == "1" else before[name].unit,
+            to_sd(before[name].median, before[name].sd),
+            to_sd(after[name].median, after[name].sd),
             f"{100.0 * changes[name]:+.1f}{NBSP}%".replace("-", "−"),
         )
         for name in names
@@ -128,30 +129,29 @@ def shifts_of(pad: PadResults) -> Shifts | None:
     return Shifts(pad.name, joined(added), rows, f"{words}{few * fewer}." if words else "")
 
 
-def _in_words(name: str, parameters: dict) -> str:
-    p = parameters.get(name)
-    if p is None:
+def _in_words(name: str, parameters: dict[str, Constant]) -> str:
+    c = parameters.get(name)
+    if c is None:
         return ""
     if name in ("c[0]", "c0"):
-        middle, low, high = (f"{100.0 * x:.1f}" for x in (p["median"], *p["hdi90"]))
+        middle, low, high = (f"{100.0 * x:.1f}" for x in (c.median, *c.hdi90))
         return f"{middle}{NBSP}% of the force never relaxes ({low} to {high}{NBSP}%)"
-    if name == "v[1]" and p["median"] > 0.0:
-        return f"the quickest part relaxes within {number(1.0 / p['median'], 2)}{NBSP}s (1/v[1])"
-    low, high = (to_sd(x, p["sd"]) for x in p["hdi90"])
-    text = with_unit(to_sd(p["median"], p["sd"]), p["unit"])
+    if name == "v[1]" and c.median > 0.0:
+        return f"the quickest part relaxes within {number(1.0 / c.median, 2)}{NBSP}s (1/v[1])"
+    low, high = (to_sd(x, c.sd) for x in c.hdi90)
+    text = with_unit(to_sd(c.median, c.sd), c.unit)
     return f"{name} = {text} (90 % sure that it lies within {low} to {high})"
 
 
-def _parameters(model: Model) -> dict:
-    return model.summary["parameters"] if model.summary else {}
+def _parameters(model: Model) -> dict[str, Constant]:
+    return model.summary.parameters if model.summary else {}
 
 
-def _value(parameter: dict | None) -> Value:
-    if parameter is None:
+def _value(c: Constant | None) -> Value:
+    if c is None:
         return Value(DASH, "")
-    sd = parameter["sd"]
-    low, high = (to_sd(x, sd) for x in parameter["hdi90"])
-    return Value(to_sd(parameter["median"], sd), f"{low} to {high}" if sd else "fixed")
+    low, high = (to_sd(x, c.sd) for x in c.hdi90)
+    return Value(to_sd(c.median, c.sd), "fixed" if c.fixed else f"{low} to {high}")
 
 
 def _of_laws(pad: PadResults) -> dict[str, str]:

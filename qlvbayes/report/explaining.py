@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from qlvbayes.report.boxes import changed_laws, seen, verdict_line
+from qlvbayes.diagnosis.result import Laws, Ranked, Stage
+from qlvbayes.report.boxes import seen, verdict_line
 from qlvbayes.report.collect import PadResults
 from qlvbayes.report.numbers import number, percent, with_unit
 
@@ -56,19 +57,16 @@ def explaining_of(pad: PadResults) -> Explaining | None:
     found = pad.diagnosis
     if found is None:
         return None
-    named = {*found["effects"], *found["group"]}
+    named = {*found.effects, *found.group}
     return Explaining(
         pad.name,
-        found["verdict"],
+        found.verdict,
         _spoken(pad) or (verdict_line(found),),
-        tuple(_step(step, found["steps"][0], found["noise_N"]) for step in found["steps"]),
-        tuple(_hypothesis(entry, named) for entry in found["ranking"][:_MOST]),
-        max(0, len(found["ranking"]) - _MOST),
-        tuple(
-            (entry["test"], number(entry["expected_2_ln_bayes_factor"], 2))
-            for entry in found.get("suggestions", [])
-        ),
-        tuple(found.get("warnings", [])),
+        tuple(_step(stage, found.stages[0].base, found.noise) for stage in found.stages),
+        tuple(_hypothesis(ranked, named) for ranked in found.ranking[:_MOST]),
+        max(0, len(found.ranking) - _MOST),
+        tuple((one.test, number(one.evidence, 2)) for one in found.suggestions),
+        found.warnings,
         pad.force_unit,
     )
 
@@ -79,35 +77,35 @@ def _spoken(pad: PadResults) -> tuple[str, ...]:
     return tuple(f"{text[:1].upper()}{text[1:]}" for text in said)
 
 
-def _step(step: dict, first: dict, noise: float) -> Step:
-    heldout = step["heldout_rmse_N"]
+def _step(stage: Stage, chosen: Laws, noise: float) -> Step:
+    heldout = stage.heldout_rmse
     return Step(
-        _model(step, first),
-        number(step["rmse_N"], zeros=True),
+        _model(stage, chosen),
+        number(stage.rmse, zeros=True),
         number(heldout, zeros=True),
         number(None if heldout is None else heldout / noise, zeros=True),
-        number(step["log_evidence"], 5),
-        str(len(step.get("failing", []))),
+        number(stage.log_evidence, 5),
+        str(len(stage.failing)),
     )
 
 
-def _model(step: dict, first: dict) -> str:
+def _model(stage: Stage, chosen: Laws) -> str:
     """Its laws, where they are not those chosen, and its effects."""
-    return " + ".join((", ".join(changed_laws(first, step)) or "plain model", *step["effects"]))
+    return " + ".join((", ".join(stage.base.others(chosen)) or "plain model", *stage.effects))
 
 
-def _hypothesis(entry: dict, named: set[str]) -> Hypothesis:
+def _hypothesis(ranked: Ranked, named: set[str]) -> Hypothesis:
     constants = [
-        with_unit(f"{name} = {number(p['mean'])} ± {number(p['sd'], 1)}", p["unit"])
-        for name, p in entry["parameters"].items()
+        with_unit(f"{name} = {number(e.mean)} ± {number(e.sd, 1)}", e.unit)
+        for name, e in ranked.parameters.items()
     ]
-    none = entry["effect"] == "none"
+    none = ranked.effect == "none"
     return Hypothesis(
-        "nothing" if none else entry["effect"],
-        "" if none else seen(entry["effect"]),
-        percent(entry.get("inclusion", entry["probability"])),
-        number(entry["log_bayes_factor"]),
-        number(entry["rmse_N"], zeros=True),
+        "nothing" if none else ranked.effect,
+        "" if none else seen(ranked.effect),
+        percent(ranked.inclusion),
+        number(ranked.log_bayes_factor),
+        number(ranked.rmse, zeros=True),
         ", ".join(constants),
-        entry["effect"] in named,
+        ranked.effect in named,
     )

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from qlvbayes import residuals
 from qlvbayes.report.collect import Model, PadResults
-from qlvbayes.report.numbers import DASH, number, percent, with_unit
+from qlvbayes.report.numbers import number, percent, with_unit
+from qlvbayes.residuals import CheckResult
 from qlvbayes.wording import joined
 
 _PHASES = {"ramp": "ramp", "hold": "hold", "unload": "unloading", "recovery": "recovery"}
@@ -85,32 +87,27 @@ def failing_of(pad: PadResults) -> Failing | None:
     check = pad.final.check
     if check is None:
         return None
-    models = [pad.final]
+    models = [(pad.final, check)]
     if pad.plain and pad.plain.check and pad.plain.effects != pad.final.effects:
-        models.insert(0, pad.plain)
+        models.insert(0, (pad.plain, pad.plain.check))
     return Failing(
         pad.name,
-        tuple(_words(model, pad) for model in reversed(models)),
-        tuple(_map(model) for model in models),
-        tuple(_detail(cell, check["noise_N"]) for cell in check["cells"]),
+        tuple(_words(model_name(model), found, pad) for model, found in reversed(models)),
+        tuple(_map(model_name(model), found) for model, found in models),
+        tuple(_detail(cell, check.noise) for cell in check.cells),
         _repeated(check),
-        number(check["noise_N"]),
+        number(check.noise),
         pad.force_unit,
         pad.speed_unit,
     )
 
 
-def worst_of(check: dict) -> dict | None:
-    """The cell with the largest error among those that fail."""
-    return max((c for c in check["cells"] if c.get("fails")), key=_rmse, default=None)
-
-
-def where(cell: dict, noise: float, unit: str) -> str:
+def where(cell: residuals.Cell, noise: float, unit: str) -> str:
     """'the ramp of C-100, by 0.049 N (4.7 times the noise)'."""
     return (
-        f"the {_PHASES.get(cell['phase'], cell['phase'])} of {cell['test']}, by "
-        f"{with_unit(number(cell['rmse_N'], 2), unit)} root mean square "
-        f"({number(cell['rmse_N'] / noise, 2)} times the noise)"
+        f"the {_PHASES.get(cell.phase, cell.phase)} of {cell.test}, by "
+        f"{with_unit(number(cell.rmse, 2), unit)} root mean square "
+        f"({number(cell.rmse / noise, 2)} times the noise)"
     )
 
 
@@ -119,93 +116,84 @@ def model_name(model: Model) -> str:
     return f"with {' + '.join(model.effects)}" if model.effects else "plain model"
 
 
-def _rmse(cell: dict) -> float:
-    return float(cell["rmse_N"] or 0.0)
-
-
-def _words(model: Model, pad: PadResults) -> str:
-    check = model.check or {}
-    noise, cells = check["noise_N"], check["cells"]
-    name = model_name(model)
+def _words(name: str, check: CheckResult, pad: PadResults) -> str:
+    noise, cells = check.noise, check.cells
     head = f"{name[0].upper()}{name[1:]}:"
-    fitted = {cell["test"] for cell in cells if cell["role"] == "fit"}
-    rest = {cell["test"] for cell in cells} - fitted
+    fitted = {cell.test for cell in cells if cell.role == "fit"}
+    rest = {cell.test for cell in cells} - fitted
     basis = f"fitted to {joined(sorted(fitted))}, the other tests predicted" * bool(fitted and rest)
     basis = basis or ("all tests fitted" if fitted else "all tests predicted")
-    failed = [cell for cell in cells if cell.get("fails")]
-    worst = worst_of(check)
+    worst = check.worst
     if worst is None:
-        largest = max(cells, key=_rmse)
+        largest = max(cells, key=lambda cell: cell.rmse)
         return (
             f"{head} no phase of any test shows structure beyond noise ({basis}). The largest "
             f"error is in {where(largest, noise, pad.force_unit)}."
         )
-    bias = with_unit(number(abs(worst["bias_N"]), 2), pad.force_unit)
-    side = "above" if worst["bias_N"] > 0.0 else "below"
+    bias = with_unit(number(abs(worst.bias), 2), pad.force_unit)
+    side = "above" if worst.bias > 0.0 else "below"
     return (
-        f"{head} fails in {len(failed)} of {len(cells)} phases of tests ({basis}). Worst is "
+        f"{head} fails in {len(check.failing)} of {len(cells)} phases of tests ({basis}). Worst is "
         f"{where(worst, noise, pad.force_unit)}; the measured force lies {bias} "
         f"{side} the model on average."
     )
 
 
-def _map(model: Model) -> Map:
-    check = model.check or {}
-    phases = [p for p in _PHASES if any(cell["phase"] == p for cell in check["cells"])]
-    found: dict[str, dict[str, dict]] = {}
-    for cell in check["cells"]:
-        found.setdefault(cell["test"], {})[cell["phase"]] = cell
-    name = model_name(model)
+def _map(name: str, check: CheckResult) -> Map:
+    phases = [p for p in _PHASES if any(cell.phase == p for cell in check.cells)]
+    found: dict[str, dict[str, residuals.Cell]] = {}
+    for cell in check.cells:
+        found.setdefault(cell.test, {})[cell.phase] = cell
     return Map(
         f"{name[0].upper()}{name[1:]}",
         tuple(_PHASES[phase] for phase in phases),
         tuple(
             TestRow(
                 test,
-                number(next(iter(cells.values()))["rate_mm_s"]),
-                next(iter(cells.values()))["role"],
-                tuple(_cell(cells.get(phase), check["noise_N"]) for phase in phases),
+                number(next(iter(cells.values())).rate),
+                next(iter(cells.values())).role,
+                tuple(_cell(cells.get(phase), check.noise) for phase in phases),
             )
             for test, cells in found.items()
         ),
     )
 
 
-def _cell(cell: dict | None, noise: float) -> Cell | None:
+def _cell(cell: residuals.Cell | None, noise: float) -> Cell | None:
     if cell is None:
         return None
-    ratio = _rmse(cell) / noise
+    ratio = cell.rmse / noise
     shade = min(max((ratio - 1.0) / (_DARKEST - 1.0), 0.0), 1.0)
     text = f"{ratio:.1f}" if ratio < 100.0 else f"{ratio:.0f}"
-    return Cell(text, round(shade, 2), bool(cell.get("fails")))
+    return Cell(text, round(shade, 2), cell.fails)
 
 
-def _detail(cell: dict, noise: float) -> Detail:
+def _detail(cell: residuals.Cell, noise: float) -> Detail:
     return Detail(
-        cell["test"],
-        _PHASES.get(cell["phase"], cell["phase"]),
-        "fitted" if cell["role"] == "fit" else "predicted",
-        number(cell["rate_mm_s"]),
-        str(cell["n"]),
-        number(cell["rmse_N"], zeros=True),
-        f"{_rmse(cell) / noise:.2f}",
-        number(cell["bias_N"], 2),
-        DASH if cell["coverage90"] is None else percent(cell["coverage90"]),
-        bool(cell.get("fails")),
+        cell.test,
+        _PHASES.get(cell.phase, cell.phase),
+        "fitted" if cell.role == "fit" else "predicted",
+        number(cell.rate),
+        str(cell.n),
+        number(cell.rmse, zeros=True),
+        f"{cell.rmse / noise:.2f}",
+        number(cell.bias, 2),
+        percent(cell.coverage90),
+        cell.fails,
     )
 
 
-def _repeated(check: dict) -> tuple[Repeated, ...]:
+def _repeated(check: CheckResult) -> tuple[Repeated, ...]:
     """A row a test and kind of phase; results of older versions have none."""
-    rows: dict[tuple[str, str], list[dict]] = {}
-    for cycle in check.get("cycles", []):
-        rows.setdefault((cycle["test"], cycle["phase"]), []).append(cycle)
+    rows: dict[tuple[str, str], list[residuals.Cycle]] = {}
+    for cycle in check.cycles:
+        rows.setdefault((cycle.test, cycle.phase), []).append(cycle)
     return tuple(
         Repeated(
             test,
             _PHASES.get(phase, phase),
-            ", ".join(f"{_rmse(cycle) / check['noise_N']:.1f}" for cycle in cycles),
-            ", ".join(number(cycle["bias_N"], 2) for cycle in cycles),
+            ", ".join(f"{cycle.rmse / check.noise:.1f}" for cycle in cycles),
+            ", ".join(number(cycle.bias, 2) for cycle in cycles),
         )
         for (test, phase), cycles in rows.items()
     )

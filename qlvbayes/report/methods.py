@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from qlvbayes.checks import InputError
@@ -12,6 +12,7 @@ from qlvbayes.choices import Choices
 from qlvbayes.laws.catalogue import find_elastic, find_relaxation
 from qlvbayes.report.collect import PadResults, Results
 from qlvbayes.report.numbers import DASH, number, percent, with_unit
+from qlvbayes.summary import FitSummary
 
 _NOISES = {
     "correlated": "white noise plus an Ornstein-Uhlenbeck process (a load cell's noise lasts from "
@@ -71,13 +72,13 @@ def methods_of(results: Results) -> Methods:
         else "loose: the pad cannot pull, so that its force is never negative",
         _NOISES.get(str(choices.get("noise")), str(choices.get("noise", DASH))),
         tuple(sorted({e for pad in results.pads for e in pad.final.effects})),
-        _thresholds(runs),
+        _thresholds(results),
         _comparisons(results),
         tuple(_basis(pad) for pad in results.pads),
         tuple(sorted(_sources(results))),
         ", ".join(sorted({str(seed) for seed in _seeds(results)})) or DASH,
         tuple(_versions(results).items()),
-        tuple(run["command"] for run in runs) or _commands(results),
+        tuple(run.command for run in runs) or _commands(results),
     )
 
 
@@ -95,9 +96,11 @@ def _laws(choices: dict) -> tuple[str, str]:
     return elastic.law, relaxation.law + modes * given.is_prony
 
 
-def _thresholds(runs: list[dict]) -> tuple[str, ...]:
-    """In words; those without, by name."""
-    known: dict[str, object] = next((run["thresholds"] for run in runs if "thresholds" in run), {})
+def _thresholds(results: Results) -> tuple[str, ...]:
+    """Those that the first diagnosis used, in words; those without, by name."""
+    told = (pad.diagnosis.settings for pad in results.pads if pad.diagnosis)
+    used = next((settings for settings in told if settings), None)
+    known = asdict(used.thresholds) if used else {}
     return tuple(
         _THRESHOLDS.get(name, f"{name} = {{}}").format(value) for name, value in known.items()
     )
@@ -107,17 +110,16 @@ def _comparisons(results: Results) -> str:
     """How pads were compared, from what the first comparison says of itself."""
     if not results.comparisons:
         return ""
-    content = results.comparisons[0].content
+    found = results.comparisons[0].found
     text = (
         "the posterior draws of two pads are independent and are paired at random; quantities are "
-        f"equal where their ratio is within {percent(content.get('region'))} of one with a "
+        f"equal where their ratio is within {percent(found.region)} of one with a "
         f"probability of at least {percent(0.95)}"
     )
-    alarms = (content.get("omnibus") or {}).get("false_alarms")
-    if not alarms:
+    if found.omnibus is None:
         return f"{text}."
     joint = "whether they differ at all is a joint test that equals fail in"
-    return f"{text}; {joint} {percent(alarms)} of cases."
+    return f"{text}; {joint} {percent(found.omnibus.false_alarms)} of cases."
 
 
 def source_name(results: Results) -> str | None:
@@ -130,18 +132,20 @@ def _choices(results: Results) -> dict:
     for pad in results.pads:
         if "choices" in pad.final.facts:
             return json.loads(pad.final.facts["choices"])
-    return next((run["choices"] for run in results.runs.values()), {})
+    return next((run.choices for run in results.runs.values()), {})
 
 
 def _sources(results: Results) -> set[tuple[str, str]]:
     facts = [pad.final.facts for pad in results.pads]
-    found = [f for f in (*facts, *results.runs.values()) if f.get("source")]
-    return {(Path(f["source"]).name, str(f.get("sha256", ""))) for f in found}
+    found = [(f["source"], str(f.get("sha256", ""))) for f in facts if f.get("source")]
+    found += [(run.source, run.sha256) for run in results.runs.values()]
+    return {(Path(source).name, digest) for source, digest in found}
 
 
 def _seeds(results: Results) -> set[int]:
     facts = [pad.final.facts for pad in results.pads]
-    return {int(f["seed"]) for f in (*facts, *results.runs.values()) if "seed" in f}
+    seeds = {int(f["seed"]) for f in facts if "seed" in f}
+    return seeds | {run.seed for run in results.runs.values()}
 
 
 def _versions(results: Results) -> dict[str, str]:
@@ -150,7 +154,7 @@ def _versions(results: Results) -> dict[str, str]:
         if "qlvbayes_version" in pad.final.facts:
             found["qlvbayes"] = str(pad.final.facts["qlvbayes_version"])
     for run in results.runs.values():
-        found |= run["versions"]
+        found |= run.versions
     return found
 
 
@@ -173,18 +177,18 @@ def _commands(results: Results) -> tuple[str, ...]:
 
 def _basis(pad: PadResults) -> Basis:
     facts, summary = pad.final.facts, pad.final.summary
-    noise = (pad.final.check or pad.diagnosis or {}).get("noise_N")
+    checked = pad.final.check or pad.diagnosis
     return Basis(
         pad.name,
         ", ".join(json.loads(facts["fitted_tests"])) if "fitted_tests" in facts else DASH,
         _sampler(facts, summary),
-        with_unit(number(noise), pad.force_unit) if noise else DASH,
+        with_unit(number(checked.noise), pad.force_unit) if checked else DASH,
         tuple(json.loads(facts["priors"]).items()) if "priors" in facts else (),
     )
 
 
-def _sampler(facts: dict, summary: dict | None) -> str:
-    method = str(facts.get("method") or (summary or {}).get("sampler", DASH))
+def _sampler(facts: dict, summary: FitSummary | None) -> str:
+    method = str(facts.get("method") or (summary.sampler if summary else DASH))
     if "walkers" not in facts:
         return method
     return (
@@ -195,10 +199,10 @@ def _sampler(facts: dict, summary: dict | None) -> str:
     )
 
 
-def _quality(summary: dict | None) -> str:
-    parameters = (summary or {}).get("parameters", {}).values()
-    hats = [p["r_hat"] for p in parameters if p["r_hat"] is not None]
-    sizes = [p["ess_bulk"] for p in parameters if p["ess_bulk"] is not None]
+def _quality(summary: FitSummary | None) -> str:
+    constants = summary.parameters.values() if summary else ()
+    hats = [c.r_hat for c in constants if c.r_hat is not None]
+    sizes = [c.ess_bulk for c in constants if c.ess_bulk is not None]
     if not hats or not sizes:
         return ""
     return f"; largest R-hat {max(hats):.3f}, smallest effective sample size {min(sizes):.0f}"

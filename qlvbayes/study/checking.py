@@ -5,10 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from qlvbayes.checked import CheckedPad, check_pad
+from qlvbayes.curves import curves
 from qlvbayes.data import Study
-from qlvbayes.files import write_json
 from qlvbayes.results import Saved
-from qlvbayes.study.curves import curves
 from qlvbayes.study.watcher import Watcher
 
 
@@ -21,8 +20,8 @@ def check_into(
     """
     with watcher.doing(f"pad {saved.pad}: predicting"):
         checked = check_pad(saved, study.pad(saved.pad), seed=seed)
-        write_json(folder / "check.json", checked.check.as_dict())
-        write_json(folder / "curves.json", curves(checked), indent=None)
+        checked.check.write(folder / "check.json")
+        curves(checked).write(folder / "curves.json")
         figures = _figures(checked, folder)
     for text in checked.check.notices:
         watcher.notice(text)

@@ -12,7 +12,7 @@ from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.verdict import Diagnosis
 from qlvbayes.diagnosis.words import paragraphs
 from qlvbayes.experiment import prepare
-from qlvbayes.files import results_folder, write_json, write_whole
+from qlvbayes.files import results_folder, write_whole
 from qlvbayes.study.watcher import Watcher
 
 
@@ -45,15 +45,15 @@ def diagnose_into(
             seed=seed,
             tell=tell,
         )
-        if found.verdict in ("unexplained", "partly_explained"):
+        if found.result.verdict in ("unexplained", "partly_explained"):
             tell("a discrepancy for what is left")
             _write_discrepancy(found, folder)
         tell("writing")
-        write_json(folder / "diagnosis.json", found.as_dict())
+        found.result.write(folder / "diagnosis.json")
         text = "\n\n".join(paragraphs(found)) + "\n"
         write_whole(folder / "diagnosis.txt", text.encode())
         figures = _figures(found, folder)
-    for text in found.notices:
+    for text in found.result.notices:
         watcher.notice(text)
     watcher.diagnosed(found, figures)
     return found
@@ -61,7 +61,7 @@ def diagnose_into(
 
 def _write_discrepancy(found: Diagnosis, folder: Path) -> None:
     """Leave the discrepancy of the hypothesis told sample by sample in discrepancy.csv."""
-    units, samples = found.work.experiment.units, found.work.samples
+    units, samples = found.result.units, found.work.samples
     lines = [f"test,time_s,discrepancy_mean_{units.force},discrepancy_sd_{units.force}"]
     for trial, rows, band in zip(
         samples.trials, samples.rows, discrepancy(found.work), strict=True

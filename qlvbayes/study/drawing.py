@@ -5,7 +5,6 @@ Matplotlib is imported when something is drawn, so that the other steps do not w
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +19,7 @@ from qlvbayes.constants_table import (
 from qlvbayes.data import Study
 from qlvbayes.experiment import Experiment
 from qlvbayes.fit import Fit
+from qlvbayes.summary import FitSummary
 
 REFERENCES = "paper_table1.csv"
 
@@ -65,7 +65,7 @@ def draw_constants(out: Path, references: Known | None) -> list[Path]:
     from qlvbayes.plots.files import save_figure
 
     files = sorted(out.glob("*/summary.json"))
-    summaries = [json.loads(file.read_text(encoding="utf-8")) for file in files]
+    summaries = [FitSummary.read(file) for file in files]
     known = read_references(references.file) if references else {}
     usable = known if references and references.asked else that_fit(known, summaries)
     entries = constants_table(summaries, usable)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
+
+from msgspec.structs import replace
 
 from qlvbayes.choices import Choices
 from qlvbayes.data import Pad, Study
 from qlvbayes.experiment import prepare
-from qlvbayes.files import results_folder, write_json
+from qlvbayes.files import results_folder
 from qlvbayes.fit import fit_pad
 from qlvbayes.inference.chainstore import remove_chain
 from qlvbayes.inference.ensemble import Settings
@@ -16,7 +17,7 @@ from qlvbayes.pulling import pull_notices
 from qlvbayes.results import save, to_arviz
 from qlvbayes.study.drawing import draw_fit
 from qlvbayes.study.watcher import Watcher
-from qlvbayes.summary import Summary, summarise
+from qlvbayes.summary import FitSummary, summarise
 
 
 def fit_into(
@@ -30,7 +31,7 @@ def fit_into(
     settings: Settings,
     watcher: Watcher,
     figures: bool = True,
-) -> Summary:
+) -> FitSummary:
     """Fit one pad; leave ``posterior.nc`` and ``summary.json`` in a folder.
 
     figures: whether to leave pairs and programme (PNG and PDF) too. A killed run goes on where it
@@ -64,7 +65,7 @@ def fit_into(
             seed=settings.seed,
         )
         save(tree, folder / "posterior.nc")
-        write_json(folder / "summary.json", summary.as_dict())
+        summary.write(folder / "summary.json")
         if figures:
             draw_fit(folder, found, experiment)
     remove_chain(chain)

@@ -9,18 +9,19 @@ from pathlib import Path
 from qlvbayes.checked import CheckedPad
 from qlvbayes.choices import Choices
 from qlvbayes.data import Pad, Study, read_study
+from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.settings import Settings as Thresholds
 from qlvbayes.diagnosis.verdict import Diagnosis
 from qlvbayes.inference.ensemble import Settings
 from qlvbayes.laws.catalogue import find_elastic, find_relaxation
 from qlvbayes.report.write import write_report
 from qlvbayes.results import Saved, load
+from qlvbayes.runs import record_run
 from qlvbayes.study.checking import check_into
 from qlvbayes.study.comparing import compare_into, fluid_pairs, pad_pairs
 from qlvbayes.study.diagnosing import diagnose_into
 from qlvbayes.study.drawing import draw_constants, draw_forces_at_rates, references_of
 from qlvbayes.study.fitting import fit_into
-from qlvbayes.study.record import record_run
 from qlvbayes.study.watcher import Watcher
 
 _MOST_PAIRS = 6  # compared unasked
@@ -66,7 +67,7 @@ def run_study(
         draw_forces_at_rates(out, [checked for _, checked in done])
     _compare([load(out / pad.name / "posterior.nc") for pad in wanted], out, settings, watcher)
     call = command or _call(study, out)
-    record_run(out, "study", call, study, choices, settings.seed, thresholds)
+    record_run(out, "study", call, study, choices, settings.seed)
     with watcher.doing("report"):
         write_report(out)
     return [found for found, _ in done]
@@ -109,17 +110,15 @@ def _one(
         watcher=watcher,
         thresholds=thresholds,
     )
-    effects = (
-        *choices.effects,
-        *(found.forms.get(e, e) for e in found.effects if e not in choices.effects),
-    )
-    fuller = replace(_on_laws(choices, found), effects=effects)
+    told = found.result
+    new = (told.forms.get(name, name) for name in told.effects if name not in choices.effects)
+    fuller = replace(_on_laws(choices, told), effects=(*choices.effects, *new))
     every = fuller != choices
     checked = _fit_and_check(pad, study, fuller, settings, folder, watcher, all_tests=every)
     return found, checked
 
 
-def _on_laws(choices: Choices, found: Diagnosis) -> Choices:
+def _on_laws(choices: Choices, found: DiagnosisResult) -> Choices:
     """With the base laws that the verdict stands on, if it has any; a Prony series keeps its modes.
 
     What the user said of the constants of a law goes with it.

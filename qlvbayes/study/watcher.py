@@ -12,7 +12,7 @@ from qlvbayes.choices import Choices
 from qlvbayes.diagnosis.verdict import Diagnosis
 from qlvbayes.experiment import Experiment
 from qlvbayes.inference.ensemble import Progress
-from qlvbayes.summary import Summary
+from qlvbayes.summary import FitSummary
 
 
 class Watcher:
@@ -35,7 +35,7 @@ class Watcher:
     def starting(self, experiment: Experiment, choices: Choices) -> None:
         """A pad is about to be fitted."""
 
-    def fitted(self, summary: Summary) -> None:
+    def fitted(self, summary: FitSummary) -> None:
         """A pad has been fitted."""
 
     def checked(self, checked: CheckedPad) -> None:

@@ -1,0 +1,76 @@
+"""How results were made, so that they can be made again: ``run.json``."""
+
+from __future__ import annotations
+
+import platform
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from qlvbayes.checks import InputError
+from qlvbayes.choices import Choices
+from qlvbayes.data import Study
+from qlvbayes.resultfile import Part, Result
+
+_LIBRARIES = (
+    "qlvbayes",
+    "jax",
+    "jaxlib",
+    "equinox",
+    "emcee",
+    "blackjax",
+    "numpy",
+    "scipy",
+    "arviz",
+    "xarray",
+    "pandas",
+    "matplotlib",
+)
+
+
+class Run(Part, frozen=True):
+    """One command: its data with their digest, its seed, the model's choices, versions used.
+
+    choices: as `Choices.as_dict` gives them, for a file of laws or effects may have gone since.
+    """
+
+    command: str
+    source: str
+    sha256: str
+    seed: int
+    choices: dict[str, Any]
+    versions: dict[str, str]
+
+
+class Runs(Result, frozen=True, kw_only=True):
+    """The commands by which a folder of results was made, by step: ``run.json``."""
+
+    runs: dict[str, Run]
+
+
+def record_run(
+    out: Path, step: str, command: str, study: Study, choices: Choices, seed: int
+) -> None:
+    """Note in ``out/run.json`` by which command a step was made; ``study`` replaces all others."""
+    path = out / "run.json"
+    runs = {} if step == "study" else _before(path)
+    runs[step] = Run(command, study.source, study.sha256, seed, choices.as_dict(), _versions())
+    Runs(runs=runs).write(path)
+
+
+def _before(path: Path) -> dict[str, Run]:
+    try:
+        return Runs.read(path).runs
+    except (OSError, InputError):
+        return {}  # none yet, or not ours
+
+
+def _versions() -> dict[str, str]:
+    """Of Python and of the libraries that the numbers depend on."""
+    found = {"python": platform.python_version()}
+    for name in _LIBRARIES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found

@@ -1,0 +1,170 @@
+"""What is told is a record, and its file gives the same record back."""
+
+import json
+from dataclasses import fields
+
+import msgspec
+import pytest
+from endtoend import call
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from written_results import write_study
+
+from qlvbayes import InputError
+from qlvbayes.compare.contrast import Comparison
+from qlvbayes.curves import Curves
+from qlvbayes.diagnosis.result import DiagnosisResult, Estimate
+from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.report.methods import _THRESHOLDS
+from qlvbayes.residuals import Cell, CheckResult
+from qlvbayes.runs import Runs
+from qlvbayes.summary import Constant, FitSummary
+from qlvbayes.units import PAD, STRAIN
+
+KINDS = {
+    "summary": FitSummary,
+    "check": CheckResult,
+    "diagnosis": DiagnosisResult,
+    "compare": Comparison,
+    "curves": Curves,
+    "run": Runs,
+}
+NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
+NAMES = st.text(max_size=8)
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory):
+    return write_study(tmp_path_factory.mktemp("results"))
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_a_file_and_its_record_are_each_made_of_the_other(out, name):
+    files = sorted(out.rglob(f"{name}.json"))
+    assert files
+    for file in files:
+        found = KINDS[name].read(file)
+        assert KINDS[name].from_json(found.to_json()) == found
+        given, kept = json.loads(file.read_text()), found.as_dict()
+        assert {key: kept[key] for key in given} == given
+
+
+@given(st.builds(Constant, NAMES, *[NUMBERS] * 3, st.tuples(NUMBERS, NUMBERS), *2 * [st.none()]))
+def test_every_number_of_a_constant_comes_back(constant):
+    summary = FitSummary(
+        pad="B", effects=("a", "b"), sampler="emcee", converged=True, parameters={"m": constant}
+    )
+    assert FitSummary.from_json(summary.to_json()) == summary
+
+
+@given(
+    st.lists(
+        st.builds(
+            Cell,
+            NAMES,
+            st.sampled_from(["fit", "validate"]),
+            st.none() | NUMBERS,
+            st.sampled_from(["ramp", "hold"]),
+            st.integers(0, 2**53),
+            *[NUMBERS] * 3,
+            st.none() | NUMBERS,
+            st.booleans(),
+        ),
+        min_size=1,
+        max_size=4,
+    ),
+    st.sampled_from([PAD, STRAIN]),
+)
+def test_every_check_comes_back(cells, units):
+    check = CheckResult(pad="B", units=units, noise=0.01, cells=tuple(cells))
+    text = check.to_json()
+    assert CheckResult.from_json(text) == check
+    assert CheckResult.from_json(text).to_json() == text
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.sampled_from(sorted(KINDS)), st.floats(0.0, 1.0, exclude_max=True))
+def test_a_file_that_was_cut_is_refused_in_one_line(out, name, share):
+    file = next(out.rglob(f"{name}.json"))
+    text = file.read_bytes().rstrip()
+    with pytest.raises(InputError) as refused:
+        KINDS[name].from_json(text[: int(share * len(text))], file=file)
+    said = str(refused.value)
+    assert said.startswith(f"{file}: cannot be read as results of qlvbayes (")
+    assert said.endswith("; run the command again")
+    assert "\n" not in said
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_a_file_of_a_newer_schema_names_the_remedy(out, name):
+    file = next(out.rglob(f"{name}.json"))
+    content = json.loads(file.read_text()) | {"schema": 99}
+    with pytest.raises(InputError, match=r"newer version of qlvbayes \(schema 99, .*; update"):
+        KINDS[name].from_json(json.dumps(content), file=file)
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "said"),
+    [
+        ("check", {"noise_N": "small"}, r"Expected `float`, got `str` - at `\$\.noise_N`"),
+        ("summary", {"converged": 1}, r"at `\$\.converged`"),
+        ("diagnosis", {"steps": {}}, r"at `\$\.steps`"),
+        ("diagnosis", {"steps": []}, r"length >= 1 - at `\$\.steps`"),
+        ("compare", {"names": ["B"]}, r"at `\$\.names`"),
+    ],
+)
+def test_a_wrong_type_is_told_by_its_place(out, name, change, said):
+    content = json.loads(next(out.rglob(f"{name}.json")).read_text()) | change
+    with pytest.raises(InputError, match=said):
+        KINDS[name].from_json(json.dumps(content))
+
+
+@pytest.mark.parametrize(
+    "given", ["", "[]", "3", '{"pad": "B"}', '{"schema": "one"}', "\xff", "NaN"]
+)
+def test_what_is_no_result_is_refused(given):
+    for kind in KINDS.values():
+        with pytest.raises(InputError, match="cannot be read as results"):
+            kind.from_json(given.encode("latin-1"))
+
+
+def test_a_tolerance_that_no_diagnosis_can_have_is_refused_with_the_file(out):
+    content = json.loads(next(out.rglob("diagnosis.json")).read_text())
+    content["settings"]["thresholds"]["tolerance"] = 0.7
+    with pytest.raises(InputError, match=r"x\.json: cannot be read .*a tolerance of 0\.7"):
+        DiagnosisResult.from_json(json.dumps(content), file="x.json")
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_a_number_that_is_not_finite_is_never_written(tmp_path, value):
+    check = CheckResult(pad="B", noise=value, cells=())
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        check.write(tmp_path / "check.json")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("name", "place", "damage"),
+    [("check", "B", "cut"), ("diagnosis", "B", "newer"), ("run", ".", "cut")],
+)
+def test_the_report_ends_with_one_plain_line(tmp_path, name, place, damage):
+    file = write_study(tmp_path) / place / f"{name}.json"
+    text = file.read_text()
+    newer = json.dumps(json.loads(text) | {"schema": 99})
+    file.write_text(text[: len(text) // 2] if damage == "cut" else newer)
+    status, said, err = call("report", tmp_path)
+    assert (status, said) == (2, "")
+    assert err.count("\n") == 1
+    assert err.startswith(f"qlvbayes: {file}: ")
+    assert not (tmp_path / "report.html").exists()
+
+
+def test_a_record_is_not_changed_once_it_is_made():
+    estimate = Estimate("N", 1.0, 0.1)
+    with pytest.raises(AttributeError):
+        estimate.mean = 2.0
+    assert msgspec.structs.replace(estimate, mean=2.0).mean == 2.0
+
+
+def test_every_setting_of_the_diagnosis_has_its_words_in_the_report():
+    assert set(_THRESHOLDS) == {field.name for field in fields(Settings)}
