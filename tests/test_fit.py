@@ -67,8 +67,21 @@ def test_the_constants_that_made_the_data_are_found():
         assert abs(summary[name].mean - true_value(name)) < 4.0 * summary[name].sd, name
 
 
-def test_the_noise_that_was_simulated_is_found():
-    summary = summarise(fitted())
+def test_the_noise_is_the_measured_floor_and_nothing_is_missed():
+    summary, floor = summarise(fitted()), experiment().floor
+    for name in ("white", "ou", "tau"):
+        assert summary[f"noise.{name}"].fixed
+        assert summary[f"noise.{name}"].mean == getattr(floor, name)
+    factors = [one.total / floor.total for one in floor.draws(5)]
+    low, high = summary["noise.factor"].hdi90
+    assert min(factors) <= low < high <= max(factors)  # no swelling beyond what the rests allow
+    remainder = summary["noise.remainder"]
+    assert remainder.hdi90[0] == 0.0
+    assert remainder.median < 0.5 * floor.total
+
+
+def test_free_noise_is_found_as_it_was_simulated():
+    summary = summarise(fitted(Choices(noise="correlated")))
     # 0.006 N white, 0.008 N correlated over 0.5 s
     for name, value in (("noise.white", 0.006), ("noise.ou", 0.008), ("noise.tau", 0.5)):
         assert abs(summary[name].median - value) < 4.0 * summary[name].sd, name
@@ -113,7 +126,7 @@ def test_too_few_steps_do_not_converge_and_say_why():
 
 
 def test_fixed_constants_are_exactly_that():
-    values = {"v[2]": 0.14, "m": 0.34, "c[0]": 0.3, "noise.white": 0.006}
+    values = {"v[2]": 0.14, "m": 0.34, "c[0]": 0.3, "noise.white": 0.006, "noise.remainder": 0.001}
     choices = Choices(fixed=tuple(f"{name}={value}" for name, value in values.items()))
     summary = summarise(fitted(choices, settings=SHORT))
     for name, value in values.items():
