@@ -76,7 +76,8 @@ def predict(
     noise = _noise(posterior, matrix, rng)
     floor = _floor_draws(experiment, posterior, rng)
     if isinstance(posterior.noise, Floor):
-        noise += _missed(experiment, posterior, matrix, trials, chosen, forces.mean(axis=0), rng)
+        known = replace(experiment, floor=known_floor(experiment.floor, posterior.noise))
+        noise += _missed(known, posterior, matrix, trials, chosen, forces.mean(axis=0), rng)
     return [
         _prediction(trial, rows, forces[:, k], noise[:, k], floor[:, k])
         for k, (trial, rows) in enumerate(zip(trials, chosen, strict=True))
@@ -179,12 +180,11 @@ def _missed(
     )
     fitted = experiment.with_role("fit")
     of_fit = Posterior(posterior.model, posterior.noise, experiment.record(fitted))
-    known = replace(experiment, floor=known_floor(experiment.floor, posterior.noise))
     found = np.zeros((len(matrix), *forces.shape))
     inside = np.zeros(forces.shape, dtype=bool)
     for k, rows in enumerate(chosen):
         inside[k, : rows.size] = True
-    found[:, inside] = missed(known, of_fit, fitted, matrix, places, rng)
+    found[:, inside] = missed(experiment, of_fit, fitted, matrix, places, rng)
     return found
 
 

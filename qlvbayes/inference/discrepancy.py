@@ -148,4 +148,4 @@ class Discrepancy:
         shapes = self.shapes * own.root
         precision = shapes @ shapes.T + np.eye(len(shapes)) / size**2
         mean = np.linalg.solve(precision, shapes @ (residual * own.root).T).T
-        return mean, np.linalg.inv(np.linalg.cholesky(precision))
+        return np.asarray(mean), np.linalg.inv(np.linalg.cholesky(precision))

@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
@@ -35,9 +36,12 @@ _SIZES = np.geomspace(SIZES[0], SIZES[-1], 2 * SIZES.size - 1)  # steps of a fif
 
 def known_floor(floor: NoiseFloor, noise: Floor) -> NoiseFloor:
     """The floor with what the user knows of it, which leaves nothing open."""
-    given = {name: float(getattr(noise, name)) for name in ("white", "ou", "tau")}
-    known = {name: value for name, value in given.items() if np.isfinite(value)}
-    return replace(floor, **known, rests=None) if known else floor
+    given = [float(value) for value in (noise.white, noise.ou, noise.tau)]
+    if np.isnan(given).all():
+        return floor
+    measured = (floor.white, floor.ou, floor.tau)
+    white, ou, tau = np.where(np.isnan(given), measured, given).tolist()
+    return replace(floor, white=white, ou=ou, tau=tau, rests=None)
 
 
 def floor_likelihood(
@@ -47,34 +51,36 @@ def floor_likelihood(
     floor = known_floor(experiment.floor, noise)
     experiment = replace(experiment, floor=floor)
     made = Discrepancy.on(experiment, trials, blocks, TOLERANCE, _SIZES)
-    sizes, log_sizes = made.sizes, made.log_prior
-    if np.isfinite(size := float(noise.remainder)):
-        sizes, log_sizes = np.array([size]), np.zeros(1)
-    whiten, shapes = made.whitener.matrix, made.shapes
-    kappa, turn = np.linalg.eigh(shapes.T @ shapes + ROUGH * np.diag(made.whitener.precisions))
-    scales, shares = _scales(floor)
-    if np.isfinite(factor := float(noise.factor)):
-        scales, shares = np.array([factor]), np.ones(1)
-    scale, size = (grid.ravel() for grid in np.meshgrid(scales, sizes, indexing="ij"))
-    log_prior = (np.log(shares)[:, None] + log_sizes).ravel()
-    variances = scale[:, None] ** 2 + size[:, None] ** 2 * np.maximum(kappa, 0.0)
-    precisions = made.whitener.precisions
-    known = (np.full(scale.size, value) for value in (floor.white, floor.ou, floor.tau))
+    shapes, precisions = made.shapes, made.whitener.precisions
+    kappa, turn = np.linalg.eigh(shapes.T @ shapes + ROUGH * np.diag(precisions))
+    scales, sizes, log_prior = _pairs(floor, noise, made)
+    variances = scales[:, None] ** 2 + sizes[:, None] ** 2 * np.maximum(kappa, 0.0)
     constant = 0.5 * np.sum(np.log(precisions / (2.0 * np.pi)))
+    known = (np.full(scales.size, value) for value in (floor.white, floor.ou, floor.tau))
     return FloorLikelihood(
-        places=np.flatnonzero(np.asarray(blocks.real)),
-        axes=turn.T @ whiten,
-        precisions=1.0 / variances,
-        heights=log_prior + constant - 0.5 * np.log(variances).sum(axis=1),
-        constants=np.column_stack([*known, scale, size]),
+        places=jnp.flatnonzero(jnp.asarray(blocks.real)),
+        axes=jnp.asarray(turn.T @ made.whitener.matrix),
+        precisions=jnp.asarray(1.0 / variances),
+        heights=jnp.asarray(log_prior + constant - 0.5 * np.log(variances).sum(axis=1)),
+        constants=jnp.asarray(np.column_stack([*known, scales, sizes])),
     )
 
 
-def _scales(floor: NoiseFloor) -> tuple[Array, Array]:
-    """Equally likely scales of the floor given the rests; alike ones once, with their shares."""
+def _pairs(floor: NoiseFloor, noise: Floor, made: Discrepancy) -> tuple[Array, Array, Array]:
+    """(C,) scales of the floor, sizes of the discrepancy, and log priors; what is given is sure.
+
+    Draws of the floor given the rests are equally likely; alike ones stand once.
+    """
     found = np.array([one.total for one in floor.draws(_SCALES)]) / floor.total
     scales, counts = np.unique(found, return_counts=True)
-    return scales, counts / counts.sum()
+    log_scales = np.log(counts / counts.sum())
+    sizes, log_sizes = made.sizes, made.log_prior
+    if np.isfinite(noise.factor):
+        scales, log_scales = np.array([float(noise.factor)]), np.zeros(1)
+    if np.isfinite(noise.remainder):
+        sizes, log_sizes = np.array([float(noise.remainder)]), np.zeros(1)
+    log_prior = log_scales[:, None] + log_sizes
+    return np.repeat(scales, sizes.size), np.tile(sizes, scales.size), log_prior.ravel()
 
 
 class Judged:

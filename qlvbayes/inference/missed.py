@@ -39,9 +39,8 @@ def missed(
 ) -> Array:
     """(R, N) draws of the discrepancy (N) at places, one for each row (R, P) of constants.
 
-    posterior: of the fitted trials; of its constants, the last two are the
-    factor of the noise and the size of the discrepancy. What the
-    features leave out is drawn sample by sample.
+    posterior: of the fitted trials; the last two of its constants are the factor of the noise and
+    the size of the discrepancy. What the features leave out is drawn sample by sample.
     """
     sizes, scales = constants[:, -1], constants[:, -2]
     found = np.zeros((len(constants), places.size.size))
