@@ -73,4 +73,4 @@ def described(fields: Iterable[Field]) -> dict[str, str]:
 def _described(value: Any) -> str:
     if is_prior(value):
         return value.describe()
-    return "as measured" if np.isnan(value).any() else f"fixed at {value}"
+    return "not sampled" if np.isnan(value).any() else f"fixed at {value}"

@@ -105,9 +105,11 @@ def test_the_root_says_where_it_comes_from(tree):
 
 
 def test_arviz_summary_agrees_with_ours(tree):
-    table = arviz_summary(tree, round_to="none")
     ours = summarise(fitted())
-    for constant in ours.constants:
+    free = [constant for constant in ours.constants if not constant.fixed]
+    varying = sorted({constant.name.split("[")[0] for constant in free})
+    table = arviz_summary(tree, var_names=varying, round_to="none")
+    for constant in free:
         row = table.loc[constant.name]
         # both from one chain, of which the file keeps a part
         assert abs(row["mean"] - constant.mean) < 0.15 * constant.sd
