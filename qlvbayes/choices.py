@@ -7,7 +7,7 @@ from pathlib import Path
 
 from qlvbayes.checks import InputError
 from qlvbayes.defaults import NOISES, default_model, default_noise
-from qlvbayes.effects.catalogue import EFFECTS, find
+from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE, find
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.effects.userfile import load
 from qlvbayes.laws.catalogue import LAWS, Laws, find_elastic, find_relaxation
@@ -64,8 +64,8 @@ class Choices:
             laws=self.laws,
             bonded=self.bonded,
         )
-        for name in self.effects:
-            model = model + find(name, self.kinds).default(scales)
+        for kind in self._added():
+            model = model + kind.default(scales)
         noise = default_noise(scales, self.noise)
         settings = [parse(text, fixed=False) for text in self.priors]
         settings += [parse(text, fixed=True) for text in self.fixed]
@@ -76,11 +76,30 @@ class Choices:
             _check_floor(noise)
         return override(model, of_model), noise
 
+    def _added(self) -> list[type[AbstractEffect]]:
+        """The effects in the model; InputError where two are of one family."""
+        found: dict[str, type[AbstractEffect]] = {}
+        for name in self.effects:
+            kind = find(name, self.kinds)
+            other = found.setdefault(kind.family(), kind)
+            if other.name != name:
+                raise InputError(
+                    f"{other.name} and {name} are forms of one effect", remedy="add one of them"
+                )
+        return [find(name, self.kinds) for name in self.effects]
+
     @property
     def kinds(self) -> tuple[type[AbstractEffect], ...]:
         """Every effect that can be added, those of the package and the user's own."""
-        own = load(Path(self.effects_file)) if self.effects_file else ()
-        return (*EFFECTS, *own)
+        return (*EFFECTS, *FORMS, *OUTSIDE, *self._own_effects())
+
+    @property
+    def candidates(self) -> tuple[type[AbstractEffect], ...]:
+        """Effects that a diagnosis looks for: the list, and the user's own."""
+        return (*EFFECTS, *self._own_effects())
+
+    def _own_effects(self) -> tuple[type[AbstractEffect], ...]:
+        return load(Path(self.effects_file)) if self.effects_file else ()
 
     @property
     def laws(self) -> Laws:

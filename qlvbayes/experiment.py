@@ -10,6 +10,7 @@ import numpy as np
 
 from qlvbayes.data import Pad, Test
 from qlvbayes.kinematics.phases import Phase, find_phases, loading_rate, phase_index
+from qlvbayes.kinematics.segments import encoder_steps
 from qlvbayes.kinematics.trajectory import Trajectory, smooth
 from qlvbayes.noise import Correlated
 from qlvbayes.noisefloor import NoiseFloor, measure
@@ -149,18 +150,20 @@ def prepare(pad: Pad, *, all_tests: bool = False) -> Experiment:
     Tests without a role: the one whose rate is nearest to 20 mm/s (in the logarithm) is fitted,
     the others validate; ``all_tests`` fits every one.
     """
-    trials = [_trial(test) for test in pad.tests]
+    steps = encoder_steps([test.displacement for test in pad.tests])
+    trials = [_trial(test, step) for test, step in zip(pad.tests, steps, strict=True)]
     roles = _roles(trials, FIT_RATE * pad.units.mm_per_s)
     trials = [replace(t, role=role) for t, role in zip(trials, roles, strict=True)]
     if all_tests:
         trials = [replace(t, role="fit") for t in trials]
-    tests, step = [t.test for t in trials], max(t.trajectory.resolution for t in trials)
-    floor = measure(tests, [t.phases for t in trials], of_a_step=largest_stiffness(tests) * step)
+    tests = [trial.test for trial in trials]
+    of_a_step = largest_stiffness(tests) * max(steps)
+    floor = measure(tests, [t.phases for t in trials], of_a_step=of_a_step)
     return Experiment(pad.name, pad.units, tuple(trials), floor, pad.fluid)
 
 
-def _trial(test: Test) -> Trial:
-    trajectory = smooth(test.time, test.displacement)
+def _trial(test: Test, step: float) -> Trial:
+    trajectory = smooth(test.time, test.displacement, step)
     phases = find_phases(trajectory)
     rate = test.rate if test.rate is not None else loading_rate(trajectory, phases)
     return Trial(test, trajectory, phases, rate, test.role or "")

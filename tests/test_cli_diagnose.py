@@ -113,12 +113,18 @@ def test_an_unknown_effect_is_refused_before_anything_is_written(tmp_path):
         assert not (tmp_path / "out").exists()
 
 
-def test_effects_lists_all_by_name():
+def test_effects_lists_all_by_family():
     status, out, err = call("effects", "--json")
     assert (status, err) == (0, "")
     listed = json.loads(out)
-    assert len(listed) == 18
     assert all(entry["law"] and entry["seen"] and entry["parameters"] for entry in listed)
+    outside = [entry["outside"] for entry in listed]
+    assert outside == sorted(outside)
+    families = [entry["family"] for entry in listed]
+    assert len(set(families) - {e["effect"] for e in listed if e["outside"]}) == 18
+    for place, entry in enumerate(listed):  # a form comes right after its family's others
+        if entry["effect"] != entry["family"]:
+            assert families[place - 1] == entry["family"]
 
 
 @pytest.fixture

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from qlvbayes.diagnosis.decision import VERDICTS, Weight, decide, less, listed, unless_sound
+from qlvbayes.diagnosis.families import Families
 
 EXP = ("exponential", "prony:2")
 HERTZ = ("hertz", "prony:2")
@@ -92,6 +93,64 @@ def test_no_effect_is_named_whose_addition_raises_the_error_on_tests_left_out():
     found = less(decide(weights), weights, ["drag"])
     assert (found.verdict, found.effects) == ("missing_effect", ("inertia",))
     assert weights[found.told].effects == {"inertia"}
+
+
+FAMILIES = Families(
+    {
+        "friction": "friction",
+        "coulomb": "friction",
+        "lag": "lag",
+        "filter": "lag",
+        "wander": "wander",
+    },
+    frozenset({"wander"}),
+)
+
+
+def within(*weights):
+    return [one.within(FAMILIES) for one in weights]
+
+
+def test_an_effect_is_named_by_its_family_in_its_likeliest_form():
+    """Neither form alone has 0.9, the effect has; the filter is the likelier form of the lag."""
+    weights = within(
+        weight("coulomb", 0.5),
+        weight("friction", 0.2),
+        weight("friction filter", 0.15),
+        weight("coulomb lag", 0.1),
+        weight("", 0.05),
+    )
+    found = decide(weights)
+    assert (found.verdict, found.effects) == ("missing_effect", ("friction",))
+    assert found.inclusion == pytest.approx({"friction": 0.95, "lag": 0.25})
+    assert found.form == {"friction": "coulomb", "lag": "filter"}
+    assert found.told == 0
+
+
+def test_forms_of_one_effect_are_no_group():
+    found = decide(within(weight("coulomb", 0.5), weight("friction", 0.49), weight("", 0.01)))
+    assert (found.verdict, found.effects, found.group) == ("missing_effect", ("friction",), ())
+    found = decide(within(weight("coulomb", 0.5), weight("filter", 0.49), weight("", 0.01)))
+    assert (found.verdict, found.group) == ("ambiguous", ("friction", "lag"))
+
+
+def test_what_names_nothing_is_outside_and_never_named():
+    weights = within(weight("wander", 0.98), weight("", 0.02))
+    found = decide(weights)
+    assert (found.verdict, found.effects, found.inclusion) == ("unexplained", (), {})
+    assert found.outside == pytest.approx(0.98)
+    weights = within(weight("wander coulomb", 0.6), weight("coulomb", 0.38), weight("", 0.02))
+    found = decide(weights)
+    assert (found.verdict, found.effects) == ("partly_explained", ("friction",))
+    assert found.outside == pytest.approx(0.6)
+    inside = decide(listed(weights))
+    assert (inside.verdict, inside.told) == ("missing_effect", 1)
+
+
+def test_a_family_whose_addition_raises_the_error_is_not_named_in_any_form():
+    weights = within(weight("coulomb filter", 0.97), weight("filter", 0.03))
+    found = less(decide(weights), weights, ["friction"])
+    assert (found.verdict, found.effects, found.told) == ("missing_effect", ("lag",), 1)
 
 
 PROBABILITIES = st.lists(st.floats(1e-6, 1.0), min_size=1, max_size=6)

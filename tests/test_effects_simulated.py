@@ -2,12 +2,11 @@
 
 from dataclasses import fields, replace
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
+from simulated import CLOSE, PROTOCOLS, START, grid_of, motion_of
 
 from qlvbayes.effects.catalogue import EFFECTS, find, names
-from qlvbayes.motion import Motion
 from qlvbayes.synthetic import (
     HIDDEN,
     TABLE_1,
@@ -18,12 +17,8 @@ from qlvbayes.synthetic import (
     paper_protocol,
 )
 
-CLOSE = 1e-4  # of the peak force
 SIZE = 0.06  # of the peak force, the effect's largest contribution
-START = 500.0  # s, the clock as the test begins
-PROTOCOLS = {"paper": paper_protocol, "retraction": full_retraction_protocol}
 SIMULATED = [name for name in names() if name in HIDDEN]
-POINTS = 2560  # one size of grid, one compilation of each part
 SETS = [
     ("viscous_drag", "friction", "force_offset"),
     ("extra_relaxation_mode", "strain_dependent_rate", "strain_dependent_strength"),
@@ -36,25 +31,6 @@ SETS = [
     # drags through a frame that gives way differ where contact begins: its speed is neglected
     tuple(name for name in SIMULATED if name != "frame_compliance"),
 ]
-
-
-def grid_of(platen):
-    """Times dense where the platen speeds up and after each of its kinks."""
-    even, early = np.linspace(0.0, 1.0, 151), np.linspace(0.0, 1.0, 161) ** 4
-    parts = [
-        p.start + p.duration * (even if p.acceleration or p.velocity else early)
-        for p in platen.pieces
-    ]
-    time = np.unique(np.concatenate([*parts, platen.kinks]))
-    assert time.size <= POINTS
-    time = np.clip(time, 0.0, platen.duration)
-    return time[np.append(True, np.diff(time) > 1e-9)]
-
-
-def motion_of(platen, time):
-    full = np.pad(time, (0, POINTS - time.size), mode="edge")
-    along = (platen.displacement(full), platen.velocity(full), platen.acceleration(full))
-    return Motion(*map(jnp.asarray, (full, *along)), start=platen.start_s)
 
 
 def drawn(name, seed, protocol=None):

@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import dblquad, quad
 from scipy.linalg import block_diag
 from scipy.optimize import minimize
+from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from qlvbayes import prepare, read_study
@@ -16,14 +17,16 @@ from qlvbayes.diagnosis.search import amplitude_of
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.inference.density import Density, Terms
 from qlvbayes.inference.discrepancy import ROUGH, Discrepancy
-from qlvbayes.inference.evidence import evidence
+from qlvbayes.inference.evidence import evidence, normals
 from qlvbayes.inference.floor_covariance import covariance
 from qlvbayes.inference.modes import bounded_step, find_mode, modes, promised
+from qlvbayes.inference.projection import projected
+from qlvbayes.inference.score import promised_evidence
 from qlvbayes.inference.space import Hypothesis, Space, in_natural_amplitude, median
 from qlvbayes.inference.whitening import Whitener
 from qlvbayes.laws.catalogue import LAWS
 from qlvbayes.laws.relaxation.prony import Prony
-from qlvbayes.priors.natural import within_bounds
+from qlvbayes.priors.natural import in_own_numbers
 
 HIDDEN = Path(__file__).parents[1] / "data" / "hidden.csv"
 PEAK = 1.0
@@ -41,9 +44,9 @@ def space(experiment):
     relaxation |= {kind.name: kind.default(scales) for kind in LAWS.relaxation if kind != Prony}
     return Space(
         experiment.record(experiment.trials),
-        {kind.name: within_bounds(kind.default(scales)) for kind in LAWS.elastic},
-        {name: within_bounds(law) for name, law in relaxation.items()},
-        {k.name: within_bounds(in_natural_amplitude(k.default(scales))) for k in EFFECTS},
+        {kind.name: in_own_numbers(kind.default(scales)) for kind in LAWS.elastic},
+        {name: in_own_numbers(law) for name, law in relaxation.items()},
+        {k.name: in_own_numbers(in_natural_amplitude(k.default(scales))) for k in EFFECTS},
         experiment.noise_at_rest,
         False,
     )
@@ -216,12 +219,67 @@ def test_an_effect_at_nothing_is_where_it_would_be_computed(density, space):
         start[own.carried(point.own)] = theta
         leaf, _ = amplitude_of(own, effect)
         start[leaf.theta.start] = 0.0
-        (found,) = density.extended(point, hypothesis, leaf.theta.start, [start])
+        (one,) = density.extensions(point, hypothesis, leaf.theta.start, [start])
+        found = density.extended(point, one)
         expected = density.at(hypothesis, start)
         apart = np.abs(found.responses - expected.responses).max(axis=(1, 2)) * own.length
         assert apart.max() < 1e-4 * np.abs(expected.predicted).max(), effect
         np.testing.assert_allclose(found.predicted, expected.predicted, atol=1e-9)
         np.testing.assert_allclose(found.slopes, expected.slopes)
+
+
+@pytest.mark.parametrize("effect", ["force_offset", "force_drift", "viscous_drag"])
+def test_what_an_effect_promises_is_the_evidence_with_it_where_all_is_linear(
+    density, space, effect
+):
+    plain = Hypothesis("exponential", "prony:2")
+    point = find_mode(density, plain, median(space.plain_draws(plain))).point
+    hypothesis = plain.plus(effect)
+    own = space.parameters(hypothesis)
+    start = np.zeros(own.size)
+    start[own.carried(point.own)] = point.theta
+    leaf, _ = amplitude_of(own, effect)
+    (one,) = density.extensions(point, hypothesis, leaf.theta.start, [start])
+    plain_terms = density.terms_by_size(point)
+    below, above = point.own.lowest - point.theta, point.own.highest - point.theta
+    by_size = normals(plain_terms, below, above)[0] + density.discrepancy.log_prior
+    promised = promised_evidence(density, point, by_size, [one])
+    found = density.extended(point, one)
+    terms = density.terms_by_size(found)
+    logs, _ = normals(terms, own.lowest - found.theta, own.highest - found.theta)
+    expected = logsumexp(logs + density.discrepancy.log_prior)
+    assert promised[0] == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize("scale", [0.0, 0.01, 0.3, 3.0])
+def test_the_likeliest_size_is_that_of_least_loss_wherever_it_is_looked_for(density, scale):
+    rng = np.random.default_rng(5)
+    found = density.discrepancy
+    residual = rng.standard_normal(found.whitener.precisions.size)
+    residual += scale * found.shapes.sum(axis=0)
+    losses = [found.loss(residual, k) for k in range(found.sizes.size)]
+    expected = found.sizes[int(np.argmin(losses))]
+    assert {found.likeliest(residual, near) for near in found.sizes[::4]} == {expected}
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "apart"),
+    [
+        (Hypothesis("linear", "prony:2"), Hypothesis("polynomial:3", "prony:2"), 1e-3),
+        (Hypothesis("exponential", "prony:2"), Hypothesis("polynomial:3", "prony:2"), 0.02),
+        (Hypothesis("exponential", "prony:2"), Hypothesis("exponential", "prony:3"), 0.01),
+        (Hypothesis("exponential", "fung"), Hypothesis("exponential", "log-normal"), 0.03),
+    ],
+    ids=["linear", "exponential", "prony", "fung"],
+)
+def test_a_law_in_anothers_place_follows_its_curve(density, space, before, after, apart):
+    point = density.at(before, median(space.plain_draws(before)))
+    theta = projected(space, point, after, median(space.plain_draws(after)))
+    constants = space.parameters(after).constants(theta[None])
+    part = "elastic" if before.elastic != after.elastic else "relaxation"
+    goal = space.curve(before, part, point.constants[None])[0]
+    found = space.curve(after, part, constants)[0]
+    assert np.abs(found - goal).max() < apart * np.abs(goal).max()
 
 
 def quadratic(gradient, curvature, theta, lowest, highest):
@@ -256,7 +314,7 @@ def test_evidence_between_two_bounds_agrees_with_quadrature(low, high):
         return float(np.exp(-gradient @ z - 0.5 * z @ curvature @ z))
 
     area, _ = dblquad(value, low, min(high, 12.0), -12.0, 12.0, epsabs=1e-12)
-    assert evidence(density, point, linear=True).log == pytest.approx(np.log(area), abs=1e-6)
+    assert evidence(density, point).log == pytest.approx(np.log(area), abs=1e-6)
 
 
 def test_a_step_between_bounds_ends_at_the_lowest_place_there():

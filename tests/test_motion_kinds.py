@@ -22,6 +22,7 @@ from motions import (
 )
 
 from qlvbayes.kinematics.phases import find_phases, loading_rate
+from qlvbayes.kinematics.segments import encoder_step, encoder_steps
 from qlvbayes.kinematics.trajectory import smooth
 
 STEPS = [0.0, 1e-4, 1e-3, 1e-2]  # mm
@@ -212,3 +213,13 @@ def test_the_loading_rate_of_a_sine_is_its_mean_speed_between_20_and_80_per_cent
     # cos goes from 0.6 to -0.6 in (pi - 2 arccos 0.6) / w
     expected = 0.6 * 1.6 * 2 * np.pi * 0.3 / (np.pi - 2.0 * np.arccos(0.6))
     assert loading_rate(fit, find_phases(fit)) == pytest.approx(expected, rel=0.01)
+
+
+def test_one_encoder_reads_all_tests_of_a_pad():
+    """A fast test of few readings changes by many steps at a time; an exact record has none."""
+    step, t = 0.005, np.arange(0.0, 4.0, 0.02)
+    slow = step * np.round(np.minimum(0.3 * t, 1.0) / step)
+    fast = step * np.round(np.clip(12.5 * (t - 0.5), 0.0, 1.1) / step)
+    other = np.sin(t)
+    assert encoder_step(fast) == pytest.approx(10.0 * step)
+    assert encoder_steps([fast, slow, other]) == pytest.approx([step, step, 0.0])

@@ -27,7 +27,7 @@ def filled(template: str) -> str:
 def context() -> dict[str, Any]:
     """Every name that a page may use."""
     from qlvbayes.diagnosis.settings import Settings
-    from qlvbayes.effects.catalogue import EFFECTS
+    from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE, by_family
     from qlvbayes.units import PAD
 
     return {
@@ -36,6 +36,9 @@ def context() -> dict[str, Any]:
         "constant": constant,
         "doc": docstring,
         "effects": EFFECTS,
+        "forms": FORMS,
+        "outside": OUTSIDE,
+        "families": by_family,
         "unit": PAD.of,
         "told": inspect.getdoc,
         "lower_levels": levels,

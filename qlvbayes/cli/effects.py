@@ -9,22 +9,28 @@ from rich.table import Table
 from qlvbayes.choices import Choices
 from qlvbayes.cli.console import out
 from qlvbayes.cli.options import AsJson, EffectsFile
+from qlvbayes.effects.catalogue import by_family
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.units import PAD
 
 
 def effects(effects_file: EffectsFile = None, as_json: AsJson = False) -> None:
-    """List the effects by name, with law, constants and what one would see."""
+    """List the effects by family, with law, constants and what one would see.
+
+    Under each listed effect stand its other forms; those that name nothing come after the list.
+    """
     own = None if effects_file is None else str(effects_file.resolve())
-    kinds = Choices(effects_file=own).kinds
+    families = by_family(Choices(effects_file=own).kinds)
+    kinds = [kind for members in families.values() for kind in members]
     if as_json:
         print(json.dumps([_entry(kind) for kind in kinds]))
         return
-    table = Table(show_lines=True)
+    table = Table(show_lines=True, caption="indented: another form of the effect above it")
     for name in ("effect", "law", "constants", "what you would see"):
         table.add_column(name, overflow="fold", no_wrap=name == "effect")
     for kind in kinds:
-        table.add_row(kind.name, kind.law, ", ".join(_constants(kind)), kind.seen)
+        name = f"  {kind.name}" if kind.generalises else kind.name
+        table.add_row(name, kind.law, ", ".join(_constants(kind)), kind.seen)
     out.print(table)
 
 
@@ -36,6 +42,8 @@ def _constants(kind: type[AbstractEffect]) -> list[str]:
 def _entry(kind: type[AbstractEffect]) -> dict:
     return {
         "effect": kind.name,
+        "family": kind.family(),
+        "outside": kind.outside,
         "law": kind.law,
         "parameters": {name: PAD.of(word) for name, word in kind.units.items()},
         "seen": kind.seen,

@@ -7,18 +7,20 @@ everything else,
 .. math:: P(e) = \sum_{H \ni e} P(H).
 
 An effect is named from 0.9 on; where none alone reaches it, the smallest set that holds one of its
-members with 0.95 is the group.
+members with 0.95 is the group. Effects of one family count as one, by the listed one's name; those
+of no family of the list name nothing: a hypothesis that has one has something outside beside it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Sequence
-from dataclasses import dataclass, replace
-from typing import TypeVar
+from collections.abc import Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Self, TypeVar
 
 import numpy as np
 from scipy.special import softmax
 
+from qlvbayes.diagnosis.families import Families
 from qlvbayes.diagnosis.settings import Settings
 
 Key = TypeVar("Key", bound=Hashable)
@@ -35,8 +37,9 @@ _BESIDE = 0.5  # probability of something outside, from which it is taken to be 
 class Weight:
     """A hypothesis in numbers.
 
-    outside: probability of something that no list holds beside it; listed: whether its laws are of
-    the list.
+    effects: by the names of their families; outside: probability of something that no list holds
+    beside it; listed: whether its laws and effects all name something; forms: of each effect, by
+    its family, where that is not the listed law itself.
     """
 
     base: tuple[str, str]
@@ -44,6 +47,17 @@ class Weight:
     log_posterior: float
     outside: float
     listed: bool = True
+    forms: Mapping[str, str] = field(default_factory=dict)
+
+    def within(self, families: Families) -> Self:
+        """Of a hypothesis whose effects are told by their own names: by those of families."""
+        named = families.named(self.effects)
+        return replace(
+            self,
+            effects=frozenset(named),
+            listed=self.listed and self.effects.isdisjoint(families.outside),
+            forms={family: form for family, form in named.items() if form != family},
+        )
 
 
 @dataclass(frozen=True)
@@ -51,14 +65,16 @@ class Decision:
     """The verdict and what it is made of.
 
     effects: named, the surest first; group: one of which is there, the likeliest first; inclusion:
-    of every effect; base: probability of every base; outside: that something unlisted is there;
-    told: place of the hypothesis that stands for the answer, the likeliest with just these effects.
+    of every effect; form: of every effect the likeliest, the listed law or another of its family;
+    base: probability of every base; outside: that something unlisted is there; told: place of the
+    hypothesis that stands for the answer, the likeliest with just these effects.
     """
 
     verdict: str
     effects: tuple[str, ...]
     group: tuple[str, ...]
     inclusion: dict[str, float]
+    form: dict[str, str]
     base: dict[tuple[str, str], float]
     outside: float
     told: int
@@ -75,6 +91,7 @@ def decide(weights: Sequence[Weight], settings: Settings | None = None) -> Decis
     shares = softmax([weight.log_posterior for weight in weights])
     pairs = list(zip(weights, shares.tolist(), strict=True))
     inclusion = _summed((name, p) for w, p in pairs for name in w.effects)
+    form = _forms(pairs)
     base = _summed((w.base, p) for w, p in pairs)
     outside = sum(p * (w.outside if w.listed else 1.0) for w, p in pairs)
     named = tuple(name for name, p in inclusion.items() if p >= settings.named)
@@ -87,7 +104,7 @@ def decide(weights: Sequence[Weight], settings: Settings | None = None) -> Decis
     told = _told(weights, {*named, *group[:1]})
     if verdict == "unexplained":
         told = int(np.argmax(shares))
-    return Decision(verdict, named, group, inclusion, base, outside, told)
+    return Decision(verdict, named, group, inclusion, form, base, outside, told)
 
 
 def listed(weights: Sequence[Weight]) -> list[Weight]:
@@ -134,6 +151,15 @@ def _summed(pairs: Iterable[tuple[Key, float]]) -> dict[Key, float]:
     for key, share in pairs:
         found[key] = found.get(key, 0.0) + share
     return dict(sorted(found.items(), key=lambda item: -item[1]))
+
+
+def _forms(pairs: Sequence[tuple[Weight, float]]) -> dict[str, str]:
+    """The likeliest form of every effect."""
+    found = _summed(((name, w.forms.get(name, name)), p) for w, p in pairs for name in w.effects)
+    likeliest: dict[str, str] = {}
+    for family, form in found:
+        likeliest.setdefault(family, form)
+    return likeliest
 
 
 def _group(

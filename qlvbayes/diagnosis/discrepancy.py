@@ -39,7 +39,9 @@ def discrepancy(work: Work) -> list[Band]:
         return [Band(np.zeros(own.size), np.zeros(own.size)) for own in samples.rows]
     blocks = samples.space.record.blocks
     features = Features.of(Places.of_blocks(work.experiment, samples.trials, blocks))
-    mean, root = work.search.density.discrepancy.weights(point.residual, size)
+    # the smooth functions alone: what looks like an effect has no place of its own in a sample
+    smooth = len(features.factor)
+    mean, root = work.search.density.discrepancy.weights(point.residual, size, smooth)
     forces = samples.predict(told.hypothesis, point.constants[None])
     found = []
     for k, (trial, rows) in enumerate(zip(samples.trials, samples.rows, strict=True)):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 
+from qlvbayes.diagnosis.families import Families
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.inference.space import Hypothesis
 
@@ -13,18 +14,20 @@ def log_prior(
     hypothesis: Hypothesis,
     usual: Hypothesis,
     laws: tuple[Collection[str], Collection[str]],
-    candidates: int,
+    candidates: int | Families,
     settings: Settings,
 ) -> float:
-    r"""Log prior probability; laws: elastic ones and relaxations; candidates: effects in all.
+    r"""Log prior probability; laws: elastic ones and relaxations.
 
-    What the usual hypothesis has is in every one. Sets of k effects are equally
-    likely: p(set) = c (1 - c)^k / (N over k).
+    What the usual hypothesis has is in every one. candidates: effects in all, if each is a family
+    of its own; sets of k families of N are equally likely, p(set) = c (1 - c)^k / (N over k), and
+    a family's members share its probability. There is at most one of a family: minus infinity.
     """
-    count = len(hypothesis.effects - usual.effects)
-    candidates -= len(usual.effects)
-    total = math.log(settings.complete) + count * math.log1p(-settings.complete)
-    total -= math.log(math.comb(candidates, count))
+    added = hypothesis.effects - usual.effects
+    if isinstance(candidates, Families):
+        total = _log_prior_of_families(added, usual.effects, candidates, settings)
+    else:
+        total = _log_prior_of_set(len(added), candidates - len(usual.effects), settings)
     pairs = (
         (hypothesis.elastic, usual.elastic, laws[0]),
         (hypothesis.relaxation, usual.relaxation, laws[1]),
@@ -34,6 +37,24 @@ def log_prior(
             share = settings.usual if law == own else (1.0 - settings.usual) / (len(known) - 1)
             total += math.log(share)
     return total
+
+
+def _log_prior_of_set(count: int, families: int, settings: Settings) -> float:
+    """Of a set of so many families out of all."""
+    missing = count * math.log1p(-settings.complete)
+    return math.log(settings.complete) + missing - math.log(math.comb(families, count))
+
+
+def _log_prior_of_families(
+    added: Collection[str], usual: Collection[str], families: Families, settings: Settings
+) -> float:
+    taken = {families.of[name] for name in usual}
+    own = {families.of[name] for name in added}
+    if len(own) < len(added) or own & taken:
+        return -math.inf
+    free = set(families.of.values()) - taken
+    shares = sum(math.log(families.share(name)) for name in added)
+    return _log_prior_of_set(len(added), len(free), settings) + shares
 
 
 def log_odds_of_effect(candidates: int, settings: Settings) -> float:

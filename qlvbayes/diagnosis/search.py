@@ -19,14 +19,15 @@ from qlvbayes.checks import NoFiniteForceError
 from qlvbayes.diagnosis.noticeable import log_noticeable
 from qlvbayes.diagnosis.prior import log_prior
 from qlvbayes.diagnosis.settings import Settings
-from qlvbayes.inference.density import Density, Point
+from qlvbayes.inference.density import Density, Extension, Point
 from qlvbayes.inference.evidence import Evidence, evidence
 from qlvbayes.inference.modes import Mode, base_modes, distinct, find_modes, modes
+from qlvbayes.inference.projection import projected
+from qlvbayes.inference.score import promised_evidence
 from qlvbayes.inference.space import (
     Hypothesis,
     Leaf,
     Parameters,
-    Space,
     in_natural_amplitude,
     median,
 )
@@ -62,11 +63,17 @@ class Weighed:
 
 
 @dataclass(frozen=True, eq=False)
-class _Start:
-    """Where a hypothesis is to be optimised from, and what its evidence promises to be there."""
+class _Promise:
+    """An effect more at a mode, and what the evidence with it promises to be."""
 
     point: Point
+    added: Extension
     log_evidence: float
+
+    @property
+    def hypothesis(self) -> Hypothesis:
+        """The one with the effect."""
+        return self.added.own.hypothesis
 
 
 @dataclass(eq=False)
@@ -96,10 +103,18 @@ class Search:
         laws = (space.elastic, space.relaxation)
         return log_prior(hypothesis, self.usual, laws, len(space.effects), self.settings)
 
-    def _may_lead(self, hypothesis: Hypothesis, log_evidence: float) -> bool:
-        """Whether what a start promises comes near the best."""
-        promised = log_evidence + self._log_prior(hypothesis)
-        return promised > self.log_posterior(self.best) - _NEAR
+    def _may_lead(self, base: Hypothesis, one: _Promise) -> bool:
+        """Whether what an effect more promises comes near the best.
+
+        Beside a base that leaves only noise nothing can bring much more than it promises.
+        """
+        promised = one.log_evidence + self._log_prior(one.hypothesis)
+        window = _NEAR if self._leaves_more(base) else _RIVAL
+        return promised > self.log_posterior(self.best) - window
+
+    def _leaves_more(self, hypothesis: Hypothesis) -> bool:
+        """Whether it leaves more than noise, at its likeliest mode."""
+        return self.modes[hypothesis][0].mode.size > 0.0
 
     @property
     def best(self) -> Hypothesis:
@@ -119,19 +134,21 @@ class Search:
         self.see_plain(self.usual)
         if self.usual not in self.modes:
             raise NoFiniteForceError
-        self.density = self.density.with_space(_in_proportion(self))
+        self.density = _in_proportion(self)
+        known = [one.mode.point.theta for one in self.modes.pop(self.usual)]
+        self._keep(self.usual, self._optimised(self.usual, known))
         self._see_bases()
         grown: set[Hypothesis] = set()
         rebased: set[Hypothesis] = set()
         while True:
             best = self.best
-            if best not in grown:
-                self._grow(best, grown)
-            elif best not in rebased:
+            if self.added(best) and best not in rebased:
                 rebased.add(best)
                 self.tell(f"other laws of {described(best)}")
                 for neighbour in self._other_laws(best):
                     self.see_rebased(best, neighbour)
+            elif best not in grown:
+                self._grow(best, grown)
             elif others := [*self._exchanges(best, grown), *self.simpler(grown)]:
                 self._grow(others[0], grown)
             elif crossed := self.crossed(best):
@@ -173,8 +190,6 @@ class Search:
         for name in self.listed:
             self.see_plain(replace(self.usual, elastic=name))
         best = self.best
-        if self.modes[best][0].mode.size == 0.0:
-            return
         self.tell(f"relaxations of {described(best)}")
         for name in self.density.space.relaxation:
             self.see_plain(replace(best, relaxation=name))
@@ -202,12 +217,11 @@ class Search:
         grown.add(hypothesis)
         self.tell(f"effects beside {described(hypothesis)}")
         if len(self.added(hypothesis)) < _MOST_EFFECTS:
-            others = [name for name in self.density.space.effects if name not in hypothesis.effects]
-            starts = [start for name in others for start in self._promising(hypothesis, name)]
-            for one in sorted(starts, key=lambda one: -one.log_evidence):
-                added = one.point.own.hypothesis
-                if self._may_lead(added, one.log_evidence):
-                    self._keep(added, self._optimised(added, [one.point]))
+            for one in self._promises(hypothesis):
+                if self._may_lead(hypothesis, one):
+                    start = self.density.extended(one.point, one.added)
+                    if start is not None:
+                        self._keep(one.hypothesis, self._optimised(one.hypothesis, [start]))
         for name in self.added(hypothesis):
             self.see_without(hypothesis, name)
 
@@ -217,7 +231,7 @@ class Search:
         On what comes near, also with an effect less.
         """
         space, effects = self.density.space, self.added(hypothesis)
-        left = self.modes[hypothesis][0].mode.size > 0.0
+        left = self._leaves_more(hypothesis)
         bases = [(name, hypothesis.relaxation) for name in (space.elastic if left else self.listed)]
         if left or effects:
             bases += [(hypothesis.elastic, name) for name in space.relaxation]
@@ -238,45 +252,44 @@ class Search:
         """A base law from its priors, and from what others found that share a part of it."""
         if hypothesis in self.modes:
             return
-        space = self.density.space
-        same_relaxation = [one for one in self.modes if hypothesis.relaxation == one.relaxation]
-        if same_relaxation:
-            middle = median(space.plain_draws(hypothesis))
-            known = self.modes[same_relaxation[0]][:_FOLLOWED]
-            starts = [self._with_carried(one.point, hypothesis, middle) for one in known]
-        elif self.usual in self.modes:
-            found = self.modes[self.usual][0]
-            draws = space.plain_draws(hypothesis)
-            others = [median(draws), draws[0]]
-            starts = [self._with_carried(found.point, hypothesis, own) for own in others]
-        else:
+        if not self.modes:
             self._keep(hypothesis, base_modes(self.density, hypothesis))
             return
-        self._keep(hypothesis, modes(self.density, hypothesis, starts, self._worth))
+        middle = median(self.density.space.plain_draws(hypothesis))
+        bare = [one for one in self.modes if one.effects == hypothesis.effects]
+        same = [one for one in bare if one.relaxation == hypothesis.relaxation]
+        known = self.modes[max(same or bare, key=self.log_posterior)][0].point
+        start = self._with_carried(known, hypothesis, middle)
+        near = projected(self.density.space, known, hypothesis, start)
+        self._keep(hypothesis, self._optimised(hypothesis, [near]))
+        if self._is_near(hypothesis):
+            self._keep(hypothesis, modes(self.density, hypothesis, [start], self._worth))
 
-    def _promising(self, base: Hypothesis, effect: str) -> list[_Start]:
-        """Places to add an effect from, at the base's modes, by linearised evidence."""
-        hypothesis = base.plus(effect)
-        found = []
+    def _promises(self, base: Hypothesis, effects: Iterable[str] | None = None) -> list[_Promise]:
+        """Of every effect more (or of some) the places that promise most, at the base's modes."""
+        some = self.density.space.effects if effects is None else effects
+        names = [name for name in some if name not in base.effects]
+        found: dict[Hypothesis, list[_Promise]] = {}
         for order, one in enumerate(self.modes[base]):
-            starts = self.starts_with(one, hypothesis, effect)
-            some = starts if order == 0 else starts[len(starts) // 2 :][:1]
-            for point in self._with_effect(one.point, hypothesis, effect, some):
-                log = evidence(self.density, point, linear=True).log
-                found.append(_Start(point, log))
-        return sorted(found, key=lambda one: -one.log_evidence)[:_FOLLOWED]
+            added = [part for name in names for part in self._extensions(one, name, order == 0)]
+            if not added:
+                continue
+            logs = promised_evidence(self.density, one.point, one.evidence.by_size, added)
+            for part, log in zip(added, logs.tolist(), strict=True):
+                found.setdefault(part.own.hypothesis, []).append(_Promise(one.point, part, log))
+        followed = _FOLLOWED if self._leaves_more(base) else 1
+        best = [sorted(same, key=_promised)[:followed] for same in found.values()]
+        return sorted((one for some in best for one in some), key=_promised)
 
-    def _with_effect(
-        self, point: Point, hypothesis: Hypothesis, effect: str, starts: list[Array]
-    ) -> list[Point]:
-        """Points of places where an effect more is at nothing; what is not finite is left out."""
-        density = self.density
-        found = amplitude_of(density.space.parameters(hypothesis), effect)
-        null = next(iter(density.space.effects[effect].null.values()))
-        if found is not None and null == 0.0:
-            return density.extended(point, hypothesis, found[0].theta.start, starts)
-        points = (density.at(hypothesis, theta) for theta in starts)
-        return [point for point in points if point is not None]
+    def _extensions(self, found: Weighed, effect: str, whole: bool) -> list[Extension]:
+        """An effect more at a mode; whole: over all of its first shape's prior."""
+        hypothesis = found.hypothesis.plus(effect)
+        amplitude = amplitude_of(self.density.space.parameters(hypothesis), effect)
+        if amplitude is None:
+            return []
+        starts = self.starts_with(found, hypothesis, effect)
+        some = starts if whole else starts[len(starts) // 2 :][:1]
+        return self.density.extensions(found.point, hypothesis, amplitude[0].theta.start, some)
 
     def see_without(self, base: Hypothesis, effect: str) -> None:
         """One effect less."""
@@ -301,18 +314,26 @@ class Search:
         self.see_plain(bare)
         if hypothesis == bare or bare not in self.modes:
             return
-        fresh = self._without_effects(hypothesis)
-        mixed = self._with_carried(self.modes[base][0].point, hypothesis, fresh)
-        carried = [self._with_carried(one.point, hypothesis, mixed) for one in self.modes[bare]]
-        self._keep(hypothesis, self._optimised(hypothesis, [fresh, *carried, mixed]))
+        found, nothing = self.modes[base][0].point, self._without_effects(hypothesis)
+        carried = self._with_carried(found, hypothesis, nothing)
+        near = projected(self.density.space, found, hypothesis, carried)
+        self._keep(hypothesis, self._optimised(hypothesis, [near]))
+        if self._is_near(hypothesis):
+            self._keep(hypothesis, self._optimised(hypothesis, [nothing]))
+
+    def _is_near(self, hypothesis: Hypothesis) -> bool:
+        """Whether another start may bring it to what counts, as far as the first tells."""
+        if hypothesis not in self.modes:
+            return True
+        return self.modes[hypothesis][0].mode.loss < self._worth + _BEHIND
 
     def _without_effects(self, hypothesis: Hypothesis) -> Array:
         """Theta (F,) of a bare law's mode, every effect at nothing and as promises most there."""
         bare = replace(hypothesis, effects=self.usual.effects)
         theta = np.zeros(self.density.space.parameters(hypothesis).size)
         for effect in self.added(hypothesis):
-            for start in self._promising(bare, effect)[:1]:
-                theta = self._with_carried(start.point, hypothesis, theta)
+            for one in self._promises(bare, [effect])[:1]:
+                theta = self._with_numbers(one.added.own, one.added.theta, hypothesis, theta)
         return self._with_carried(self.modes[bare][0].point, hypothesis, theta)
 
     def _optimised(
@@ -322,12 +343,10 @@ class Search:
         sizes: Iterable[float | None] | None = None,
     ) -> list[Mode]:
         """From some places, with a discrepancy of some size (N) at first."""
-        pairs = zip(starts, repeat(None) if sizes is None else sizes, strict=False)
-        return [
-            mode
-            for start, size in pairs
-            for mode in find_modes(self.density, hypothesis, start, self._worth, size)
-        ]
+        found = [one.mode for one in self.modes.get(hypothesis, [])]
+        for start, size in zip(starts, repeat(None) if sizes is None else sizes, strict=False):
+            found += find_modes(self.density, hypothesis, start, self._worth, size, found)
+        return found
 
     @property
     def _worth(self) -> float:
@@ -346,11 +365,16 @@ class Search:
 
     def _with_carried(self, point: Point, hypothesis: Hypothesis, others: Array) -> Array:
         """Theta (F,) with the numbers that a point has too; others (F,): those that it has not."""
-        old, new = point.own, self.density.space.parameters(hypothesis)
+        return self._with_numbers(point.own, point.theta, hypothesis, others)
+
+    def _with_numbers(
+        self, old: Parameters, values: Array, hypothesis: Hypothesis, others: Array
+    ) -> Array:
+        """The same of another hypothesis's numbers and their values."""
         numbers, theta = old.by_name, others.copy()
-        for name, leaf in new.by_name.items():
+        for name, leaf in self.density.space.parameters(hypothesis).by_name.items():
             if name in numbers and len(numbers[name].theta) == len(leaf.theta):
-                theta[list(leaf.theta)] = point.theta[list(numbers[name].theta)]
+                theta[list(leaf.theta)] = values[list(numbers[name].theta)]
         return theta
 
     def starts_with(self, found: Weighed, hypothesis: Hypothesis, effect: str) -> list[Array]:
@@ -385,36 +409,41 @@ def weigh(density: Density, hypothesis: Hypothesis, mode: Mode, tolerance: float
     return Weighed(hypothesis, mode, found, log)
 
 
+def _promised(one: _Promise) -> float:
+    return -one.log_evidence
+
+
 def described(hypothesis: Hypothesis) -> str:
     """As ``exponential, prony:2 + friction``."""
     laws = f"{hypothesis.elastic}, {hypothesis.relaxation}"
     return " + ".join((laws, *sorted(hypothesis.effects)))
 
 
-def _in_proportion(search: Search) -> Space:
-    """The space with every amplitude's prior such that its force has the same size.
+def _in_proportion(search: Search) -> Density:
+    """The density with every amplitude's prior such that its force has the same size.
 
-    One sd adds 5 % of the largest force, at the plain model's mode, in the user's own motion.
+    One sd adds 5 % of the largest force, at the plain model's mode, in the user's own motion. The
+    discrepancy may have each effect's signature too: whatever is there and not listed looks like
+    some of them, so that one is believed only where it is far larger than all else that is left.
     """
     density, usual = search.density, search.usual
-    space, effects = density.space, {}
+    space, effects, signatures = density.space, dict(density.space.effects), []
     peak = density.discrepancy.peak
     for name, effect in space.effects.items():
-        if name in usual.effects:
-            effects[name] = effect
-            continue
         hypothesis = usual.plus(name)
-        start = search.starts_with(search.modes[usual][0], hypothesis, name)[-1]
         amplitude = amplitude_of(space.parameters(hypothesis), name)
-        if amplitude is None:  # the user gave it a prior of another kind
-            effects[name] = effect
+        if name in usual.effects or amplitude is None:  # the user's own, with a prior of its own
             continue
         leaf, sd = amplitude
-        force = space.added_force(hypothesis, start, leaf.theta.start, sd)
-        largest = float(np.max(np.abs(force[space.real])))
-        factor = SHARE * peak / largest if largest > 0.0 and math.isfinite(largest) else 1.0
-        effects[name] = in_natural_amplitude(effect, float(np.clip(factor, *_FACTORS)))
-    return replace(space, effects=effects, _cache={}, _draws={})
+        starts = search.starts_with(search.modes[usual][0], hypothesis, name)
+        for start in dict.fromkeys(map(tuple, (starts[0], starts[-1]))):
+            force = space.added_force(hypothesis, np.array(start), leaf.theta.start, sd)
+            largest = float(np.max(np.abs(force[space.real])))
+            if largest > 0.0 and math.isfinite(largest):
+                signatures.append(force / largest)
+                factor = float(np.clip(SHARE * peak / largest, *_FACTORS))
+                effects[name] = in_natural_amplitude(effect, factor)
+    return density.with_space(space.with_effects(effects), signatures)
 
 
 def amplitude_of(own: Parameters, effect: str) -> tuple[Leaf, float] | None:

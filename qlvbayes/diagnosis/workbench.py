@@ -22,7 +22,7 @@ from qlvbayes.laws.relaxation.law import AbstractRelaxation
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model import Model
 from qlvbayes.noise import AbstractGaussian, Floor
-from qlvbayes.priors.natural import within_bounds
+from qlvbayes.priors.natural import in_own_numbers
 
 
 def as_chosen(experiment: Experiment, choices: Choices) -> Experiment:
@@ -73,9 +73,10 @@ def _space(
     scales = experiment.scales
     protocol = protocol_of(experiment, bonded=choices.bonded)
     effects = {effect.name: effect for effect in model.effects}
+    chosen = {effect.family() for effect in model.effects}
     for kind in kinds:
         pointless = choices.bonded and kind.name == "adhesion"
-        if kind.name not in effects and kind.unmeasured(protocol) is None and not pointless:
+        if kind.family() not in chosen and kind.unmeasured(protocol) is None and not pointless:
             effects[kind.name] = kind.default(scales)
     elastic: dict[str, AbstractElastic] = {
         kind.name: kind.default(scales) for kind in choices.laws.elastic
@@ -89,9 +90,9 @@ def _space(
     relaxation[choices.relaxing] = model.relaxation
     return Space(
         experiment.record(experiment.trials),
-        {name: within_bounds(law) for name, law in elastic.items()},
-        {name: within_bounds(law) for name, law in relaxation.items()},
-        {name: within_bounds(in_natural_amplitude(effect)) for name, effect in effects.items()},
+        {name: in_own_numbers(law) for name, law in elastic.items()},
+        {name: in_own_numbers(law) for name, law in relaxation.items()},
+        {name: in_own_numbers(in_natural_amplitude(effect)) for name, effect in effects.items()},
         experiment.noise_at_rest,
         choices.bonded,
     )

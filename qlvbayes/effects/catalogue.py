@@ -1,4 +1,4 @@
-"""Every effect that comes with the package, in the order in which they are listed."""
+"""The effects that come with the package, in the order in which they are listed."""
 
 from __future__ import annotations
 
@@ -16,10 +16,19 @@ from qlvbayes.effects.force_drift import ForceDrift
 from qlvbayes.effects.force_offset import ForceOffset
 from qlvbayes.effects.frame_compliance import FrameCompliance
 from qlvbayes.effects.friction import Friction
+from qlvbayes.effects.gradual_contact import GradualContact
 from qlvbayes.effects.inertia import Inertia
+from qlvbayes.effects.levelling_drift import LevellingDrift
+from qlvbayes.effects.levelling_leak import LevellingLeak
+from qlvbayes.effects.offsets_by_test import OffsetsByTest
 from qlvbayes.effects.permanent_set import PermanentSet
 from qlvbayes.effects.power_law_drag import PowerLawDrag
+from qlvbayes.effects.power_law_drainage import PowerLawDrainage
+from qlvbayes.effects.pressure_friction import PressureFriction
+from qlvbayes.effects.slow_change import SlowChange
+from qlvbayes.effects.spreading_lag import SpreadingLag
 from qlvbayes.effects.squeeze_film import SqueezeFilm
+from qlvbayes.effects.stiffening_frame import StiffeningFrame
 from qlvbayes.effects.strain_dependent_rate import StrainDependentRate
 from qlvbayes.effects.strain_dependent_strength import StrainDependentStrength
 from qlvbayes.effects.stress_softening import StressSoftening
@@ -45,6 +54,23 @@ EFFECTS: tuple[type[AbstractEffect], ...] = (
     ForceDrift,
     ChannelLag,
 )
+"""The list: effects that a diagnosis looks for and names."""
+
+FORMS: tuple[type[AbstractEffect], ...] = (
+    PowerLawDrainage,
+    LevellingLeak,
+    PressureFriction,
+    GradualContact,
+    StiffeningFrame,
+    LevellingDrift,
+    SpreadingLag,
+)
+"""Forms that hold the law of a listed effect, their family, inside."""
+
+OUTSIDE: tuple[type[AbstractEffect], ...] = (SlowChange, OffsetsByTest)
+"""Effects that name nothing: they stand for what no list holds."""
+
+EVERY: tuple[type[AbstractEffect], ...] = (*EFFECTS, *FORMS, *OUTSIDE)
 """Every effect that comes with the package."""
 
 
@@ -53,7 +79,17 @@ def names(kinds: Sequence[type[AbstractEffect]] = EFFECTS) -> tuple[str, ...]:
     return tuple(kind.name for kind in kinds)
 
 
-def find(name: str, kinds: Sequence[type[AbstractEffect]] = EFFECTS) -> type[AbstractEffect]:
+def by_family(
+    kinds: Sequence[type[AbstractEffect]] = EVERY,
+) -> dict[str, list[type[AbstractEffect]]]:
+    """The effects of each family, the listed one first; families in the order of their first."""
+    found: dict[str, list[type[AbstractEffect]]] = {}
+    for kind in kinds:
+        found.setdefault(kind.family(), []).append(kind)
+    return found
+
+
+def find(name: str, kinds: Sequence[type[AbstractEffect]] = EVERY) -> type[AbstractEffect]:
     """The effect of that name; InputError lists the known ones otherwise."""
     for kind in kinds:
         if kind.name == name:

@@ -40,18 +40,25 @@ class ChannelLag(AbstractEffect):
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Force beneath at the delayed times."""
-        late = motion.time - self.delay
-        first = motion.alone.time[0]
-        late = jnp.where(late > first, late, first)
-        joined = jax.tree.map(
-            lambda new, old: jnp.concatenate([new, old]) if old.ndim else old,
-            _at(motion, late),
-            motion,
-        )
-        # of equal times the delayed one comes first, as it does for any delay above 0
-        order = jnp.argsort(jax.lax.stop_gradient(joined.time))
-        force = below.force(jax.tree.map(lambda x: x[order] if x.ndim else x, joined))
-        return force[jnp.argsort(order)][: late.shape[0]]
+        joined, order = joined_with(motion, motion.time - self.delay)
+        return below.force(joined)[jnp.argsort(order)][: motion.time.shape[0]]
+
+
+def joined_with(motion: Motion, late: Array) -> tuple[Motion, Array]:
+    """The motion with delayed times (M,), those before the start at it; and its order.
+
+    argsort(order) gives the places of the delayed times, then those of the motion's own.
+    """
+    first = motion.alone.time[0]
+    late = jnp.where(late > first, late, first)
+    joined = jax.tree.map(
+        lambda new, old: jnp.concatenate([new, old]) if old.ndim else old,
+        _at(motion, late),
+        motion,
+    )
+    # of equal times the delayed one comes first, as it does for any delay above 0
+    order = jnp.argsort(jax.lax.stop_gradient(joined.time))
+    return jax.tree.map(lambda x: x[order] if x.ndim else x, joined), order
 
 
 def _at(motion: Motion, time: Array) -> Motion:

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Array
 
 from qlvbayes.effects.adhesion import Adhesion
-from qlvbayes.effects.catalogue import EFFECTS
+from qlvbayes.effects.catalogue import EFFECTS, EVERY
 from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
 from qlvbayes.law import Contact, Law, Layer
 from qlvbayes.laws.elastic.exponential import Exponential
@@ -27,6 +27,7 @@ from qlvbayes.scales import Scales
 from qlvbayes.units import PAD
 
 _DRAWS = 24
+_REDUCED = 4  # draws at which a form is compared with its listed law
 _EXACT = 1e-12  # of the peak force
 _FAIR = (0.005, 0.25)  # median over the prior of the largest contribution, over the peak force
 
@@ -36,7 +37,7 @@ _POINTS = 9  # of a stretch of constant acceleration
 _SHOWING = Protocol(unloads=True, returns=True, tests=7, bonded=False, curved=True)
 
 Values = dict[str, float]
-Forces = Callable[[Array, Motion], tuple[Array, Array]]
+Forces = Callable[[Motion], tuple[Array, Array]]
 
 
 class EffectError(AssertionError):
@@ -49,7 +50,8 @@ def check_effect(kind: type[AbstractEffect], scales: Scales | None = None) -> No
     It declares itself; it vanishes exactly at its null; its forces and their slopes are finite
     under its priors; what comes later changes no earlier force; compiled, batched and plain
     evaluation agree; no built-in effect nests at the same place, so that the order in which
-    effects are added does not matter; and its prior gives it a fair size. The tests are those of
+    effects are added does not matter; one that generalises a listed effect nests where that does
+    and has its law where it says; and its prior gives it a fair size. The tests are those of
     the paper and one that retracts fully; with ``scales`` they are stretched to its depth and
     force, and the size is not checked.
 
@@ -69,6 +71,7 @@ def check_effect(kind: type[AbstractEffect], scales: Scales | None = None) -> No
     _check_causal(trial)
     _check_compiled(trial)
     _check_batched(trial)
+    _check_reduces(trial)
     if scales is None and kind.blind(_SHOWING) is None:
         _check_size(trial)
 
@@ -118,13 +121,16 @@ class _Trial:
     def law(self, constants: Array) -> Law:
         """The plain law with the effect, and the contact where the model puts it."""
         given = dict(zip(self.free, constants, strict=True))
-        effect = self.kind(
-            **{f.name: getattr(self.default, f.name) for f in fields(self.kind)} | given
+        return self.law_of(
+            self.kind(**{f.name: getattr(self.default, f.name) for f in fields(self.kind)} | given)
         )
+
+    def law_of(self, effect: AbstractEffect) -> Law:
+        """The plain law with an effect whose constants are numbers."""
         layers: tuple[Layer, ...] = (Contact(), effect)
         if isinstance(effect, Adhesion):
             layers = (effect,)
-        elif self.kind.level < Level.CONTACT:
+        elif effect.level < Level.CONTACT:
             layers = (effect, Contact())
         return Law(self.reference.law.elastic, self.reference.law.relaxation, layers)
 
@@ -160,6 +166,38 @@ def _check_declarations(kind: type[AbstractEffect]) -> None:
         if not text.strip() or "\n" in text:
             raise EffectError(f"{kind.name}: {word} must be one line of text")
 
+    if kind.outside and kind.generalises:
+        raise EffectError(f"{kind.name} names nothing, and cannot generalise {kind.generalises}")
+    if kind.reduces and not kind.generalises:
+        raise EffectError(f"{kind.name}: reduces to what? generalises must name a listed effect")
+    if kind.generalises:
+        _check_general(kind, own)
+
+
+def _check_general(kind: type[AbstractEffect], own: set[str]) -> None:
+    listed = _listed(kind)
+    shared = {field.name for field in fields(listed)}
+    if not shared <= own or next(iter(kind.null)) != next(iter(listed.null)):
+        raise EffectError(
+            f"{kind.name} must have the constants of {listed.name}, {_list(shared)}, and its "
+            "amplitude, by the same names"
+        )
+    if not kind.reduces or not set(kind.reduces) <= own - shared:
+        raise EffectError(
+            f"{kind.name}: reduces must say where it is {listed.name}, by one or more of "
+            f"{_list(own - shared)}"
+        )
+    if (kind.level, kind.rank) != (listed.level, listed.rank):
+        raise EffectError(f"{kind.name} must nest where {listed.name} does: give it that rank")
+
+
+def _listed(kind: type[AbstractEffect]) -> type[AbstractEffect]:
+    """The listed effect that it generalises."""
+    for other in EFFECTS:
+        if other.name == kind.generalises:
+            return other
+    raise EffectError(f"{kind.name} generalises {kind.generalises!r}, which is no listed effect")
+
 
 def _is_unit(unit: str) -> bool:
     try:
@@ -174,8 +212,9 @@ def _list(names: set[str]) -> str:
 
 
 def _check_place(kind: type[AbstractEffect]) -> None:
-    for other in EFFECTS:
-        if other is not kind and (other.level, other.rank) == (kind.level, kind.rank):
+    others = (other for other in EVERY if other.family() != kind.family())
+    for other in others:
+        if (other.level, other.rank) == (kind.level, kind.rank):
             raise EffectError(
                 f"{kind.name} nests where {other.name} does, so that the order in which they are "
                 "added would matter: give it another rank"
@@ -258,6 +297,32 @@ def _check_batched(trial: _Trial) -> None:
             f"{trial.kind.name}: a batch of constants and one at a time differ by {error:.1e} of "
             "the peak"
         )
+
+
+def _check_reduces(trial: _Trial) -> None:
+    kind = trial.kind
+    if not kind.generalises:
+        return
+    listed = _listed(kind)
+    shared = [field.name for field in fields(listed)]
+
+    @jax.jit
+    def both(values: Values) -> tuple[Array, Array]:
+        general = trial.law_of(kind(**(values | kind.reduces)))
+        special = trial.law_of(listed(**{name: values[name] for name in shared}))
+        forces: Forces = jax.vmap(lambda one: (general.force(one), special.force(one)))
+        return forces(trial.reference.motions)
+
+    fixed = {field.name: getattr(trial.default, field.name) for field in fields(kind)}
+    for draw in trial.draws[:_REDUCED]:
+        values = {**fixed, **dict(zip(trial.free, draw, strict=True)), **kind.reduces}
+        general, special = (np.asarray(force) for force in both(values))
+        error = np.max(np.abs(general - special)) / trial.reference.peak
+        if not error <= _EXACT:
+            raise EffectError(
+                f"{kind.name} is not {listed.name} at {kind.reduces}: with "
+                f"{trial.values(draw)} the force is off by {error:.1e} of the peak"
+            )
 
 
 def _check_size(trial: _Trial) -> None:

@@ -38,13 +38,18 @@ class ContactOffset(AbstractEffect):
         return cls(scales.signed(scales.stiffness))
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Shift the depth; the time before all that is known is one more grid point."""
-        rested = Motion(
-            jnp.concatenate([motion.time[:1] - _REST, motion.time]),
-            jnp.concatenate([jnp.zeros(1), motion.displacement]),
-            jnp.concatenate([jnp.zeros(1), motion.velocity]),
-            jnp.concatenate([jnp.zeros(1), motion.acceleration]),
-            motion.start,
-            None if motion.ago is None else jnp.concatenate([motion.ago[:1], motion.ago]),
-        )
-        return below.force(at_depth(rested, rested.displacement - self.gap))[1:]
+        """Shift the depth."""
+        known = rested(motion)
+        return below.force(at_depth(known, known.displacement - self.gap))[1:]
+
+
+def rested(motion: Motion) -> Motion:
+    """The motion with one more point, at zero displacement long before all that is known."""
+    return Motion(
+        jnp.concatenate([motion.time[:1] - _REST, motion.time]),
+        jnp.concatenate([jnp.zeros(1), motion.displacement]),
+        jnp.concatenate([jnp.zeros(1), motion.velocity]),
+        jnp.concatenate([jnp.zeros(1), motion.acceleration]),
+        motion.start,
+        None if motion.ago is None else jnp.concatenate([motion.ago[:1], motion.ago]),
+    )

@@ -54,7 +54,10 @@ class AbstractEffect(eqx.Module):
     constants, each with its value, at which the effect vanishes exactly (the first is its
     amplitude); ``law``, ``seen``, ``reference``: for people, in one line each; ``needs``: what of
     the motion its force is made of: records that do not give it cannot show it; ``costly``:
-    whether it runs the law beneath it several times, so that models without it are compiled apart.
+    whether it runs the law beneath it several times, so that models without it are compiled apart;
+    ``generalises``: name of the listed effect whose law lies inside, where the constants in
+    ``reduces`` have these values (the others have the same names in both); ``outside``: whether it
+    names nothing, but stands for what no list holds.
     """
 
     name: eqx.AbstractClassVar[str]
@@ -67,6 +70,14 @@ class AbstractEffect(eqx.Module):
     rank: ClassVar[int] = 0
     needs: ClassVar[str] = "displacement"
     costly: ClassVar[bool] = False
+    generalises: ClassVar[str | None] = None
+    reduces: ClassVar[dict[str, float]] = {}
+    outside: ClassVar[bool] = False
+
+    @classmethod
+    def family(cls) -> str:
+        """Name by which it is told: of the listed effect that it generalises, or its own."""
+        return cls.generalises or cls.name
 
     @property
     def prefix(self) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, ClassVar, Self
 
@@ -43,12 +44,21 @@ class FrameCompliance(AbstractEffect):
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Iterate F = below(displacement - compliance F)."""
+        return balanced(below, motion, lambda force: (self.compliance * force, self.compliance))
 
-        def step(force: Array, _: None) -> tuple[Array, None]:
-            depth = motion.displacement - self.compliance * force
-            slope = self.compliance * below.elastic.stiffness(depth)
-            answer = below.force(replace(motion, displacement=depth))
-            return (answer + slope * force) / (1.0 + slope), None
 
-        force, _ = jax.lax.scan(step, jnp.zeros_like(motion.time), None, length=_STEPS)
-        return force
+def balanced(below: Law, motion: Motion, yielding: Callable[[Array], tuple[Array, Array]]) -> Array:
+    """Force (N,) of a pad in a frame; ``yielding`` gives its deflection and compliance at a force.
+
+    Newton's steps take the instantaneous elastic stiffness for the pad's own.
+    """
+
+    def step(force: Array, _: None) -> tuple[Array, None]:
+        deflection, compliance = yielding(force)
+        depth = motion.displacement - deflection
+        slope = compliance * below.elastic.stiffness(depth)
+        answer = below.force(replace(motion, displacement=depth))
+        return (answer + slope * force) / (1.0 + slope), None
+
+    force, _ = jax.lax.scan(step, jnp.zeros_like(motion.time), None, length=_STEPS)
+    return force

@@ -41,8 +41,12 @@ class Friction(AbstractEffect):
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Add the friction."""
-        place = motion.alone.displacement
-        way = jnp.cumsum(jnp.abs(jnp.diff(place, prepend=place[:1])))
-        mode = Prony(jnp.array([0.0, 1.0]), jnp.reshape(1.0 / self.reach, (1,)))
-        slide = hereditary_force(Linear(1.0 / self.reach), mode, way, place - place[0])
-        return below.force(motion) + self.strength * slide
+        return below.force(motion) + self.strength * slide(motion, self.reach)
+
+
+def slide(motion: Motion, reach: Array) -> Array:
+    """Dahl's z (N,): dz = (1 - z sgn v) dd / reach, z = 0 at first."""
+    place = motion.alone.displacement
+    way = jnp.cumsum(jnp.abs(jnp.diff(place, prepend=place[:1])))
+    mode = Prony(jnp.array([0.0, 1.0]), jnp.reshape(1.0 / reach, (1,)))
+    return hereditary_force(Linear(1.0 / reach), mode, way, place - place[0])

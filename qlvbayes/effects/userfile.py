@@ -6,7 +6,7 @@ import inspect
 from pathlib import Path
 
 from qlvbayes.checks import InputError
-from qlvbayes.effects.catalogue import EFFECTS, names
+from qlvbayes.effects.catalogue import EVERY, names
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.usermodule import own_classes
 
@@ -26,7 +26,7 @@ def load(path: str | Path) -> tuple[type[AbstractEffect], ...]:
         raise InputError(
             "defines no effect", file=path, remedy="write a class that extends AbstractEffect"
         )
-    taken = dict.fromkeys(names(EFFECTS), "comes with the package")
+    taken = dict.fromkeys(names(EVERY), "comes with the package")
     for kind in found:
         _check(kind, taken, path)
         taken[kind.name] = "stands in this file already"

@@ -29,7 +29,6 @@ from qlvbayes.inference.gaussnewton import positive_part
 from qlvbayes.inference.space import Hypothesis, Parameters, Space
 from qlvbayes.inference.whitening import Whitener
 from qlvbayes.priors.distributions import AbstractPrior
-from qlvbayes.priors.natural import AbstractDirect
 
 Array = NDArray[np.float64]
 
@@ -67,19 +66,32 @@ class Point:
     prior: Terms
 
     @cached_property
-    def squares(self) -> float:
-        """Of the whitened residual, summed: n where only noise is left."""
-        return float(self.residual @ self.residual)
+    def vectors(self) -> Array:
+        """(1 + F, n): residual and Jacobian."""
+        return np.concatenate([self.residual[None], self.jacobian])
 
     def terms(self, own: Sized) -> Terms:
         """Beside a discrepancy of one size."""
-        white, slopes = self.residual * own.root, self.jacobian * own.root
-        part, parts = own.axes @ white, slopes @ own.axes.T
+        products = own.products(self.vectors)
         return Terms(
-            0.5 * (white @ white - part @ part + own.log_volume) + self.prior.loss,
-            parts @ part - slopes @ white + self.prior.gradient,
-            slopes @ slopes.T - parts @ parts.T + self.prior.curvature,
+            0.5 * (float(products[0, 0]) + own.log_volume) + self.prior.loss,
+            self.prior.gradient - products[0, 1:],
+            self.prior.curvature + products[1:, 1:],
         )
+
+
+class Extension(NamedTuple):
+    """One more effect at its null.
+
+    own: numbers of the hypothesis with it; number: its amplitude's place in theta (F,); added
+    (T, B): slope of the force along the amplitude; white (n,): the same whitened.
+    """
+
+    own: Parameters
+    number: int
+    theta: Array
+    added: Array
+    white: Array
 
 
 class Density:
@@ -98,9 +110,9 @@ class Density:
         whitener = self.whitener.replaced(size)
         return Density(self.space, whitener, self.discrepancy.none(whitener))
 
-    def with_space(self, space: Space) -> Density:
-        """Of other priors, about the same record."""
-        return Density(space, self.whitener, self.discrepancy)
+    def with_space(self, space: Space, features: Sequence[Array] = ()) -> Density:
+        """Of other priors, about the same record; features (T, B): more of the discrepancy's."""
+        return Density(space, self.whitener, self.discrepancy.beside(features))
 
     def without(self, left_out: NDArray[np.bool_]) -> Density:
         """The same with some of the n block means left out."""
@@ -145,48 +157,51 @@ class Density:
             prior,
         )
 
-    def extended(
+    def extensions(
         self, point: Point, hypothesis: Hypothesis, number: int, starts: Sequence[Array]
-    ) -> list[Point]:
-        """Points at places (F,) that differ from one of fewer numbers by an effect at its null.
+    ) -> list[Extension]:
+        """An effect more at its null, where of all new numbers its amplitude alone moves the force.
 
-        number: the place in theta of the effect's amplitude, the only new number that moves the
-        force there; all else is the point's. A place of which nothing finite can be said is left
-        out.
+        number: the amplitude's place in theta; starts: thetas (F,) that differ from the point's by
+        new numbers only. What is not finite is left out.
         """
         own = self.space.parameters(hypothesis)
-        steps = _STEP * own.length
-        moved = [_stepped(theta, steps)[1 + number] for theta in starts]
-        forces = self.space.forces(hypothesis, own.constants(np.stack(moved)))
-        added = (forces - point.predicted) / steps[number]
+        step = _STEP * own.length[number]
+        moved = np.stack(starts)
+        moved[:, number] += step
+        added = (self.space.forces(hypothesis, own.constants(moved)) - point.predicted) / step
         white = self.whitener(added)
+        return [
+            Extension(own, number, *each)
+            for each in zip(starts, added, white, strict=True)
+            if np.isfinite(each[1]).all()
+        ]
+
+    def extended(self, point: Point, one: Extension) -> Point | None:
+        """The point with an effect more; None where the prior there is not finite."""
+        own, prior = one.own, _prior(one.own, one.theta)
+        if not np.isfinite(prior.loss):
+            return None
+        steps = _STEP * own.length
+        constants = own.constants(_stepped(one.theta, steps))
         kept = own.carried(point.own)
-        found = []
-        for k, theta in enumerate(starts):
-            prior = _prior(own, theta)
-            if not (np.isfinite(added[k]).all() and np.isfinite(prior.loss)):
-                continue
-            constants = own.constants(_stepped(theta, steps))
 
-            def filled(old: Array, new: Array) -> Array:
-                rows = np.zeros((own.size, *new.shape))
-                rows[kept], rows[number] = old, new
-                return rows
+        def filled(old: Array, new: Array) -> Array:
+            rows = np.zeros((own.size, *new.shape))
+            rows[kept], rows[one.number] = old, new
+            return rows
 
-            found.append(
-                Point(
-                    own,
-                    theta,
-                    constants[0],
-                    ((constants[1:] - constants[0]) / steps[:, None]).T,
-                    point.predicted,
-                    filled(point.responses, added[k]),
-                    point.residual,
-                    filled(point.jacobian, white[k]),
-                    prior,
-                )
-            )
-        return found
+        return Point(
+            own,
+            one.theta,
+            constants[0],
+            ((constants[1:] - constants[0]) / steps[:, None]).T,
+            point.predicted,
+            filled(point.responses, one.added),
+            point.residual,
+            filled(point.jacobian, one.white),
+            prior,
+        )
 
     def terms(self, point: Point, size: float) -> Terms:
         """At a size (N) of the discrepancy."""
@@ -197,10 +212,9 @@ class Density:
         found = [self.terms(point, size) for size in self.discrepancy.sizes.tolist()]
         return Terms(*(np.array(values) for values in zip(*found, strict=True)))
 
-    def likeliest_size(self, point: Point) -> float:
-        """Size (N) of highest density at a place."""
-        losses = self.discrepancy.losses(point.residual) - self.discrepancy.log_prior
-        return float(self.discrepancy.sizes[np.argmin(losses)])
+    def likeliest_size(self, point: Point, near: float = 0.0) -> float:
+        """Size (N) of highest density at a place, looked for from another one (N)."""
+        return self.discrepancy.likeliest(point.residual, near)
 
 
 def _stepped(theta: Array, steps: Array) -> Array:
@@ -210,16 +224,14 @@ def _stepped(theta: Array, steps: Array) -> Array:
 
 def _prior(own: Parameters, theta: Array) -> Terms:
     """Minus the log prior density, its gradient (F,) and curvature (F, F)."""
-    loss, gradient = 0.0, np.zeros(own.size)
-    curvature = np.zeros((own.size, own.size))
-    for leaf in own.leaves:
+    direct = own.direct
+    apart = theta[direct.theta] - direct.mean
+    gradient, curvature = np.zeros(own.size), np.zeros((own.size, own.size))
+    gradient[direct.theta] = direct.precision * apart
+    curvature[direct.theta, direct.theta] = direct.curvature
+    loss = 0.5 * float(gradient[direct.theta] @ apart) - direct.top
+    for leaf in own.joint:
         here = slice(leaf.theta.start, leaf.theta.stop)
-        if isinstance(leaf.prior, AbstractDirect):
-            number = float(theta[leaf.theta.start])
-            loss -= leaf.prior.log_of(number)
-            gradient[here] = leaf.prior.gradient(number)
-            curvature[here, here] = leaf.prior.curvature
-            continue
         log, first, second = map(np.asarray, _log_prior(*leaf.flat, theta[here]))
         loss -= float(log)
         gradient[here] = -first

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +53,12 @@ class Sized:
     root: Array
     axes: Array
     log_volume: float
+
+    def products(self, vectors: Array) -> Array:
+        """(M, M) v^T Q w of whitened vectors (M, n)."""
+        own = vectors * self.root
+        parts = own @ self.axes.T
+        return np.asarray(own @ own.T - parts @ parts.T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,11 +114,19 @@ class Discrepancy:
         """Of no size but nothing, under other noise."""
         return Discrepancy(self.features[:0], whitener, self.peak, np.zeros(1), np.zeros(1))
 
+    def beside(self, features: Sequence[Array]) -> Discrepancy:
+        """With more features (T, B), of unit size."""
+        if not len(features):
+            return self
+        real = np.stack(self.whitener.blocks)
+        found = np.concatenate([self.features, np.where(real, features, 0.0)])
+        return Discrepancy(found, self.whitener, self.peak, self.sizes, self.log_prior)
+
     def under(self, whitener: Whitener) -> Discrepancy:
         """The same under other noise."""
         return Discrepancy(self.features, whitener, self.peak, self.sizes, self.log_prior)
 
-    @property
+    @cached_property
     def shapes(self) -> Array:
         """(M, n) whitened."""
         return self.whitener(self.features)
@@ -128,24 +143,45 @@ class Discrepancy:
             self._sized[size] = Sized(root, axes, float(volume))
         return self._sized[size]
 
-    def losses(self, residual: Array) -> Array:
-        """(S,) minus log likelihood of a whitened residual (n,) at every size."""
-        found = []
-        for size in self.sizes.tolist():
-            own = self.at(size)
-            white = own.root * residual
-            part = own.axes @ white
-            found.append(0.5 * (white @ white - part @ part + own.log_volume))
-        return np.array(found)
+    def loss(self, residual: Array, place: int) -> float:
+        """Minus log likelihood of a whitened residual (n,) at a size, less the size's log prior."""
+        own = self.at(float(self.sizes[place]))
+        loss = 0.5 * (float(own.products(residual[None])[0, 0]) + own.log_volume)
+        return loss - float(self.log_prior[place])
 
-    def weights(self, residual: Array, size: float) -> tuple[Array, Array]:
-        """Coefficients w given whitened residuals, at a size (N) above 0.
+    def likeliest(self, residual: Array, near: float = 0.0) -> float:
+        """Size (N) of highest density given a whitened residual (n,).
 
-        residual (n,) or (R, n). Returns their means (M,) or (R, M), and a root (M, M) of their
-        covariance, root^T root.
+        Downhill along the sizes from ``near`` (N), as the loss has one valley there; none at all is
+        tried by itself, as its prior stands apart.
+        """
+        count = self.sizes.size
+        none = self.loss(residual, 0)
+        if count == 1:
+            return 0.0
+        place = int(np.argmin(np.abs(self.sizes - near))) if near > 0.0 else count // 3
+        here = self.loss(residual, place)
+        for way in (1, -1):
+            first = place
+            while 0 < place + way < count:
+                there = self.loss(residual, place + way)
+                if there >= here:
+                    break
+                place, here = place + way, there
+            if place != first:
+                break
+        return 0.0 if none <= here else float(self.sizes[place])
+
+    def weights(
+        self, residual: Array, size: float, count: int | None = None
+    ) -> tuple[Array, Array]:
+        """Coefficients w of the first M = count features, or of all, at a size (N) above 0.
+
+        residual: whitened, (n,) or (R, n). Returns their means, (M,) or (R, M), and a root (M, M)
+        of their covariance, root^T root.
         """
         own = self.at(size)
-        shapes = self.shapes * own.root
+        shapes = self.shapes[:count] * own.root
         precision = shapes @ shapes.T + np.eye(len(shapes)) / size**2
         mean = np.linalg.solve(precision, shapes @ (residual * own.root).T).T
         return np.asarray(mean), np.linalg.inv(np.linalg.cholesky(precision))

@@ -48,17 +48,17 @@ class Evidence:
         return float(np.exp(logsumexp(self.by_size[sizes > size]) - self.log))
 
 
-def evidence(density: Density, point: Point, *, linear: bool = False) -> Evidence:
-    """About a mode; linear: the force is taken as linear in what is free, wherever the place is.
+def evidence(density: Density, point: Point) -> Evidence:
+    """About a mode.
 
-    Else, where a step still promises much, nothing of what it promises is counted: a normal about
-    the place itself, which says too little.
+    Where a step still promises much, nothing of what it promises is counted: a normal about the
+    place itself, which says too little.
     """
     own = point.theta
     terms = density.terms_by_size(point)
-    if not linear and _is_far(density, point):
+    if _is_far(density, point):
         terms = terms._replace(gradient=np.zeros_like(terms.gradient))
-    logs, shifts = _normals(terms, point.own.lowest - own, point.own.highest - own)
+    logs, shifts = normals(terms, point.own.lowest - own, point.own.highest - own)
     logs += density.discrepancy.log_prior
     best = int(np.argmax(logs))
     if not math.isfinite(logs[best]):
@@ -80,7 +80,7 @@ def _widths(point: Point) -> Array:
     return np.where(between, own.length, math.inf)
 
 
-def _normals(terms: Terms, below: Array, above: Array) -> tuple[Array, Array]:
+def normals(terms: Terms, below: Array, above: Array) -> tuple[Array, Array]:
     """Log evidence (S,) of terms of S sizes, and the normals' means (from the point).
 
     below, above (F,): the bounds from the point. Minus infinity where the curvature is not positive

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +21,7 @@ REDRAWN = 6
 """Relaxations drawn anew at the best, until so many in a row find none higher."""
 
 _STEPS = 60
-_ENOUGH = 5e-3  # rise of the log density that a step promises, below which the mode is found
+_ENOUGH = 0.02  # rise of the log density that a step promises, below which the mode is found
 _NEARLY = 0.2  # the same under coarse noise, which only leads to a place
 _CREEP = 0.02  # rise in a step, at which the way along a ridge ends
 _HOPE = {3: 20.0, 6: 8.0, 12: 4.0}  # from which step on it may bring how often what it promises
@@ -30,6 +30,7 @@ _DAMPING = (1e-3, 1e-4, 1e9)  # first, least, most
 _POOR = 50.0  # loss behind the best, under coarse noise, at which a start is given up
 _KEPT = 30.0  # loss behind the best mode, at which another is given up
 _NEAR_NONE = 10.0  # of loss, by which no discrepancy may be worse at a place and yet have a mode
+_SPREAD = 4.0  # of squared sds a number, within which a way ends at a mode that is known
 _SAME = 0.5  # of loss, within which two modes are one
 
 
@@ -54,12 +55,14 @@ def find_mode(
     worth: float = np.inf,
     enough: float = _ENOUGH,
     size: float | None = None,
+    known: Sequence[Mode] = (),
 ) -> Mode | None:
     """Levenberg-Marquardt from theta (F,) or a point, then on at the discrepancy's likeliest size.
 
     size: of the discrepancy (N) at first, by default the likeliest at the start. None: not finite.
     worth: a loss; what does not promise to reach it is given up on its way; enough: rise of the log
-    density that a step must promise.
+    density that a step must promise; known: modes of the hypothesis, one of which is the answer as
+    soon as the way leads into its neighbourhood.
     """
     point = start if isinstance(start, Point) else density.at(hypothesis, start)
     if point is None:
@@ -72,13 +75,15 @@ def find_mode(
         step = bounded_step(here, damping, point)
         promise = promised(here, step)
         if over or (promise < enough and damping <= 1.0):
-            likeliest = density.likeliest_size(point)
+            likeliest = density.likeliest_size(point, size)
             if likeliest == size:
                 return Mode(point, size, here.loss, True, tried)
             size, damping, over = likeliest, _DAMPING[0], False
             here = density.terms(point, size)
             continue
-        if _is_hopeless(density, point, tried, promise, worth):
+        if tried > 1 and (met := _met(density, point, here.loss, known)):
+            return met
+        if _is_hopeless(density, point, size, tried, promise, worth):
             break
         found = density.at(hypothesis, point.own.within(point.theta + step))
         after = density.terms(found, size) if found is not None else None
@@ -91,8 +96,18 @@ def find_mode(
         damping = max(damping * (0.1 if gain > 0.5 else 1.0 if gain > 0.1 else 4.0), least)
         point, here = found, after
         over = max(rise, 0.2 * promise) < max(_CREEP, enough)
-    size = density.likeliest_size(point)
+    size = density.likeliest_size(point, size)
     return Mode(point, size, density.terms(point, size).loss, False, tried)
+
+
+def _met(density: Density, point: Point, loss: float, known: Sequence[Mode]) -> Mode | None:
+    """The known mode within whose spread a point lies, and about as high."""
+    for mode in known:
+        gap = point.theta - mode.point.theta
+        far = gap @ density.terms(mode.point, mode.size).curvature @ gap
+        if far < _SPREAD * gap.size and loss < mode.loss + _SPREAD * gap.size:
+            return mode
+    return None
 
 
 def find_modes(
@@ -101,10 +116,11 @@ def find_modes(
     start: Array | Point,
     worth: float = np.inf,
     size: float | None = None,
+    known: Sequence[Mode] = (),
 ) -> list[Mode]:
     """As `find_mode`; where no discrepancy is nearly as likely there, also the mode without one."""
-    found = find_mode(density, hypothesis, start, worth, size=size)
-    if found is None or found.size == 0.0:
+    found = find_mode(density, hypothesis, start, worth, size=size, known=known)
+    if found is None or found.size == 0.0 or any(found is mode for mode in known):
         return [found] if found is not None else []
     if density.terms(found.point, 0.0).loss > found.loss + _NEAR_NONE:
         return [found]
@@ -112,12 +128,14 @@ def find_modes(
     return [one for one in (found, other) if one is not None]
 
 
-def _is_hopeless(density: Density, point: Point, tried: int, promise: float, worth: float) -> bool:
+def _is_hopeless(
+    density: Density, point: Point, size: float, tried: int, promise: float, worth: float
+) -> bool:
     """Whether what steps promise does not reach what it must, whatever the discrepancy."""
     hope = min((hope for k, hope in _HOPE.items() if tried > k), default=math.inf)
     if math.isinf(hope) or math.isinf(worth):
         return False
-    least = density.terms(point, density.likeliest_size(point)).loss
+    least = density.terms(point, density.likeliest_size(point, size)).loss
     return least - hope * promise > worth
 
 
@@ -136,13 +154,13 @@ def modes(
     rough: list[Mode] = []
     for start in starts:
         least = min((mode.loss for mode in rough), default=np.inf)
-        mode = find_mode(density.coarse, hypothesis, start, least + _POOR, _NEARLY)
+        mode = find_mode(density.coarse, hypothesis, start, least + _POOR, _NEARLY, known=rough)
         rough += [mode] if mode is not None else []
     places = distinct(rough)[:most]
-    starts = [mode.point.theta for mode in places]
-    return distinct(
-        mode for theta in starts for mode in find_modes(density, hypothesis, theta, worth)
-    )
+    found: list[Mode] = []
+    for place in places:
+        found += find_modes(density, hypothesis, place.point.theta, worth, known=found)
+    return distinct(found)
 
 
 def base_modes(density: Density, hypothesis: Hypothesis, seed: int = 0) -> list[Mode]:
@@ -160,7 +178,7 @@ def base_modes(density: Density, hypothesis: Hypothesis, seed: int = 0) -> list[
     vain = 0
     for numbers in draws[STARTS:]:
         start = np.concatenate([found[0].point.theta[:elastic], numbers[elastic:]])
-        mode = find_mode(density, hypothesis, start, found[0].loss + _KEPT)
+        mode = find_mode(density, hypothesis, start, found[0].loss + _KEPT, known=found)
         better = mode is not None and mode.loss < found[0].loss - _SAME
         found = distinct([*found, mode]) if mode is not None else found
         vain = 0 if better else vain + 1

@@ -27,12 +27,13 @@ from qlvbayes.noise import AbstractNoise
 from qlvbayes.parameters import names
 from qlvbayes.posterior import Posterior, is_prior, value_shape
 from qlvbayes.priors.distributions import AbstractPrior
-from qlvbayes.priors.natural import AbstractDirect, Natural, natural
+from qlvbayes.priors.natural import AbstractDirect, Natural, Quadratic, natural
 from qlvbayes.records.record import Record
 
 Array = NDArray[np.float64]
 
 _DRAWS = 25  # of each prior, for medians, quantiles and starts
+_PLACES = 40  # depths, or times, at which laws are compared
 
 
 @dataclass(frozen=True)
@@ -73,10 +74,45 @@ class Leaf:
 
     def values(self, thetas: Array) -> Array:
         """(K, ...) values of rows of all free numbers (K, F), K a multiple of ``TOGETHER``."""
-        own = thetas[:, self.theta.start : self.theta.stop]
-        if isinstance(self.prior, AbstractDirect):
-            return self.prior.value_of(own)
-        return np.asarray(_value(*self.flat, own))
+        return np.asarray(_value(*self.flat, thetas[:, self.theta.start : self.theta.stop]))
+
+
+@dataclass(frozen=True, eq=False)
+class Direct:
+    """The free numbers whose priors are quadratic in them, all at once.
+
+    theta, constants (Q,): their places in theta and in the constants; in_log (Q,): which are
+    logarithms; mean, precision, curvature (Q,); top: sum of the log densities' tops.
+    """
+
+    theta: NDArray[np.intp]
+    constants: NDArray[np.intp]
+    in_log: NDArray[np.bool_]
+    mean: Array
+    precision: Array
+    curvature: Array
+    top: float
+
+    @classmethod
+    def of(cls, leaves: Iterable[Leaf]) -> Direct:
+        """Of those among some fields that have such a prior."""
+        pairs = [(leaf, p) for leaf in leaves if isinstance(p := leaf.prior, AbstractDirect)]
+        densities = [prior.density() for _, prior in pairs]
+        return cls(
+            np.array([leaf.theta.start for leaf, _ in pairs], dtype=np.intp),
+            np.array([leaf.constants.start for leaf, _ in pairs], dtype=np.intp),
+            np.array([prior.in_log for _, prior in pairs], dtype=bool),
+            np.array([one.mean for one in densities]),
+            np.array([one.precision for one in densities]),
+            np.array([one.curvature for one in densities]),
+            sum(one.top for one in densities),
+        )
+
+    def values(self, thetas: Array) -> Array:
+        """(K, Q) constants of thetas (K, F)."""
+        own = thetas[:, self.theta]
+        own[:, self.in_log] = np.exp(own[:, self.in_log])
+        return own
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +120,8 @@ class Parameters:
     """What a hypothesis leaves free: F numbers theta, P constants in the order of ``names``.
 
     lowest, highest, length (F,): bounds and natural length of each free number; fixed (P,):
-    constants that are not free, nan elsewhere.
+    constants that are not free, nan elsewhere; direct: numbers whose prior is quadratic in them;
+    joint: the other fields.
     """
 
     hypothesis: Hypothesis
@@ -94,6 +131,8 @@ class Parameters:
     highest: Array
     length: Array
     fixed: Array
+    direct: Direct
+    joint: tuple[Leaf, ...]
 
     @classmethod
     def of(cls, hypothesis: Hypothesis, posterior: Posterior) -> Parameters:
@@ -112,8 +151,10 @@ class Parameters:
             bounds.append(np.tile(_bounds(leaf), (leaf.size, 1)))
             fixed.append(np.full(count, np.nan))
             theta, constants = theta + leaf.size, constants + count
-        low, high, length = np.concatenate(bounds).T
-        return cls(hypothesis, posterior, tuple(leaves), low, high, length, np.concatenate(fixed))
+        low, high, length = np.concatenate(bounds).T.copy()
+        joint = tuple(leaf for leaf in leaves if not isinstance(leaf.prior, AbstractDirect))
+        known = np.concatenate(fixed), Direct.of(leaves), joint
+        return cls(hypothesis, posterior, tuple(leaves), low, high, length, *known)
 
     def within(self, thetas: Array) -> Array:
         """Thetas (..., F) brought back to the bounds that they are beyond."""
@@ -134,19 +175,25 @@ class Parameters:
         """Fields by the name of their first constant, in the order of theta."""
         return {self.names[leaf.constants.start]: leaf for leaf in self.leaves}
 
+    def quadratic(self, number: int) -> Quadratic:
+        """Log prior density of a number that is taken as it is, by its place in theta."""
+        prior = next(leaf.prior for leaf in self.leaves if leaf.theta.start == number)
+        assert isinstance(prior, AbstractDirect)
+        return prior.density()
+
     def carried(self, fewer: Parameters) -> list[int]:
         """Where in theta the numbers are of a hypothesis that leaves no others free."""
         return [place for name in fewer.by_name for place in self.by_name[name].theta]
 
     def constants(self, thetas: Array) -> Array:
         """(K, P) constants of thetas (K, F)."""
-        count = len(thetas)
-        full = filled_up(thetas)
-        found = np.tile(self.fixed, (len(full), 1))
-        for leaf in self.leaves:
+        found = np.tile(self.fixed, (len(thetas), 1))
+        found[:, self.direct.constants] = self.direct.values(thetas)
+        full = filled_up(thetas) if self.joint else thetas
+        for leaf in self.joint:
             here = slice(leaf.constants.start, leaf.constants.stop)
-            found[:, here] = leaf.values(full).reshape(len(full), -1)
-        return found[:count]
+            found[:, here] = leaf.values(full).reshape(len(full), -1)[: len(thetas)]
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,6 +212,11 @@ class Space:
     bonded: bool
     _cache: dict[Hypothesis, Parameters] = field(default_factory=dict)
     _draws: dict[Any, Array] = field(default_factory=dict)
+
+    def with_effects(self, effects: dict[str, AbstractEffect]) -> Space:
+        """The same with other priors of its effects."""
+        laws = {key: own for key, own in self._draws.items() if key[0] != "effects"}
+        return replace(self, effects=effects, _cache={}, _draws=laws)
 
     @cached_property
     def engine(self) -> Engine:
@@ -211,6 +263,37 @@ class Space:
         constants = self.parameters(hypothesis).constants(np.stack([theta, added]))
         before, after = self.forces(hypothesis, constants)
         return np.asarray(after - before)
+
+    @cached_property
+    def places(self) -> tuple[Array, Array]:
+        """Depths (mm) and times (s) at which laws are looked at, over all that the tests hold."""
+        motion = self.record.motion
+        time = np.asarray(motion.time)
+        steps = np.diff(time, axis=-1)
+        depth, least = float(np.max(motion.displacement)), float(steps[steps > 0.0].min())
+        return np.linspace(0.0, depth, _PLACES), np.geomspace(least, float(time.max()), _PLACES)
+
+    def numbers_of(self, hypothesis: Hypothesis, part: str) -> list[int]:
+        """Places in theta of its elastic law's or its relaxation's numbers."""
+        elastic = self.draws("elastic", hypothesis.elastic).shape[1]
+        if part == "elastic":
+            return list(range(elastic))
+        count = self.draws("relaxation", hypothesis.relaxation).shape[1]
+        return list(range(elastic, elastic + count))
+
+    def curve(self, hypothesis: Hypothesis, part: str, constants: Array) -> Array:
+        """(K, 40) elastic force (N) over depth, or relaxation over time, of constants (K, P)."""
+        count, full = self._counts[hypothesis.elastic], filled_up(constants)
+        if part == "elastic":
+            law = self.elastic[hypothesis.elastic]
+            structure = jax.tree.structure(_emptied(law))
+            forces = _elastic_curves(structure, self.places[0], full[:, :count])
+            return np.asarray(forces)[: len(constants)]
+        name = hypothesis.relaxation
+        fractions, rates = _spectra(self._structures[name], self._shapes[name], full[:, count:])
+        decays = np.exp(-rates[:, :, None] * self.places[1])
+        found = fractions[:, :1] + np.einsum("kl,klt->kt", fractions[:, 1:], decays)
+        return np.asarray(found)[: len(constants)]
 
     def _rows(self, hypothesis: Hypothesis, constants: Array) -> tuple[Array, int]:
         """(K, R) rows of the engine, and their lanes."""
@@ -314,7 +397,7 @@ def in_natural_amplitude(effect: AbstractEffect, factor: float = 1.0) -> Abstrac
 def _bounds(prior: AbstractPrior) -> tuple[float, float, float]:
     """Least and largest of a prior's numbers, and their natural length."""
     if isinstance(prior, AbstractDirect):
-        return prior.lowest, prior.highest, prior.sd
+        return prior.density()[:3]
     return -math.inf, math.inf, 1.0
 
 
@@ -338,6 +421,17 @@ def _spectra(
         start += count
     fractions, rates = _spectrum(structure, tuple(filled))
     return np.asarray(fractions)[: len(constants)], np.asarray(rates)[: len(constants)]
+
+
+@partial(jax.jit, static_argnums=0)
+def _elastic_curves(structure: Any, depths: JaxArray, constants: JaxArray) -> JaxArray:
+    """(K, places) of constants (K, count) of an elastic law."""
+
+    def one(row: JaxArray) -> JaxArray:
+        law: AbstractElastic = jax.tree.unflatten(structure, list(row))
+        return law.force(depths)
+
+    return jax.vmap(one)(constants)
 
 
 def _spectrum_of(relaxation: AbstractRelaxation) -> tuple[JaxArray, JaxArray]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -67,6 +68,27 @@ def encoder_step(displacement: Array) -> float:
         if step < _LEAST_STEP * span:
             return 0.0
     return 0.0
+
+
+def encoder_steps(displacements: Sequence[Array]) -> list[float]:
+    """Return the step of each of several records by one encoder, 0 where none shows.
+
+    A fast test with few readings may change by multiples of many steps only; the least step of all
+    records then is its own, where it divides its changes too.
+    """
+    own = [encoder_step(x) for x in displacements]
+    least = min((step for step in own if step > 0.0), default=0.0)
+    return [
+        least if least > 0.0 and _divides(least, x) else step
+        for step, x in zip(own, displacements, strict=True)
+    ]
+
+
+def _divides(step: float, displacement: Array) -> bool:
+    """Whether all changes are multiples of a step."""
+    changes = np.abs(np.diff(displacement))
+    rest = np.abs(changes - np.round(changes / step) * step)
+    return bool(np.all(rest <= max(0.05 * step, 1e-9 * float(np.ptp(displacement)))))
 
 
 def sensor_noise(time: Array, signal: Array, step: float = 0.0) -> float:

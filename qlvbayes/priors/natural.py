@@ -1,14 +1,14 @@
 """Priors whose number is left as it is, within bounds, so that a force linear in it stays linear.
 
 A map to an unbounded number would send a bound to infinity: a mode that lies at one is then never
-reached, and no normal stands for the density about it.
+reached, and no normal stands for the density about it. Over its number each is quadratic.
 """
 
 from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
@@ -20,6 +20,7 @@ from qlvbayes.priors.distributions import (
     AbstractPrior,
     AbstractScalarPrior,
     HalfNormal,
+    LogNormal,
     LogUniform,
     Normal,
     Uniform,
@@ -28,6 +29,22 @@ from qlvbayes.priors.distributions import (
 Part = TypeVar("Part")
 
 _FLAT = 0.01  # curvature over 1/width^2 that keeps a flat density normal: half a per cent of it
+_LOG_ROOT = 0.5 * math.log(2.0 * math.pi)
+
+
+class Quadratic(NamedTuple):
+    """A log density top - precision (x - mean)^2/2 between two bounds.
+
+    length: natural, of x; curvature: of minus the density, as a normal about a place takes it.
+    """
+
+    lowest: float
+    highest: float
+    length: float
+    mean: float
+    precision: float
+    curvature: float
+    top: float
 
 
 class AbstractDirect(AbstractScalarPrior):
@@ -37,35 +54,30 @@ class AbstractDirect(AbstractScalarPrior):
 
     @property
     @abstractmethod
-    def lowest(self) -> float:
-        """Least number."""
-
-    @property
-    @abstractmethod
-    def highest(self) -> float:
-        """Largest number."""
-
-    @property
-    @abstractmethod
-    def sd(self) -> float:
-        """Natural length."""
-
-    @property
-    @abstractmethod
-    def curvature(self) -> float:
-        """Of minus the log density."""
+    def in_log(self) -> bool:
+        """Whether the number is the logarithm of the value."""
 
     @abstractmethod
-    def log_of(self, number: float) -> float:
-        """Log density at a number within the bounds, without JAX."""
+    def density(self) -> Quadratic:
+        """Over the number, without JAX."""
 
     @abstractmethod
-    def gradient(self, number: float) -> float:
-        """Of minus the log density."""
+    def inside(self, value: Array) -> Array:
+        """Whether a value is within the bounds."""
 
-    @abstractmethod
-    def value_of(self, number: np.ndarray) -> np.ndarray:
-        """The constant's value."""
+    def log_density(self, value: ArrayLike) -> Array:
+        """That of the prior; none beyond its bounds."""
+        inside = self.inside(jnp.asarray(value))
+        return jnp.where(inside, self.inner.log_density(value), -jnp.inf)
+
+    def to_support(self, y: Array) -> tuple[Array, Array]:
+        """The number itself, or its exponential."""
+        return (jnp.exp(y), y) if self.in_log else (y, jnp.zeros_like(y))
+
+    def unconstrain(self, value: ArrayLike) -> Array:
+        """The value itself, or its logarithm."""
+        number = jnp.reshape(jnp.asarray(value, dtype=float), (1,))
+        return jnp.log(number) if self.in_log else number
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
         """One value."""
@@ -86,55 +98,26 @@ class Natural(AbstractDirect):
     word: ClassVar[str] = "natural"
 
     @property
-    def lowest(self) -> float:
-        """Least value that the prior allows."""
-        return 0.0 if isinstance(self.inner, HalfNormal) else -math.inf
+    def in_log(self) -> bool:
+        """No."""
+        return False
 
-    @property
-    def highest(self) -> float:
-        """None."""
-        return math.inf
+    def inside(self, value: Array) -> Array:
+        """From zero on, of a half-normal."""
+        return value >= (0.0 if isinstance(self.inner, HalfNormal) else -jnp.inf)
 
     @property
     def sd(self) -> float:
         """Scale of the prior."""
         return float(self.inner.sd)
 
-    @property
-    def mean(self) -> float:
-        """Of the normal; 0 of a half-normal."""
-        return float(getattr(self.inner, "mean", 0.0))
-
-    @property
-    def curvature(self) -> float:
-        """1/sd^2."""
-        return self.sd**-2
-
-    def gradient(self, number: float) -> float:
-        """(number - mean)/sd^2."""
-        return (number - self.mean) / self.sd**2
-
-    def log_of(self, number: float) -> float:
+    def density(self) -> Quadratic:
         """Of the normal, or the half-normal."""
-        sides = 1.0 if isinstance(self.inner, Normal) else 2.0
-        z = (number - self.mean) / self.sd
-        return math.log(sides / (self.sd * math.sqrt(2.0 * math.pi))) - 0.5 * z**2
-
-    def value_of(self, number: np.ndarray) -> np.ndarray:
-        """The number itself."""
-        return number
-
-    def log_density(self, value: ArrayLike) -> Array:
-        """That of the prior; none below its least value."""
-        return jnp.where(jnp.asarray(value) >= self.lowest, self.inner.log_density(value), -jnp.inf)
-
-    def to_support(self, y: Array) -> tuple[Array, Array]:
-        """The number itself."""
-        return y, jnp.zeros_like(y)
-
-    def unconstrain(self, value: ArrayLike) -> Array:
-        """The value itself."""
-        return jnp.reshape(jnp.asarray(value, dtype=float), (1,))
+        folded = isinstance(self.inner, HalfNormal)
+        mean = 0.0 if folded else float(self.inner.mean)
+        top = -math.log(self.sd) - _LOG_ROOT + (math.log(2.0) if folded else 0.0)
+        lowest = 0.0 if folded else -math.inf
+        return Quadratic(lowest, math.inf, self.sd, mean, self.sd**-2, self.sd**-2, top)
 
 
 class Bounded(AbstractDirect):
@@ -144,55 +127,44 @@ class Bounded(AbstractDirect):
     word: ClassVar[str] = "bounded"
 
     @property
-    def _is_log(self) -> bool:
+    def in_log(self) -> bool:
+        """Of a log-uniform prior."""
         return isinstance(self.inner, LogUniform)
 
-    @property
-    def lowest(self) -> float:
-        """Of the value, or of its logarithm."""
-        return math.log(self.inner.low) if self._is_log else float(self.inner.low)
+    def inside(self, value: Array) -> Array:
+        """Between both."""
+        return (value >= self.inner.low) & (value <= self.inner.high)
+
+    def density(self) -> Quadratic:
+        """Flat, but for what keeps a normal a normal."""
+        low, high = float(self.inner.low), float(self.inner.high)
+        if self.in_log:
+            low, high = math.log(low), math.log(high)
+        width = high - low
+        length, top = width / math.sqrt(12.0), -math.log(width)
+        return Quadratic(low, high, length, 0.5 * (low + high), 0.0, _FLAT / width**2, top)
+
+
+class Logarithmic(AbstractDirect):
+    """A log-normal prior, taken in the logarithm."""
+
+    inner: Any
+    word: ClassVar[str] = "logarithmic"
 
     @property
-    def highest(self) -> float:
-        """Of the value, or of its logarithm."""
-        return math.log(self.inner.high) if self._is_log else float(self.inner.high)
+    def in_log(self) -> bool:
+        """Yes."""
+        return True
 
-    @property
-    def sd(self) -> float:
-        """Of the uniform density."""
-        return (self.highest - self.lowest) / math.sqrt(12.0)
+    def inside(self, value: Array) -> Array:
+        """Positive."""
+        return value > 0.0
 
-    @property
-    def curvature(self) -> float:
-        """None, but for what keeps a normal a normal."""
-        return _FLAT / (self.highest - self.lowest) ** 2
-
-    def gradient(self, number: float) -> float:
-        """None."""
-        return 0.0
-
-    def log_of(self, number: float) -> float:
-        """-log(highest - lowest)."""
-        return -math.log(self.highest - self.lowest)
-
-    def value_of(self, number: np.ndarray) -> np.ndarray:
-        """The number itself, or its exponential."""
-        return np.exp(number) if self._is_log else number
-
-    def log_density(self, value: ArrayLike) -> Array:
-        """That of the prior; none beyond its bounds."""
-        place = jnp.asarray(value)
-        inside = (place >= self.inner.low) & (place <= self.inner.high)
-        return jnp.where(inside, self.inner.log_density(value), -jnp.inf)
-
-    def to_support(self, y: Array) -> tuple[Array, Array]:
-        """The number itself, or its exponential."""
-        return (jnp.exp(y), y) if self._is_log else (y, jnp.zeros_like(y))
-
-    def unconstrain(self, value: ArrayLike) -> Array:
-        """The value itself, or its logarithm."""
-        number = jnp.reshape(jnp.asarray(value, dtype=float), (1,))
-        return jnp.log(number) if self._is_log else number
+    def density(self) -> Quadratic:
+        """Of the normal; a factor e is its length, however wide the prior is."""
+        mean, sd = float(self.inner.log_median), float(self.inner.log_sd)
+        top = -math.log(sd) - _LOG_ROOT
+        return Quadratic(-math.inf, math.inf, 1.0, mean, sd**-2, sd**-2, top)
 
 
 def natural(prior: object) -> object:
@@ -200,11 +172,13 @@ def natural(prior: object) -> object:
     return Natural(prior) if isinstance(prior, Normal | HalfNormal) else prior
 
 
-def within_bounds(part: Part) -> Part:
-    """A law or effect whose uniform and log-uniform priors are `Bounded`."""
+def in_own_numbers(part: Part) -> Part:
+    """A law or effect whose uniform, log-uniform and log-normal priors are quadratic."""
 
-    def bounded(prior: object) -> object:
+    def direct(prior: object) -> object:
+        if isinstance(prior, LogNormal):
+            return Logarithmic(prior)
         return Bounded(prior) if isinstance(prior, Uniform | LogUniform) else prior
 
-    changed: Part = jax.tree.map(bounded, part, is_leaf=lambda x: isinstance(x, AbstractPrior))
+    changed: Part = jax.tree.map(direct, part, is_leaf=lambda x: isinstance(x, AbstractPrior))
     return changed

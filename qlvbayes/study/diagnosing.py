@@ -39,7 +39,7 @@ def diagnose_into(
         found = diagnose(
             experiment,
             choices,
-            kinds=choices.kinds,
+            kinds=choices.candidates,
             settings=thresholds,
             evidence=evidence,
             seed=seed,

@@ -1,0 +1,59 @@
+"""Contact that is made little by little: a gradual toe."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, ClassVar, Self
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from qlvbayes.effects.contact_offset import ContactOffset, rested
+from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.law import Law, at_depth
+from qlvbayes.motion import Motion
+from qlvbayes.scales import Scales, lognormal
+
+
+class GradualContact(AbstractEffect):
+    """Depth = max(d - gap (1 - e^{-d/over}), 0), d = max(displacement, 0) in the exponent.
+
+    gap: by how much the depth falls short once contact is full (mm), of either sign; over: depth
+    over which contact is made (mm), zero or more; at 0 a negative gap has rested as in
+    contact_offset.
+    """
+
+    gap: Any
+    over: Any
+    name: ClassVar[str] = "gradual_contact"
+    level: ClassVar[Level] = ContactOffset.level
+    rank: ClassVar[int] = ContactOffset.rank
+    units: ClassVar[dict[str, str]] = {"gap": "displacement", "over": "displacement"}
+    null: ClassVar[dict[str, float]] = {"gap": 0.0}
+    generalises: ClassVar[str] = ContactOffset.name
+    reduces: ClassVar[dict[str, float]] = {"over": 0.0}
+    law: ClassVar[str] = "delta -> max(delta - gap (1 - e^(-delta/over)), 0)"
+    seen: ClassVar[str] = "the toe of every ramp is longer and rounder, or shorter"
+    reference: ClassVar[str] = "Fung 1993, Biomechanics, ch. 7.3, the toe region"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """Gap scaled by the stiffness at the largest force; over a tenth of the depth."""
+        return cls(scales.signed(scales.stiffness), lognormal(0.1 * scales.depth, 3.0))
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        """Change the depth, and its rates with it."""
+        known = rested(motion)
+        gradual = self.over > 0.0
+        over = jnp.where(gradual, self.over, 1.0)
+        missing = jnp.exp(-jnp.maximum(known.displacement, 0.0) / over)
+        missing = jnp.where(gradual, missing, 0.0)
+        pressed = known.displacement > 0.0
+        slope = jnp.where(pressed, self.gap / over * missing, 0.0)
+        changed = replace(
+            known,
+            velocity=known.velocity * (1.0 - slope),
+            acceleration=known.acceleration * (1.0 - slope) + known.velocity**2 * slope / over,
+        )
+        depth = known.displacement - self.gap * (1.0 - missing)
+        return below.force(at_depth(changed, depth))[1:]

@@ -1,0 +1,51 @@
+"""The load cell's zero drifts less and less."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Self
+
+from jaxtyping import Array
+
+from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.effects.force_drift import ForceDrift
+from qlvbayes.effects.spans import duration
+from qlvbayes.law import Law
+from qlvbayes.motion import Motion
+from qlvbayes.priors import HalfNormal
+from qlvbayes.scales import Scales
+from qlvbayes.smoothmath import exp_slope
+
+_LEVELS = 4.0  # times one over the study's duration, sd of the slowing: it may level off within
+_REACHED = 0.3  # of rate x duration is reached in the end at the median of that
+
+
+class LevellingDrift(AbstractEffect):
+    r"""F = F_below + rate (1 - e^{-slowing t})/slowing, t the pad's clock.
+
+    rate: drift of the cell's zero at first (N/s), of either sign; slowing: how fast it dies out
+    (1/s), zero or more.
+    """
+
+    rate: Any
+    slowing: Any
+    name: ClassVar[str] = "levelling_drift"
+    level: ClassVar[Level] = ForceDrift.level
+    rank: ClassVar[int] = ForceDrift.rank
+    units: ClassVar[dict[str, str]] = {"rate": "force_rate", "slowing": "rate"}
+    null: ClassVar[dict[str, float]] = {"rate": 0.0}
+    generalises: ClassVar[str] = ForceDrift.name
+    reduces: ClassVar[dict[str, float]] = {"slowing": 0.0}
+    law: ClassVar[str] = "F += rate (1 - e^(-slowing t))/slowing"
+    seen: ClassVar[str] = "a shift of all forces that grows from test to test, the later the less"
+    reference: ClassVar[str] = "ISO 376:2011, creep and drift of a force transducer"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """Rate scaled by what is reached in the end; it may level off within the study."""
+        whole = duration(scales)
+        return cls(scales.signed(_REACHED * whole), HalfNormal(_LEVELS / whole))
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        """Shift the force with the clock."""
+        clock = motion.clock
+        return below.force(motion) + self.rate * clock * exp_slope(-self.slowing * clock)

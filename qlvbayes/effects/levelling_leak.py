@@ -1,0 +1,53 @@
+"""Fluid that leaks out and back: the pad weakens from test to test, less and less."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Self
+
+from jaxtyping import Array
+
+from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.effects.fluid_leak import FluidLeak
+from qlvbayes.effects.spans import duration
+from qlvbayes.law import Law
+from qlvbayes.motion import Motion
+from qlvbayes.priors import HalfNormal
+from qlvbayes.scales import Scales
+from qlvbayes.smoothmath import exp_slope
+
+_LEVELS = 4.0  # times one over the study's duration, sd of the rate back: it may level off within
+_REACHED = 0.3  # of rate x duration is lost in the end at the median of that rate
+
+
+class LevellingLeak(AbstractEffect):
+    r"""F = F_below w, with dw/dt = -rate w + back (1 - w), w = 1 at first, t the pad's clock.
+
+    rate: share of the force lost per second at first (1/s), zero or more; back: share of what was
+    lost that returns per second (1/s), zero or more, so that w levels off at back/(rate + back).
+    Solved, w = 1 - rate (1 - e^{-(rate + back) t})/(rate + back).
+    """
+
+    rate: Any
+    back: Any
+    name: ClassVar[str] = "levelling_leak"
+    level: ClassVar[Level] = FluidLeak.level
+    rank: ClassVar[int] = FluidLeak.rank
+    units: ClassVar[dict[str, str]] = {"rate": "rate", "back": "rate"}
+    null: ClassVar[dict[str, float]] = {"rate": 0.0}
+    generalises: ClassVar[str] = FluidLeak.name
+    reduces: ClassVar[dict[str, float]] = {"back": 0.0}
+    law: ClassVar[str] = "F -> F w, dw/dt = -rate w + back (1 - w)"
+    seen: ClassVar[str] = "each test weaker than the one before, the later the less"
+    reference: ClassVar[str] = "Biot 1941, doi:10.1063/1.1712886"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """Rate scaled by what is lost in the end; the way back may take a part of the study."""
+        whole = duration(scales)
+        return cls(scales.positive(_REACHED * scales.force * whole), HalfNormal(_LEVELS / whole))
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        """Weaken with the clock."""
+        clock = motion.clock
+        lost = self.rate * clock * exp_slope(-(self.rate + self.back) * clock)
+        return below.force(motion) * (1.0 - lost)

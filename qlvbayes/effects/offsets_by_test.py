@@ -1,0 +1,54 @@
+"""The load cell's zero differs from test to test, whatever the reason."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Self
+
+from jaxtyping import Array
+
+from qlvbayes.effects.clock_curve import LARGEST, curve
+from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.effects.spans import duration
+from qlvbayes.law import Law
+from qlvbayes.motion import Motion
+from qlvbayes.priors import Normal
+from qlvbayes.scales import Scales
+
+
+class OffsetsByTest(AbstractEffect):
+    """F = F_below + size (P1 + bend P2 + twist P3), at the clock of the test's beginning.
+
+    size: of the straight part (N), of either sign; bend, twist: of the curved ones over it;
+    duration: of the study (s), fixed. With force_offset this gives any four tests offsets of their
+    own, and more tests offsets on a smooth curve.
+    """
+
+    size: Any
+    bend: Any
+    twist: Any
+    duration: Any
+    name: ClassVar[str] = "offsets_by_test"
+    level: ClassVar[Level] = Level.SENSOR
+    rank: ClassVar[int] = 3
+    units: ClassVar[dict[str, str]] = {
+        "size": "force",
+        "bend": "count",
+        "twist": "count",
+        "duration": "time",
+    }
+    null: ClassVar[dict[str, float]] = {"size": 0.0}
+    outside: ClassVar[bool] = True
+    law: ClassVar[str] = "F += size (P1 + bend P2 + twist P3)(start)"
+    seen: ClassVar[str] = "all forces of a test shifted alike, each test by its own amount"
+    reference: ClassVar[str] = "Abramowitz & Stegun 1964, ch. 22"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """Size scaled by the peak force; curves as large as the straight part."""
+        curved = Normal(0.0, 1.0), Normal(0.0, 1.0)
+        return cls(scales.signed(LARGEST), *curved, duration(scales))
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        """Shift the test's force."""
+        shift = curve(motion.start, self.bend, self.twist, self.duration)
+        return below.force(motion) + self.size * shift

@@ -1,0 +1,110 @@
+"""Fluid pressure that drains as a power of itself."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Self
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.effects.fluid_pressure import FluidPressure
+from qlvbayes.effects.history import material_time
+from qlvbayes.law import Law
+from qlvbayes.motion import Motion
+from qlvbayes.priors import Uniform
+from qlvbayes.scales import Scales
+from qlvbayes.smoothmath import exp_slope
+
+_NONE = 1e-12  # of the stroke: below it nothing is there to drain, and the power is a straight line
+_NEAR = 1e-5  # relative gap, below which a secant is the tangent in its middle to 1e-10
+_POWERS = (0.25, 4.0)  # of m: 1/2 to 2 for n = 3, 1 for 2; beyond only where rho hardly changes
+
+
+class PowerLawDrainage(AbstractEffect):
+    r"""F = F_below + k q, with dq/dt = v - (q/tau) abs(q/stroke)^{n-1} e^{-a d}, q = 0 at first.
+
+    k: undrained stiffness (N/mm), zero or more; tau: time of drainage at zero depth of what
+    ``stroke`` (mm, fixed) would press up undrained (s); a: how compression closes the pores (1/mm);
+    n: exponent, from 1 (Darcy's flow) to 3: a shear-thinning fluid seeps as a power of the
+    pressure, and the last of it stays long.
+    """
+
+    k: Any
+    tau: Any
+    a: Any
+    n: Any
+    stroke: Any
+    name: ClassVar[str] = "power_law_drainage"
+    level: ClassVar[Level] = FluidPressure.level
+    rank: ClassVar[int] = FluidPressure.rank
+    units: ClassVar[dict[str, str]] = {
+        "k": "stiffness",
+        "tau": "time",
+        "a": "exponent",
+        "n": "fraction",
+        "stroke": "displacement",
+    }
+    null: ClassVar[dict[str, float]] = {"k": 0.0}
+    generalises: ClassVar[str] = FluidPressure.name
+    reduces: ClassVar[dict[str, float]] = {"n": 1.0}
+    law: ClassVar[str] = "dq/dt = v - (q/tau) |q/stroke|^(n-1) e^(-a delta), F += k q"
+    seen: ClassVar[str] = "a transient after each move, fast at first, with a long tail"
+    reference: ClassVar[str] = "Christopher & Middleman 1965, Ind. Eng. Chem. Fundam. 4:422"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """As fluid_pressure; the tests' own stroke, and any exponent alike."""
+        linear = FluidPressure.default(scales)
+        return cls(linear.k, linear.tau, linear.a, Uniform(1.0, 3.0), scales.depth)
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        """Add the pressure."""
+        own = motion.alone
+        xi = material_time(own.time, own.displacement, -self.a)
+        pressed = _undrained(xi, own.displacement, self.tau, self.n, self.stroke)
+        return below.force(motion) + self.k * pressed
+
+
+def _undrained(xi: Array, depth: Array, tau: Array, n: Array, stroke: Array) -> Array:
+    r"""Q (N,): dq/dxi = s - r(q), r = (q/tau) abs(q/stroke)^{n-1}, s = d depth/d xi in each step.
+
+    About its balance q*, r(q*) = s, it is e' = -rho e with e = q - q* and the secant
+    rho = (r(q) - s)/(q - q*). Taken as rho = rho* + (rho_0 - rho*) abs(e/e_0)^m, with the slope
+    that rho has at the step's beginning, this has a closed form: exact for n = 1, for n = 2 where
+    q keeps its sign, and at rest for any n.
+    """
+
+    def rate(q: Array) -> Array:
+        return jnp.maximum(jnp.abs(q) / stroke, _NONE) ** (n - 1.0) / tau
+
+    step = jnp.diff(xi)
+    lasting = step > 0.0
+    travel = jnp.diff(depth)
+    source = jnp.where(lasting, travel / jnp.where(lasting, step, 1.0), 0.0)
+    size = jnp.maximum(jnp.abs(source) * tau / stroke, _NONE**n)
+    balance = jnp.where(source == 0.0, 0.0, jnp.sign(source) * stroke * size ** (1.0 / n))
+    settling = n * rate(balance)
+
+    def advance(q: Array, point: tuple[Array, ...]) -> tuple[Array, Array]:
+        step, jump, source, balance, settling = point
+        q = q + jump
+        relative = rate(q)
+        gap = q - balance
+        near = jnp.abs(gap) <= _NEAR * (jnp.abs(q) + jnp.abs(balance))
+        secant = (relative * q - source) / jnp.where(near, 1.0, gap)
+        secant = jnp.where(near, n * rate(0.5 * (q + balance)), secant)
+        excess = secant - settling
+        curved = jnp.abs(excess) > _NEAR * secant
+        power = (n * relative - secant) / jnp.where(curved, excess, 1.0)
+        power = jnp.clip(jnp.where(curved, power, 1.0), *_POWERS)
+        grown = power * excess * step * exp_slope(-power * settling * step)
+        decay = settling * step + jnp.log1p(grown) / power
+        share = jnp.where(secant > 0.0, -jnp.expm1(-decay) / secant, step)
+        q = q + (source - relative * q) * share
+        return q, q
+
+    jumps = jnp.where(lasting, 0.0, travel)
+    _, q = jax.lax.scan(advance, jnp.zeros(()), (step, jumps, source, balance, settling))
+    return jnp.concatenate([jnp.zeros(1), q])

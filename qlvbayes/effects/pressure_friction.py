@@ -1,0 +1,60 @@
+"""Dry friction that grows with the force pressed."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Self
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.effects.friction import Friction, slide
+from qlvbayes.law import Law
+from qlvbayes.motion import Motion
+from qlvbayes.priors import Uniform
+from qlvbayes.scales import Scales, lognormal
+
+
+class PressureFriction(AbstractEffect):
+    """F = F_below + strength (1 - share + share max(F_below, 0)/pressed) z, z as in friction.
+
+    strength: force of steady sliding where the pad presses with ``pressed`` (N), zero or more;
+    reach: the way over which it turns round (mm); share: of the friction that goes with the force,
+    from 0 to 1, where it is Coulomb's with the coefficient strength/pressed; pressed (N): fixed.
+    """
+
+    strength: Any
+    reach: Any
+    share: Any
+    pressed: Any
+    name: ClassVar[str] = "pressure_friction"
+    level: ClassVar[Level] = Friction.level
+    rank: ClassVar[int] = Friction.rank
+    units: ClassVar[dict[str, str]] = {
+        "strength": "force",
+        "reach": "displacement",
+        "share": "fraction",
+        "pressed": "force",
+    }
+    null: ClassVar[dict[str, float]] = {"strength": 0.0}
+    generalises: ClassVar[str] = Friction.name
+    reduces: ClassVar[dict[str, float]] = {"share": 0.0}
+    law: ClassVar[str] = "F += strength (1 - share + share F/pressed) z"
+    seen: ClassVar[str] = "a force against the motion, at any speed, larger the harder it presses"
+    reference: ClassVar[str] = "Amontons 1699; Derjaguin 1934, doi:10.1007/BF01333114"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """Strength scaled by the peak force, at which it is told; any share alike."""
+        return cls(
+            scales.positive(1.0),
+            lognormal(0.03 * scales.depth, 2.0),
+            Uniform(0.0, 1.0),
+            scales.force,
+        )
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        """Add the friction."""
+        force = below.force(motion)
+        grown = 1.0 + self.share * (jnp.maximum(force, 0.0) / self.pressed - 1.0)
+        return force + self.strength * grown * slide(motion, self.reach)

@@ -1,0 +1,53 @@
+"""The scale of the force changes smoothly over the clock, whatever the reason."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Self
+
+from jaxtyping import Array
+
+from qlvbayes.effects.clock_curve import LARGEST, curve
+from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.effects.spans import duration
+from qlvbayes.law import Law
+from qlvbayes.motion import Motion
+from qlvbayes.priors import Normal
+from qlvbayes.scales import Scales
+
+
+class SlowChange(AbstractEffect):
+    """F = F_below (1 + size (P1 + bend P2 + twist P3)), Legendre's polynomials over the clock.
+
+    size: of the straight part (1), of either sign; bend, twist: of the curved ones over it;
+    duration: of the study (s), fixed.
+    """
+
+    size: Any
+    bend: Any
+    twist: Any
+    duration: Any
+    name: ClassVar[str] = "slow_change"
+    level: ClassVar[Level] = Level.SCALING
+    rank: ClassVar[int] = 2
+    units: ClassVar[dict[str, str]] = {
+        "size": "fraction",
+        "bend": "count",
+        "twist": "count",
+        "duration": "time",
+    }
+    null: ClassVar[dict[str, float]] = {"size": 0.0}
+    outside: ClassVar[bool] = True
+    law: ClassVar[str] = "F -> F (1 + size (P1 + bend P2 + twist P3)(t))"
+    seen: ClassVar[str] = "tests weaker or stronger as the clock runs, not all one way"
+    reference: ClassVar[str] = "Abramowitz & Stegun 1964, ch. 22"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """Size scaled by the peak force; curves as large as the straight part."""
+        curved = Normal(0.0, 1.0), Normal(0.0, 1.0)
+        return cls(scales.signed(LARGEST * scales.force), *curved, duration(scales))
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        """Change the scale with the clock."""
+        along = curve(motion.clock, self.bend, self.twist, self.duration)
+        return below.force(motion) * (1.0 + self.size * along)

@@ -1,0 +1,64 @@
+"""The force is recorded late, and smoothed."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Self
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from qlvbayes.effects.channel_lag import ChannelLag, joined_with
+from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.hereditary import hereditary_force
+from qlvbayes.law import Law
+from qlvbayes.laws.elastic.linear import Linear
+from qlvbayes.laws.relaxation.prony import Prony
+from qlvbayes.motion import Motion
+from qlvbayes.priors import Uniform
+from qlvbayes.scales import Scales
+
+_INSTANT = 1e-30  # s, a filter that changes nothing and yet has a slope along its time
+
+
+class SpreadingLag(AbstractEffect):
+    r"""y(t) = F_below(t - (1 - spread) delay), spread delay F' = y - F; F = y at first.
+
+    delay: mean lateness of the force's channel (s), zero or more; spread: share of it that is a
+    filter's of first order, from 0 (a pure delay) to 1. Before the start the force is that of the
+    start; between the points at which the force beneath is taken it is on straight lines.
+    """
+
+    delay: Any
+    spread: Any
+    name: ClassVar[str] = "spreading_lag"
+    level: ClassVar[Level] = ChannelLag.level
+    rank: ClassVar[int] = ChannelLag.rank
+    units: ClassVar[dict[str, str]] = {"delay": "time", "spread": "fraction"}
+    null: ClassVar[dict[str, float]] = {"delay": 0.0}
+    costly: ClassVar[bool] = True
+    generalises: ClassVar[str] = ChannelLag.name
+    reduces: ClassVar[dict[str, float]] = {"spread": 0.0}
+    law: ClassVar[str] = "F(t) -> F(t - (1 - spread) delay), filtered over spread delay"
+    seen: ClassVar[str] = "force late against displacement, and its kinks rounded"
+    reference: ClassVar[str] = "Oppenheim & Schafer 2010, Discrete-Time Signal Processing, ch. 5"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """Delay as channel_lag's; any spread alike."""
+        return cls(ChannelLag.default(scales).delay, Uniform(0.0, 1.0))
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        """Force beneath at the delayed times, filtered along them."""
+        delayed = motion.time - (1.0 - self.spread) * self.delay
+        # two more points for each show how the force bends on the way there
+        before = delayed - self.spread * self.delay
+        between = 0.5 * (motion.time[1:] + motion.time[:-1])
+        joined, order = joined_with(motion, jnp.concatenate([delayed, before, between]))
+        force = below.force(joined)
+        own = joined.time >= motion.alone.time[0]
+        begin = jnp.argmax(own)
+        change = jnp.where(own, force - force[begin], 0.0)
+        rate = 1.0 / (self.spread * self.delay + _INSTANT)
+        filtering = Prony(jnp.array([1.0, -1.0]), jnp.reshape(rate, (1,)))
+        filtered = force[begin] + hereditary_force(Linear(1.0), filtering, joined.time, change)
+        return filtered[jnp.argsort(order)][: motion.time.shape[0]]

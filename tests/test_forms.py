@@ -1,0 +1,356 @@
+"""Forms hold their listed law inside, and are what a simulator's differential equations say."""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from numpy.polynomial.legendre import legval
+from simulated import CLOSE, PROTOCOLS, START, grid_of, motion_of
+
+from qlvbayes.checks import InputError
+from qlvbayes.choices import Choices
+from qlvbayes.effects.catalogue import EFFECTS, EVERY, FORMS, OUTSIDE, find, names
+from qlvbayes.effects.channel_lag import ChannelLag
+from qlvbayes.effects.conformance import EffectError, check_effect
+from qlvbayes.effects.friction import Friction
+from qlvbayes.effects.gradual_contact import GradualContact
+from qlvbayes.effects.levelling_drift import LevellingDrift
+from qlvbayes.effects.levelling_leak import LevellingLeak
+from qlvbayes.effects.offsets_by_test import OffsetsByTest
+from qlvbayes.effects.power_law_drainage import PowerLawDrainage
+from qlvbayes.effects.pressure_friction import PressureFriction
+from qlvbayes.effects.slow_change import SlowChange
+from qlvbayes.effects.spreading_lag import SpreadingLag
+from qlvbayes.effects.stiffening_frame import StiffeningFrame
+from qlvbayes.elsewhere import infer_choices
+from qlvbayes.scales import Scales
+from qlvbayes.synthetic import TABLE_1, HiddenPad, Platen, draw_effect, paper_protocol
+from qlvbayes.synthetic.hidden import contact_effects, effect, forms, sensor_effects
+
+SIZE = 0.06  # of the peak force, the effect's largest contribution
+STROKE = 1.6  # mm
+PRESSED = 1.4  # N
+STUDY = Scales(1.4, STROKE, 1e-3, 30.0, 0.01, 0.01, 1.0, speed=20.0, clock=900.0, stiffness=2.0)
+ADDED = pytest.mark.parametrize("kind", [*FORMS, *OUTSIDE], ids=names([*FORMS, *OUTSIDE]))
+STRAINED = Scales(
+    250.0, 0.3, 1e-3, 60.0, 0.1, 0.1, 1.0, speed=7.0, acceleration=180.0, clock=900.0, stiffness=1e3
+)
+
+
+# the rules
+
+
+@ADDED
+def test_every_form_keeps_the_rules(kind):
+    check_effect(kind)
+
+
+@pytest.mark.parametrize("kind", [PowerLawDrainage, PressureFriction, GradualContact])
+def test_the_rules_hold_in_other_units_too(kind):
+    check_effect(kind, STRAINED)
+
+
+@ADDED
+def test_priors_are_proper_where_a_scale_is_unknown(kind):
+    bare = Scales(1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, speed=0.0, acceleration=0.0, clock=0.0)
+    for prior in vars(kind.default(bare)).values():
+        drawn = prior if isinstance(prior, float) else prior.draw(np.random.default_rng(1))
+        assert np.isfinite(drawn)
+
+
+def test_a_form_is_of_a_listed_family_and_an_outsider_of_none():
+    assert len(set(names(EVERY))) == len(EVERY)
+    assert {kind.family() for kind in FORMS} <= set(names(EFFECTS))
+    assert {kind.family() for kind in OUTSIDE}.isdisjoint(names(EFFECTS))
+    assert all(kind.family() == kind.name and not kind.outside for kind in EFFECTS)
+    assert find("spreading_lag") is SpreadingLag
+
+
+class Blunt(PressureFriction):
+    """Its friction never goes away from the force."""
+
+    reduces: ClassVar[dict[str, float]] = {"share": 0.1}
+
+
+class Homeless(PressureFriction):
+    """Of a family that is not listed."""
+
+    generalises: ClassVar[str] = "rust"
+
+
+class Elsewhere(PressureFriction):
+    """Nests where its family does not."""
+
+    rank: ClassVar[int] = 77
+
+
+class Mute(PressureFriction):
+    """Does not say where it is its family's law."""
+
+    reduces: ClassVar[dict[str, float]] = {}
+
+
+class Both(PressureFriction):
+    """Names nothing, and friction."""
+
+    outside: ClassVar[bool] = True
+
+
+class Renamed(LevellingLeak):
+    """Has not the constants of friction."""
+
+    generalises: ClassVar[str] = Friction.name
+
+
+@pytest.mark.parametrize(
+    ("kind", "rule"),
+    [
+        (Blunt, "is not friction at"),
+        (Homeless, "'rust', which is no listed effect"),
+        (Elsewhere, "must nest where friction does"),
+        (Mute, "reduces must say where it is friction"),
+        (Both, "names nothing"),
+        (Renamed, "must have the constants of friction, reach, strength"),
+    ],
+)
+def test_a_broken_rule_is_named(kind, rule):
+    with pytest.raises(EffectError, match=rule):
+        check_effect(kind)
+
+
+def test_one_form_of_an_effect_is_enough():
+    both = Choices(effects=("friction", "pressure_friction"))
+    with pytest.raises(InputError, match="friction and pressure_friction are forms of one effect"):
+        both.build(STRAINED)
+    model, _ = Choices(effects=("pressure_friction", "fluid_leak")).build(STRAINED)
+    assert [added.name for added in model.effects] == ["fluid_leak", "pressure_friction"]
+
+
+@ADDED
+def test_a_posterior_of_another_program_is_told_by_the_constants_names(kind):
+    """As the model's own, fixed reference values among them."""
+    names_of = [f"{kind.name}.{constant}" for constant in kind.units]
+    choices = infer_choices(["m", "b", "c[0]", "c[1]", "v[1]", *names_of])
+    assert choices.effects == (kind.name,)
+
+
+def test_a_diagnosis_looks_for_the_list_alone():
+    assert Choices().candidates == EFFECTS
+    assert set(Choices().kinds) == set(EVERY)
+
+
+# against differential equations
+
+
+@dataclass(frozen=True)
+class GradualDepth(effect.Effect):
+    """d -> max(d - gap (1 - e^{-d/over}), 0); mm."""
+
+    name: ClassVar[str] = "gradual_depth"
+    order: ClassVar[int] = 41
+    signed: ClassVar[tuple[str, ...]] = ("gap",)
+
+    gap: float
+    over: float
+
+    def on_depth(self, depth, velocity):
+        pressed = np.maximum(depth, 0.0)
+        remains = np.maximum(depth + self.gap * np.expm1(-pressed / self.over), 0.0)
+        slope = 1.0 - self.gap / self.over * np.exp(-pressed / self.over)
+        return remains, np.where(remains > 0, velocity * slope, 0.0)
+
+
+@dataclass(frozen=True)
+class PowerDrainage(effect.Effect):
+    """F + k q, q' = v - (q/tau) |q/stroke|^(n-1) e^(-a d), by Newton's method on the whole test."""
+
+    name: ClassVar[str] = "power_drainage"
+    order: ClassVar[int] = 33
+    positive: ClassVar[tuple[str, ...]] = ("tau", "n", "stroke")
+
+    k: float
+    tau: float
+    a: float
+    n: float
+    stroke: float
+
+    def on_force(self, force, path):
+        q = path.depth.copy()
+        for _ in range(60):
+            rate = np.abs(q / self.stroke) ** (self.n - 1.0) / self.tau
+            rate = self.n * rate * np.exp(-self.a * path.depth)
+            drained = path.follow(rate, path.depth - q * (1.0 - 1.0 / self.n), start=0.0)
+            change = path.depth - drained - q
+            q = q + change
+            if np.abs(change).max() < 1e-10 * self.stroke:
+                return force + self.k * q
+        raise AssertionError("the pressure finds no balance")
+
+
+def quadratic(twin):
+    return PowerLawDrainage(twin.k, 1.0 / (twin.drain * twin.k * STROKE), 0.0, 2.0, STROKE)
+
+
+def saturating(twin):
+    return LevellingLeak(twin.share / twin.time, (1.0 - twin.share) / twin.time)
+
+
+TWINS = {
+    "quadratic_pressure": quadratic,
+    "saturating_leak": saturating,
+    "saturating_drift": lambda twin: LevellingDrift(twin.offset / twin.time, 1.0 / twin.time),
+    "coulomb_friction": lambda x: PressureFriction(x.mu * PRESSED, x.reach, 1.0, PRESSED),
+    "bending_frame": lambda twin: StiffeningFrame(twin.compliance, twin.force),
+    "channel_low_pass": lambda twin: SpreadingLag(twin.time, 1.0),
+}
+
+
+def disagreement(model, added, twins, platen):
+    """Largest difference of the forces over the peak."""
+    time = grid_of(platen)
+    found = np.asarray((model + added).force(motion_of(platen, time)))[: time.size]
+    true = HiddenPad(TABLE_1["B"], tuple(twins)).force(platen, time)
+    plain = HiddenPad(TABLE_1["B"]).force(platen, time)
+    assert np.max(np.abs(true - plain)) > 20.0 * CLOSE * np.max(true)  # there is something to miss
+    return np.max(np.abs(found - true)) / np.max(true)
+
+
+@pytest.mark.parametrize("speed", [1.0, 20.0])
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+@pytest.mark.parametrize("name", TWINS)
+def test_a_form_is_its_twin(paper_model, name, protocol, speed):
+    rng = np.random.default_rng([int(speed), list(TWINS).index(name)])
+    twin = draw_effect(name, rng, PRESSED, STROKE, 20.0, SIZE, TABLE_1["B"])
+    platen = Platen(PROTOCOLS[protocol](speed), start_s=START)
+    assert disagreement(paper_model("B"), TWINS[name](twin), [twin], platen) < CLOSE
+
+
+LAG = 0.02  # s
+BETWEEN = {
+    "a delay and a filter": (
+        SpreadingLag(LAG, 0.4),
+        [forms.ChannelLowPass(0.4 * LAG), sensor_effects.ChannelLag(0.6 * LAG)],
+    ),
+    "a long toe": (GradualContact(0.1, 0.3), [GradualDepth(0.1, 0.3)]),
+    "a toe later than its depth": (GradualContact(0.2, 0.1), [GradualDepth(0.2, 0.1)]),
+    "early contact": (GradualContact(-0.05, 0.2), [GradualDepth(-0.05, 0.2)]),
+    "drainage by 1.4": (
+        PowerLawDrainage(0.1, 0.5, 0.4, 1.4, STROKE),
+        [PowerDrainage(0.1, 0.5, 0.4, 1.4, STROKE)],
+    ),
+    "drainage by 3": (
+        PowerLawDrainage(0.1, 0.05, 0.3, 3.0, STROKE),
+        [PowerDrainage(0.1, 0.05, 0.3, 3.0, STROKE)],
+    ),
+    "a soft frame that hardly stiffens": (
+        StiffeningFrame(0.03, 1e9),
+        [contact_effects.FrameCompliance(0.03)],
+    ),
+}
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+@pytest.mark.parametrize("case", BETWEEN)
+def test_a_form_between_its_ends_solves_its_equation(paper_model, case, protocol):
+    added, twins = BETWEEN[case]
+    platen = Platen(PROTOCOLS[protocol](20.0), start_s=START)
+    assert disagreement(paper_model("B"), added, twins, platen) < CLOSE
+
+
+def test_friction_may_go_with_the_force_in_part(paper_model):
+    """Half of it does: the mean of friction that does and of friction that does not."""
+    platen = Platen(paper_protocol(20.0))
+    motion = motion_of(platen, grid_of(platen))
+    bonded = replace(paper_model("B"), bonded=True)
+    none, half, all_of_it = (
+        np.asarray((bonded + PressureFriction(0.1, 0.05, share, PRESSED)).force(motion))
+        for share in (0.0, 0.5, 1.0)
+    )
+    assert np.allclose(half, 0.5 * (none + all_of_it), atol=1e-12)
+    assert np.max(np.abs(none - all_of_it)) > 0.05
+
+
+@pytest.mark.parametrize("kind", FORMS, ids=names(FORMS))
+def test_what_a_test_remembers_of_earlier_ones_is_the_lists(paper_model, kind):
+    """With points of an earlier test before the test's own: at `reduces`, the family's force."""
+    rng, listed = np.random.default_rng(5), find(kind.family())
+    platen = Platen(paper_protocol(20.0), start_s=START)
+    motion = motion_of(platen, grid_of(platen))
+    earlier = jnp.array([-400.0, -399.0, -370.0, -369.0])
+    carried = replace(
+        motion,
+        time=jnp.concatenate([earlier, motion.time]),
+        displacement=jnp.concatenate([jnp.array([0.0, 1.2, 1.2, 0.0]), motion.displacement]),
+        velocity=jnp.concatenate([jnp.zeros(4), motion.velocity]),
+        acceleration=jnp.concatenate([jnp.zeros(4), motion.acceleration]),
+        ago=jnp.concatenate([jnp.ones(4, int), jnp.zeros(motion.time.shape, int)]),
+    )
+    default = vars(kind.default(STUDY))
+    values = {n: p if isinstance(p, float) else float(p.draw(rng)) for n, p in default.items()}
+    general = paper_model("B") + kind(**(values | kind.reduces))
+    special = paper_model("B") + listed(**{name: values[name] for name in listed.units})
+    found, wanted = np.asarray(general.force(carried)), np.asarray(special.force(carried))
+    assert np.allclose(found[4:], wanted[4:], atol=1e-12)
+    assert np.max(np.abs(wanted - np.asarray(paper_model("B").force(carried)))[4:]) > 1e-4
+
+
+# what single constants do
+
+
+def test_the_spreading_lags_slope_at_zero_is_minus_the_forces_rate(paper_model):
+    """However the delay is spread: its mean is the delay."""
+    platen = Platen(paper_protocol(20.0))
+    time = grid_of(platen)
+    motion = motion_of(platen, time)
+    small = 1e-6
+    plain = np.asarray((paper_model("B") + ChannelLag(0.0)).force(motion))
+    rising = (time > 0.02) & (time < 0.07)
+    for spread in (0.0, 0.5, 1.0):
+        late = np.asarray((paper_model("B") + SpreadingLag(small, spread)).force(motion))
+        rate = (plain - late)[: time.size][rising] / small
+        assert np.allclose(rate, np.gradient(plain[: time.size], time)[rising], rtol=0.02)
+
+
+def test_a_levelling_leak_ends_where_leak_and_return_balance(paper_model):
+    platen = Platen(paper_protocol(1.0), start_s=1e5)
+    motion = motion_of(platen, grid_of(platen))
+    plain = np.asarray(paper_model("B").force(motion))
+    leaked = np.asarray((paper_model("B") + LevellingLeak(2e-3, 6e-3)).force(motion))
+    assert np.allclose(leaked, 0.75 * plain, atol=1e-12)
+
+
+def test_what_names_nothing_follows_legendres_polynomials(paper_model):
+    platen = Platen(paper_protocol(20.0), start_s=300.0)
+    motion = motion_of(platen, grid_of(platen))
+    plain = np.asarray(paper_model("B").force(motion))
+    clock, coefficients = (
+        2.0 * (300.0 + np.asarray(motion.time)) / 500.0 - 1.0,
+        [0.0, 1.0, -0.7, 0.4],
+    )
+    changed = np.asarray((paper_model("B") + SlowChange(0.1, -0.7, 0.4, 500.0)).force(motion))
+    assert np.allclose(changed, plain * (1.0 + 0.1 * legval(clock, coefficients)), atol=1e-12)
+    shifted = np.asarray((paper_model("B") + OffsetsByTest(0.1, -0.7, 0.4, 500.0)).force(motion))
+    assert np.allclose(shifted - plain, 0.1 * legval(0.2, coefficients), atol=1e-12)
+
+
+def test_any_four_tests_have_offsets_of_their_own(paper_model):
+    """Three numbers and force_offset's: the offsets' matrix has full rank."""
+    starts = np.array([0.0, 70.0, 300.0, 420.0])
+
+    def offsets(constants):
+        added = OffsetsByTest(*constants, 500.0)
+        return [float(added.force(_Nothing(), _at(start))[0]) for start in starts]
+
+    own = np.array([offsets(row) for row in ([1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [1.0, 0.0, 1.0])])
+    assert np.linalg.matrix_rank(np.vstack([np.ones(4), own])) == 4
+
+
+class _Nothing:
+    def force(self, motion):
+        return jnp.zeros_like(motion.time)
+
+
+def _at(start):
+    return motion_of(replace(Platen(paper_protocol(20.0)), start_s=start), np.zeros(1))

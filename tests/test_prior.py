@@ -1,0 +1,92 @@
+"""The prior over hypotheses: tables of numbers."""
+
+import math
+from itertools import combinations
+
+import pytest
+
+from qlvbayes.diagnosis.families import Families
+from qlvbayes.diagnosis.prior import log_prior
+from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.effects.catalogue import EFFECTS, EVERY
+from qlvbayes.inference.space import Hypothesis
+
+LAWS = (("x",), ("p",))
+USUAL = Hypothesis("x", "p")
+# two families with forms, one without, and one that names nothing
+FAMILIES = Families(
+    {"a": "a", "a2": "a", "a3": "a", "b": "b", "b2": "b", "c": "c", "w": "w"}, frozenset({"w"})
+)
+
+
+def prior(effects, candidates=FAMILIES, usual=USUAL, settings=None):
+    hypothesis = Hypothesis("x", "p", frozenset(effects))
+    return math.exp(log_prior(hypothesis, usual, LAWS, candidates, settings or Settings()))
+
+
+def sets(names):
+    return [some for size in range(len(names) + 1) for some in combinations(names, size)]
+
+
+def test_prior_sums_to_one_over_all_sets_and_laws():
+    settings, effects = Settings(complete=0.5, usual=0.6), ("a", "b", "c")
+    laws = (("x", "y", "z"), ("p", "q"))
+    total = sum(
+        math.exp(log_prior(Hypothesis(e, r, frozenset(some)), USUAL, laws, 3, settings))
+        for e in laws[0]
+        for r in laws[1]
+        for some in sets(effects)
+    )
+    # sets of more effects than there are would hold the rest
+    assert total == pytest.approx(1.0 - 0.5**4)
+
+
+def test_prior_sums_to_one_over_families():
+    total = sum(prior(some) for some in sets(FAMILIES.of))
+    assert total == pytest.approx(1.0 - 0.5**5)
+
+
+@pytest.mark.parametrize(
+    ("effects", "probability"),
+    [
+        ((), 1 / 2),
+        (("c",), 1 / 4 / 4),  # one of four families
+        (("a",), 1 / 4 / 4 / 2),  # the listed law's half,
+        (("a2",), 1 / 4 / 4 / 4),  # and two forms share the other
+        (("b2",), 1 / 4 / 4 / 2),
+        (("a", "b2"), 1 / 8 / 6 / 2 / 2),  # one of six pairs
+        (("a3", "w"), 1 / 8 / 6 / 4),
+        (("a", "a2"), 0.0),  # one family twice
+    ],
+)
+def test_a_familys_members_share_its_probability(effects, probability):
+    assert prior(effects) == pytest.approx(probability, rel=1e-12, abs=0.0)
+
+
+def test_what_the_user_put_in_takes_its_family():
+    usual = Hypothesis("x", "p", frozenset({"a2"}))
+    assert prior({"a2"}, usual=usual) == pytest.approx(1 / 2)
+    assert prior({"a2", "c"}, usual=usual) == pytest.approx(1 / 4 / 3)
+    assert prior({"a2", "a"}, usual=usual) == 0.0
+
+
+def test_forms_have_all_where_the_listed_law_is_no_candidate():
+    alone = Families({"a2": "a", "a3": "a", "c": "c"})
+    assert prior({"a2"}, alone) == pytest.approx(1 / 4 / 2 / 2)
+
+
+def test_effects_that_are_families_of_their_own_are_counted_one_by_one():
+    listed = Families.of_kinds(EFFECTS)
+    for some in ((), ("friction",), ("friction", "inertia")):
+        assert prior(some, listed) == pytest.approx(prior(some, len(EFFECTS)))
+
+
+def test_families_follow_from_the_effects_classes():
+    families = Families.of_kinds(EVERY)
+    assert families.members("friction") == ["friction", "pressure_friction"]
+    assert families.of["spreading_lag"] == "channel_lag"
+    assert families.outside == {"slow_change", "offsets_by_test"}
+    assert families.named({"pressure_friction", "inertia", "slow_change"}) == {
+        "friction": "pressure_friction",
+        "inertia": "inertia",
+    }
