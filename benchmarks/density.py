@@ -19,10 +19,10 @@ def gradients(posterior, thetas):
 
 
 def rows():
-    """(noise, walkers, density ms, gradient ms) for both noise models."""
+    """(noise, walkers, density ms, gradient ms) for each noise model."""
     experiment = prepare(read_study("data/pads.csv").pad("B"), all_tests=True)
     found = []
-    for noise in ("white", "correlated"):
+    for noise in ("white", "correlated", "floor"):
         posterior = build_posterior(experiment, Choices(noise=noise), experiment.trials)
         rng = np.random.default_rng(0)
         start = starting_point(posterior, experiment.floor, rng).normal

@@ -18,7 +18,8 @@ RIVAL_STEPS = 500
 def compare(seed=0):
     """(ours ESS/s, rival ESS/s, largest difference of the log densities up to a constant)."""
     experiment = prepare(read_study("data/pads.csv").pad("B"))
-    posterior = build_posterior(experiment, Choices(), experiment.with_role("fit"))
+    choices = Choices(noise="correlated")  # as the rival's
+    posterior = build_posterior(experiment, choices, experiment.with_role("fit"))
     rng = np.random.default_rng(seed)
     start = starting_point(posterior, experiment.floor, rng).normal
     rival = NumpyPosterior(posterior.record, experiment.scales)

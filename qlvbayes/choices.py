@@ -14,8 +14,10 @@ from qlvbayes.laws.catalogue import LAWS, Laws, find_elastic, find_relaxation
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.userfile import load as load_laws
 from qlvbayes.model import Model
-from qlvbayes.noise import AbstractNoise
+from qlvbayes.noise import AbstractNoise, Floor
 from qlvbayes.overrides import override, parse
+from qlvbayes.parameters import fields_of
+from qlvbayes.posterior import is_prior
 from qlvbayes.scales import Scales
 
 
@@ -33,7 +35,7 @@ class Choices:
     law: str = "exponential"
     modes: int = 2
     bonded: bool = False
-    noise: str = "correlated"
+    noise: str = "floor"
     priors: tuple[str, ...] = ()
     fixed: tuple[str, ...] = ()
     effects: tuple[str, ...] = ()
@@ -69,7 +71,10 @@ class Choices:
         settings += [parse(text, fixed=True) for text in self.fixed]
         of_noise = [s for s in settings if s[0].startswith("noise.")]
         of_model = [s for s in settings if not s[0].startswith("noise.")]
-        return override(model, of_model), override(noise, of_noise)
+        noise = override(noise, of_noise)
+        if isinstance(noise, Floor):
+            _check_floor(noise)
+        return override(model, of_model), noise
 
     def _added(self) -> list[type[AbstractEffect]]:
         """The effects in the model; InputError where two are of one family."""
@@ -128,3 +133,17 @@ class Choices:
 def _one_of(what: str, value: str, known: tuple[str, ...]) -> None:
     if value not in known:
         raise InputError(f"no {what} {value!r}", remedy=f"use one of {', '.join(known)}")
+
+
+def _check_floor(noise: Floor) -> None:
+    """InputError where a constant of the measured floor is given as anything but a size."""
+    for field in fields_of(noise):
+        if is_prior(field.value):
+            raise InputError(
+                f"{field.name} is measured, not fitted",
+                remedy=f"fix it, as --fix {field.name}=NUMBER, or use --noise correlated",
+            )
+        if field.value < 0.0 or (
+            field.value == 0.0 and field.name in ("noise.tau", "noise.factor")
+        ):
+            raise InputError(f"{field.name} must be positive", remedy="give a positive number")

@@ -7,11 +7,11 @@ import math
 from qlvbayes.laws.catalogue import LAWS, Laws, find_elastic, find_relaxation
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model import Model
-from qlvbayes.noise import AbstractNoise, Correlated, StudentT, White
+from qlvbayes.noise import AbstractNoise, Correlated, Floor, StudentT, White
 from qlvbayes.priors import HalfNormal
 from qlvbayes.scales import Scales, lognormal
 
-NOISES = ("correlated", "white", "student-t")
+NOISES = ("floor", "correlated", "white", "student-t")
 
 
 def default_model(
@@ -34,13 +34,15 @@ def default_model(
     return Model(elastic, relaxing, bonded)
 
 
-def default_noise(scales: Scales, kind: str = "correlated") -> AbstractNoise:
-    """Noise model with every scale free.
+def default_noise(scales: Scales, kind: str = "floor") -> AbstractNoise:
+    """Noise model: the measured floor, or one with every scale free.
 
-    The white sd is within a factor of 1.2 of the one measured inside holds without the model, or
-    what the holds leave open if that is more; the correlated sd is half-normal, so that none at all
-    is possible, and its time is within a factor of 3 of the measured one, or more likewise.
+    The free white sd is within a factor of 1.2 of the one measured inside holds without the model,
+    or what the holds leave open if that is more; the correlated sd is half-normal, so that none at
+    all is possible, and its time is within a factor of 3 of the measured one, or more likewise.
     """
+    if kind == "floor":
+        return Floor(*5 * [math.nan])
     total = math.hypot(scales.white, scales.ou)
     if kind == "correlated":
         return Correlated(

@@ -17,6 +17,7 @@ from qlvbayes.units import PAD, STRAIN, UnitSystem, unit_system
 
 FEWEST = 100  # draws from which a 90 % interval can be read
 _NOISES = {
+    "floor": {f"noise.{name}" for name in ("white", "ou", "tau", "factor", "remainder")},
     "correlated": {"noise.white", "noise.ou", "noise.tau"},
     "white": {"noise.white"},
     "student-t": {"noise.scale", "noise.nu"},

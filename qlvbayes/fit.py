@@ -14,8 +14,10 @@ from qlvbayes.experiment import Experiment, Trial
 from qlvbayes.inference import compiled
 from qlvbayes.inference.chainstore import ChainStore
 from qlvbayes.inference.ensemble import Progress, Settings, key_of, sample
+from qlvbayes.inference.marginal import floor_likelihood
 from qlvbayes.inference.routes import LeastSquaresFit, one_step, two_step
 from qlvbayes.inference.starting import starting_point
+from qlvbayes.noise import Floor
 from qlvbayes.parameters import names, unit_kinds
 from qlvbayes.posterior import Posterior
 
@@ -59,7 +61,11 @@ def build_posterior(experiment: Experiment, choices: Choices, trials: Sequence[T
     """Model, noise and the block averages of some trials."""
     model, noise = choices.build(experiment.scales)
     experiment = replace(experiment, rested=choices.rested)
-    return Posterior(model, noise, experiment.record(trials))
+    record = experiment.record(trials)
+    if not isinstance(noise, Floor):
+        return Posterior(model, noise, record)
+    floor = floor_likelihood(experiment, trials, record.blocks, noise)
+    return Posterior(model, noise, record, floor)
 
 
 def fit_pad(
@@ -109,7 +115,7 @@ def _sampled(
     steps, walkers = chain.log_density.shape
     thin = max(1, -(-steps * walkers // _KEPT))
     theta = np.swapaxes(chain.theta, 0, 1)
-    every = _constants(posterior, theta)
+    every = _constants(posterior, theta, rng)
     facts = {
         "autocorrelation_steps": chain.autocorrelation,
         "acceptance": chain.acceptance,
@@ -143,7 +149,7 @@ def _approximated(
 ) -> Fit:
     chains, draws = _NORMAL_DRAWS
     theta = found.normal.draw(chains * draws, rng).reshape(chains, draws, -1)
-    constants = _constants(found.posterior, theta)
+    constants = _constants(found.posterior, theta, rng)
     facts = {"residual_sd": found.residual_sd, "starts_agreeing": found.agreeing}
     return Fit(
         experiment.pad,
@@ -160,7 +166,13 @@ def _approximated(
     )
 
 
-def _constants(posterior: Posterior, theta: np.ndarray) -> np.ndarray:
+def _constants(posterior: Posterior, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Of places (..., D); what the likelihood sums over is drawn, alike where a walker stayed."""
     flat = theta.reshape(-1, theta.shape[-1])
-    values = compiled.in_batches(compiled.constants, posterior, flat, size=4096)
-    return values.reshape(*theta.shape[:-1], -1)
+    if posterior.floor is None:
+        values = compiled.in_batches(compiled.constants, posterior, flat, size=4096)
+        return values.reshape(*theta.shape[:-1], -1)
+    visited, places = np.unique(flat, axis=0, return_inverse=True)
+    shares = rng.random(len(visited))
+    values = compiled.in_batches(compiled.drawn_constants, posterior, visited, shares)
+    return values[places.ravel()].reshape(*theta.shape[:-1], -1)

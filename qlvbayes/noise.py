@@ -179,6 +179,45 @@ class Correlated(AbstractGaussian):
         return jnp.hypot(self.white * weight, self.ou)
 
 
+class Floor(AbstractGaussian):
+    """The noise floor as it was measured, not fitted, beside what a model misses.
+
+    white, ou, tau: as of `Correlated`, nan where they are the measured ones; factor: by which both
+    sds are larger than that; remainder: size of the discrepancy (N), its standard deviation where
+    the force is largest. The last two are nan where they are summed over (`floorlikelihood`). By
+    itself this is the noise without a discrepancy.
+    """
+
+    white: Any
+    ou: Any
+    tau: Any
+    factor: Any
+    remainder: Any
+    units: ClassVar[dict[str, str]] = {
+        "white": "force",
+        "ou": "force",
+        "tau": "time",
+        "factor": "count",
+        "remainder": "force",
+    }
+
+    @property
+    def _alone(self) -> Correlated:
+        return Correlated(self.factor * self.white, self.factor * self.ou, self.tau)
+
+    def innovations(self, residual: Array, blocks: Blocks) -> tuple[Array, Array]:
+        """Those of the correlated noise."""
+        return self._alone.innovations(residual, blocks)
+
+    def draw(self, key: Array, blocks: Blocks) -> Array:
+        """One realisation of the correlated noise."""
+        return self._alone.draw(key, blocks)
+
+    def sample_sd(self, weight: Array) -> Array:
+        """Square root of (white weight)^2 + ou^2."""
+        return self._alone.sample_sd(weight)
+
+
 class _Links(NamedTuple):
     """How a block of a unit-variance OU process hangs on its first sample x, each (B,).
 

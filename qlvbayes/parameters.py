@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import equinox as eqx
+import numpy as np
 
 from qlvbayes.posterior import Posterior, is_prior, value_shape
 from qlvbayes.priors.distributions import AbstractPrior
@@ -66,7 +67,10 @@ def unit_kinds(posterior: Posterior) -> list[str]:
 
 def described(fields: Iterable[Field]) -> dict[str, str]:
     """The prior of each field as it is written on the command line, or the value it is fixed at."""
-    return {
-        field.name: field.value.describe() if is_prior(field.value) else f"fixed at {field.value}"
-        for field in fields
-    }
+    return {field.name: _described(field.value) for field in fields}
+
+
+def _described(value: Any) -> str:
+    if is_prior(value):
+        return value.describe()
+    return "not sampled" if np.isnan(value).any() else f"fixed at {value}"

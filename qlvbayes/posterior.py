@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from qlvbayes.floorlikelihood import FloorLikelihood
 from qlvbayes.model import Model
 from qlvbayes.noise import AbstractNoise
 from qlvbayes.priors.distributions import AbstractPrior, AbstractScalarPrior
@@ -25,18 +26,28 @@ def is_prior(node: object) -> TypeGuard[AbstractPrior]:
 class Posterior(eqx.Module):
     """Prior times likelihood of some tests of one specimen.
 
-    model, noise: with priors where free; record: the tests, along a leading axis. The flat vector
-    theta (D,) holds the free constants' unconstrained numbers in field order.
+    model, noise: with priors where free; record: the tests, along a leading axis; floor: the
+    record's likelihood under measured noise, where the noise's constants are summed over. The flat
+    vector theta (D,) holds the free constants' unconstrained numbers in field order.
     """
 
     model: Model
     noise: AbstractNoise
     record: Record
+    floor: FloorLikelihood | None
 
-    def __init__(self, model: Model, noise: AbstractNoise, record: Record) -> None:
+    def __init__(
+        self,
+        model: Model,
+        noise: AbstractNoise,
+        record: Record,
+        floor: FloorLikelihood | None = None,
+    ) -> None:
         # arrays throughout, so that pads of one shape share one compiled function
         as_arrays = lambda tree: jax.tree.map(jnp.asarray, tree)  # noqa: E731
-        self.model, self.noise, self.record = map(as_arrays, (model, noise, record))
+        self.model, self.noise, self.record, self.floor = map(
+            as_arrays, (model, noise, record, floor)
+        )
 
     @property
     def size(self) -> int:
@@ -74,25 +85,35 @@ class Posterior(eqx.Module):
         """Block means (T, B) of a model whose constants are numbers."""
         return jax.vmap(lambda record: record.average(model.force(record.motion)))(self.record)
 
-    def log_likelihoods(self, theta: Array) -> Array:
-        """(T, B) log density of each block given the ones before it; 0 in padding."""
+    def log_likelihood(self, theta: Array) -> Array:
+        """Log density of all block means."""
         model, noise, _ = self.bind(theta)
-        return self._log_likelihoods(model, noise)
+        return self._log_likelihood(model, noise)
 
-    def _log_likelihoods(self, model: Model, noise: AbstractNoise) -> Array:
+    def _log_likelihood(self, model: Model, noise: AbstractNoise) -> Array:
         residuals = self.record.blocks.force - self.predict_with(model)
-        return jax.vmap(noise.log_likelihoods)(residuals, self.record.blocks)
+        if self.floor is not None:
+            return self.floor.log_likelihood(residuals)
+        return jnp.sum(jax.vmap(noise.log_likelihoods)(residuals, self.record.blocks))
 
     def log_density(self, theta: Array) -> Array:
         """Log of prior density over theta times likelihood; -inf where not a number."""
         model, noise, log_prior = self.bind(theta)
-        total = log_prior + jnp.sum(self._log_likelihoods(model, noise))
+        total = log_prior + self._log_likelihood(model, noise)
         return jnp.where(jnp.isnan(total), -jnp.inf, total)
 
     def constants(self, theta: Array) -> Array:
         """(P,) every constant, fixed ones too, in the order of ``names``."""
         model, noise, _ = self.bind(theta)
         return jnp.concatenate([jnp.atleast_1d(x) for x in jax.tree.leaves((model, noise))])
+
+    def drawn_constants(self, theta: Array, share: Array) -> Array:
+        """The same, with what the likelihood sums over drawn: at this share of its posterior."""
+        found = self.constants(theta)
+        if self.floor is None:
+            return found
+        own = self.floor.drawn(self.record.blocks.force - self.predict(theta), share)
+        return jnp.concatenate([found[: -own.size], own])
 
     def with_constants(self, constants: Array) -> tuple[Model, AbstractNoise]:
         """Model and noise whose numbers are ``constants`` (P,), in the order of ``names``."""

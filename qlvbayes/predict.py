@@ -11,8 +11,12 @@ import numpy as np
 from qlvbayes.choices import Choices
 from qlvbayes.experiment import Experiment, Trial
 from qlvbayes.inference import compiled
+from qlvbayes.inference.features import Places
 from qlvbayes.inference.floor_noise import realisations
+from qlvbayes.inference.marginal import known_floor
+from qlvbayes.inference.missed import missed
 from qlvbayes.kinematics.phases import phase_index
+from qlvbayes.noise import Floor
 from qlvbayes.parameters import names
 from qlvbayes.posterior import Posterior
 from qlvbayes.records.batching import batch
@@ -28,7 +32,8 @@ class Prediction:
     """One test's samples (n,) and what was predicted of them.
 
     observed: measured force; mean: posterior mean of the model's force; low, high: 90 % predictive
-    interval with noise; forces (draws, n): the model's force for each posterior draw; floor
+    interval with noise and with what the fit says that the model misses, which may lie beside the
+    mean; forces (draws, n): the model's force for each posterior draw; floor
     (draws, n): realisations of the noise floor that was measured without the model, each of its own
     draw of what the rests leave open.
     """
@@ -70,6 +75,9 @@ def predict(
     forces = compiled.in_batches(compiled.predictions, posterior, matrix, size=DRAWS // 4)
     noise = _noise(posterior, matrix, rng)
     floor = _floor_draws(experiment, posterior, rng)
+    if isinstance(posterior.noise, Floor):
+        known = replace(experiment, floor=known_floor(experiment.floor, posterior.noise))
+        noise += _missed(known, posterior, matrix, trials, chosen, forces.mean(axis=0), rng)
     return [
         _prediction(trial, rows, forces[:, k], noise[:, k], floor[:, k])
         for k, (trial, rows) in enumerate(zip(trials, chosen, strict=True))
@@ -145,6 +153,39 @@ def _noise(posterior: Posterior, matrix: np.ndarray, rng: np.random.Generator) -
     weight = posterior.record.blocks.weight
     sds = jax.vmap(lambda x: posterior.with_constants(x)[1].sample_sd(weight))(matrix)
     return np.asarray(sds) * rng.standard_normal((len(matrix), *weight.shape))
+
+
+def _missed(
+    experiment: Experiment,
+    posterior: Posterior,
+    matrix: np.ndarray,
+    trials: Sequence[Trial],
+    chosen: Sequence[np.ndarray],
+    forces: np.ndarray,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """(DRAWS, T, B) of what the model misses at the samples, where its force is (T, B)."""
+    names = [trial.name for trial in experiment.trials]
+    places = Places.joined(
+        [
+            Places.of(
+                experiment,
+                trial,
+                names.index(trial.name),
+                trial.test.time[rows],
+                forces[k, : rows.size],
+            )
+            for k, (trial, rows) in enumerate(zip(trials, chosen, strict=True))
+        ]
+    )
+    fitted = experiment.with_role("fit")
+    of_fit = Posterior(posterior.model, posterior.noise, experiment.record(fitted))
+    found = np.zeros((len(matrix), *forces.shape))
+    inside = np.zeros(forces.shape, dtype=bool)
+    for k, rows in enumerate(chosen):
+        inside[k, : rows.size] = True
+    found[:, inside] = missed(experiment, of_fit, fitted, matrix, places, rng)
+    return found
 
 
 def _floor_draws(

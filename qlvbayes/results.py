@@ -27,6 +27,7 @@ from qlvbayes.elsewhere import (
 from qlvbayes.files import write_whole
 from qlvbayes.fit import Fit
 from qlvbayes.inference import compiled
+from qlvbayes.inference.marginal import Judged
 from qlvbayes.parameters import all_fields, described
 from qlvbayes.summary import FitSummary
 from qlvbayes.units import PAD, UnitSystem
@@ -75,10 +76,7 @@ def to_arviz(
     force = fit.experiment.units.force_name
     real = np.asarray(fit.posterior.record.blocks.real)
     shape = fit.theta.shape[:2]
-    flat = fit.theta.reshape(-1, fit.theta.shape[-1])
-    keys = _keys(len(flat), seed)
-    judged = compiled.in_batches(compiled.judgements, fit.posterior, flat, keys)
-    likelihood, predicted = judged[:, 0, real], judged[:, 1, real]
+    likelihood, predicted = _judged(fit, real, seed)
     facts, coords["block"] = _block_facts(fit, real), np.arange(int(real.sum()))
     dims |= {name: ["block"] for name in (force, *facts)}
     tree = arviz_base.from_dict(
@@ -97,6 +95,20 @@ def to_arviz(
         node.attrs.pop("created_at", None)  # the same fit gives the same file
     tree.attrs.update(_provenance(fit, summary, source, sha256, all_tests, seed))
     return tree
+
+
+def _judged(fit: Fit, real: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """(draws, blocks) pointwise log likelihoods, and block means predicted with new noise."""
+    posterior = fit.posterior
+    if posterior.floor is not None:
+        constants = fit.constants.reshape(-1, fit.constants.shape[-1])
+        forces = compiled.in_batches(compiled.predictions, posterior, constants)
+        judged = Judged(posterior, forces, constants)
+        return judged.log_likelihoods(), judged.replicates(np.random.default_rng(seed))
+    flat = fit.theta.reshape(-1, fit.theta.shape[-1])
+    keys = _keys(len(flat), seed)
+    found = compiled.in_batches(compiled.judgements, posterior, flat, keys)
+    return found[:, 0, real], found[:, 1, real]
 
 
 def _keys(count: int, seed: int) -> np.ndarray:

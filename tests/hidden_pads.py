@@ -36,5 +36,5 @@ def said_otherwise(found: Diagnosis, **changes) -> Diagnosis:
 
 def ensemble_of(experiment: Experiment, *kinds) -> Ensemble:
     """The plain model of all tests with every effect of these kinds, each at its null."""
-    posterior = build_posterior(experiment, Choices(), experiment.trials)
+    posterior = build_posterior(experiment, Choices(noise="correlated"), experiment.trials)
     return with_every_effect(posterior, tuple(kind.default(experiment.scales) for kind in kinds))

@@ -67,12 +67,13 @@ def cell(checked, test, phase):
     return next(c for c in checked.check.cells if (c.test, c.phase) == (test, phase))
 
 
-def at_truth(noise="correlated"):
+def at_truth():
     """One draw (many times) of the constants that made pad B."""
     values = {"m": TRUTH.m, "b": TRUTH.b}
     values |= {f"c[{k}]": c for k, c in enumerate(TRUTH.c)}
     values |= {f"v[{k + 1}]": v for k, v in enumerate(TRUTH.v)}
     values |= {"noise.white": 0.006, "noise.ou": 0.008, "noise.tau": 0.5}
+    values |= {"noise.factor": 1.0, "noise.remainder": 0.0}
     return {name: np.full(4, value) for name, value in values.items()}
 
 
@@ -177,6 +178,23 @@ def test_predictions_repeat_with_their_seed():
     for a, b, c in zip(one, two, other, strict=True):
         np.testing.assert_array_equal(a.low, b.low)
         assert not np.array_equal(a.low, c.low)
+
+
+def test_what_is_missed_is_in_the_band_and_not_in_the_test_of_a_cell():
+    """A remainder of 0.1 N: the band is as wide in tests that were not fitted, the noise is not."""
+    trials = experiment().trials
+    missed = at_truth() | {"noise.remainder": np.full(4, 0.1)}
+    before, after = (predict(experiment(), Choices(), c, trials) for c in (at_truth(), missed))
+    for one, two in zip(before, after, strict=True):
+        np.testing.assert_array_equal(one.mean, two.mean)
+        np.testing.assert_array_equal(one.forces, two.forces)
+        if one.trial.role == "validate":
+            half = 0.5 * np.median((two.high - two.low)[two.phase == "ramp"])
+            assert 0.3 < half / (1.645 * 0.1) < 1.2  # of 1.645 sds at most, half that at no force
+    cells = [check("B", 0.01, p).cells for p in (before, after)]
+    for one, two in zip(*cells, strict=True):
+        assert one.rmse == two.rmse
+        assert two.p_value == pytest.approx(one.p_value, abs=0.2)  # other draws of the floor
 
 
 def test_a_missing_constant_is_an_error():

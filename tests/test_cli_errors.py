@@ -48,7 +48,7 @@ def refused(*words):
     [
         (["--pads", "Z"], "no pad 'Z'; name one of: A, B, C"),
         (["--method", "guess"], "use one of emcee, least-squares, two-step"),
-        (["--noise", "pink"], "use one of correlated, white, student-t"),
+        (["--noise", "pink"], "use one of floor, correlated, white, student-t"),
         (["--elastic", "rubber"], "use one of exponential, linear, hertz"),
         (["--prior", "v[1]=banana(1,2)"], "no prior is called 'banana'"),
         (["--prior", "v[1]"], "is not name=value"),
@@ -161,7 +161,7 @@ def test_damaged_results_leave_nothing_else_on_stderr(tmp_path):
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["--noise", "pink"], "use one of correlated, white, none"),
+        (["--noise", "pink"], "use one of floor, correlated, white, none"),
         (["--pads", "Q"], "no pad 'Q'"),
         (["--rates", "fast"], "not a list of rates"),
         (["--rates", "-1"], "not a list of rates"),

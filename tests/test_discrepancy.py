@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from qlvbayes.diagnosis.discrepancy import discrepancy
 from qlvbayes.diagnosis.samples import Samples
 from qlvbayes.diagnosis.verdict import Work
-from qlvbayes.diagnosis.workbench import search_of, smooth
+from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.inference.features import Features, Places, covariance
 from qlvbayes.synthetic import OUTSIDE
 
@@ -59,7 +59,8 @@ def test_functions_of_other_tests_and_phases_are_apart():
 def test_a_pads_blocks_are_covered():
     experiment = hidden_pad(rates=(1.0, 20.0))
     search = search_of(experiment, kinds=())
-    features = smooth(experiment, search.density.space.record.blocks)
+    blocks = search.density.space.record.blocks
+    features = Features.of(Places.of_blocks(experiment, experiment.trials, blocks))
     assert len(search.density.discrepancy.features) == features.factor.shape[0]
     assert np.isfinite(search.density.discrepancy.shapes).all()
 

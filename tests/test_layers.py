@@ -29,7 +29,7 @@ LAYERS = [
     ["hereditary", "unresolved"],
     ["law"],
     ["effects"],
-    ["model", "noise"],
+    ["model", "noise", "floorlikelihood"],
     ["posterior", "defaults"],
     ["parameters", "experiment"],
     ["overrides", "pulling"],

@@ -35,8 +35,8 @@ class Straight(eqx.Module):
     def log_priors(self, theta):
         return jss.norm.logpdf(theta)
 
-    def log_likelihoods(self, theta):
-        return jss.norm.logpdf(self.observed - self.slopes @ theta)
+    def log_likelihood(self, theta):
+        return jnp.sum(jss.norm.logpdf(self.observed - self.slopes @ theta))
 
     @property
     def exact(self):

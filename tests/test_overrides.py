@@ -24,7 +24,7 @@ from qlvbayes.scales import Scales
 
 SCALES = Scales(force=2.0, depth=1.6, shortest=1e-3, longest=30.0, white=0.006, ou=0.008, tau=0.5)
 MODEL = default_model(SCALES)
-NOISE = default_noise(SCALES)
+NOISE = default_noise(SCALES, "correlated")
 
 
 def applied(*texts, part=MODEL, fixed=False):
@@ -220,5 +220,5 @@ def test_fixed_constants_leave_theta_and_keep_their_names():
 def test_unknown_laws_and_noises_are_programming_errors():
     with pytest.raises(InputError, match="use one of exponential"):
         default_model(SCALES, "cubic")
-    with pytest.raises(ValueError, match="choose one of correlated"):
+    with pytest.raises(ValueError, match="choose one of floor, correlated"):
         default_noise(SCALES, "pink")

@@ -21,7 +21,7 @@ COSTLY = ("frame_compliance", "channel_lag")
 
 @pytest.fixture(scope="module")
 def ensemble():
-    posterior = build_posterior(experiment(), Choices(), experiment().trials)
+    posterior = build_posterior(experiment(), Choices(noise="correlated"), experiment().trials)
     effects = tuple(kind.default(experiment().scales) for kind in KINDS)
     return with_every_effect(posterior, effects, COSTLY)
 

@@ -7,6 +7,7 @@ from hidden_pads import hidden_pad
 
 from qlvbayes.choices import Choices
 from qlvbayes.diagnosis.decision import Weight, decide
+from qlvbayes.diagnosis.families import Families
 from qlvbayes.diagnosis.search import Search
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.workbench import search_of
@@ -26,7 +27,7 @@ def tabled(table):
         def log_posterior(self, hypothesis):
             return table[hypothesis]
 
-    return Tabled(None, Settings(), USUAL, modes={key: [] for key in table})
+    return Tabled(None, Settings(), USUAL, Families({}), modes={key: [] for key in table})
 
 
 def decided(search):

@@ -32,6 +32,7 @@ ROWS = 500
 PADS = 4  # sets of constants that are simulated; each gets fresh noise many times,
 NOISELESS_PADS = 300  # or, without noise, only its own
 _NO_NOISE = Noise(white=0.0, correlated=0.0)
+_FREE = Choices(noise="correlated")
 
 Errors = Callable[[np.ndarray, np.ndarray, np.random.Generator], np.ndarray]
 
@@ -145,8 +146,8 @@ class Bench:
         return search.density.space.record, mode.point
 
     def _fitted(self, experiment: Experiment, constants: np.ndarray) -> tuple[Ensemble, Climbed]:
-        """The same with its noise fitted too, as `fit` does."""
-        model, noise = Choices().build(experiment.scales)
+        """The same with its noise fitted too, as `fit --noise correlated` does."""
+        model, noise = _FREE.build(experiment.scales)
         posterior = Posterior(model, noise, experiment.record(experiment.trials))
         ensemble = with_every_effect(posterior, ())
         start = constants.copy()
@@ -163,7 +164,7 @@ class Bench:
         theta = point.theta + rng.standard_normal((400, point.theta.size)) @ root.T
         draws = np.asarray(compiled.constants(ensemble.posterior, theta))
         constants = dict(zip(names(ensemble.posterior), draws.T, strict=True))
-        predictions = predict(experiment, Choices(), constants, experiment.trials)
+        predictions = predict(experiment, _FREE, constants, experiment.trials)
         return check("pad", experiment.floor.total, predictions)
 
 

@@ -32,8 +32,8 @@ _HEAD = """# Validation: do the intervals hold the truth?
 Pads were simulated from constants drawn at random, by differential equations that share no code
 with the fit, with the paper's protocol: pressed to 1.6 mm at 0.1 to 100 mm/s, held 30 s, back to
 0.8 mm, held 30 s; an encoder of 1 um, a load cell with noise. The 20 mm/s test of each pad was
-fitted with the default settings (but at most {steps} steps of the sampler) and the kind of noise
-that had been simulated, the other tests predicted. All fits count, converged or not.
+fitted with the default settings (but at most {steps} steps of the sampler), the noise as it was
+measured in the holds, the other tests predicted. All fits count, converged or not.
 A 90 % credible interval should hold the truth nine times out of ten; asked for is a share between
 {low:.0%} and {high:.0%} for every constant of the pad.
 

@@ -26,7 +26,7 @@ MOST_STEPS = 15_000  # fewer than the default, as a fit that needs more would ta
 
 @dataclass(frozen=True)
 class Setting:
-    """What is simulated: kind of noise (also the one fitted), rows a test keeps, loading rates."""
+    """What is simulated: kind of noise, rows a test keeps, loading rates."""
 
     noise: str
     rows: int | None
@@ -66,7 +66,7 @@ def run(setting: Setting, seed: int, index: int, settings: Settings | None = Non
     experiment = prepare(measured(tests))
     fit = fit_pad(
         experiment,
-        Choices(noise=setting.noise),
+        Choices(),
         settings=settings or Settings(seed=index, max_steps=MOST_STEPS),
     )
     summary = summarise(fit)
@@ -113,6 +113,7 @@ def _parameters(fit: Fit, summary: FitSummary, truth: dict[str, float]) -> dict[
             "below": float(np.mean(draws[:, k] < truth[name])),
         }
         for k, (name, c) in enumerate(summary.parameters.items())
+        if name in truth and not c.fixed
     }
 
 

@@ -48,7 +48,7 @@ def fit(
     elastic: Elastic = "exponential",
     relaxation: Relaxation = None,
     modes: Modes = None,
-    noise: Noise = "correlated",
+    noise: Noise = "floor",
     bonded: Bonded = None,
     rested: Rested = False,
     prior: Prior = None,

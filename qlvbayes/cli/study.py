@@ -44,7 +44,7 @@ def study_command(
     elastic: Elastic = "exponential",
     relaxation: Relaxation = None,
     modes: Modes = None,
-    noise: Noise = "correlated",
+    noise: Noise = "floor",
     bonded: Bonded = None,
     rested: Rested = False,
     prior: Prior = None,

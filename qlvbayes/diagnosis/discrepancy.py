@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes.diagnosis.verdict import Work
-from qlvbayes.diagnosis.workbench import smooth
-from qlvbayes.inference.features import Places
+from qlvbayes.inference.features import Features, Places
 
 Array = NDArray[np.float64]
 
@@ -38,14 +37,11 @@ def discrepancy(work: Work) -> list[Band]:
     size, point = told.mode.size, told.point
     if size == 0.0:
         return [Band(np.zeros(own.size), np.zeros(own.size)) for own in samples.rows]
-    features = smooth(work.experiment, samples.space.record.blocks)
-    whole = work.search.density.discrepancy
-    weights = whole.at(size).root
+    blocks = samples.space.record.blocks
+    features = Features.of(Places.of_blocks(work.experiment, samples.trials, blocks))
     # the smooth functions alone: what looks like an effect has no place of its own in a sample
-    shapes = whole.shapes[: len(features.factor)] * weights
-    precision = shapes @ shapes.T + np.eye(len(shapes)) / size**2
-    mean = np.linalg.solve(precision, shapes @ (weights * point.residual))
-    root = np.linalg.inv(np.linalg.cholesky(precision))
+    smooth = len(features.factor)
+    mean, root = work.search.density.discrepancy.weights(point.residual, size, smooth)
     forces = samples.predict(told.hypothesis, point.constants[None])
     found = []
     for k, (trial, rows) in enumerate(zip(samples.trials, samples.rows, strict=True)):

@@ -22,7 +22,7 @@ import math
 
 from scipy.stats import norm
 
-from qlvbayes.diagnosis.settings import TOLERANCE
+from qlvbayes.inference.discrepancy import TOLERANCE
 from qlvbayes.priors import HalfNormal, Normal
 from qlvbayes.scales import SHARE
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from qlvbayes.checks import InputError
+from qlvbayes.inference.discrepancy import TOLERANCE
 
-TOLERANCE = 0.01  # of the peak force: what is smaller does not matter
 _MOST_TOLERANCE = 0.5  # of the peak force, from which it is not a tolerance but a mistake
 
 

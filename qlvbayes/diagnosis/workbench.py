@@ -5,9 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
 from qlvbayes.diagnosis.families import Families
@@ -19,23 +16,21 @@ from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.experiment import Experiment
 from qlvbayes.inference.density import Density
 from qlvbayes.inference.discrepancy import Discrepancy
-from qlvbayes.inference.features import Features, Places
+from qlvbayes.inference.marginal import known_floor
 from qlvbayes.inference.space import Hypothesis, Space, in_natural_amplitude
-from qlvbayes.inference.whitening import Whitener
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model import Model
-from qlvbayes.noise import AbstractGaussian
+from qlvbayes.noise import AbstractGaussian, Floor
 from qlvbayes.priors.natural import in_own_numbers
-from qlvbayes.records.record import Blocks
-
-Array = NDArray[np.float64]
 
 
 def as_chosen(experiment: Experiment, choices: Choices) -> Experiment:
     """The experiment with a history and a noise floor as the user wants them taken."""
-    floor = experiment.floor
+    floor, noise = experiment.floor, choices.build(experiment.scales)[1]
+    if isinstance(noise, Floor):
+        floor = known_floor(floor, noise)
     if choices.noise == "white":
         floor = replace(floor, white=floor.total, ou=0.0)
     return replace(experiment, rested=choices.rested, floor=floor)
@@ -60,39 +55,18 @@ def search_of(
     model, noise = choices.build(experiment.scales)
     if not isinstance(noise, AbstractGaussian):
         raise InputError(
-            "the diagnosis needs normal noise", remedy="use --noise correlated or --noise white"
+            "the diagnosis needs normal noise", remedy="use --noise floor or --noise white"
         )
     listed = {kind.name for kind in kinds}
     kinds = (*kinds, *(one for one in FORMS if one.family() in listed), *OUTSIDE)
     space = _space(experiment, choices, model, kinds)
-    peak, blocks = experiment.scales.force, space.record.blocks
-    whitener = Whitener.of(experiment.floor, blocks, peak)
-    places = _places(experiment, blocks)
-    shapes = Features.of(places)(places)
-    full = np.zeros((len(shapes), *np.asarray(blocks.real).shape))
-    full[:, np.asarray(blocks.real)] = shapes
-    discrepancy = Discrepancy.of(full, whitener, peak, settings.tolerance)
+    blocks, tolerance = space.record.blocks, settings.tolerance
+    discrepancy = Discrepancy.on(experiment, experiment.trials, blocks, tolerance)
     names = frozenset(effect.name for effect in model.effects)
     usual = Hypothesis(choices.law, choices.relaxing, names)
     families = Families.of_kinds(type(effect) for effect in space.effects.values())
-    return Search(Density(space, whitener, discrepancy), settings, usual, families, tell)
-
-
-def smooth(experiment: Experiment, blocks: Blocks) -> Features:
-    """Features of smooth functions, by the places of block means."""
-    return Features.of(_places(experiment, blocks))
-
-
-def _places(experiment: Experiment, blocks: Blocks) -> Places:
-    force, first, last, real = (
-        np.asarray(x) for x in (blocks.force, blocks.first, blocks.last, blocks.real)
-    )
-    return Places.joined(
-        [
-            Places.of(experiment, trial, k, 0.5 * (first + last)[k, real[k]], force[k, real[k]])
-            for k, trial in enumerate(experiment.trials)
-        ]
-    )
+    density = Density(space, discrepancy.whitener, discrepancy)
+    return Search(density, settings, usual, families, tell)
 
 
 def _space(

@@ -39,6 +39,12 @@ def constants(posterior: Posterior, thetas: Array) -> Array:
 
 
 @jax.jit
+def drawn_constants(posterior: Posterior, thetas: Array, shares: Array) -> Array:
+    """The same, with what the likelihood sums over drawn by shares (W,) between 0 and 1."""
+    return jax.vmap(posterior.drawn_constants)(thetas, shares)
+
+
+@jax.jit
 def judgements(posterior: Posterior, thetas: Array, keys: Array) -> Array:
     """(W, 2, T, B): pointwise log likelihoods, and block means predicted with new noise."""
 

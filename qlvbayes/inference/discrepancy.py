@@ -27,14 +27,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
+from qlvbayes.experiment import Experiment, Trial
+from qlvbayes.inference.features import Features, Places
 from qlvbayes.inference.whitening import Whitener
+from qlvbayes.records.record import Blocks
 
 Array = NDArray[np.float64]
 
-_SIZES = np.geomspace(3e-4, 0.3, 19)  # of the peak force: below the least, noise hides it
 _NONE = 0.5  # prior probability that there is none
 ROUGH = 0.1
 """rho: smooth first of all, as no curve of a soft body has many kinks."""
+SIZES = np.geomspace(3e-4, 0.3, 19)
+"""Of the peak force: below the least, noise hides it."""
+TOLERANCE = 0.01
+"""Of the peak force: what is smaller does not matter."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,12 +77,38 @@ class Discrepancy:
     _sized: dict[float, Sized] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, features: Array, whitener: Whitener, peak: float, tolerance: float) -> Discrepancy:
-        """Of any size; tolerance: a share of the peak force (N)."""
-        falling = 1.0 / (1.0 + _SIZES / max(tolerance, _SIZES[0]))
+    def of(
+        cls,
+        features: Array,
+        whitener: Whitener,
+        peak: float,
+        tolerance: float,
+        sizes: Array = SIZES,
+    ) -> Discrepancy:
+        """Of any size; tolerance and the sizes beside none: shares of the peak force (N)."""
+        falling = 1.0 / (1.0 + sizes / max(tolerance, sizes[0]))
         weights = np.concatenate([[_NONE], (1.0 - _NONE) * falling / falling.sum()])
-        sizes = peak * np.concatenate([[0.0], _SIZES])
-        return cls(features, whitener, peak, sizes, np.log(weights))
+        every = peak * np.concatenate([[0.0], sizes])
+        return cls(features, whitener, peak, every, np.log(weights))
+
+    @classmethod
+    def on(
+        cls,
+        experiment: Experiment,
+        trials: Sequence[Trial],
+        blocks: Blocks,
+        tolerance: float = TOLERANCE,
+        sizes: Array = SIZES,
+    ) -> Discrepancy:
+        """Of block means (T, B) of some trials of a pad, under its noise floor."""
+        peak = experiment.scales.force
+        places = Places.of_blocks(experiment, trials, blocks)
+        shapes = Features.of(places)(places)
+        real = np.asarray(blocks.real)
+        full = np.zeros((len(shapes), *real.shape))
+        full[:, real] = shapes
+        whitener = Whitener.of(experiment.floor, blocks, peak)
+        return cls.of(full, whitener, peak, tolerance, sizes)
 
     def none(self, whitener: Whitener) -> Discrepancy:
         """Of no size but nothing, under other noise."""
@@ -139,3 +171,17 @@ class Discrepancy:
             if place != first:
                 break
         return 0.0 if none <= here else float(self.sizes[place])
+
+    def weights(
+        self, residual: Array, size: float, count: int | None = None
+    ) -> tuple[Array, Array]:
+        """Coefficients w of the first M = count features, or of all, at a size (N) above 0.
+
+        residual: whitened, (n,) or (R, n). Returns their means, (M,) or (R, M), and a root (M, M)
+        of their covariance, root^T root.
+        """
+        own = self.at(size)
+        shapes = self.shapes[:count] * own.root
+        precision = shapes @ shapes.T + np.eye(len(shapes)) / size**2
+        mean = np.linalg.solve(precision, shapes @ (residual * own.root).T).T
+        return np.asarray(mean), np.linalg.inv(np.linalg.cholesky(precision))

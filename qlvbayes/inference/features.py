@@ -22,6 +22,7 @@ from scipy.linalg import solve_triangular
 
 from qlvbayes.experiment import Experiment, Trial
 from qlvbayes.kinematics.phases import KINDS, phase_index
+from qlvbayes.records.record import Blocks
 
 Array = NDArray[np.float64]
 
@@ -61,6 +62,21 @@ class Places:
         share = np.minimum(np.abs(force) / scales.force, 1.0)
         size = _LEAST + (1.0 - _LEAST) * share
         return cls(np.stack(smooth, axis=1), size, kinds[place], np.full(time.shape, test))
+
+    @classmethod
+    def of_blocks(cls, experiment: Experiment, trials: Sequence[Trial], blocks: Blocks) -> Places:
+        """In the middle of every block (T, B) of some trials of a pad, padding left out."""
+        names = [trial.name for trial in experiment.trials]
+        force, first, last, real = (
+            np.asarray(x) for x in (blocks.force, blocks.first, blocks.last, blocks.real)
+        )
+        middle = 0.5 * (first + last)
+        return cls.joined(
+            [
+                cls.of(experiment, trial, names.index(trial.name), middle[k, own], force[k, own])
+                for k, (trial, own) in enumerate(zip(trials, real, strict=True))
+            ]
+        )
 
     def __getitem__(self, rows: NDArray[np.intp]) -> Places:
         """Some of them."""

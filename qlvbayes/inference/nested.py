@@ -78,7 +78,7 @@ def nested_evidence(
 
 def _algorithm(posterior: Posterior, moves: int, together: int) -> Any:
     def log_likelihood(theta: Array) -> Array:
-        total = jnp.sum(posterior.log_likelihoods(theta))
+        total = posterior.log_likelihood(theta)
         return jnp.where(jnp.isfinite(total), total, _WORST)
 
     def log_prior(theta: Array) -> Array:

@@ -16,6 +16,7 @@ from functools import cached_property
 import jax
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from qlvbayes.inference.floor_covariance import covariance
 from qlvbayes.noisefloor import NoiseFloor
@@ -82,6 +83,11 @@ class Whitener:
     def precisions(self) -> Array:
         """(n,) 1/lambda (1/N^2)."""
         return np.concatenate([roots**2 for roots, _ in self._bases])
+
+    @property
+    def matrix(self) -> Array:
+        """(n, n) what takes the block means of all tests, one after another, to whitened ones."""
+        return np.asarray(block_diag(*(rows for _, rows in self._bases)))
 
     def __call__(self, vectors: Array) -> Array:
         """(M, T, B) to (M, n)."""

@@ -67,7 +67,9 @@ def bench() -> Bench:
     )
     elastic = Exponential(lognormal(0.34, 1.2), lognormal(1.165, 1.2))
     relaxation = Prony(Dirichlet([6.0, 14.0]), Ordered((lognormal(0.5, 1.5),)))
-    return Bench(Posterior(Model(elastic, relaxation), default_noise(scales), record), scales)
+    return Bench(
+        Posterior(Model(elastic, relaxation), default_noise(scales, "correlated"), record), scales
+    )
 
 
 def _path(rate: float, back: float) -> Trajectory:

@@ -21,6 +21,8 @@ _MEANINGS = {
     "noise.white": "noise of single samples",
     "noise.ou": "noise that lasts from sample to sample",
     "noise.tau": "how long it lasts",
+    "noise.factor": "noise over the one measured at rest",
+    "noise.remainder": "size of what the model misses",
     "noise.scale": "width of the noise",
     "noise.nu": "degrees of freedom: the fewer, the more outliers",
 }

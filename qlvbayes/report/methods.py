@@ -15,6 +15,9 @@ from qlvbayes.report.numbers import DASH, number, percent, with_unit
 from qlvbayes.summary import FitSummary
 
 _NOISES = {
+    "floor": "as measured at rest, without the model, and not fitted; what the model misses goes "
+    "into a discrepancy of smooth functions and a rough part, whose size (noise.remainder) is "
+    "summed over with a prior that costs",
     "correlated": "white noise plus an Ornstein-Uhlenbeck process (a load cell's noise lasts from "
     "sample to sample), whose standard deviations and correlation time are fitted with the rest",
     "white": "independent normal noise, whose standard deviation is fitted with the rest",

@@ -1,0 +1,78 @@
+"""Are a fit's intervals honest, and is its curve as good as the best that its model can draw?"""
+
+import sys
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from endtoend import CONSTANTS
+from scipy.stats import binom
+
+from qlvbayes.choices import Choices
+from qlvbayes.data import read_study
+from qlvbayes.experiment import prepare
+from qlvbayes.fit import build_posterior, fit_pad
+from qlvbayes.inference.ensemble import Settings
+from qlvbayes.inference.least_squares import least_squares, without_noise
+from qlvbayes.parameters import names
+from qlvbayes.predict import predict
+
+ROOT = Path(__file__).parents[1]
+sys.path.append(str(ROOT / "validation"))
+
+from simulated_fits import Setting, run  # noqa: E402
+
+REAL = ROOT.parent / "shared" / "real" / "muscle_ramps.csv"
+QUICK = Settings(max_steps=3000)
+
+
+def errors(experiment, choices, constants):
+    """Root mean square of measured minus predicted mean (N), over the tests left out."""
+    left = experiment.with_role("validate")
+    found = predict(experiment, choices, constants, left)
+    return float(np.sqrt(np.mean(np.concatenate([one.residual for one in found]) ** 2)))
+
+
+def both_errors(experiment, choices):
+    """On tests left out: of the fit, and of least squares of the same model and samples."""
+    found = fit_pad(experiment, choices, settings=QUICK)
+    fitted = {name: found.constants[..., k] for k, name in enumerate(found.names)}
+    posterior = build_posterior(experiment, choices, found.trials)
+    scale = 1.0 / np.sqrt(np.asarray(posterior.record.blocks.count))
+    best = least_squares(without_noise(posterior), scale, np.random.default_rng(0)).thetas[0]
+    numbers = np.asarray(posterior.constants(jnp.asarray(best)))
+    nothing = dict.fromkeys(("noise.white", "noise.ou", "noise.remainder"), np.zeros(1))
+    squares = dict(zip(names(posterior), numbers[:, None], strict=True)) | nothing
+    squares |= {"noise.tau": np.ones(1), "noise.factor": np.ones(1)}
+    return errors(experiment, choices, fitted), errors(experiment, choices, squares)
+
+
+@pytest.mark.slow
+def test_with_an_effect_hidden_the_curve_is_not_visibly_worse_than_least_squares():
+    """What it is worse by is below the noise."""
+    experiment = prepare(read_study(ROOT / "data" / "hidden.csv").pads[0])
+    fit, squares = both_errors(experiment, Choices())
+    assert fit < np.hypot(squares, experiment.floor.total)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not REAL.is_file(), reason="the measurements are not here")
+def test_of_a_real_muscle_the_curve_is_as_good_as_least_squares():
+    """Correlated noise that swells raised its error by a fifth."""
+    experiment = prepare(read_study(REAL).pad("calcium"))
+    fit, squares = both_errors(experiment, Choices(bonded=True))
+    assert fit < 1.1 * squares
+
+
+@pytest.mark.slow
+def test_intervals_hold_the_truth_nine_times_in_ten():
+    """Right models of one test: by each constant, and by all; chance of failing 1 % in all."""
+    count = 20
+    fits = [run(Setting("correlated", 300, (20.0,)), 5, k, QUICK) for k in range(count)]
+    rows = {name: [fit["parameters"][name] for fit in fits] for name in CONSTANTS}
+    held = {name: sum(r["low"] <= r["truth"] <= r["high"] for r in rows[name]) for name in rows}
+    least = binom.ppf(0.01 / len(CONSTANTS), count, 0.9)
+    assert min(held.values()) >= least, held
+    # constants of one pad miss together: as if a pad had two of its own
+    assert sum(held.values()) / len(CONSTANTS) >= binom.ppf(0.01, 2 * count, 0.9) / 2, held

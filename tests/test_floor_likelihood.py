@@ -1,0 +1,270 @@
+"""The likelihood of a fit, of measured noise and a discrepancy, against dense normal algebra."""
+
+from dataclasses import replace
+from functools import cache
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from endtoend import SHORT, experiment, fitted
+from hidden_pads import hidden_pad
+from scipy.linalg import block_diag
+from scipy.special import logsumexp
+from scipy.stats import multivariate_normal, multivariate_t
+
+from qlvbayes.checks import InputError
+from qlvbayes.choices import Choices
+from qlvbayes.fit import fit_pad
+from qlvbayes.inference import compiled
+from qlvbayes.inference.discrepancy import ROUGH, TOLERANCE, Discrepancy
+from qlvbayes.inference.features import Features, Places
+from qlvbayes.inference.floor_covariance import covariance
+from qlvbayes.inference.marginal import Judged, floor_likelihood
+from qlvbayes.inference.missed import missed
+from qlvbayes.inference.starting import starting_point
+from qlvbayes.posterior import Posterior
+from qlvbayes.summary import summarise
+from qlvbayes.synthetic import TABLE_1
+from qlvbayes.synthetic.hidden import ViscousDrag
+
+FACTOR, SIZE = -2, -1  # places of these in the noise's constants
+CONSTANTS = np.array([TABLE_1["B"].m, TABLE_1["B"].b, *TABLE_1["B"].c, *TABLE_1["B"].v])
+LONGER = replace(SHORT, max_steps=1000)
+log_priors = jax.jit(jax.vmap(lambda posterior, theta: posterior.bind(theta)[2], (None, 0)))
+
+
+@cache
+def two_tests():
+    """Pad B at 10 and 20 mm/s, and the blocks of both."""
+    trials = tuple(t for t in experiment().trials if round(t.rate) in (10, 20))
+    assert len(trials) == 2
+    return trials, experiment().record(trials).blocks
+
+
+def likelihood(*fixed, trials=None):
+    noise = Choices(fixed=fixed).build(experiment().scales)[1]
+    known, blocks = two_tests()
+    return floor_likelihood(experiment(), trials or known, blocks, noise)
+
+
+@cache
+def dense(floor=None):
+    """Covariances of the noise and of a discrepancy of unit size, by their definitions."""
+    trials, blocks = two_tests()
+    whole = replace(experiment(), floor=floor or experiment().floor)
+    noise = []
+    for k in range(len(trials)):
+        real = np.asarray(blocks.real[k])
+        own = type(blocks)(*(np.asarray(x)[k][real] for x in vars(blocks).values()))
+        noise.append(covariance(whole.floor, own, whole.scales.force))
+    places = Places.of_blocks(whole, trials, blocks)
+    shapes = Features.of(places)(places)
+    return block_diag(*noise), shapes.T @ shapes + ROUGH * np.eye(shapes.shape[1])
+
+
+def residuals(seed, sd=0.02):
+    """(T, B) in N, and those that are no padding."""
+    _, blocks = two_tests()
+    real = np.asarray(blocks.real)
+    found = np.random.default_rng(seed).normal(0.0, sd, real.shape)
+    return found, found[real]
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-3, 0.02, 0.5])
+@pytest.mark.parametrize("factor", [0.8, 1.0, 1.5])
+def test_each_size_is_a_normal_density_of_all_tests_together(size, factor):
+    own = likelihood(f"noise.remainder={size}", f"noise.factor={factor}")
+    noise, beside = dense()
+    whole, flat = residuals(1)
+    expected = multivariate_normal(cov=factor**2 * noise + size**2 * beside).logpdf(flat)
+    assert float(own.log_likelihood(whole)) == pytest.approx(expected, rel=1e-8)
+
+
+def test_sizes_and_scales_are_summed_with_their_priors():
+    own = likelihood()
+    noise, beside = dense()
+    whole, flat = residuals(2)
+    constants = np.asarray(own.constants)
+    factors, sizes = np.unique(constants[:, FACTOR]), np.unique(constants[:, SIZE])
+    assert factors.size > 1
+    shares = sizes[1:] / experiment().scales.force
+    falling = 1.0 / (1.0 + shares / TOLERANCE)
+    prior = np.concatenate([[0.5], 0.5 * falling / falling.sum()])
+    every = [
+        multivariate_normal(cov=f**2 * noise + s**2 * beside).logpdf(flat)
+        + np.log(p / factors.size)
+        for f in factors
+        for s, p in zip(sizes, prior, strict=True)
+    ]
+    assert float(own.log_likelihood(whole)) == pytest.approx(logsumexp(every), rel=1e-8)
+
+
+def test_it_is_the_likelihood_of_the_diagnosis():
+    """Summed over the sizes of the diagnosis's own grid, at the floor as it is."""
+    trials, blocks = two_tests()
+    made = Discrepancy.on(experiment(), trials, blocks)
+    whole, _ = residuals(3)
+    white = made.whitener(whole[None])[0]
+    precisions = made.whitener.precisions
+    constant = 0.5 * np.log(precisions / (2.0 * np.pi)).sum()
+    for k in (0, 5, 12, 18):
+        log_likelihood = constant - made.loss(white, k) - made.log_prior[k]
+        own = likelihood(f"noise.remainder={float(made.sizes[k])!r}", "noise.factor=1")
+        assert float(own.log_likelihood(whole)) == pytest.approx(log_likelihood, rel=1e-9)
+
+
+def test_what_the_user_knows_of_the_noise_leaves_nothing_open():
+    own = likelihood("noise.white=0.004", "noise.ou=0", "noise.remainder=0")
+    floor = replace(experiment().floor, white=0.004, ou=0.0)
+    noise, _ = dense(floor)
+    whole, flat = residuals(4)
+    assert np.asarray(own.constants).tolist() == [[0.004, 0.0, floor.tau, 1.0, 0.0]]
+    expected = multivariate_normal(cov=noise).logpdf(flat)
+    assert float(own.log_likelihood(whole)) == pytest.approx(expected, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("choices", "said"),
+    [
+        ({"priors": ("noise.white=lognormal(-5,1)",)}, "noise.white is measured, not fitted"),
+        ({"fixed": ("noise.ou=-0.1",)}, "noise.ou must be positive"),
+        ({"fixed": ("noise.tau=0",)}, "noise.tau must be positive"),
+    ],
+)
+def test_measured_noise_takes_no_prior_and_no_nonsense(choices, said):
+    with pytest.raises(InputError, match=said):
+        Choices(**choices).build(experiment().scales)
+
+
+def test_draws_of_what_is_summed_over_follow_its_posterior():
+    own = likelihood()
+    whole, _ = residuals(5, sd=0.012)
+    logs = np.asarray(own.log_pairs(whole))
+    weights = np.exp(logs - logsumexp(logs))
+    count = 500
+    shares = (jnp.arange(count) + 0.5) / count
+    drawn = np.asarray(jax.vmap(lambda share: own.drawn(jnp.asarray(whole), share))(shares))
+    for weight, constants in zip(weights, np.asarray(own.constants), strict=True):
+        found = np.mean(np.all(drawn == constants, axis=1))
+        assert abs(found - weight) <= 1.0 / count  # even shares leave no other error
+
+
+def posterior_of(own):
+    """Of the two tests, with this likelihood."""
+    trials, _ = two_tests()
+    model, noise = Choices().build(experiment().scales)
+    return Posterior(model, noise, experiment().record(trials), own)
+
+
+@cache
+def judged(count=1, seed=6):
+    """One residual, seen by draws of a factor 1.2 and a size of 0.02 N."""
+    own = likelihood("noise.remainder=0.02", "noise.factor=1.2")
+    posterior = posterior_of(own)
+    whole, flat = residuals(seed)
+    measured = np.asarray(posterior.record.blocks.force)
+    predicted = np.repeat((measured - whole)[None], count, axis=0)
+    constants = np.repeat(np.asarray(own.constants), count, axis=0)
+    return Judged(posterior, predicted, constants), flat, measured[_real()] - flat
+
+
+def _real():
+    return np.asarray(two_tests()[1].real)
+
+
+def test_each_block_is_conditional_on_the_blocks_before_it():
+    found, flat, _ = judged()
+    noise, beside = dense()
+    matrix = 1.2**2 * noise + 0.02**2 * beside
+    (logs,) = found.log_likelihoods()
+    for k in (1, 2, 40, flat.size):
+        heads = multivariate_normal(cov=matrix[:k, :k]).logpdf(flat[:k])
+        assert logs[:k].sum() == pytest.approx(heads, rel=1e-8, abs=1e-8)
+
+
+def test_replicates_hold_what_is_missed_and_new_noise():
+    count = 4000
+    found, flat, predicted = judged(count)
+    noise, beside = 1.2**2 * dense()[0], 0.02**2 * dense()[1]
+    gain = beside @ np.linalg.inv(noise + beside)
+    sd = np.sqrt(np.diag(beside - gain @ beside + noise))
+    z = (found.replicates(np.random.default_rng(0)) - predicted - gain @ flat) / sd
+    # means of 4000 standard normals, and their squares, of 340 blocks each
+    assert np.max(np.abs(z.mean(axis=0))) < 5.0 / np.sqrt(count)
+    assert np.max(np.abs((z**2).mean(axis=0) - 1.0)) < 5.0 * np.sqrt(2.0 / count)
+
+
+def test_what_is_missed_elsewhere_is_the_gaussian_process_given_the_fit():
+    """At places of a fitted test and of one that was not; by the process's own covariance."""
+    trials, blocks = two_tests()
+    e = experiment()
+    other = next(t for t in e.trials if t not in trials)
+    times = np.geomspace(0.05, 20.0, 6)
+    names = [t.name for t in e.trials]
+    places = Places.joined(
+        [
+            Places.of(e, t, names.index(t.name), times, np.full(times.size, 1.0))
+            for t in (trials[0], other)
+        ]
+    )
+    own = likelihood("noise.remainder=0.02", "noise.factor=1.2")
+    posterior = posterior_of(own)
+    count = 3000
+    constants = np.concatenate([CONSTANTS, np.asarray(own.constants)[0]])
+    rows = np.repeat(constants[None], count, axis=0)
+    draws = missed(e, posterior, trials, rows, places, np.random.default_rng(1))
+    predicted = np.asarray(compiled.predictions(posterior, rows[:1]))[0]
+    flat = (np.asarray(blocks.force) - predicted)[_real()]
+    here = Places.of_blocks(e, trials, blocks)
+    features = Features.of(here)
+    at, there = features(here), features(places)
+    cross = 0.02**2 * there.T @ at
+    matrix = 1.2**2 * dense()[0] + 0.02**2 * dense()[1]
+    gain = cross @ np.linalg.inv(matrix)
+    variance = 0.02**2 * (places.size**2 + ROUGH) - np.sum(gain * cross, axis=1)
+    z = (draws - gain @ flat) / np.sqrt(variance)
+    assert np.max(np.abs(z.mean(axis=0))) < 5.0 / np.sqrt(count)
+    assert np.max(np.abs((z**2).mean(axis=0) - 1.0)) < 5.0 * np.sqrt(2.0 / count)
+    sds = np.sqrt(variance)
+    assert sds[times.size :].min() > sds[: times.size].max()  # an unseen test is known less
+
+
+def test_constants_have_the_posterior_that_importance_sampling_finds():
+    """From a wide t about the optimum, weighed by the diagnosis's sum over sizes in numpy."""
+    found = fitted()
+    posterior = found.posterior
+    normal = starting_point(posterior, experiment().floor, np.random.default_rng(0)).normal
+    proposal = multivariate_t(normal.mean, 1.3 * normal.covariance, df=6)
+    theta = proposal.rvs(3000, random_state=1)
+    constants = compiled.in_batches(compiled.constants, posterior, theta, size=4096)
+    predicted = compiled.in_batches(compiled.predictions, posterior, constants)
+    blocks = posterior.record.blocks
+    made = Discrepancy.on(experiment(), found.trials, blocks)
+    white = made.whitener(np.asarray(blocks.force) - predicted)
+    sizes = range(made.sizes.size)
+    losses = np.array([[made.loss(row, k) for k in sizes] for row in white])
+    priors = np.asarray(log_priors(posterior, theta))
+    logs = logsumexp(-losses, axis=1) + priors - proposal.logpdf(theta)
+    weights = np.exp(logs - logsumexp(logs))
+    worth = 1.0 / np.sum(weights**2)
+    assert worth > 500
+    mean = weights @ constants
+    sd = np.sqrt(weights @ (constants - mean) ** 2)
+    summary = summarise(found)
+    for k, name in enumerate(found.names[:7]):
+        # the chain sums over the floor's scale too, which hardly moves the constants
+        assert abs(summary[name].mean - mean[k]) < 0.25 * sd[k], name
+        assert summary[name].sd == pytest.approx(sd[k], rel=0.15), name
+
+
+def test_a_hidden_effect_widens_the_intervals_and_is_told_in_newtons():
+    rates = (20.0,)
+    plain = summarise(fit_pad(hidden_pad(rates=rates), Choices(), settings=LONGER))
+    drag = hidden_pad(ViscousDrag(eta=0.004), rates=rates)  # 0.08 N while it moves
+    found = summarise(fit_pad(drag, Choices(), settings=LONGER))
+    sizes = [s["noise.remainder"] for s in (plain, found)]
+    assert sizes[0].median < drag.floor.total < 0.08
+    assert sizes[1].hdi90[0] > sizes[0].median
+    for name in ("m", "b", "c[0]", "v[1]"):
+        assert found[name].sd > plain[name].sd, name
