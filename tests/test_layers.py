@@ -29,7 +29,7 @@ LAYERS = [
     ["law"],
     ["effects"],
     ["model", "noise"],
-    ["posterior", "defaults"],
+    ["posterior", "defaults", "stepping"],
     ["parameters", "experiment"],
     ["overrides", "pulling"],
     ["choices"],
