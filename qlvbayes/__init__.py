@@ -12,6 +12,7 @@ from qlvbayes.data import Pad, Study, Test, read_study
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.verdict import Diagnosis
 from qlvbayes.diagnosis.words import paragraphs
+from qlvbayes.dual import displacement_from_force
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.effects.conformance import check_effect
 from qlvbayes.effects.effect import AbstractEffect, Level
@@ -56,6 +57,7 @@ from qlvbayes.results import load as load_results
 from qlvbayes.results import save as save_results
 from qlvbayes.runtime import configure
 from qlvbayes.scales import Scales
+from qlvbayes.stepper import Stepper
 from qlvbayes.study import Watcher, run_study
 from qlvbayes.summary import Summary, summarise
 

@@ -27,6 +27,8 @@ _MOST = 100  # steps; 60 halve a bracket down to rounding
 _WIDE = 1.0  # mm, or the file's unit: a first guess where the stiffness is zero, doubled as needed
 _FAR = 1e9  # mm, or the file's unit: off any specimen
 
+_Bracket = tuple[Array, Array, Array, Array, Array, Array]  # root, low, high, move, count, found
+
 
 class State(eqx.Module):
     """Where the platen is (mm), and what the specimen and the rig remember."""
@@ -130,7 +132,7 @@ def _root(excess: Callable[[Array], Array], place: Array) -> Array:
     def close(travel: Array, move: Array) -> Array:
         return jnp.abs(move) <= _CLOSE * jnp.abs(travel) + _ROUNDING * jnp.abs(place + travel)
 
-    def better(carry: tuple[Array, ...]) -> tuple[Array, ...]:
+    def better(carry: _Bracket) -> _Bracket:
         travel, low, high, last, count, _ = carry
         value, slope = _with_slope(excess, travel)
         value = jnp.where(jnp.isnan(value), jnp.inf, value)  # too deep for a number
@@ -143,7 +145,7 @@ def _root(excess: Callable[[Array], Array], place: Array) -> Array:
         move = jnp.where(value == 0.0, 0.0, jnp.where(good, move, other))
         return travel + move, low, high, jnp.abs(move), count + 1, close(travel, move)
 
-    def going_on(carry: tuple[Array, ...]) -> Array:
+    def going_on(carry: _Bracket) -> Array:
         return ~carry[-1] & (carry[-2] < _MOST)
 
     zero, infinite = jnp.zeros_like(place), jnp.full_like(place, jnp.inf)

@@ -30,7 +30,7 @@ LAYERS = [
     ["effects"],
     ["model", "noise"],
     ["posterior", "defaults", "stepping"],
-    ["parameters", "experiment"],
+    ["parameters", "experiment", "dual"],
     ["overrides", "pulling"],
     ["choices"],
     ["carried", "covered", "drawn"],
@@ -41,6 +41,8 @@ LAYERS = [
     ["summary", "predict"],
     ["results", "residuals", "diagnosis", "constants_table"],
     ["checked", "compare"],
+    # the constants put to use
+    ["stepper"],
     # a rig of its own, which shares nothing with the model
     ["synthetic"],
     # how well the diagnosis does on what that rig hides

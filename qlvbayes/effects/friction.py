@@ -8,11 +8,11 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level
-from qlvbayes.hereditary import hereditary_force
-from qlvbayes.law import Law
+from qlvbayes.hereditary import Relaxing, hereditary_force, hereditary_step
+from qlvbayes.law import Law, State
 from qlvbayes.laws.elastic.linear import Linear
 from qlvbayes.laws.relaxation.prony import Prony
-from qlvbayes.motion import Motion
+from qlvbayes.motion import Line, Motion
 from qlvbayes.scales import Scales, lognormal
 
 
@@ -43,6 +43,23 @@ class Friction(AbstractEffect):
         """Add the friction."""
         place = motion.alone.displacement
         way = jnp.cumsum(jnp.abs(jnp.diff(place, prepend=place[:1])))
-        mode = Prony(jnp.array([0.0, 1.0]), jnp.reshape(1.0 / self.reach, (1,)))
-        slide = hereditary_force(Linear(1.0 / self.reach), mode, way, place - place[0])
+        slide = hereditary_force(Linear(1.0 / self.reach), self._turning, way, place - place[0])
         return below.force(motion) + self.strength * slide
+
+    def begin(self, below: Law, displacement: Array) -> State:
+        """Beside the law's state that of friction, none."""
+        return below.begin(displacement), Relaxing(displacement, jnp.zeros(1))
+
+    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
+        """Add the friction."""
+        inner, own = state
+        inner, force = below.step(inner, line)
+        way = jnp.abs(line.displacement - own.depth)
+        own, slide = hereditary_step(
+            Linear(1.0 / self.reach), self._turning, own, way, line.displacement
+        )
+        return (inner, own), force + self.strength * slide
+
+    @property
+    def _turning(self) -> Prony:
+        return Prony(jnp.array([0.0, 1.0]), jnp.reshape(1.0 / self.reach, (1,)))
