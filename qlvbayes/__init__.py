@@ -40,6 +40,7 @@ from qlvbayes.model import Model
 from qlvbayes.motion import Motion
 from qlvbayes.noise import Correlated, StudentT, White
 from qlvbayes.predict import Prediction, predict
+from qlvbayes.prescribed.forecast import predict_program
 from qlvbayes.priors import (
     Dirichlet,
     HalfNormal,

@@ -43,6 +43,7 @@ LAYERS = [
     ["checked", "compare"],
     # the constants put to use
     ["stepper"],
+    ["prescribed"],
     # a rig of its own, which shares nothing with the model
     ["synthetic"],
     # how well the diagnosis does on what that rig hides
