@@ -224,3 +224,32 @@ def test_the_figure_shows_the_program_and_its_bands(width, program):
     ]
     below = axes[len(axes) // 2]
     assert np.array_equal(below.lines[0].get_ydata(), found.median)
+
+
+def test_a_free_curve_of_stiffness_stands_over_the_depth_of_its_tests():
+    given = draws()
+    names = tuple(name for name in given if name not in "mb")
+    knots = np.linspace(0.3, 1.2, 7)
+    columns = [given[name] for name in names] + [np.full(200, k) for k in knots]
+    fit = replace(
+        saved(),
+        names=(*names, *(f"k{j}" for j in range(7))),
+        constants=np.stack(columns, axis=-1)[None],
+        choices=Choices(law="spline", noise="white"),
+    )
+    found = predict_program(fit, "ramp 1.6 mm in 1e-6 s", draws=2)
+    # at once to the full depth: the area under the stiffness
+    assert np.allclose(found.answers[:, -1], 0.75 * 1.6, rtol=1e-5)
+    with pytest.raises(InputError, match="does not say how deep its tests went"):
+        predict_program(replace(fit, covered=None), "ramp 1.6 mm in 1 s")
+
+
+def test_a_table_of_strain_and_stress(tmp_path):
+    path = tmp_path / "my.csv"
+    path.write_text("time_s,strain\n0,0\n1,0.2\n")
+    assert read_table(path, STRAIN).value[-1] == 0.2
+    path.write_text("time_s,stress_Pa\n0,0\n1,500\n")
+    assert read_table(path, STRAIN).value[-1] == pytest.approx(0.5)
+    path.write_text("time_s,force_N\n0,0\n1,500\n")
+    with pytest.raises(InputError, match="give time_s and one of strain and stress_kPa"):
+        read_table(path, STRAIN)
