@@ -30,10 +30,11 @@ class Stepper:
 
     >>> model = Model(Linear(0.5), Prony(np.array([0.4, 0.6]), np.array([2.0])))
     >>> pad = Stepper(model, dt=0.1)
-    >>> pad.force(0.2).round(6)
-    array([0.094438])
-    >>> pad.displacement(0.094438).round(4)
-    array([0.2097])
+    >>> force = pad.force(0.2)
+    >>> force.round(6)
+    array([0.094381])
+    >>> pad.displacement(force).round(4)
+    array([0.2209])
 
     Raises
     ------

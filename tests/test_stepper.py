@@ -1,10 +1,12 @@
 """A stepper is the model's batch answer, draw by draw, and goes back to any of its states."""
 
+import doctest
+
 import numpy as np
 import pytest
 from test_stepping import DEPTH, DT, TIME, motion_of, relative
 
-from qlvbayes import Exponential, InputError, Model, Prony, Stepper
+from qlvbayes import Exponential, InputError, Linear, Model, Prony, Stepper
 from qlvbayes.synthetic import TABLE_1
 
 PAD = TABLE_1["B"]
@@ -102,3 +104,11 @@ def test_a_force_out_of_reach_leaves_the_state_alone():
     with pytest.raises(InputError, match="1 of 1 draws have no displacement"):
         stepper.displacement(0.9)
     assert np.array_equal(stepper.state.displacement, place)
+
+
+def test_the_docstrings_example_runs():
+    import qlvbayes.stepper as module
+
+    given = {"np": np, **{kind.__name__: kind for kind in (Linear, Model, Prony)}}
+    found = doctest.testmod(module, extraglobs=given)
+    assert (found.attempted, found.failed) == (5, 0)
