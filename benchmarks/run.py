@@ -14,6 +14,7 @@ import diagnosis
 import force
 import sampling
 import shell
+import stepping
 from timing import in_new_process
 
 
@@ -21,6 +22,7 @@ def main():
     parts = [HEADING.format(date=datetime.date.today(), machine=machine(), commit=commit())]
     for section in (
         force_section,
+        stepping_section,
         density_section,
         sampling_section,
         shell_section,
@@ -62,6 +64,34 @@ needs evenly spaced samples, this does not). The two differ by at most {error:.0
 | samples (one test) | ms | ns a sample | peak memory MB |
 |---:|---:|---:|---:|
 {rows}
+"""
+
+
+def stepping_section():
+    steps = "\n".join(
+        f"| {draws} | {forward:,.0f} | {back:,.0f} |"
+        for draws in stepping.DRAWS
+        for forward, back in [stepping.steps_a_second(draws)]
+    )
+    dual = "\n".join(
+        f"| {count:,} | {forward:.2f} | {back:.1f} | {back / forward:.0f} | {error:.0e} |"
+        for count in stepping.LENGTHS
+        for forward, back, error in [stepping.dual_against_forward(count)]
+    )
+    return f"""## Step by step, and displacement from force
+
+`Stepper`, called from Python once a step, two modes (a step of 1 kHz needs 1,000 a second):
+
+| draws | force, steps a second | displacement, steps a second |
+|---:|---:|---:|
+{steps}
+
+A test of one pad, compiled as a whole: its force from the displacement, and the displacement from
+that force, which cannot be cut into chunks; the last column is the way there and back.
+
+| samples | force ms | displacement ms | ratio | error mm |
+|---:|---:|---:|---:|---:|
+{dual}
 """
 
 

@@ -13,6 +13,7 @@ from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.verdict import Diagnosis
 from qlvbayes.diagnosis.words import paragraphs
+from qlvbayes.dual import displacement_from_force
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.effects.conformance import check_effect
 from qlvbayes.effects.effect import AbstractEffect, Level
@@ -40,6 +41,7 @@ from qlvbayes.model import Model
 from qlvbayes.motion import Motion
 from qlvbayes.noise import Correlated, StudentT, White
 from qlvbayes.predict import Prediction, predict
+from qlvbayes.prescribed.forecast import predict_program
 from qlvbayes.priors import (
     Dirichlet,
     HalfNormal,
@@ -57,6 +59,7 @@ from qlvbayes.results import load as load_results
 from qlvbayes.results import save as save_results
 from qlvbayes.runtime import configure
 from qlvbayes.scales import Scales
+from qlvbayes.stepper import Stepper
 from qlvbayes.study import Watcher, run_study
 from qlvbayes.summary import FitSummary, summarise
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import jax
 import numpy as np
@@ -20,9 +21,12 @@ from qlvbayes.scales import Scales
 _SCALES = Scales(force=1.0, depth=1.0, shortest=1e-5, longest=1e5, white=1e-2, ou=1e-2, tau=1.0)
 
 
-def described_model(choices: Choices) -> Model:
-    """The model in words and priors; InputError where the choices do not fit together."""
-    return choices.build(_SCALES)[0]
+def described_model(choices: Choices, depth: float = 1.0) -> Model:
+    """The model in words and priors; InputError where the choices do not fit together.
+
+    depth: of the deepest test, over which a free curve of the stiffness has its knots.
+    """
+    return choices.build(replace(_SCALES, depth=depth))[0]
 
 
 def described_fields(choices: Choices) -> list[Field]:

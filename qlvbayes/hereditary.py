@@ -13,12 +13,48 @@ from __future__ import annotations
 
 import math
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
+
+
+class Relaxing(eqx.Module):
+    """All that a material remembers: its depth (mm) and q_i (N), (k,) for k relaxing modes."""
+
+    depth: Array
+    parts: Array
+
+
+def at_first(elastic: AbstractElastic, relaxation: AbstractRelaxation, depth: Array) -> Relaxing:
+    """The state at a motion's first point: a step from zero, of which nothing has relaxed."""
+    _, rates = relaxation.spectrum()
+    zero = jnp.zeros_like(depth)
+    instant = elastic.force(depth)
+    step = elastic.relaxed_step(zero, depth, elastic.force(zero), instant, jnp.zeros_like(rates))
+    return Relaxing(depth, jnp.broadcast_to(step, rates.shape))
+
+
+def hereditary_step(
+    elastic: AbstractElastic,
+    relaxation: AbstractRelaxation,
+    state: Relaxing,
+    duration: Array,
+    depth: Array,
+) -> tuple[Relaxing, Array]:
+    """State and force (N) after a straight line to ``depth`` (mm) in ``duration`` (s, 0 a jump).
+
+    One step of `hereditary_force`'s recursion, for a motion that is not known beforehand.
+    """
+    fractions, rates = relaxation.spectrum()
+    decay = rates * duration
+    before, instant = elastic.force(state.depth), elastic.force(depth)
+    step = elastic.relaxed_step(state.depth, depth, before, instant, decay)
+    parts = jnp.exp(-decay) * state.parts + step
+    return Relaxing(depth, parts), fractions[0] * instant + fractions[1:] @ parts
 
 
 @jax.jit  # an effect may ask for it several times: it is traced once

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from qlvbayes.hereditary import hereditary_force
+from qlvbayes.hereditary import at_first, hereditary_force, hereditary_step
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
-from qlvbayes.motion import Motion
+from qlvbayes.motion import Line, Motion
+
+State = Any
+"""What a law remembers between two steps: nested tuples of arrays."""
 
 
 class Layer(Protocol):
@@ -21,12 +24,21 @@ class Layer(Protocol):
         """Force (N,) in N at the motion's grid points."""
         ...
 
+    def begin(self, below: Law, displacement: Array) -> State:
+        """The state at a motion's first point, of this layer and of the law beneath."""
+        ...
+
+    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
+        """State and force (N) at the end of a line."""
+        ...
+
 
 class Law(eqx.Module):
     """QLV material under some layers, the outermost last.
 
     A layer asks ``below.force(motion)`` for the force beneath it, of this motion or of another one,
-    and may look at ``below.elastic`` and ``below.relaxation``.
+    and may look at ``below.elastic`` and ``below.relaxation``. ``begin`` and ``step`` give the same
+    force line by line.
     """
 
     elastic: AbstractElastic
@@ -36,17 +48,52 @@ class Law(eqx.Module):
     def force(self, motion: Motion) -> Array:
         """Force (N,) in N; every constant must be a number."""
         if self.layers:
-            below = Law(self.elastic, self.relaxation, self.layers[:-1])
-            return self.layers[-1].force(below, motion)
+            return self.layers[-1].force(self._below, motion)
         return hereditary_force(self.elastic, self.relaxation, motion.time, motion.displacement)
+
+    def begin(self, displacement: Array) -> State:
+        """The state at the first point of a motion, at ``displacement`` (mm)."""
+        if self.layers:
+            return self.layers[-1].begin(self._below, displacement)
+        return at_first(self.elastic, self.relaxation, displacement)
+
+    def step(self, state: State, line: Line) -> tuple[State, Array]:
+        """State and force (N) at the end of the next line."""
+        if self.layers:
+            return self.layers[-1].step(self._below, state, line)
+        return hereditary_step(
+            self.elastic, self.relaxation, state, line.duration, line.displacement
+        )
+
+    @property
+    def _below(self) -> Law:
+        return Law(self.elastic, self.relaxation, self.layers[:-1])
 
 
 class Contact(eqx.Module):
-    """A loose specimen: not touched at negative displacement, and its force is never negative."""
+    """A loose specimen: not touched at negative displacement, and its force is never negative.
+
+    followed: whether steps tell the force that a platen stuck to the specimen would feel, which
+    rises with displacement everywhere and so has an inverse.
+    """
+
+    followed: bool = eqx.field(static=True, default=False)
 
     def force(self, below: Law, motion: Motion) -> Array:
         """max(F, 0)."""
         return jnp.maximum(below.force(touching(motion)), 0.0)
+
+    def begin(self, below: Law, displacement: Array) -> State:
+        """Of the specimen's depth."""
+        return below.begin(jnp.maximum(displacement, 0.0))
+
+    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
+        """max(F, 0); where followed F, and above the specimen less its elastic law's force."""
+        depth = line_at_depth(line, line.displacement)
+        state, force = below.step(state, depth)
+        if not self.followed:
+            return state, jnp.maximum(force, 0.0)
+        return state, force - below.elastic.force(jnp.asarray(depth.clear))
 
 
 def touching(motion: Motion) -> Motion:
@@ -64,4 +111,15 @@ def at_depth(motion: Motion, displacement: Array) -> Motion:
         jnp.where(contact, motion.acceleration, 0.0),
         motion.start,
         motion.ago,
+    )
+
+
+def line_at_depth(line: Line, displacement: Array) -> Line:
+    """``line`` to the depth max(displacement, 0), at rest where that is 0."""
+    contact = displacement > 0.0
+    return Line(
+        line.duration,
+        jnp.where(contact, displacement, 0.0),
+        jnp.where(contact, line.velocity, 0.0),
+        line.clear + jnp.maximum(-displacement, 0.0),
     )

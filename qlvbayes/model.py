@@ -50,7 +50,12 @@ class Model(eqx.Module):
 
     def force(self, motion: Motion) -> Array:
         """Force (N,) in N at the motion's N grid points; every constant must be a number."""
-        return Law(self.elastic, self.relaxation, self._layers()).force(motion)
+        return self.law.force(motion)
+
+    @property
+    def law(self) -> Law:
+        """The material under all that is around it."""
+        return Law(self.elastic, self.relaxation, self._layers())
 
     def _layers(self) -> tuple[Layer, ...]:
         """The effects, and the contact of a loose specimen between those of pad and of depth."""

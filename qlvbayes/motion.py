@@ -7,6 +7,19 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
 
+class Line(eqx.Module):
+    """The next straight piece of a motion, for a model that goes on step by step.
+
+    duration (s; 0 is a jump), displacement at its end (mm), velocity along it (mm/s; 0 in a jump);
+    clear: how far the platen then is off the specimen (mm), known where displacement is its depth.
+    """
+
+    duration: Array
+    displacement: Array
+    velocity: Array
+    clear: ArrayLike = 0.0
+
+
 class Motion(eqx.Module):
     """Displacement, taken as linear in time between the grid's points.
 

@@ -260,6 +260,14 @@ class Counting(Good):
         return below.force(motion) + (1.0 + compiled) * self.amount * motion.displacement
 
 
+class Striding(Good):
+    """Steps to another force than that of the whole motion."""
+
+    def step(self, below, state, line):
+        state, force = below.step(state, line)
+        return state, force + 1.1 * self.amount * line.displacement
+
+
 def test_a_user_made_effect_may_keep_the_rules():
     check_effect(Good)
     check_effect(Good, STRAINED)
@@ -281,6 +289,7 @@ def test_a_user_made_effect_may_keep_the_rules():
         (Nowhere, "null must name"),
         (Shouting, "'My effect' is not lower case"),
         (Counting, "compiled and plain"),
+        (Striding, "steps and the force of a whole motion differ"),
     ],
 )
 def test_a_broken_rule_is_named(kind, rule):

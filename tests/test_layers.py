@@ -30,8 +30,8 @@ LAYERS = [
     ["law"],
     ["effects"],
     ["model", "noise", "floorlikelihood"],
-    ["posterior", "defaults"],
-    ["parameters", "experiment"],
+    ["posterior", "defaults", "stepping"],
+    ["parameters", "experiment", "dual"],
     ["overrides", "pulling"],
     ["choices"],
     ["carried", "covered", "drawn", "runs"],
@@ -43,6 +43,9 @@ LAYERS = [
     ["results", "residuals", "diagnosis", "constants_table"],
     ["checked", "compare"],
     ["curves"],
+    # the constants put to use
+    ["stepper"],
+    ["prescribed"],
     # a rig of its own, which shares nothing with the model
     ["synthetic"],
     # how well the diagnosis does on what that rig hides

@@ -13,6 +13,7 @@ SECTIONS = {
     "model": ("model", "motion", "laws", "law", "noise", "scales", "priors"),
     "fitting": ("choices", "fit", "inference", "summary", "predict", "residuals", "results"),
     "diagnosis": ("diagnosis",),
+    "prediction": ("dual", "stepper", "prescribed"),
     "effects": ("effects", "recovery"),
     "comparison": ("compare", "constants_table"),
     "study": ("study", "report"),

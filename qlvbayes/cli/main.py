@@ -16,6 +16,7 @@ from qlvbayes.cli.diagnose import diagnose_command
 from qlvbayes.cli.effects import effects
 from qlvbayes.cli.fit import fit
 from qlvbayes.cli.laws import laws
+from qlvbayes.cli.predict import predict_command
 from qlvbayes.cli.report import report
 from qlvbayes.cli.simulate import simulate
 from qlvbayes.cli.study import study_command
@@ -33,6 +34,7 @@ app.command()(fit)
 app.command()(check)
 app.command("diagnose")(diagnose_command)
 app.command("compare")(compare_command)
+app.command("predict")(predict_command)
 app.command()(report)
 app.command()(effects)
 app.command()(laws)

@@ -45,14 +45,14 @@ def step_hold(depth: float, duration: float) -> Course:
 
 def ramp_hold(depth: float, speed: float, duration: float) -> Course:
     """From contact to ``depth`` (mm) at ``speed`` (mm/s), then at rest for ``duration`` (s)."""
-    up = _ramp(0.0, 0.0, depth, speed)
-    return _joined([up, _hold(up.time[-1], depth, duration)])
+    up = ramp(0.0, 0.0, depth, speed)
+    return joined([up, hold(up.time[-1], depth, duration)])
 
 
 def cycle(depth: float, speed: float) -> Course:
     """From contact to ``depth`` and back at one speed."""
-    up = _ramp(0.0, 0.0, depth, speed)
-    return _joined([up, _ramp(up.time[-1], depth, 0.0, speed)])
+    up = ramp(0.0, 0.0, depth, speed)
+    return joined([up, ramp(up.time[-1], depth, 0.0, speed)])
 
 
 def oscillation(
@@ -71,7 +71,7 @@ def oscillation(
     speeds = np.diff(swing, append=swing[-1]) * PIECES * frequency
     time = before.time[-1] + _with_middles(place) / frequency
     burst = Course(time, depth + _with_middles(swing), np.repeat(speeds, 2)[:-1])
-    return _joined([before, burst])
+    return joined([before, burst])
 
 
 def middles(values: np.ndarray) -> np.ndarray:
@@ -85,21 +85,22 @@ def _with_middles(ends: np.ndarray) -> np.ndarray:
     return both
 
 
-def _ramp(start: float, first: float, last: float, speed: float) -> Course:
+def ramp(start: float, first: float, last: float, speed: float) -> Course:
+    """From ``start`` (s) on from one depth to another."""
     place = np.linspace(0.0, 1.0, RAMP_POINTS)
     travel = last - first
     velocity = np.full(RAMP_POINTS, np.sign(travel) * speed)
     return Course(start + place * abs(travel) / speed, first + place * travel, velocity)
 
 
-def _hold(start: float, depth: float, duration: float) -> Course:
+def hold(start: float, depth: float, duration: float) -> Course:
     """Points even in the logarithm of time."""
     shares = np.concatenate([[0.0], np.geomspace(10.0**-_DECADES, 1.0, HOLD_POINTS - 1)])
     nothing = np.zeros(HOLD_POINTS)
     return Course(start + duration * shares, nothing + depth, nothing)
 
 
-def _joined(parts: Sequence[Course]) -> Course:
+def joined(parts: Sequence[Course]) -> Course:
     """One after the other; at a kink both velocities are there, at the same time."""
     return Course(
         np.concatenate([part.time for part in parts]),

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
 from qlvbayes.compare.readings import read
 from qlvbayes.compare.settings import Settings
@@ -15,6 +16,8 @@ from qlvbayes.covered import Covered, covered
 from qlvbayes.drawn import described_model, drawn_models, pad_alone, rig_effects
 from qlvbayes.elsewhere import check_draws, infer_choices, wanted_names
 from qlvbayes.fit import Fit
+from qlvbayes.laws.catalogue import find_elastic
+from qlvbayes.model import Model
 from qlvbayes.parameters import fields_of
 from qlvbayes.results import Saved
 from qlvbayes.units import PAD, UnitSystem
@@ -69,10 +72,32 @@ class Side:
         )
         return replace(self, draws=draws, units=units, reach=reach)
 
+    @property
+    def models(self) -> Model:
+        """The whole model, the rig's effects too, whose numbers have the draws as leading axis.
+
+        Raises InputError where its stiffness is a curve over a depth that nobody knows.
+        """
+        law = find_elastic(self.choices.law, self.choices.laws)
+        if self.reach is None and not law.listed:
+            raise InputError(
+                f"the posterior of {self.name} does not say how deep its tests went, over which "
+                f"{law.name} is a curve",
+                remedy="run qlvbayes fit again",
+            )
+        depth = self.reach.depth if self.reach else 1.0
+        return drawn_models(described_model(self.choices, depth), self.names, self.draws)
+
+    def some(self, count: int) -> Side:
+        """The same with at most so many draws, evenly out of all; one is their mean."""
+        if count == 1:
+            return replace(self, draws=self.draws.mean(axis=0, keepdims=True))
+        places = np.linspace(0, len(self.draws) - 1, min(count, len(self.draws)))
+        return replace(self, draws=self.draws[places.astype(int)])
+
     def read(self, settings: Settings) -> np.ndarray:
         """(n, Q) what an engineer reads from each draw."""
-        alone = pad_alone(described_model(self.choices))
-        return read(drawn_models(alone, self.names, self.draws), settings)
+        return read(pad_alone(self.models), settings)
 
 
 def side_of(source: Source, name: str) -> Side:

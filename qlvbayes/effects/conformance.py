@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cache
 from itertools import pairwise
 
@@ -20,7 +20,7 @@ from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
 from qlvbayes.law import Contact, Law, Layer
 from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.relaxation.prony import Prony
-from qlvbayes.motion import Motion
+from qlvbayes.motion import Line, Motion
 from qlvbayes.priors import HalfNormal, Normal
 from qlvbayes.priors.distributions import AbstractScalarPrior
 from qlvbayes.scales import Scales
@@ -49,11 +49,11 @@ def check_effect(kind: type[AbstractEffect], scales: Scales | None = None) -> No
 
     It declares itself; it vanishes exactly at its null; its forces and their slopes are finite
     under its priors; what comes later changes no earlier force; compiled, batched and plain
-    evaluation agree; no built-in effect nests at the same place, so that the order in which
-    effects are added does not matter; one that generalises a listed effect nests where that does
-    and has its law where it says; and its prior gives it a fair size. The tests are those of
-    the paper and one that retracts fully; with ``scales`` they are stretched to its depth and
-    force, and the size is not checked.
+    evaluation agree, and its steps with them, where it has any; no built-in effect nests at the
+    same place, so that the order in which effects are added does not matter; one that generalises
+    a listed effect nests where that does and has its law where it says; and its prior gives it a
+    fair size. The tests are those of the paper and one that retracts fully; with ``scales`` they
+    are stretched to its depth and force, and the size is not checked.
 
     Raises
     ------
@@ -72,6 +72,7 @@ def check_effect(kind: type[AbstractEffect], scales: Scales | None = None) -> No
     _check_compiled(trial)
     _check_batched(trial)
     _check_reduces(trial)
+    _check_steps(trial)
     if scales is None and kind.blind(_SHOWING) is None:
         _check_size(trial)
 
@@ -323,6 +324,34 @@ def _check_reduces(trial: _Trial) -> None:
                 f"{kind.name} is not {listed.name} at {kind.reduces}: with "
                 f"{trial.values(draw)} the force is off by {error:.1e} of the peak"
             )
+
+
+def _check_steps(trial: _Trial) -> None:
+    if trial.kind.step is AbstractEffect.step:
+        return
+    motion = jax.tree.map(lambda x: x[-1], trial.reference.motions)
+    duration, travel = jnp.diff(motion.time), jnp.diff(motion.displacement)
+    moving = duration > 0.0
+    speeds = jnp.where(moving, travel / jnp.where(moving, duration, 1.0), 0.0)
+    lines = Line(duration, motion.displacement[1:], speeds, jnp.zeros_like(duration))
+    zero = jnp.zeros(1)
+    velocity = jnp.concatenate([zero, speeds])
+    broken = replace(motion, velocity=velocity, acceleration=jnp.zeros_like(velocity))
+    law = trial.law(jnp.asarray(trial.draws[0]))
+    stepped = _stepped(law, motion.displacement[0], lines)
+    whole = np.asarray(law.force(broken))[1:]
+    error = np.max(np.abs(np.asarray(stepped) - whole)) / trial.reference.peak
+    if not error <= _EXACT:
+        raise EffectError(
+            f"{trial.kind.name}: steps and the force of a whole motion differ by {error:.1e} of "
+            "the peak"
+        )
+
+
+@jax.jit
+def _stepped(law: Law, first: Array, lines: Line) -> Array:
+    """Forces (N,) at the ends of lines (N,), from the first point on."""
+    return jax.lax.scan(lambda state, line: law.step(state, line), law.begin(first), lines)[1]
 
 
 def _check_size(trial: _Trial) -> None:

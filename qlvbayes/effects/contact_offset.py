@@ -8,8 +8,8 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level
-from qlvbayes.law import Law, at_depth
-from qlvbayes.motion import Motion
+from qlvbayes.law import Law, State, at_depth, line_at_depth
+from qlvbayes.motion import Line, Motion
 from qlvbayes.scales import Scales
 
 _REST = 1e5  # s at the first depth before the test, where contact came first
@@ -41,6 +41,16 @@ class ContactOffset(AbstractEffect):
         """Shift the depth."""
         known = rested(motion)
         return below.force(at_depth(known, known.displacement - self.gap))[1:]
+
+    def begin(self, below: Law, displacement: Array) -> State:
+        """The law's own, after a long rest."""
+        zero = jnp.zeros_like(displacement)
+        state = below.begin(jnp.maximum(zero - self.gap, 0.0))
+        return self.step(below, state, Line(zero + _REST, displacement, zero))[0]
+
+    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
+        """Shift the depth."""
+        return below.step(state, line_at_depth(line, line.displacement - self.gap))
 
 
 def rested(motion: Motion) -> Motion:

@@ -10,8 +10,9 @@ from typing import ClassVar, Self
 import equinox as eqx
 from jaxtyping import Array
 
-from qlvbayes.law import Law
-from qlvbayes.motion import Motion
+from qlvbayes.checks import InputError
+from qlvbayes.law import Law, State
+from qlvbayes.motion import Line, Motion
 from qlvbayes.scales import Scales
 
 
@@ -92,6 +93,20 @@ class AbstractEffect(eqx.Module):
     @abstractmethod
     def force(self, below: Law, motion: Motion) -> Array:
         """Force (N,) in N of the law beneath with this effect, at the motion's grid points."""
+
+    def begin(self, below: Law, displacement: Array) -> State:
+        """The state at a motion's first point; that of the law beneath, if it has none itself."""
+        return below.begin(displacement)
+
+    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
+        """State and force (N) after a line, as ``force`` has it on a grid; may be left out.
+
+        Raises InputError where the effect does not say how.
+        """
+        raise InputError(
+            f"the effect {self.name} does not go step by step",
+            remedy="leave it out of the model, or prescribe the displacement as a whole",
+        )
 
     @classmethod
     def blind(cls, protocol: Protocol) -> str | None:

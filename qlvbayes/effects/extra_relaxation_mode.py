@@ -9,10 +9,10 @@ from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.effects.spans import resolved_rates
-from qlvbayes.hereditary import hereditary_force
-from qlvbayes.law import Law
+from qlvbayes.hereditary import at_first, hereditary_force, hereditary_step
+from qlvbayes.law import Law, State
 from qlvbayes.laws.relaxation.prony import Prony
-from qlvbayes.motion import Motion
+from qlvbayes.motion import Line, Motion
 from qlvbayes.priors import LogUniform
 from qlvbayes.scales import Scales
 
@@ -41,6 +41,22 @@ class ExtraRelaxationMode(AbstractEffect):
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Mix in the mode."""
-        mode = Prony(jnp.array([0.0, 1.0]), jnp.reshape(self.v, (1,)))
-        extra = hereditary_force(below.elastic, mode, motion.time, motion.displacement)
+        extra = hereditary_force(below.elastic, self._mode, motion.time, motion.displacement)
         return (1.0 - self.c) * below.force(motion) + self.c * extra
+
+    def begin(self, below: Law, displacement: Array) -> State:
+        """Beside the law's state, the mode's."""
+        return below.begin(displacement), at_first(below.elastic, self._mode, displacement)
+
+    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
+        """Mix in the mode."""
+        inner, own = state
+        inner, force = below.step(inner, line)
+        own, extra = hereditary_step(
+            below.elastic, self._mode, own, line.duration, line.displacement
+        )
+        return (inner, own), (1.0 - self.c) * force + self.c * extra
+
+    @property
+    def _mode(self) -> Prony:
+        return Prony(jnp.array([0.0, 1.0]), jnp.reshape(self.v, (1,)))

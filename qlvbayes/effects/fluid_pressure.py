@@ -8,13 +8,13 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level
-from qlvbayes.effects.history import material_time
+from qlvbayes.effects.history import material_duration, material_time
 from qlvbayes.effects.spans import resolved_times
-from qlvbayes.hereditary import hereditary_force
-from qlvbayes.law import Law
+from qlvbayes.hereditary import Relaxing, hereditary_force, hereditary_step
+from qlvbayes.law import Law, State
 from qlvbayes.laws.elastic.linear import Linear
 from qlvbayes.laws.relaxation.prony import Prony
-from qlvbayes.motion import Motion
+from qlvbayes.motion import Line, Motion
 from qlvbayes.priors import HalfNormal, LogUniform
 from qlvbayes.scales import Scales
 
@@ -50,6 +50,23 @@ class FluidPressure(AbstractEffect):
         """Add the pressure."""
         own = motion.alone
         xi = material_time(own.time, own.displacement, -self.a)
-        mode = Prony(jnp.array([0.0, 1.0]), jnp.reshape(1.0 / self.tau, (1,)))
         depth = own.displacement - own.displacement[0]
-        return below.force(motion) + hereditary_force(Linear(self.k), mode, xi, depth)
+        return below.force(motion) + hereditary_force(Linear(self.k), self._drainage, xi, depth)
+
+    def begin(self, below: Law, displacement: Array) -> State:
+        """Beside the law's state the pressure, none."""
+        return below.begin(displacement), Relaxing(displacement, jnp.zeros(1))
+
+    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
+        """Add the pressure."""
+        inner, own = state
+        inner, force = below.step(inner, line)
+        passed = material_duration(line.duration, own.depth, line.displacement, -self.a)
+        own, pressure = hereditary_step(
+            Linear(self.k), self._drainage, own, passed, line.displacement
+        )
+        return (inner, own), force + pressure
+
+    @property
+    def _drainage(self) -> Prony:
+        return Prony(jnp.array([0.0, 1.0]), jnp.reshape(1.0 / self.tau, (1,)))

@@ -7,8 +7,8 @@ from typing import Any, ClassVar, Self
 from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level
-from qlvbayes.law import Law
-from qlvbayes.motion import Motion
+from qlvbayes.law import Law, State
+from qlvbayes.motion import Line, Motion
 from qlvbayes.scales import Scales
 
 
@@ -36,3 +36,8 @@ class ForceOffset(AbstractEffect):
     def force(self, below: Law, motion: Motion) -> Array:
         """Shift the force."""
         return below.force(motion) + self.offset
+
+    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
+        """Shift the force."""
+        state, force = below.step(state, line)
+        return state, force + self.offset

@@ -8,11 +8,11 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level
-from qlvbayes.hereditary import hereditary_force
-from qlvbayes.law import Law
+from qlvbayes.hereditary import Relaxing, hereditary_force, hereditary_step
+from qlvbayes.law import Law, State
 from qlvbayes.laws.elastic.linear import Linear
 from qlvbayes.laws.relaxation.prony import Prony
-from qlvbayes.motion import Motion
+from qlvbayes.motion import Line, Motion
 from qlvbayes.scales import Scales, lognormal
 
 
@@ -43,10 +43,27 @@ class Friction(AbstractEffect):
         """Add the friction."""
         return below.force(motion) + self.strength * slide(motion, self.reach)
 
+    def begin(self, below: Law, displacement: Array) -> State:
+        """Beside the law's state that of friction, none."""
+        return below.begin(displacement), Relaxing(displacement, jnp.zeros(1))
+
+    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
+        """Add the friction."""
+        inner, own = state
+        inner, force = below.step(inner, line)
+        way = jnp.abs(line.displacement - own.depth)
+        law, mode = _sliding(self.reach)
+        own, slid = hereditary_step(law, mode, own, way, line.displacement)
+        return (inner, own), force + self.strength * slid
+
 
 def slide(motion: Motion, reach: Array) -> Array:
     """Dahl's z (N,): dz = (1 - z sgn v) dd / reach, z = 0 at first."""
     place = motion.alone.displacement
     way = jnp.cumsum(jnp.abs(jnp.diff(place, prepend=place[:1])))
-    mode = Prony(jnp.array([0.0, 1.0]), jnp.reshape(1.0 / reach, (1,)))
-    return hereditary_force(Linear(1.0 / reach), mode, way, place - place[0])
+    return hereditary_force(*_sliding(reach), way, place - place[0])
+
+
+def _sliding(reach: Array) -> tuple[Linear, Prony]:
+    """Dahl's z over the way: what a linear law with one mode has over time."""
+    return Linear(1.0 / reach), Prony(jnp.array([0.0, 1.0]), jnp.reshape(1.0 / reach, (1,)))

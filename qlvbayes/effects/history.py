@@ -24,6 +24,10 @@ def largest(depth: Array, ago: Array | None = None) -> Array:
 
 def material_time(time: Array, depth: Array, exponent: ArrayLike) -> Array:
     r"""Integral of e^{exponent depth} over time from time[0] on, exact for straight lines."""
-    before, travel = depth[:-1], jnp.diff(depth)
-    steps = jnp.diff(time) * jnp.exp(exponent * before) * exp_slope(exponent * travel)
+    steps = material_duration(jnp.diff(time), depth[:-1], depth[1:], exponent)
     return time[0] + jnp.concatenate([jnp.zeros(1), jnp.cumsum(steps)])
+
+
+def material_duration(duration: Array, start: Array, stop: Array, exponent: ArrayLike) -> Array:
+    r"""Integral of e^{exponent depth} over a straight line from one depth to another."""
+    return duration * jnp.exp(exponent * start) * exp_slope(exponent * (stop - start))

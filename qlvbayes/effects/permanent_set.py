@@ -10,8 +10,8 @@ from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
 from qlvbayes.effects.history import largest
-from qlvbayes.law import Law, at_depth
-from qlvbayes.motion import Motion
+from qlvbayes.law import Law, State, at_depth, line_at_depth
+from qlvbayes.motion import Line, Motion
 from qlvbayes.scales import Scales
 
 
@@ -38,12 +38,30 @@ class PermanentSet(AbstractEffect):
     def force(self, below: Law, motion: Motion) -> Array:
         """Lower the depth; while it is the largest so far, the set grows with it."""
         deepest = jnp.maximum(largest(motion.displacement, motion.ago), 0.0)
-        growing = (motion.displacement >= deepest) & (motion.velocity > 0.0)
-        kept = jnp.where(growing, 1.0 - self.share, 1.0)
+        kept = self._kept(motion, deepest)
         slowed = replace(
             motion, velocity=motion.velocity * kept, acceleration=motion.acceleration * kept
         )
         return below.force(at_depth(slowed, motion.displacement - self.share * deepest))
+
+    def begin(self, below: Law, displacement: Array) -> State:
+        """Beside the law's state, the largest depth."""
+        deepest = jnp.maximum(displacement, 0.0)
+        return below.begin(jnp.maximum(displacement - self.share * deepest, 0.0)), deepest
+
+    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
+        """Lower the depth."""
+        inner, deepest = state
+        deepest = jnp.maximum(deepest, line.displacement)
+        slowed = replace(line, velocity=line.velocity * self._kept(line, deepest))
+        lowered = line_at_depth(slowed, line.displacement - self.share * deepest)
+        inner, force = below.step(inner, lowered)
+        return (inner, deepest), force
+
+    def _kept(self, moved: Motion | Line, deepest: Array) -> Array:
+        """Share of the speed that the specimen has."""
+        growing = (moved.displacement >= deepest) & (moved.velocity > 0.0)
+        return jnp.where(growing, 1.0 - self.share, 1.0)
 
     @classmethod
     def blind(cls, protocol: Protocol) -> str | None:

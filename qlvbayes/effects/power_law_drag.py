@@ -8,8 +8,8 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level
-from qlvbayes.law import Law
-from qlvbayes.motion import Motion
+from qlvbayes.law import Law, State
+from qlvbayes.motion import Line, Motion
 from qlvbayes.priors import Uniform
 from qlvbayes.scales import Scales
 
@@ -41,8 +41,15 @@ class PowerLawDrag(AbstractEffect):
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Add the drag; at rest it is 0 and so are its slopes."""
-        speed = jnp.abs(motion.velocity)
+        return below.force(motion) + self._drag(motion.velocity)
+
+    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
+        """Add the drag."""
+        state, force = below.step(state, line)
+        return state, force + self._drag(line.velocity)
+
+    def _drag(self, velocity: Array) -> Array:
+        speed = jnp.abs(velocity)
         moving = speed > 0.0
         size = jnp.where(moving, speed, 1.0) ** self.n
-        drag = jnp.where(moving, jnp.sign(motion.velocity) * size, 0.0)
-        return below.force(motion) + self.k * drag
+        return self.k * jnp.where(moving, jnp.sign(velocity) * size, 0.0)

@@ -8,8 +8,8 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level
-from qlvbayes.law import Law
-from qlvbayes.motion import Motion
+from qlvbayes.law import Law, State
+from qlvbayes.motion import Line, Motion
 from qlvbayes.priors import LogUniform
 from qlvbayes.scales import Scales
 
@@ -43,5 +43,13 @@ class SqueezeFilm(AbstractEffect):
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Add the film's force."""
-        left = jnp.maximum(1.0 - motion.displacement / self.h, _THINNEST)
-        return below.force(motion) + self.eta * motion.velocity / left**3
+        return below.force(motion) + self._film(motion)
+
+    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
+        """Add the film's force."""
+        state, force = below.step(state, line)
+        return state, force + self._film(line)
+
+    def _film(self, moved: Motion | Line) -> Array:
+        left = jnp.maximum(1.0 - moved.displacement / self.h, _THINNEST)
+        return self.eta * moved.velocity / left**3

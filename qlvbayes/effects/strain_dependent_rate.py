@@ -8,9 +8,9 @@ from typing import Any, ClassVar, Self
 from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level
-from qlvbayes.effects.history import material_time
-from qlvbayes.law import Law
-from qlvbayes.motion import Motion
+from qlvbayes.effects.history import material_duration, material_time
+from qlvbayes.law import Law, State
+from qlvbayes.motion import Line, Motion
 from qlvbayes.scales import Scales
 
 
@@ -39,3 +39,14 @@ class StrainDependentRate(AbstractEffect):
         """Force beneath in the material's own time."""
         xi = material_time(motion.time, motion.displacement, self.alpha)
         return below.force(replace(motion, time=xi))
+
+    def begin(self, below: Law, displacement: Array) -> State:
+        """Beside the law's state, the depth."""
+        return below.begin(displacement), displacement
+
+    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
+        """The material's own time goes by."""
+        inner, depth = state
+        passed = material_duration(line.duration, depth, line.displacement, self.alpha)
+        inner, force = below.step(inner, replace(line, duration=passed))
+        return (inner, line.displacement), force

@@ -8,8 +8,8 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level
-from qlvbayes.law import Law
-from qlvbayes.motion import Motion
+from qlvbayes.law import Law, State
+from qlvbayes.motion import Line, Motion
 from qlvbayes.scales import Scales
 
 
@@ -36,6 +36,13 @@ class StrainDependentStrength(AbstractEffect):
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Mix in the elastic force."""
-        force = below.force(motion)
-        share = -jnp.expm1(-self.beta * motion.displacement)
-        return force + share * (below.elastic.force(motion.displacement) - force)
+        return self._mixed(below, below.force(motion), motion.displacement)
+
+    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
+        """Mix in the elastic force."""
+        state, force = below.step(state, line)
+        return state, self._mixed(below, force, line.displacement)
+
+    def _mixed(self, below: Law, force: Array, depth: Array) -> Array:
+        share = -jnp.expm1(-self.beta * depth)
+        return force + share * (below.elastic.force(depth) - force)

@@ -9,8 +9,8 @@ from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
 from qlvbayes.effects.history import largest
-from qlvbayes.law import Law
-from qlvbayes.motion import Motion
+from qlvbayes.law import Law, State
+from qlvbayes.motion import Line, Motion
 from qlvbayes.scales import Scales
 
 
@@ -37,9 +37,24 @@ class StressSoftening(AbstractEffect):
     def force(self, below: Law, motion: Motion) -> Array:
         """Soften below the largest depth."""
         deepest = largest(motion.displacement, motion.ago)
+        return below.force(motion) * self._left(motion.displacement, deepest)
+
+    def begin(self, below: Law, displacement: Array) -> State:
+        """Beside the law's state, the largest depth."""
+        return below.begin(displacement), displacement
+
+    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
+        """Soften below the largest depth."""
+        inner, deepest = state
+        inner, force = below.step(inner, line)
+        deepest = jnp.maximum(deepest, line.displacement)
+        return (inner, deepest), force * self._left(line.displacement, deepest)
+
+    def _left(self, depth: Array, deepest: Array) -> Array:
+        """Share of the force that is left."""
         pressed = deepest > 0.0
-        slack = 1.0 - motion.displacement / jnp.where(pressed, deepest, 1.0)
-        return below.force(motion) * (1.0 - self.s * jnp.where(pressed, slack, 0.0))
+        slack = 1.0 - depth / jnp.where(pressed, deepest, 1.0)
+        return 1.0 - self.s * jnp.where(pressed, slack, 0.0)
 
     @classmethod
     def blind(cls, protocol: Protocol) -> str | None:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from qlvbayes.plots.forces_before_after import plot_forces_before_after
     from qlvbayes.plots.hysteresis import plot_hysteresis
     from qlvbayes.plots.pairs import plot_pairs
+    from qlvbayes.plots.prediction import plot_prediction
     from qlvbayes.plots.programme import plot_programme
     from qlvbayes.plots.residual_map import plot_residual_map
     from qlvbayes.plots.residuals_before_after import plot_residuals_before_after
@@ -39,6 +40,7 @@ __all__ = [
     "plot_forces_before_after",
     "plot_hysteresis",
     "plot_pairs",
+    "plot_prediction",
     "plot_programme",
     "plot_residual_map",
     "plot_residuals_before_after",

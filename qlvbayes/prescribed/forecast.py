@@ -1,0 +1,159 @@
+"""What a posterior says of a program: the force of a displacement, or the other way round."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from qlvbayes.checks import InputError
+from qlvbayes.compare.side import Side, Source, side_of
+from qlvbayes.dual import check_steps, displacement_from_force
+from qlvbayes.model import Model
+from qlvbayes.motion import Motion
+from qlvbayes.prescribed.program import Program
+from qlvbayes.prescribed.table import read_table
+from qlvbayes.prescribed.text import parse
+from qlvbayes.units import UnitSystem
+
+DRAWS = 400
+_BATCH = 100  # draws run together: of a program of 50 000 points they take 40 MB a mode
+_NEAR = 1.05  # of a range, that still counts as inside it
+_TABLES = (".csv", ".txt", ".tsv", ".gz")
+_CLOCK = ("fluid_leak", "force_drift")
+
+
+@dataclass(frozen=True, eq=False)
+class Forecast:
+    """A program's points (N,), and what each posterior draw (n, N) answers.
+
+    program: what was prescribed, of times that may repeat where its rate jumps; time (N,): s;
+    given (N,): what was prescribed; answers (n, N): the force of a prescribed displacement, the
+    displacement of a prescribed force; effects: in the model; warnings: one sentence each, on where
+    it leaves what the pad's tests cover.
+    """
+
+    pad: str
+    program: Program
+    units: UnitSystem
+    time: np.ndarray
+    given: np.ndarray
+    answers: np.ndarray
+    effects: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+    @property
+    def median(self) -> np.ndarray:
+        """Median (N,) of the answers."""
+        return np.median(self.answers, axis=0)
+
+    def band(self, share: float) -> tuple[np.ndarray, np.ndarray]:
+        """Ends (N,) of the middle ``share`` of the answers, point by point."""
+        low, high = np.quantile(self.answers, [0.5 - 0.5 * share, 0.5 + 0.5 * share], axis=0)
+        return low, high
+
+
+def predict_program(
+    source: Source, program: str | Path | Program, *, draws: int = DRAWS, pad: str = "pad"
+) -> Forecast:
+    """Force of a prescribed displacement, or displacement of a prescribed force, draw by draw.
+
+    source: a fit, a results file (`load_results`) or draws by the constants' names; program: a
+    CSV file, or text as in "ramp 1.6 mm at 20 mm/s, hold 30 s" or "force 1 N in 0.1 s, hold 30 s";
+    draws: of the posterior, evenly out of all; pad: what plain draws are called. The specimen is
+    at rest at the beginning. Effects of the fit take part, the rig's too; noise does not, so that
+    bands are of what the specimen does, not of what a load cell would write.
+
+    Raises InputError where the program is not understood, or where a force is prescribed and an
+    effect does not go step by step or no displacement has the force.
+    """
+    side = side_of(source, pad)
+    given = program if isinstance(program, Program) else _read(program, side.units)
+    models = side.some(draws).models
+    if given.quantity == "force":
+        check_steps(models)
+        kept = np.append(np.diff(given.time) > 0.0, True)
+        time, value = given.time[kept], given.value[kept]
+        answers = _batches(_displacements, models, time, value)
+        if lost := int(np.sum(np.any(np.isnan(answers), axis=1))):
+            raise InputError(
+                f"{lost} of {len(answers)} draws have no displacement with this force",
+                remedy="prescribe a smaller force",
+            )
+    else:
+        time, value = given.time, given.value
+        answers = _batches(_forces, models, time, value, given.rate)
+    effects = tuple(effect.name for effect in models.effects)
+    found = Forecast(side.name, given, side.units, time, value, answers, effects, ())
+    return replace(found, warnings=tuple(_warnings(found, side)))
+
+
+def _read(program: str | Path, units: UnitSystem) -> Program:
+    named = isinstance(program, Path) or Path(program).suffix.lower() in _TABLES
+    return read_table(Path(program), units) if named else parse(str(program), units)
+
+
+def _batches(run, models: Model, *columns: np.ndarray) -> np.ndarray:  # type: ignore[no-untyped-def]
+    count = len(jax.tree.leaves(models)[0])
+    found = []
+    for start in range(0, count, _BATCH):
+        # the last batch is filled up, so that one compiled function serves any number
+        rows = np.minimum(np.arange(start, start + _BATCH), count - 1)
+        some = jax.tree.map(lambda x, rows=rows: x[rows], models)
+        found.append(np.asarray(run(some, *map(jnp.asarray, columns))))
+    return np.concatenate(found)[:count]
+
+
+@jax.jit
+def _forces(models: Model, time: Array, place: Array, speed: Array) -> Array:
+    motion = Motion(time, place, speed, jnp.zeros_like(time))
+    return jax.vmap(lambda model: model.force(motion))(models)
+
+
+@jax.jit
+def _displacements(models: Model, time: Array, force: Array) -> Array:
+    return jax.vmap(lambda model: displacement_from_force(model, time, force))(models)
+
+
+def _warnings(found: Forecast, side: Side) -> Iterator[str]:
+    if not side.converged:
+        yield f"the sampling of {side.name} did not converge"
+    for effect in found.effects:
+        if effect in _CLOCK:
+            yield f"{effect} goes with the clock: this is as in the pad's first test"
+    if "inertia" in found.effects:
+        yield "inertia is left out: the corners of a program have no acceleration"
+    if side.reach is None:
+        yield "the tests are not known: whether this lies beyond them cannot be said"
+        return
+    yield from _beyond(found, side)
+
+
+def _beyond(found: Forecast, side: Side) -> Iterator[str]:
+    reach, units, program = side.reach, side.units, found.program
+    assert reach is not None
+    moved = program.quantity == "displacement"
+    place = found.given if moved else found.median
+    speeds = np.abs(program.rate if moved else np.diff(place) / np.diff(found.time))
+    depth, speed, rest = float(place.max()), float(speeds.max()), program.longest_rest
+    if depth > _NEAR * reach.depth:
+        yield (
+            f"the depth reaches {depth:.3g} {_unit(units.displacement)}, beyond the "
+            f"{reach.depth:.3g} that was tested"
+        )
+    if not reach.slowest / _NEAR <= speed <= _NEAR * reach.fastest:
+        yield (
+            f"the speed reaches {speed:.3g} {_unit(units.speed)}, outside the {reach.slowest:.3g} "
+            f"to {reach.fastest:.3g} that were tested"
+        )
+    if rest > _NEAR * reach.hold:
+        yield f"it holds for {rest:.3g} s, longer than the {reach.hold:.3g} s that were tested"
+
+
+def _unit(unit: str) -> str:
+    return unit.replace("1/s", "per s") if unit != "1" else "of strain"

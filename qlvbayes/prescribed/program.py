@@ -1,0 +1,35 @@
+"""A program: displacement or force prescribed over time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+MOST = 50_000  # points; 400 draws of them are 160 MB
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """Points (N,) between which the prescribed quantity goes straight, from a specimen at rest.
+
+    told: as it was given; time (s), never decreasing; value: displacement or force, in the units of
+    the fit; rate: its slope just after each point.
+    """
+
+    told: str
+    quantity: Literal["displacement", "force"]
+    time: np.ndarray
+    value: np.ndarray
+    rate: np.ndarray
+
+    @property
+    def longest_rest(self) -> float:
+        """Longest time (s) for which the value stays as it is."""
+        same = np.diff(self.value) == 0.0
+        longest = began = 0.0
+        for k, still in enumerate(same):
+            began = began if still and k and same[k - 1] else float(self.time[k])
+            longest = max(longest, float(self.time[k + 1]) - began) if still else longest
+        return longest

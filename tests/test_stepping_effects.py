@@ -1,0 +1,106 @@
+"""Effects go on step by step: the batch answer, and there and back through them all."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from test_stepping import DEPTH, DT, SHALLOW, TIME, batch, relative, solved, stepped
+
+from qlvbayes import InputError
+from qlvbayes.effects.catalogue import EFFECTS, find
+from qlvbayes.effects.effect import AbstractEffect
+from qlvbayes.stepping import begin, step, without_steps
+
+# constants of a size that is seen in a pad of about 1.6 N
+CONSTANTS = {
+    "viscous_drag": (0.01,),
+    "power_law_drag": (0.05, 0.4),
+    "squeeze_film": (0.005, 2.5),
+    "fluid_pressure": (0.2, 0.5, 0.6),
+    "extra_relaxation_mode": (0.2, 1.3),
+    "strain_dependent_rate": (0.5,),
+    "strain_dependent_strength": (0.2,),
+    "stress_softening": (0.15,),
+    "friction": (0.1, 0.05),
+    "permanent_set": (0.05,),
+    "contact_offset": (0.1,),
+    "force_offset": (0.03,),
+}
+REFUSED = [kind.name for kind in EFFECTS if kind.step is AbstractEffect.step]
+
+
+def effect(name, *constants):
+    return find(name)(*map(jnp.asarray, constants or CONSTANTS[name]))
+
+
+def test_every_effect_steps_or_is_refused():
+    assert sorted([*CONSTANTS, *REFUSED]) == sorted(kind.name for kind in EFFECTS)
+
+
+@pytest.mark.parametrize("name", CONSTANTS)
+def test_steps_give_the_force_of_the_whole_motion(name, paper_model):
+    model = paper_model("B") + effect(name)
+    force = batch(model, DEPTH)
+    assert relative(stepped(model, DEPTH, DT), force) < 1e-12
+    assert relative(force, batch(paper_model("B"), DEPTH)) > 1e-3  # it does something
+
+
+@pytest.mark.parametrize("name", CONSTANTS)
+def test_there_and_back(name, paper_model):
+    model = paper_model("B") + effect(name)
+    force = stepped(model, SHALLOW, DT)
+    assert relative(stepped(model, solved(model, force, DT), DT), force) < 1e-8
+
+
+@pytest.mark.parametrize("gap", [0.2, -0.2])
+def test_a_rest_before_contact_came_first(gap, paper_model):
+    model = paper_model("B") + effect("contact_offset", gap) + effect("friction")
+    force = stepped(model, DEPTH, DT)
+    assert relative(force, batch(model, DEPTH)) < 1e-12
+    assert (float(force[0]) > 0.01) == (gap < 0.0)
+    found = solved(model, force, DT)
+    assert relative(stepped(model, found, DT), force) < 1e-8
+
+
+def test_all_together(paper_model):
+    model = paper_model("B")
+    for name in CONSTANTS:
+        if name != "contact_offset":  # its rest of 1e5 s rounds a material's own time to 1e-11 s
+            model = model + effect(name)
+    force = stepped(model, DEPTH, DT)
+    assert relative(force, batch(model, DEPTH)) < 1e-12
+    assert relative(stepped(model, solved(model, force, DT), DT), force) < 1e-8
+    assert without_steps(model) == ()
+
+
+def test_a_load_below_the_readings_zero_lifts_the_platen(paper_model):
+    """With an offset of 0.03 N no displacement reads less; the platen just leaves the pad."""
+    model = paper_model("B") + effect("force_offset") + effect("contact_offset")
+    load = np.where(TIME < 1.0, 1.0, 0.0)
+    place = solved(model, load, DT)
+    late = np.asarray(stepped(model, place, DT))[TIME >= 1.0]
+    assert np.allclose(late, 0.03, rtol=0.0, atol=1e-12)
+    assert np.all(np.asarray(place) >= 0.1)
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_the_others_are_refused_by_name(name, paper_model):
+    model = paper_model("B") + find(name)(jnp.asarray(0.01))
+    assert without_steps(model) == (name,)
+    with pytest.raises(InputError, match=f"{name} does not go step by step"):
+        step(model, begin(model), 0.1, 0.01)
+
+
+def test_slopes_along_all_constants_are_those_of_differences(paper_model):
+    model = paper_model("B")
+    for name in CONSTANTS:
+        model = model + effect(name)
+    model = jax.tree.map(lambda x: jnp.asarray(x, float), model)
+    load = np.clip(np.sin(TIME), 0.1, None)
+
+    def moved(share):
+        return solved(jax.tree.map(lambda x: x * (1.0 + share), model), load, DT)
+
+    slope = jax.jit(lambda x: jax.jvp(moved, (x,), (1.0,))[1])(0.0)
+    near = 1e-6
+    assert relative(slope, np.asarray(moved(near) - moved(-near)) / (2.0 * near)) < 1e-5
