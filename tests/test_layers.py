@@ -41,6 +41,8 @@ LAYERS = [
     ["summary", "predict"],
     ["results", "residuals", "diagnosis", "constants_table"],
     ["checked", "compare"],
+    # what other programs get of a fit
+    ["export"],
     # a rig of its own, which shares nothing with the model
     ["synthetic"],
     # how well the diagnosis does on what that rig hides
