@@ -28,8 +28,9 @@ int main(void)
         const PAD_constants *k = head[1] < 0.0 ? &median : &PAD_draws[(int)head[1]];
         double out[2];
         if (fread(step, sizeof(double), 2, stdin) != 2) { return 2; }
-        out[0] = (double)(head[0] < 0.5 ? PAD_force(k, &s, (PAD_real)step[0], (PAD_real)step[1])
-                                        : PAD_displacement(k, &s, (PAD_real)step[0], (PAD_real)step[1]));
+        out[0] = (double)(head[0] < 0.5
+            ? PAD_force(k, &s, (PAD_real)step[0], (PAD_real)step[1])
+            : PAD_displacement(k, &s, (PAD_real)step[0], (PAD_real)step[1]));
         out[1] = (double)s.contact;
         fwrite(out, sizeof(double), 2, stdout);
     }

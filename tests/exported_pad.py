@@ -67,7 +67,7 @@ def write_fit(out, choices=Choices(), *, pad="B", covered=TESTED, units=("mm", "
         fitted_tests=json.dumps([f"{pad}-20"]),
         all_tests=0,
         fluid="",
-        covered=json.dumps(covered),
+        covered=json.dumps(covered) if covered else "",
         source="data/pads.csv",
         sha256="",
         displacement_unit=units[0],

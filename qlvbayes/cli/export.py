@@ -31,7 +31,9 @@ def export_command(
     area: Annotated[
         float | None, typer.Option(help="Its cross-section (mm2).", show_default=False)
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the files' paths as JSON.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the files' paths as JSON.")
+    ] = False,
 ) -> None:
     """Write a fitted pad for simulation and control, into OUT/<pad>/export/.
 

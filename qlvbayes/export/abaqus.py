@@ -13,7 +13,8 @@ class Abaqus(AbstractTarget):
 
     .. math:: G(t) = G_0 (1 - \sum_i g_i (1 - e^{-t/\tau_i})), \qquad g_i = c_i, \tau_i = 1/v_i
 
-    The bulk modulus does not relax (k = 0), so that E(t)/E(0) is g(t) to (1 - 2 nu)/3 of what relaxes.
+    The bulk modulus does not relax (k = 0), so that E(t)/E(0) is g(t) to (1 - 2 nu)/3 of what
+    relaxes.
     """
 
     name = "abaqus"

@@ -34,6 +34,8 @@ class Ansys(AbstractTarget):
             f"MP,PRXY,{_MATERIAL},{POISSON}",
             f"TB,PRONY,{_MATERIAL},1,{pad.times.size},SHEAR",
         ]
-        for first in range(0, len(numbers), _CONSTANTS):
-            lines.append(f"TBDATA,{first + 1},{','.join(numbers[first : first + _CONSTANTS])}")
+        lines += [
+            f"TBDATA,{first + 1},{','.join(numbers[first : first + _CONSTANTS])}"
+            for first in range(0, len(numbers), _CONSTANTS)
+        ]
         return {f"{pad.identifier}.mac": (head + "\n".join(lines) + "\n").encode()}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from qlvbayes.checks import InputError
-from qlvbayes.export.card import card, template
+from qlvbayes.export.card import card, in_comment, template
 from qlvbayes.export.formulas import FORMULAS, Formulas
 from qlvbayes.export.pad import Draws, ExportedPad
 from qlvbayes.export.target import AbstractTarget, Specimen
@@ -30,7 +30,7 @@ def c_files(pad: ExportedPad, target: type[AbstractTarget]) -> dict[str, bytes]:
     values = {
         "p": name,
         "P": name.upper(),
-        "card": [line.replace("*/", "* /") for line in card(pad, target)],
+        "card": in_comment(card(pad, target)),
         "constants": pad.constants,
         "loose": not pad.choices.bonded,
         "modes": pad.times.size,
@@ -73,8 +73,10 @@ class C(Language):
 
     def __init__(self, prefix: str) -> None:
         self.prefix = prefix
-        upper = prefix.upper()
-        self.library = {name: f"{upper}_{name.upper()}" for name in ("exp", "expm1", "pow")}
+
+    def library(self, name: str) -> str:
+        """A macro, of the function for float or for double."""
+        return f"{self.prefix.upper()}_{name.upper()}"
 
     def number(self, value: float) -> str:
         """Cast, so that a float variant has no double in it."""
@@ -98,7 +100,9 @@ class C(Language):
         """Static and inline."""
         real = f"{self.prefix}_real"
         written = " ".join([*(text for _, text in body), result])
-        typed = [f"const {self.prefix}_constants *k" if x == "k" else f"{real} {x}" for x in arguments]
+        typed = [
+            f"const {self.prefix}_constants *k" if x == "k" else f"{real} {x}" for x in arguments
+        ]
         lines = [f"    (void){x};" for x in arguments if not _stands_in(x, written)]
         lines += [f"    const {real} {key} = {text};" for key, text in body]
         head = f"static inline {real} {name}({', '.join(typed)})"

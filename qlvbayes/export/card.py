@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -11,9 +12,13 @@ from qlvbayes.export.pad import ExportedPad
 from qlvbayes.export.target import AbstractTarget
 
 # solvers read ASCII only
-_PLAIN = str.maketrans({"δ": "d", "−": "-", "Σ": "sum ", "∫": "int ", "θ": "theta", "²": "^2"} | {"³": "^3"})
+_PLAIN = str.maketrans(
+    {"δ": "d", "−": "-", "Σ": "sum ", "∫": "int ", "θ": "theta", "²": "^2"} | {"³": "^3"}
+)
 
-NO_CONTACT = "loss of contact: on fast unloading a loose pad leaves the platen, the material does not"
+NO_CONTACT = (
+    "loss of contact: on fast unloading a loose pad leaves the platen, the material does not"
+)
 ONE_DRAW = "the posterior: one draw only, with the intervals above"
 
 
@@ -27,7 +32,10 @@ def card(pad: ExportedPad, target: type[AbstractTarget], extra: Iterable[str] = 
         f"Units: {_units(pad)}",
         f"Tested: {_tested(pad)}",
         "Median and 90 % interval:",
-        *(f"  {x.name} = {x.median:.6g} ({x.low:.6g} to {x.high:.6g}) {x.unit}" for x in pad.intervals),
+        *(
+            f"  {x.name} = {x.median:.6g} ({x.low:.6g} to {x.high:.6g}) {x.unit}"
+            for x in pad.intervals
+        ),
         "Numbers below: the posterior draw closest to the medians",
     ]
     if not pad.converged:
@@ -42,7 +50,12 @@ def commented(lines: Iterable[str], sign: str) -> str:
     return "\n".join(f"{sign} {line}".rstrip() for line in lines) + "\n"
 
 
-def template(name: str, **values: object) -> str:
+def in_comment(lines: Iterable[str]) -> list[str]:
+    """The lines where neither a comment of C nor one of XML ends before its time."""
+    return [re.sub("-(?=-)", "- ", line.replace("*/", "* /")) for line in lines]
+
+
+def template(file: str, /, **values: object) -> str:
     """A file of ``templates/`` filled in."""
     environment = Environment(
         loader=PackageLoader("qlvbayes.export"),
@@ -50,9 +63,9 @@ def template(name: str, **values: object) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
         keep_trailing_newline=True,
-        autoescape=name.endswith((".xml.j2", ".sdf.j2", ".feb.j2")),
+        autoescape=file.endswith((".xml.j2", ".sdf.j2", ".feb.j2")),
     )
-    return environment.get_template(name).render(**values)
+    return environment.get_template(file).render(**values)
 
 
 def _units(pad: ExportedPad) -> str:
@@ -76,4 +89,7 @@ def _tested(pad: ExportedPad) -> str:
 def _effects(pad: ExportedPad) -> list[str]:
     if not pad.choices.effects:
         return ["an added effect (this fit has none)"]
-    return [f"the added effect {name}: its part of the force is left out" for name in pad.choices.effects]
+    return [
+        f"the added effect {name}: its part of the force is left out"
+        for name in pad.choices.effects
+    ]

@@ -32,10 +32,12 @@ class Comsol(AbstractTarget):
         branches = [f"{m} {g!r} {tau!r}" for m, (g, tau) in enumerate(rows, 1)]
         parent = [
             f'G_long {shear * float(pad.fractions[0])!r}[Pa] "shear modulus, long-term"',
-            f'K_bulk {_PASCAL * found.bulk!r}[Pa] "bulk modulus, Poisson ratio {POISSON} when fast"',
+            f'K_bulk {_PASCAL * found.bulk!r}[Pa] "bulk modulus, Poisson ratio {POISSON} fast"',
         ]
         columns = "% branch, shear modulus (Pa), relaxation time (s)\n"
         return {
-            f"{pad.identifier}_branches.txt": (head + columns + "\n".join(branches) + "\n").encode(),
+            f"{pad.identifier}_branches.txt": (
+                head + columns + "\n".join(branches) + "\n"
+            ).encode(),
             f"{pad.identifier}_parent.txt": (head + "\n".join(parent) + "\n").encode(),
         }

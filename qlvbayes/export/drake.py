@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from qlvbayes.export.card import ONE_DRAW, card, template
+from qlvbayes.export.card import ONE_DRAW, card, in_comment, template
 from qlvbayes.export.pad import ExportedPad
 from qlvbayes.export.reduction import fitted, miss, pressing
 from qlvbayes.export.target import AbstractTarget, Specimen
@@ -13,8 +13,9 @@ class Drake(AbstractTarget):
 
     .. math:: F = k\, x\, (1 + d\, \dot x)_+
 
-    x: depth (m); k (N/m), d (s/m), neither below zero; in the mean square over ramps at the tested
-    rates and holds. Two bodies in contact are in series: k is that of the pair if the other is hard.
+    x: depth (m); k (N/m), d (s/m), neither below zero; in the mean square over ramps at the
+    tested rates and holds. Two bodies in contact are in series: k is that of the pair if the other
+    is hard.
     Hunt & Crossley 1975, doi:10.1115/1.3423596.
     """
 
@@ -35,7 +36,7 @@ class Drake(AbstractTarget):
         extra = [f"so this {found}"]
         text = template(
             "pad.sdf.j2",
-            card=[line.replace("--", "- -") for line in card(pad, type(self), extra)],
+            card=in_comment(card(pad, type(self), extra)),
             name=pad.identifier,
             stiffness=float(k),
             dissipation=float(kd / k),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from qlvbayes.checks import InputError
-from qlvbayes.export.card import card, template
+from qlvbayes.export.card import card, in_comment, template
 from qlvbayes.export.material import CANNOT, POISSON, moduli, structure
 from qlvbayes.export.pad import ExportedPad
 from qlvbayes.export.target import AbstractTarget, Specimen
@@ -20,9 +20,10 @@ class FEBio(AbstractTarget):
 
     .. math:: g(t) = g_0 + \sum_{i=1}^{6} g_i e^{-t/t_i}
 
-    FEBio takes g0 = 1 where it is not written, which would add the long-term force twice. Fung's box
-    is its ``relaxation-Malkin`` at beta = 1, (1 + t/tau)^-alpha its ``relaxation-power``; both fall to
-    zero, so that the share that stays is an elastic solid beside the bonds that relax.
+    FEBio takes g0 = 1 where it is not written, which would give far too much long-term force.
+    Fung's box is its ``relaxation-Malkin`` at beta = 1, (1 + t/tau)^-alpha its
+    ``relaxation-power``; both fall to zero, so that the share that stays is an elastic solid beside
+    the bonds that relax.
     """
 
     name = "febio"
@@ -45,13 +46,14 @@ class FEBio(AbstractTarget):
             stays, kind = float(pad.fractions[0]), {}
         else:
             raise InputError(
-                f"FEBio has no relaxation like {pad.choices.relaxing}, and takes {_MOST} modes at most",
+                f"FEBio has no relaxation like {pad.choices.relaxing}, "
+                f"and takes {_MOST} modes at most",
                 remedy="fit with --relaxation prony:3, fung or power-law",
             )
         text = template(
             "pad.feb.j2",
             name=pad.identifier,
-            card=[line.replace("--", "- -") for line in said],
+            card=in_comment(said),
             young=young,
             poisson=POISSON,
             stays=stays,

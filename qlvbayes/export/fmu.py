@@ -14,7 +14,7 @@ from pathlib import Path
 
 import qlvbayes
 from qlvbayes.export.c_header import c_files
-from qlvbayes.export.card import card, template
+from qlvbayes.export.card import card, in_comment, template
 from qlvbayes.export.pad import ExportedPad
 from qlvbayes.export.target import AbstractTarget, Specimen
 
@@ -26,10 +26,10 @@ class Fmu(AbstractTarget):
     """FMI 2.0 co-simulation without Python inside; states can be got, set and serialised.
 
     Inputs are the displacement, or with ``prescribe_force`` the force; ``draw`` takes one of the
-    posterior's draws (0: the median). A step goes in a straight line to the input that is set before
-    it; an importer that sets the input of the step's beginning, as most do, thus gets the exact force
-    one step late. One that also sets the input's derivative gets it on time. Modelled on the Reference
-    FMUs (https://github.com/modelica/Reference-FMUs).
+    posterior's draws (0: the median). A step goes in a straight line to the input that is set
+    before it; an importer that sets the input of the step's beginning, as most do, thus gets the
+    exact force one step late. One that also sets the input's derivative gets it on time. Modelled
+    on the Reference FMUs (https://github.com/modelica/Reference-FMUs).
     """
 
     name = "fmu"
@@ -43,7 +43,7 @@ class Fmu(AbstractTarget):
             "P": name.upper(),
             "pad": pad,
             "units": pad.units,
-            "card": [line.replace("*/", "* /") for line in card(pad, type(self))],
+            "card": in_comment(card(pad, type(self))),
             "version": qlvbayes.__version__,
             "draws": len(pad.table),
             "length_si": _si(pad.units.displacement),

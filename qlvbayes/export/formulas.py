@@ -1,11 +1,10 @@
 """The elastic laws in plain arithmetic, from which the C and the MATLAB code are translated.
 
 A function here is assignments and one ``return``, of numbers, ``k.name`` (a law's constant),
-``exp``, ``expm1``, ``pow``, comparisons, ``a if condition else b`` and other functions of this file:
-``translation`` takes no more. Each law has F_e, K, the step of a relaxing mode (as
-``AbstractElastic.relaxed_step``) and its slope along the step's end, which Newton's method needs:
-
-d/d(stop) of the integral of e^{-decay(1-s)} K d(delta) over one step of time. ``left`` is e^{-decay}.
+``exp``, ``expm1``, ``pow``, comparisons, ``a if condition else b`` and other functions of this
+file: ``translation`` takes no more. Each law has F_e, K, the step of a relaxing mode (as
+``AbstractElastic.relaxed_step``) and the slope of that step along its end, which Newton's method
+needs. ``decay`` is v h of the step, ``left`` e^{-decay}.
 """
 
 from __future__ import annotations
@@ -64,7 +63,9 @@ def first_series(x: float) -> float:
     """`first_moment` by its series, for a decay below 0.3: the next term is 1e-17."""
     high = (1.0 - x * (1.0 - x * (1.0 - x * (1.0 - x / 15.0) / 14.0) / 13.0) / 12.0) / 11.0
     low = (1.0 - x * (1.0 - x * (1.0 - x * (1.0 - x * high) / 10.0) / 9.0) / 8.0) / 7.0
-    return (1.0 - x * (1.0 - x * (1.0 - x * (1.0 - x * (1.0 - x * low) / 6.0) / 5.0) / 4.0) / 3.0) / 2.0
+    return (
+        1.0 - x * (1.0 - x * (1.0 - x * (1.0 - x * (1.0 - x * low) / 6.0) / 5.0) / 4.0) / 3.0
+    ) / 2.0
 
 
 def first_moment(decay: float) -> float:
@@ -76,7 +77,9 @@ def second_series(x: float) -> float:
     """`second_moment` by its series, for a decay below 0.3."""
     high = (1.0 - x * (1.0 - x * (1.0 - x * (1.0 - x / 16.0) / 15.0) / 14.0) / 13.0) / 12.0
     low = (1.0 - x * (1.0 - x * (1.0 - x * (1.0 - x * high) / 11.0) / 10.0) / 9.0) / 8.0
-    return (1.0 - x * (1.0 - x * (1.0 - x * (1.0 - x * (1.0 - x * low) / 7.0) / 6.0) / 5.0) / 4.0) / 3.0
+    return (
+        1.0 - x * (1.0 - x * (1.0 - x * (1.0 - x * (1.0 - x * low) / 7.0) / 6.0) / 5.0) / 4.0
+    ) / 3.0
 
 
 def second_moment(decay: float) -> float:
@@ -267,8 +270,9 @@ def hertz_slope(
 ) -> float:
     """Of the step along its end."""
     middle = hertz_stiffness(k, 0.5 * (start + stop))
-    end = hertz_stiffness(k, stop)
-    return (2.0 * middle - end) * exp_slope(-decay) + 4.0 * (end - middle) * first_moment(decay)
+    last = hertz_stiffness(k, stop)
+    bend = 4.0 * (last - middle) * first_moment(decay)
+    return (2.0 * middle - last) * exp_slope(-decay) + bend
 
 
 @dataclass(frozen=True)
@@ -282,7 +286,9 @@ class Formulas:
 
 
 FORMULAS: dict[str, Formulas] = {
-    "exponential": Formulas(exponential_force, exponential_stiffness, exponential_step, exponential_slope),
+    "exponential": Formulas(
+        exponential_force, exponential_stiffness, exponential_step, exponential_slope
+    ),
     "linear": Formulas(linear_force, linear_stiffness, linear_step, linear_slope),
     "polynomial:2": Formulas(quadratic_force, quadratic_stiffness, quadratic_step, quadratic_slope),
     "polynomial:3": Formulas(cubic_force, cubic_stiffness, cubic_step, cubic_slope),

@@ -16,7 +16,7 @@ _MPA = 1e-3  # of a kPa
 CANNOT = (
     NO_CONTACT,
     "stiffening with depth: the modulus is that of small strain",
-    f"the volume's own stiffness, which these tests do not give: Poisson's ratio {POISSON} is assumed",
+    f"the volume's own stiffness, which tests do not give: Poisson's ratio {POISSON} is assumed",
     ONE_DRAW,
 )
 STRUCTURE = (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from qlvbayes.export.c_header import c_files
-from qlvbayes.export.card import card, template
+from qlvbayes.export.card import card, in_comment, template
 from qlvbayes.export.pad import ExportedPad
 from qlvbayes.export.reduction import SI, fitted, miss, pressing
 from qlvbayes.export.target import AbstractTarget, Specimen
@@ -14,14 +14,16 @@ class MuJoCo(AbstractTarget):
 
     .. math:: F = k_0 x + k_1 x^2 + k_2 x^3 + c\, \dot x
 
-    x: depth (m); none below zero; in the mean square over ramps at the tested rates and holds. Needs
-    MuJoCo 3.5, which knows such springs. The plugin, in C, steps the whole model: a passive force on
-    one joint, its state part of ``mjData``, so that it is saved, copied and reset with it.
+    x: depth (m); none below zero; in the mean square over ramps at the tested rates and holds.
+    Needs a MuJoCo that knows polynomial springs. The plugin, in C, steps the whole model: a passive
+    force on one joint, its state part of ``mjData``, so that it is saved, copied and reset with it.
     """
 
     name = "mujoco"
-    what = "a joint with polynomial stiffness in SI units, and a stateful plugin that calls the header"
-    cannot = ("in the joint's polynomial: relaxation, loss of contact, the posterior (the plugin has all)",)
+    what = "a joint with polynomial stiffness (SI units), and a plugin with memory in C"
+    cannot = (
+        "in the polynomial: relaxation, loss of contact, the posterior (the plugin has all three)",
+    )
 
     def files(self, pad: ExportedPad, specimen: Specimen | None) -> dict[str, bytes]:
         """``pad_B.xml``, ``pad_B_plugin.c``, and the header that it calls."""
@@ -34,7 +36,7 @@ class MuJoCo(AbstractTarget):
         values = {
             "p": pad.identifier,
             "P": pad.identifier.upper(),
-            "card": [line.replace("--", "- -").replace("*/", "* /") for line in said],
+            "card": in_comment(said),
             "stiffness": [k0, k1, k2],
             "damping": c,
             "depth": float(max(x)),

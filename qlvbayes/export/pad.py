@@ -95,7 +95,7 @@ class ExportedPad:
 
     def stiffness(self, depth: float) -> float:
         """Instantaneous stiffness of the middle draw, in the pad's units."""
-        return float(self.elastic.stiffness(np.asarray(depth)))
+        return float(self.elastic.stiffness(jax.numpy.asarray(depth)))
 
 
 def read_pad(out: Path, name: str, *, draws: int, date: str) -> ExportedPad:

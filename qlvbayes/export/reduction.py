@@ -22,8 +22,8 @@ _RAMP = 100  # times in a ramp, and as many in a hold
 class Pressing:
     """Ramps to the tested depth at tested rates, each held as long as was tested, in SI units.
 
-    depth (m), speed (m/s), force (N) of all times of all ramps, one after another; ramp: whether the
-    time lies in a ramp.
+    depth (m), speed (m/s), force (N) of all times of all ramps, one after another; ramp: whether
+    the time lies in a ramp.
     """
 
     depth: np.ndarray
@@ -42,8 +42,8 @@ class Miss:
 
     def __str__(self) -> str:
         return (
-            f"misses the force by {self.rms:.0%} rms and {self.largest:.0%} at most of the peak force "
-            f"over the tested range, by {self.hold:.0%} rms in holds"
+            f"misses the force by {self.rms:.0%} rms and {self.largest:.0%} at most of the peak "
+            f"force over the tested range, by {self.hold:.0%} rms in holds"
         )
 
 

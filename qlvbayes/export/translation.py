@@ -6,20 +6,27 @@ import ast
 import inspect
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import ClassVar
 
 from qlvbayes.export import formulas
-from qlvbayes.export.formulas import FORMULAS, Formulas, Function
+from qlvbayes.export.formulas import Formulas, Function
 
 _OPERATORS: dict[type, str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}
-_COMPARISONS: dict[type, str] = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "=="}
+_COMPARISONS: dict[type, str] = {
+    ast.Lt: "<",
+    ast.LtE: "<=",
+    ast.Gt: ">",
+    ast.GtE: ">=",
+    ast.Eq: "==",
+}
 _LIBRARY = ("exp", "expm1", "pow")
 
 
 class Language(ABC):
     """How a language writes a function of numbers."""
 
-    library: ClassVar[dict[str, str]]
+    @abstractmethod
+    def library(self, name: str) -> str:
+        """``exp``, ``expm1`` or ``pow`` of the language's own library."""
 
     @abstractmethod
     def number(self, value: float) -> str:
@@ -38,13 +45,20 @@ class Language(ABC):
         """``yes`` where the condition holds, else ``no``."""
 
     @abstractmethod
-    def function(self, name: str, told: str, arguments: list[str], body: list[tuple[str, str]], result: str) -> str:
+    def function(
+        self, name: str, told: str, arguments: list[str], body: list[tuple[str, str]], result: str
+    ) -> str:
         """A whole function: ``body`` has names and what they are set to."""
 
 
 def functions_of(law: Formulas, language: Language) -> str:
     """The law's functions, called elastic_force, stiffness, step and slope, and all they call."""
-    names = {"elastic_force": law.force, "stiffness": law.stiffness, "step": law.step, "slope": law.slope}
+    names = {
+        "elastic_force": law.force,
+        "stiffness": law.stiffness,
+        "step": law.step,
+        "slope": law.slope,
+    }
     order: dict[str, Function] = {}
     for function in names.values():
         _gather(function, order)
@@ -137,8 +151,9 @@ class _Writer:
     def _Call(self, node: ast.Call) -> str:  # noqa: N802
         assert isinstance(node.func, ast.Name)
         name = node.func.id
-        known = self.language.library.get(name) or self.language.own(self.short.get(name, name))
+        known = (
+            self.language.library(name)
+            if name in _LIBRARY
+            else self.language.own(self.short.get(name, name))
+        )
         return f"{known}({', '.join(self(x) for x in node.args)})"
-
-
-__all__ = ["FORMULAS", "Language", "functions_of", "needs"]
