@@ -43,7 +43,7 @@ CASES = [*((law, False) for law in LAWS), ("exponential", True)]
 def ran(tmp_path_factory):
     """Every law's pad and what Octave made of it, from one start of Octave."""
     root = tmp_path_factory.mktemp("octave")
-    time, depth = retracting()
+    time, depth = (x[::2] for x in retracting())  # Octave takes a millisecond a step
     pads = []
     for i, (law, bonded) in enumerate(CASES):
         pad = exported(root / str(i), Choices(law=law, bonded=bonded))
@@ -72,7 +72,7 @@ def test_force_and_displacement_are_those_of_the_python_model(ran, case):
     assert np.array_equal(contact > 0.5, (expected > 0.0) | bonded)
     left = np.flatnonzero((contact < 0.5) & (np.arange(time.size) > 0))
     until = left[0] if left.size else time.size
-    assert until > 50
+    assert until > 25
     assert np.max(np.abs(found - depth)[:until]) <= 1e-12
 
 

@@ -15,7 +15,7 @@ SECTIONS = {
     "diagnosis": ("diagnosis",),
     "effects": ("effects", "recovery"),
     "comparison": ("compare", "constants_table"),
-    "study": ("study", "report"),
+    "study": ("study", "report", "export"),
     "other": (),
 }
 LAST = "other"

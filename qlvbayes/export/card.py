@@ -8,12 +8,12 @@ from collections.abc import Iterable
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 import qlvbayes
-from qlvbayes.export.pad import ExportedPad
+from qlvbayes.export.pad import ExportedPad, Interval
 from qlvbayes.export.target import AbstractTarget
 
 # solvers read ASCII only
 _PLAIN = str.maketrans(
-    {"δ": "d", "−": "-", "Σ": "sum ", "∫": "int ", "θ": "theta", "²": "^2"} | {"³": "^3"}
+    {"δ": "d", "−": "-", "Σ": "sum", "∫": "int", "θ": "theta", "²": "^2"} | {"³": "^3"}
 )
 
 NO_CONTACT = (
@@ -32,10 +32,7 @@ def card(pad: ExportedPad, target: type[AbstractTarget], extra: Iterable[str] = 
         f"Units: {_units(pad)}",
         f"Tested: {_tested(pad)}",
         "Median and 90 % interval:",
-        *(
-            f"  {x.name} = {x.median:.6g} ({x.low:.6g} to {x.high:.6g}) {x.unit}"
-            for x in pad.intervals
-        ),
+        *(_told(x) for x in pad.intervals),
         "Numbers below: the posterior draw closest to the medians",
     ]
     if not pad.converged:
@@ -66,6 +63,11 @@ def template(file: str, /, **values: object) -> str:
         autoescape=file.endswith((".xml.j2", ".sdf.j2", ".feb.j2")),
     )
     return environment.get_template(file).render(**values)
+
+
+def _told(x: Interval) -> str:
+    unit = "" if x.unit == "1" else f" {x.unit}"
+    return f"  {x.name} = {x.median:.6g} ({x.low:.6g} to {x.high:.6g}){unit}"
 
 
 def _units(pad: ExportedPad) -> str:
