@@ -60,12 +60,12 @@ def ratio_slope(top: float, bottom: float, gap: float) -> float:
 
 
 def first_series(x: float) -> float:
-    """`first_moment` by its series, for a decay below 0.3: the next term is 1e-17."""
-    high = (1.0 - x * (1.0 - x * (1.0 - x * (1.0 - x / 15.0) / 14.0) / 13.0) / 12.0) / 11.0
-    low = (1.0 - x * (1.0 - x * (1.0 - x * (1.0 - x * high) / 10.0) / 9.0) / 8.0) / 7.0
-    return (
-        1.0 - x * (1.0 - x * (1.0 - x * (1.0 - x * (1.0 - x * low) / 6.0) / 5.0) / 4.0) / 3.0
-    ) / 2.0
+    """`first_moment` by its series, for a decay below 0.3: the next term is below 1e-17."""
+    tail = 1.0 / 3628800.0 - x * (
+        1.0 / 39916800.0 - x * (1.0 / 479001600.0 - x * (1.0 / 6227020800.0))
+    )
+    high = 1.0 / 720.0 - x * (1.0 / 5040.0 - x * (1.0 / 40320.0 - x * (1.0 / 362880.0 - x * tail)))
+    return 1.0 / 2.0 - x * (1.0 / 6.0 - x * (1.0 / 24.0 - x * (1.0 / 120.0 - x * high)))
 
 
 def first_moment(decay: float) -> float:
@@ -74,12 +74,14 @@ def first_moment(decay: float) -> float:
 
 
 def second_series(x: float) -> float:
-    """`second_moment` by its series, for a decay below 0.3."""
-    high = (1.0 - x * (1.0 - x * (1.0 - x * (1.0 - x / 16.0) / 15.0) / 14.0) / 13.0) / 12.0
-    low = (1.0 - x * (1.0 - x * (1.0 - x * (1.0 - x * high) / 11.0) / 10.0) / 9.0) / 8.0
-    return (
-        1.0 - x * (1.0 - x * (1.0 - x * (1.0 - x * (1.0 - x * low) / 7.0) / 6.0) / 5.0) / 4.0
-    ) / 3.0
+    """`second_moment` by its series, for a decay below 0.3: the next term is below 1e-17."""
+    tail = 1.0 / 19958400.0 - x * (
+        1.0 / 239500800.0 - x * (1.0 / 3113510400.0 - x * (1.0 / 43589145600.0))
+    )
+    high = 1.0 / 2520.0 - x * (
+        1.0 / 20160.0 - x * (1.0 / 181440.0 - x * (1.0 / 1814400.0 - x * tail))
+    )
+    return 1.0 / 3.0 - x * (1.0 / 12.0 - x * (1.0 / 60.0 - x * (1.0 / 360.0 - x * high)))
 
 
 def second_moment(decay: float) -> float:
@@ -238,11 +240,21 @@ def toe_step(
 def toe_slope(
     k: Any, start: float, stop: float, at_start: float, at_stop: float, decay: float, left: float
 ) -> float:
-    """Of the step along its end, as if the stiffness were that of the end all along.
-
-    The bracket catches what this misses on long steps.
-    """
-    return toe_stiffness(k, stop) * exp_slope(-decay)
+    """Of the step along its end: K(d1) less v h times the integral of s K e^{-v h (1-s)}."""
+    share = toe_share(k, start, stop)
+    in_toe = share * decay
+    after = (1.0 - share) * decay
+    first = larger(start - k.toe, 0.0)
+    last = larger(stop - k.toe, 0.0)
+    top = k.m * exp(k.b * last)
+    bottom = k.m * exp(k.b * first - after)
+    gap = k.b * (last - first) + after
+    bent = (1.0 - share) * ratio_slope(top, bottom, gap)
+    flat = k.m * share * first_moment(in_toe)
+    rising = exp(-after) * share * flat + (1.0 - share) * (share * ratio(top, bottom, gap) + bent)
+    toe = share * (k.m * (1.0 - share) * exp_slope(-in_toe) + flat)
+    falling = toe + exp(-in_toe) * (1.0 - share) * bent
+    return top - decay * (falling if stop < start else rising)
 
 
 def hertz_force(k: Any, depth: float) -> float:
