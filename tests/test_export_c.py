@@ -126,6 +126,19 @@ def test_without_a_force_a_loose_pad_is_left_and_recovers(compiled):
     assert np.max(np.abs(bears - np.maximum(force, 0.0))) <= 1e-12
 
 
+@pytest.mark.parametrize("law", LAWS)
+def test_whatever_the_force_does_the_displacement_bears_it(compiled, law):
+    """Jumps of the force at steps of no length up to 10 s."""
+    _, program = compiled(law)
+    rng = np.random.default_rng(5)
+    steps = np.where(rng.random(2000) < 0.1, 0.0, 10.0 ** rng.uniform(-5.0, 1.0, 2000))
+    time, force = np.cumsum(steps), np.maximum(rng.uniform(-0.3, 2.0, 2000), 0.0)
+    found, _ = program.displacement(time, force)
+    assert np.all(found >= 0.0)
+    bears, _ = program.force(time, found)
+    assert np.max(np.abs(bears - force)) <= 1e-12 * np.max(force)
+
+
 def test_a_force_that_no_displacement_bears_is_told(compiled):
     """Glued, an exponential pad pulls with m/b at most, however fast."""
     pad, program = compiled(bonded=True)

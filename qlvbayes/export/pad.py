@@ -54,8 +54,8 @@ class Draws:
 class ExportedPad:
     """elastic, relaxation: laws with the numbers of the draw that lies closest to the medians.
 
-    middle: that draw; table: draws evenly out of all; intervals: of the pad's constants; effects:
-    names of those in the fit, of its results ``folder``; date: of the export, as 2026-01-31.
+    middle: that draw; table: draws evenly out of all; intervals: of the pad's constants; folder: of
+    its results; date: of the export, as 2026-01-31.
     """
 
     name: str
@@ -103,7 +103,8 @@ def read_pad(out: Path, name: str, *, draws: int, date: str) -> ExportedPad:
 
     Raises InputError where the folder has no fit of it, or a fit that cannot be read.
     """
-    saved = load(_file_of(out, name))
+    file = _file_of(out, name)
+    saved = load(file)
     model = described_model(saved.choices)
     plain = Model(model.elastic, model.relaxation, model.bonded)
     names = [name for field in fields_of(plain) for name in field.names]
@@ -114,10 +115,9 @@ def read_pad(out: Path, name: str, *, draws: int, date: str) -> ExportedPad:
     drawn = drawn_models(plain, names, values[chosen])
     middle = jax.tree.map(lambda x: jax.numpy.asarray(x[0]), drawn)
     every = _numbers(drawn)
-    folder = out / saved.pad
     return ExportedPad(
         name=saved.pad,
-        folder=folder,
+        folder=file.parent,
         date=date,
         choices=saved.choices,
         units=saved.units,
@@ -129,7 +129,7 @@ def read_pad(out: Path, name: str, *, draws: int, date: str) -> ExportedPad:
         relaxation=middle.relaxation,
         middle=_part(every, slice(0, 1)),
         table=_part(every, slice(1, None)),
-        intervals=_intervals(folder / "summary.json", names, units, values),
+        intervals=_intervals(file.with_name("summary.json"), names, units, values),
     )
 
 
