@@ -18,6 +18,7 @@ from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.effects.conformance import check_effect
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.experiment import Experiment, prepare
+from qlvbayes.export.write import export
 from qlvbayes.fit import Fit, fit_pad
 from qlvbayes.inference.ensemble import Settings
 from qlvbayes.law import Law

@@ -46,6 +46,8 @@ LAYERS = [
     # the constants put to use
     ["stepper"],
     ["prescribed"],
+    # what other programs get of a fit
+    ["export"],
     # a rig of its own, which shares nothing with the model
     ["synthetic"],
     # how well the diagnosis does on what that rig hides

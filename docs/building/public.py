@@ -16,7 +16,7 @@ SECTIONS = {
     "prediction": ("dual", "stepper", "prescribed"),
     "effects": ("effects", "recovery"),
     "comparison": ("compare", "constants_table"),
-    "study": ("study", "report"),
+    "study": ("study", "report", "export"),
     "other": (),
 }
 LAST = "other"

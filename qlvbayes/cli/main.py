@@ -14,6 +14,7 @@ from qlvbayes.cli.check import check
 from qlvbayes.cli.compare import compare_command
 from qlvbayes.cli.diagnose import diagnose_command
 from qlvbayes.cli.effects import effects
+from qlvbayes.cli.export import export_command
 from qlvbayes.cli.fit import fit
 from qlvbayes.cli.laws import laws
 from qlvbayes.cli.predict import predict_command
@@ -36,6 +37,7 @@ app.command("diagnose")(diagnose_command)
 app.command("compare")(compare_command)
 app.command("predict")(predict_command)
 app.command()(report)
+app.command("export")(export_command)
 app.command()(effects)
 app.command()(laws)
 app.command()(simulate)

@@ -1,0 +1,60 @@
+"""``qlvbayes export``: a fitted pad as files for other programs."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from qlvbayes.checks import InputError
+from qlvbayes.cli.console import out, waiting
+from qlvbayes.cli.options import split_names
+from qlvbayes.export.catalogue import TARGETS, find
+from qlvbayes.export.write import DRAWS, export
+
+_NAMES = "|".join(target.name for target in TARGETS)
+
+
+def export_command(
+    folder: Annotated[Path, typer.Argument(help="The folder that 'fit' or 'study' wrote.")],
+    pad: Annotated[str, typer.Option(help="The pad.")],
+    to: Annotated[str, typer.Option(help=f"One of {_NAMES}, or several as 'c,fmu'.")],
+    draws: Annotated[
+        int, typer.Option(min=1, help="Draws of the posterior, where the target takes them.")
+    ] = DRAWS,
+    height: Annotated[
+        float | None,
+        typer.Option(help="Height (mm) of a homogeneous specimen, for a modulus of a material."),
+    ] = None,
+    area: Annotated[
+        float | None, typer.Option(help="Its cross-section (mm2).", show_default=False)
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the files' paths as JSON.")
+    ] = False,
+) -> None:
+    """Write a fitted pad for simulation and control, into OUT/<pad>/export/.
+
+    c: a C99 header; fmu: an FMI 2.0 unit; mujoco, drake, matlab; abaqus, ansys, febio, comsol: a
+    material, of a homogeneous specimen; json: everything. Each says its units, its date, what was
+    tested, the 90 % intervals, and what it cannot carry.
+    """
+    names = split_names(to)
+    if not names:
+        raise InputError("no target", remedy=f"give --to {_NAMES}")
+    for name in names:
+        find(name)
+    found: dict[str, list[str]] = {}
+    for name in names:
+        with waiting(f"export to {name}"):
+            files = export(folder, pad, name, draws=draws, height=height, area=area)
+        found[name] = [str(path) for path in files]
+    if as_json:
+        print(json.dumps(found))
+        return
+    for name, paths in found.items():
+        out.print(f"{name}: {find(name).what}", markup=False, soft_wrap=True)
+        for path in paths:
+            out.print(f"  {path}", markup=False, soft_wrap=True)

@@ -1,0 +1,53 @@
+"""From a folder of results to the files of a target."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+
+from qlvbayes.checks import InputError
+from qlvbayes.export.catalogue import find
+from qlvbayes.export.pad import read_pad
+from qlvbayes.export.target import Specimen
+from qlvbayes.files import results_folder, write_whole
+
+DRAWS = 64  # of the table: a 90 % interval from them is off by a few per cent of the draws
+
+
+def export(
+    out: str | Path,
+    pad: str,
+    to: str,
+    *,
+    draws: int = DRAWS,
+    height: float | None = None,
+    area: float | None = None,
+) -> list[Path]:
+    """Write a fitted pad as files of another program into ``out/<pad>/export/<to>``; their paths.
+
+    to: a target, as after ``--to``; draws: of the posterior, where the target takes more than one;
+    height (mm), area (mm2): of a homogeneous specimen, which makes a modulus of a stiffness. All
+    files or none: nothing is written until every one is there. Raises InputError where the results
+    cannot be read or the pad cannot go there.
+    """
+    specimen = _specimen(height, area)
+    target = find(to)()
+    if draws < 1:
+        raise InputError(f"{draws} draws", remedy="ask for one or more")
+    date = datetime.now(UTC).date().isoformat()
+    found = read_pad(Path(out), pad, draws=draws, date=date)
+    content = target.files(found, specimen)
+    folder = results_folder(found.folder / "export" / to)
+    for name, data in content.items():
+        write_whole(folder / name, data)
+    return [folder / name for name in content]
+
+
+def _specimen(height: float | None, area: float | None) -> Specimen | None:
+    if height is None and area is None:
+        return None
+    if height is None or area is None:
+        raise InputError("a specimen has a height and an area", remedy="give both, in mm and mm2")
+    if not (0.0 < height < float("inf") and 0.0 < area < float("inf")):
+        raise InputError("height and area must be above 0", remedy="give them in mm and mm2")
+    return Specimen(height, area)

@@ -1,0 +1,68 @@
+"""An exported header, compiled with gcc and run on a motion."""
+
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+
+GCC = shutil.which("gcc")
+STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror")
+CHECKED = (*STRICT, "-O1", "-fsanitize=undefined", "-fno-sanitize-recover=all")
+needs_gcc = pytest.mark.skipif(GCC is None, reason="no gcc here: the C code is not compiled")
+
+# reads kind (0: force of displacements, 1: the inverse), draw (-1: the median), n, n times (h, x)
+DRIVER = """
+#include <stdio.h>
+#include "PAD_draws.h"
+int main(void)
+{
+    const PAD_constants median = UPPER_MEDIAN;
+    PAD_state s;
+    double head[3];
+    double step[2];
+    long i;
+    if (fread(head, sizeof(double), 3, stdin) != 3) { return 1; }
+    PAD_init(&s);
+    for (i = 0; i < (long)head[2]; i++) {
+        const PAD_constants *k = head[1] < 0.0 ? &median : &PAD_draws[(int)head[1]];
+        double out[2];
+        if (fread(step, sizeof(double), 2, stdin) != 2) { return 2; }
+        out[0] = (double)(head[0] < 0.5
+            ? PAD_force(k, &s, (PAD_real)step[0], (PAD_real)step[1])
+            : PAD_displacement(k, &s, (PAD_real)step[0], (PAD_real)step[1]));
+        out[1] = (double)s.contact;
+        fwrite(out, sizeof(double), 2, stdout);
+    }
+    return 0;
+}
+"""
+
+
+class CompiledPad:
+    """``files``: of the target; ``flags``: beside the strict ones."""
+
+    def __init__(self, folder, files, name="pad_B", flags=CHECKED):
+        folder.mkdir(parents=True, exist_ok=True)
+        for file, content in files.items():
+            (folder / file).write_bytes(content)
+        source = folder / "driver.c"
+        source.write_text(DRIVER.replace("PAD", name).replace("UPPER", name.upper()))
+        self.program = folder / "driver"
+        subprocess.run([GCC, *flags, "-o", self.program, source, "-lm"], check=True)
+
+    def force(self, time, displacement, draw=-1):
+        """(n,) forces, and whether the pad is touched."""
+        return self._run(0, draw, time, displacement)
+
+    def displacement(self, time, force, draw=-1):
+        """The inverse."""
+        return self._run(1, draw, time, force)
+
+    def _run(self, kind, draw, time, values):
+        steps = np.stack([np.diff(time, prepend=time[0]), values], axis=-1)
+        given = np.concatenate([[kind, draw, len(time)], steps.ravel()]).tobytes()
+        done = subprocess.run([self.program], input=given, capture_output=True, check=False)
+        assert (done.returncode, done.stderr) == (0, b"")
+        out = np.frombuffer(done.stdout).reshape(-1, 2)
+        return out[:, 0], out[:, 1] > 0.5

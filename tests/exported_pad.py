@@ -1,0 +1,86 @@
+"""Results of a fit written by hand, so that exports are tested without sampling anything."""
+
+import json
+
+import numpy as np
+import xarray
+
+from qlvbayes.choices import Choices
+from qlvbayes.drawn import described_model
+from qlvbayes.export.pad import read_pad
+from qlvbayes.parameters import fields_of
+from qlvbayes.synthetic import TABLE_1
+
+DATE = "2026-01-31"
+TESTED = {"depth": 1.6, "slowest": 0.1, "fastest": 40.0, "quickest": 0.05, "hold": 30.0, "tests": 6}
+ELASTIC = {
+    "exponential": {"m": 0.34, "b": 1.165},
+    "linear": {"m": 0.34},
+    "polynomial:2": {"m": 0.34, "k2": 0.25},
+    "polynomial:3": {"m": 0.34, "k2": 0.15, "k3": 0.1},
+    "toe": {"m": 0.34, "b": 1.165, "toe": 0.4},
+    "hertz": {"m": 0.6, "n": 1.5},
+    "spline": {f"k{j}": 0.3 + 0.2 * j for j in range(7)},
+}
+RELAXATION = {
+    "fung": {"c": 0.12, "tau1": 0.02, "tau2": 40.0},
+    "power-law": {"c0": 0.2, "alpha": 0.3, "tau": 0.05},
+    "stretched": {"c0": 0.3, "beta": 0.5, "tau": 0.8},
+    "log-normal": {"c0": 0.3, "tau": 0.5, "sigma": 1.5},
+}
+
+
+def constants_of(choices):
+    """Constants of a pad like B under these choices."""
+    pad = TABLE_1["B"]
+    prony = {f"c[{k}]": x for k, x in enumerate(pad.c)} | {
+        f"v[{k}]": x for k, x in enumerate(pad.v, 1)
+    }
+    found = ELASTIC[choices.law] | (RELAXATION.get(choices.relaxation) or prony)
+    return found | dict.fromkeys([f"{name}.eta" for name in choices.effects], 0.003)
+
+
+def write_fit(out, choices=Choices(), *, pad="B", covered=TESTED, units=("mm", "N"), seed=0):  # noqa: B008
+    """OUT/<pad>/posterior.nc with draws within 2 % of a pad like B; shares keep their sum."""
+    rng = np.random.default_rng(seed)
+    values = constants_of(choices)
+    draws = {name: x * np.exp(0.02 * rng.normal(size=(4, 50))) for name, x in values.items()}
+    if shares := [name for name in draws if name.startswith("c[")]:
+        total = sum(draws[name] for name in shares)
+        draws |= {name: draws[name] / total for name in shares}
+    draws["noise.white"] = np.full((4, 50), 0.01)
+    variables, coords = {}, {}
+    for key in dict.fromkeys(name.partition("[")[0] for name in draws):
+        members = [name for name in draws if name.partition("[")[0] == key]
+        if "[" not in members[0]:
+            variables[key] = (("chain", "draw"), draws[key])
+            continue
+        at = f"{key}_index"
+        coords[at] = [int(name.partition("[")[2][:-1]) for name in members]
+        variables[key] = (("chain", "draw", at), np.stack([draws[x] for x in members], axis=-1))
+    tree = xarray.DataTree.from_dict({"posterior": xarray.Dataset(variables, coords)})
+    tree.attrs.update(
+        pad=pad,
+        method="emcee",
+        converged=1,
+        choices=json.dumps(choices.as_dict()),
+        fitted_tests=json.dumps([f"{pad}-20"]),
+        all_tests=0,
+        fluid="",
+        covered=json.dumps(covered) if covered else "",
+        source="data/pads.csv",
+        sha256="",
+        displacement_unit=units[0],
+        force_unit=units[1],
+    )
+    folder = out / pad
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "posterior.nc").write_bytes(tree.to_netcdf(engine="h5netcdf"))
+    assert {n for f in fields_of(described_model(choices)) for n in f.names} <= set(draws)
+    return out
+
+
+def exported(tmp_path, choices=Choices(), draws=16, **options):  # noqa: B008
+    """The pad as targets get it."""
+    write_fit(tmp_path, choices, **options)
+    return read_pad(tmp_path, options.get("pad", "B"), draws=draws, date=DATE)

@@ -1,0 +1,159 @@
+"""The FMU: valid, and its co-simulation is the header's force; its state can be got and set."""
+
+import io
+import zipfile
+
+import numpy as np
+import pytest
+from compiled_pad import GCC, STRICT, CompiledPad, needs_gcc
+from exported_pad import exported
+
+from qlvbayes.choices import Choices
+from qlvbayes.export.c_header import CHeader
+from qlvbayes.export.fmu import Fmu
+
+fmpy = pytest.importorskip("fmpy", reason="no FMPy here: the FMU is not simulated")
+
+H = 1.0 / 1024.0  # a power of two: times add up without rounding
+TIME = np.arange(2049) * H
+DEPTH = np.interp(TIME, [0.0, 0.125, 1.0, 1.5, 2.0], [0.0, 1.6, 1.6, 0.9, 1.2])
+
+
+@pytest.fixture(scope="module", params=["loose", "bonded"])
+def unit(request, tmp_path_factory):
+    """Path of an FMU, and the same pad's compiled header."""
+    folder = tmp_path_factory.mktemp("fmu")
+    pad = exported(folder, Choices(bonded=request.param == "bonded"))
+    path = folder / "pad_B.fmu"
+    path.write_bytes(Fmu().files(pad, None)["pad_B.fmu"])
+    if GCC is None:
+        pytest.skip("no gcc here: the FMU has no binary")
+    return path, CompiledPad(folder / "c", CHeader().files(pad, None))
+
+
+def simulated(path, name, values, **options):
+    signals = np.array(list(zip(TIME, values, strict=True)), dtype=[("time", float), (name, float)])
+    found = fmpy.simulate_fmu(
+        path,
+        stop_time=TIME[-1],
+        output_interval=H,
+        input=signals,
+        output=["displacement", "force", "contact"],
+        **options,
+    )
+    assert np.array_equal(found["time"], TIME)
+    return found
+
+
+def test_it_is_a_valid_fmu(unit):
+    from fmpy.model_description import read_model_description
+    from fmpy.validation import validate_fmu
+
+    assert list(validate_fmu(str(unit[0]))) == []
+    read = read_model_description(str(unit[0]), validate=True)
+    assert read.coSimulation.canGetAndSetFMUstate
+    assert read.coSimulation.canSerializeFMUstate
+    units = {v.name: v.unit for v in read.modelVariables}
+    assert (units["displacement"], units["force"]) == ("mm", "N")
+
+
+def late(values):
+    """What an importer sets that knows the input at the beginning of each step."""
+    return np.concatenate([values[:1], values[:-1]])
+
+
+def test_the_force_is_the_headers(unit):
+    path, program = unit
+    found = simulated(path, "displacement_in", DEPTH)
+    expected, touched = program.force(TIME, late(DEPTH))
+    assert np.max(np.abs(found["force"] - expected)) <= 1e-12 * np.max(expected)
+    assert np.max(np.abs(found["displacement"] - late(DEPTH))) <= 1e-12
+    assert np.array_equal(found["contact"], touched)
+
+
+def test_a_force_can_be_prescribed(unit):
+    path, program = unit
+    force = np.interp(TIME, [0.0, 0.1, 2.0], [0.0, 1.0, 1.0])
+    found = simulated(path, "force_in", force, start_values={"prescribe_force": True})
+    expected, _ = program.displacement(TIME, late(force))
+    assert np.max(np.abs(found["displacement"] - expected)) <= 1e-12
+    assert np.max(np.abs(found["force"] - late(force))) <= 1e-12
+
+
+def test_a_draw_of_the_posterior_can_be_chosen(unit):
+    path, program = unit
+    found = simulated(path, "displacement_in", DEPTH, start_values={"draw": 3})
+    expected, _ = program.force(TIME, late(DEPTH), draw=2)
+    median, _ = program.force(TIME, late(DEPTH))
+    assert np.max(np.abs(found["force"] - expected)) <= 1e-12 * np.max(expected)
+    assert np.max(np.abs(expected - median)) > 1e-3
+
+
+@pytest.fixture
+def slave(unit, tmp_path):
+    """Give the FMU's interface itself, initialised."""
+    from fmpy.fmi2 import FMU2Slave
+    from fmpy.model_description import read_model_description
+
+    read = read_model_description(str(unit[0]))
+    found = FMU2Slave(
+        guid=read.guid,
+        unzipDirectory=fmpy.extract(str(unit[0]), str(tmp_path)),
+        modelIdentifier=read.coSimulation.modelIdentifier,
+    )
+    found.instantiate()
+    found.setupExperiment(startTime=0.0)
+    found.enterInitializationMode()
+    found.exitInitializationMode()
+    yield found
+    found.freeInstance()
+
+
+def test_with_derivatives_the_force_is_on_time(unit, slave):
+    forces = [0.0]
+    for i in range(TIME.size - 1):
+        slave.setReal([0], [DEPTH[i]])
+        slave.setRealInputDerivatives([0], [1], [(DEPTH[i + 1] - DEPTH[i]) / H])
+        slave.doStep(TIME[i], H)
+        forces += slave.getReal([3])
+    expected, _ = unit[1].force(TIME, DEPTH)
+    assert np.max(np.abs(np.array(forces) - expected)) <= 1e-12 * np.max(expected)
+
+
+def test_the_state_is_saved_serialised_and_restored(slave):
+    def ramp(first, steps):
+        forces = []
+        for i in range(first, first + steps):
+            slave.setReal([0], [0.01 * (i + 1)])
+            slave.doStep(i * H, H)
+            forces += slave.getReal([3])
+        return forces
+
+    ramp(0, 50)
+    state = slave.getFMUState()
+    bytes_of = slave.serializeFMUState(state)
+    onwards = ramp(50, 20)
+    slave.setFMUState(state)
+    assert ramp(50, 20) == onwards
+    ramp(70, 10)
+    again = slave.deserializeFMUState(bytes_of)
+    slave.setFMUState(again)
+    assert ramp(50, 20) == onwards
+    slave.reset()
+    assert slave.getReal([3]) == [0.0]
+
+
+@needs_gcc
+def test_sources_are_inside_and_strict(tmp_path):
+    import subprocess
+
+    pad = exported(tmp_path)
+    content = Fmu().files(pad, None)["pad_B.fmu"]
+    assert content == Fmu().files(pad, None)["pad_B.fmu"]
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        archive.extractall(tmp_path / "unit")
+    sources = tmp_path / "unit" / "sources"
+    assert {path.name for path in sources.iterdir()} == {"fmu.c", "pad_B.h", "pad_B_draws.h"}
+    flags = (*STRICT, "-fPIC", "-shared", "-fsanitize=undefined")
+    command = [GCC, *flags, "-o", tmp_path / "unit.so", sources / "fmu.c", "-lm"]
+    subprocess.run(command, check=True)
