@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 
 from qlvbayes.export.card import card
 from qlvbayes.export.pad import Draws, ExportedPad
@@ -22,7 +23,7 @@ class JsonFile(AbstractTarget):
             "pad": pad.name,
             "date": pad.date,
             "card": card(pad, type(self)),
-            "units": pad.units.as_dict(),
+            "units": asdict(pad.units),
             "elastic": type(pad.elastic).name,
             "relaxation": pad.choices.relaxing,
             "bonded": pad.choices.bonded,
