@@ -14,6 +14,7 @@ LAYERS = [
     ["files", "usermodule"],
     # measurements, and the motion in them
     ["reading"],
+    ["formats"],
     ["data"],
     ["kinematics"],
     ["noisefloor", "stiffness"],

@@ -12,6 +12,7 @@ from qlvbayes.checks import InputError
 from qlvbayes.cli.benchmark import benchmark
 from qlvbayes.cli.check import check
 from qlvbayes.cli.compare import compare_command
+from qlvbayes.cli.convert import convert_command
 from qlvbayes.cli.diagnose import diagnose_command
 from qlvbayes.cli.effects import effects
 from qlvbayes.cli.fit import fit
@@ -36,6 +37,7 @@ app.command("compare")(compare_command)
 app.command()(report)
 app.command()(effects)
 app.command()(laws)
+app.command("convert")(convert_command)
 app.command()(simulate)
 app.command()(benchmark)
 
