@@ -65,7 +65,7 @@ def test_each_format_keeps_the_rules(kind, tmp_path):
 
 
 def scaled(test, units):
-    """Displacement and force in mm and N; those of an AFM, whose file is in nm and nN, as they are."""
+    """Displacement and force in mm and N; those of an AFM (nm and nN) as they are."""
     if (units.displacement, units.force) == ("nm", "nN"):
         return test.displacement, test.force
     return test.displacement * TO_MM[units.displacement], test.force * TO_N[units.force]
@@ -245,7 +245,7 @@ def test_units_that_a_file_does_not_tell_are_asked_for(tmp_path):
 
     path = tmp_path / "a.mat"
     savemat(path, {"time": TEST.time, "disp": TEST.way, "force": TEST.load})
-    with pytest.raises(UnsureError, match="'time' .* has no unit"):
+    with pytest.raises(UnsureError, match=r"'time' .* has no unit"):
         convert([path])
     (test,) = convert([path], Answers.of(units="s,um,kN")).tests
     assert test.force.max() == pytest.approx(1e3 * TEST.load.max())

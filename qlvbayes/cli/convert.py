@@ -36,7 +36,7 @@ def convert_command(
     contact: Annotated[
         str | None,
         typer.Option(
-            help=f"Displacement at first contact as the files have it, or '{FILE}': their own zero.",
+            help=f"Displacement at first contact as the files have it, or '{FILE}': their zero.",
             show_default=False,
         ),
     ] = None,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from pathlib import Path
 from typing import ClassVar
@@ -65,7 +66,7 @@ def _is_names(cells: list[str]) -> bool:
 
 def _header(lines: Lines) -> int | None:
     rows = list(lines.cells())
-    for (number, names), (_, units) in zip(rows, rows[1:], strict=False):
+    for (number, names), (_, units) in itertools.pairwise(rows):
         written = [unit for unit in units if unit]
         bracketed = [bool(re.fullmatch(r"\([^()]*\)", unit)) for unit in written]
         if len(written) >= 3 and all(bracketed) and _is_names(names):

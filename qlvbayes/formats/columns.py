@@ -119,4 +119,5 @@ def recording(
     ]
     taken = {named.place for named in picked.values()}
     unused = tuple(c.name for c in columns if c.place not in taken and c.name)
-    return Recording(*channels, name=name, began=began, dropped=dropped, unused=unused)
+    time, way, load = channels
+    return Recording(time, way, load, name, began, None, dropped, unused)

@@ -36,10 +36,10 @@ def find_contact(way: Floats, load: Floats) -> Contact | None:
     """First contact of a test in which pressing is positive; None where it starts in contact.
 
     Up to a share of the peak force F(d) = F0 + a x + b x^2 with x = max(d - d0, 0) is fitted, which
-    spans a linear toe (an exponential law), a Hertzian one, and one that relaxes as it rises. The standard error
-    of d0 is that of the profile of the squared error, with as many independent rows as the
-    residual's correlation leaves; added to it in squares are the spread over the three shares and
-    the spacing of the rows at contact.
+    spans a linear toe (an exponential law), a Hertzian one, and one that relaxes as it rises. The
+    standard error of d0 is that of the profile of the squared error, with as many independent rows
+    as the residual's correlation leaves; added to it in squares are the spread over the three
+    shares and the spacing of the rows at contact.
     """
     found = [_fitted(way, load, level) for level in _LEVELS]
     middle = found[_MIDDLE]

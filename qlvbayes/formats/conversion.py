@@ -20,6 +20,7 @@ from qlvbayes.formats.sampling import ClockError, Sampling, on_one_clock, rising
 from qlvbayes.formats.signs import Signs, find_signs
 from qlvbayes.reading.testchecks import LEAST_SAMPLES, wrong_signs
 from qlvbayes.units import STRAIN, UnitSystem, unit_system
+from qlvbayes.wording import joined
 
 LEAD = 1.0  # s kept before contact: they show the force's zero and its noise
 _REST = 0.01  # share of the peak force below which a first row is taken to touch with none
@@ -225,11 +226,11 @@ def _stage(
     signs = _signs(file, way, load, answers)
     way, load = way * signs.way, load * signs.load
     if wrong := () if units.dimensionless else wrong_signs(way, load):
-        raise InputError(
-            f"with --sign {answers.sign} the specimen is pressed with {' and '.join(wrong)} negative",
-            file=file,
-            remedy="leave --sign out",
-        )
+        what = f"the specimen is pressed with {joined([*wrong])} negative"
+        if answers.sign is None:
+            raise _unsure_of_sign(file, what)
+        remedy = "leave --sign out"
+        raise InputError(f"with --sign {answers.sign} {what}", file=file, remedy=remedy)
     contact = None if units.dimensionless else find_contact(way, load)
     place, of_force, told = _zero(file, way, load, signs, units, contact, before, answers)
     way, load = way - place, load - of_force
@@ -351,15 +352,19 @@ def _signs(file: Path, way: Floats, load: Floats, answers: Answers) -> Signs:
         of_way, of_load = SIGNS[answers.sign]
         return replace(found, way=of_way, load=of_load, doubt="")
     if found.doubt:
-        raise UnsureError(
-            f"which way presses cannot be told: {found.doubt}",
-            file=file,
-            option="sign",
-            question="which columns are to be turned over so that pressing is positive "
-            f"({', '.join(SIGNS)})",
-            say="|".join(SIGNS),
-        )
+        raise _unsure_of_sign(file, found.doubt)
     return found
+
+
+def _unsure_of_sign(file: Path, doubt: str) -> UnsureError:
+    return UnsureError(
+        f"which way presses cannot be told: {doubt}",
+        file=file,
+        option="sign",
+        question="which columns are to be turned over so that pressing is positive "
+        f"({', '.join(SIGNS)})",
+        say="|".join(SIGNS),
+    )
 
 
 def _sign_told(signs: Signs, recording: Recording, answers: Answers) -> str:
@@ -373,7 +378,7 @@ def _sign_told(signs: Signs, recording: Recording, answers: Answers) -> str:
         return f"sign {what}, as said"
     return (
         f"sign {what} (the peak force lies {signs.travel:.0%} of the travel from the start, and "
-        f"is {min(signs.swing, 999.0):.3g} times the swing to the other side; a pull looks the same)"
+        f"is {min(signs.swing, 999.0):.3g} times the swing to the other side; a pull looks alike)"
     )
 
 

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from qlvbayes.checks import InputError
 from qlvbayes.formats.format import AbstractFormat, Recording, Sight
-from qlvbayes.formats.textfile import Lines, cells_of, content, decoded
+from qlvbayes.formats.textfile import cells_of, content, decoded
 from qlvbayes.formats.texttable import in_cells, seconds_of, table
 
 _BLOCK = re.compile(rb"<INFO>(.*?)<END INFO>.*?<DATA>[ \t]*\n(.*?)(?:<END DATA>|\Z)", re.DOTALL)

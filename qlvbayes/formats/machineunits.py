@@ -22,7 +22,7 @@ STANDARD_GRAVITY = 9.80665  # m/s2, exact by definition (CGPM 1901): N in one kg
 _POUND = 4.4482216152605  # N, exact: 0.45359237 kg under standard gravity
 _INCH = 25.4  # mm, exact
 
-_SPELLED = {
+_SPELLED: dict[str, dict[str, tuple[str, ...]]] = {
     "time": {"s": ("sec", "secs", "second", "seconds", "sek"), "ms": ("msec",), "min": ()},
     "displacement": {
         "mm": ("millimeter", "millimetre"),

@@ -62,7 +62,7 @@ def _arrays(group: Any) -> list[Array]:
     named = [Named(k, *split_header(array.name)) for k, array in enumerate(found)]
     if "time" not in quantities(named):
         found += [
-            Array("time", np.arange(size) * float(step), "s")
+            Array("time", np.arange(size, dtype=np.float64) * np.float64(step), "s")
             for size, step in steps.items()
             if step
         ]

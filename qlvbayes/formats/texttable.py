@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import datetime, timezone
+from datetime import UTC, datetime
 from pathlib import Path
 
 from qlvbayes.formats.columns import Named, chosen, recording, split_header
@@ -65,7 +65,7 @@ def seconds_of(text: str) -> float | None:
     """
     for form in _DATES:
         try:
-            return datetime.strptime(text.strip(), form).replace(tzinfo=timezone.utc).timestamp()
+            return datetime.strptime(text.strip(), form).replace(tzinfo=UTC).timestamp()
         except ValueError:
             continue
     return None

@@ -24,14 +24,13 @@ def machine_file(file: Path, tidy: Dialect | InputError) -> Conversion | None:
     InputError
         The file leaves open what only ``qlvbayes convert`` asks for, or it is damaged.
     """
-    failed = isinstance(tidy, InputError)
-    if not failed and not tidy.columns.ignored:
+    if isinstance(tidy, Dialect) and not tidy.columns.ignored:
         return None
     try:
         head = head_of(file)
     except InputError:
         return None
-    whole, _, _ = matching(head, FORMATS if failed else (TwoClocks,))
+    whole, _, _ = matching(head, (TwoClocks,) if isinstance(tidy, Dialect) else FORMATS)
     if len(whole) != 1:
         return None
     try:

@@ -33,7 +33,7 @@ def plot_conversion(conversion: Conversion, *, width: float = DOUBLE) -> list[Ax
         figure = Figure((width * MM, height * MM), layout="constrained")
         axes = figure.subplots(rows, columns, squeeze=False).ravel()
         for k, test in enumerate(tests):
-            _draw(axes[3 * k : 3 * k + 3], test)
+            _draw(list(axes[3 * k : 3 * k + 3]), test)
         left = len(conversion.tests) - len(tests)
         more = f"; {left} more tests are not drawn" if left else ""
         figure.suptitle(f"read from machine files{more}", x=0.01, ha="left")
