@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes.checks import InputError
+from qlvbayes.formats.conversion import Conversion
+from qlvbayes.formats.unasked import machine_file
 from qlvbayes.reading.badline import parse_number
 from qlvbayes.reading.csvtext import digest, unchanged
 from qlvbayes.reading.dialect import Dialect, sniff
@@ -84,7 +86,9 @@ def read_study(path: str | Path) -> Study:
     A `force_sd` or `rate` in another unit is converted, time to s. Optional: `force_sd_N`, `pad`,
     `fluid` (or `group`, the same in all rows of a pad), `test`, `role`, `rate_mm_s`, `start_s`.
     Lines that begin with # are comments. Without `start_s` the tests of a pad follow one
-    another. The arrays are read-only.
+    another. A file of another layout is read by the format whose marks its first bytes show
+    (`formats`), if that needs no answer; the notices then say what was found. The arrays are
+    read-only.
 
     Raises
     ------
@@ -93,10 +97,36 @@ def read_study(path: str | Path) -> Study:
     """
     file = Path(path)
     with unchanged(file):
-        dialect = sniff(file)
+        try:
+            dialect: Dialect | InputError = sniff(file)
+        except InputError as error:
+            dialect = error
+        if (found := machine_file(file, dialect)) is not None:
+            return Study(_converted(found), found.units, str(path), digest(file), found.notices)
+        if isinstance(dialect, InputError):
+            raise dialect
         pads = _pads(file, dialect, read_table(file, dialect))
         sha256 = digest(file)
     return Study(pads, dialect.columns.units, str(path), sha256, _notices(dialect))
+
+
+def _converted(conversion: Conversion) -> tuple[Pad, ...]:
+    """Pads of a machine's file; without its clock the tests of one follow one another."""
+    tests: dict[str, list[Test]] = {}
+    for found in conversion.tests:
+        of_pad = tests.setdefault(found.pad, [])
+        start = found.start_s
+        if start is None:
+            start = of_pad[-1].start_s + float(of_pad[-1].time[-1]) if of_pad else 0.0
+        for values in (found.time, found.displacement, found.force):
+            values.setflags(write=False)
+        of_pad.append(
+            Test(
+                found.test, found.pad, found.time, found.displacement, found.force,
+                start_s=start, start_known=found.start_s is not None,
+            )
+        )  # fmt: skip
+    return tuple(Pad(name, tuple(of_pad), conversion.units) for name, of_pad in tests.items())
 
 
 def _pads(file: Path, dialect: Dialect, table: Table) -> tuple[Pad, ...]:

@@ -15,6 +15,7 @@ LAYERS = [
     ["resultfile"],
     # measurements, and the motion in them
     ["reading"],
+    ["formats"],
     ["data"],
     ["kinematics"],
     ["noisefloor", "stiffness"],

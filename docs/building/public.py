@@ -9,7 +9,7 @@ from typing import Any
 
 # Which parts of the package stand on which page of the API; what is in none, on the last one.
 SECTIONS = {
-    "measurements": ("data", "experiment", "checks", "units"),
+    "measurements": ("data", "experiment", "checks", "units", "formats"),
     "model": ("model", "motion", "laws", "law", "noise", "scales", "priors"),
     "fitting": ("choices", "fit", "inference", "summary", "predict", "residuals", "results"),
     "diagnosis": ("diagnosis",),

@@ -12,6 +12,7 @@ from qlvbayes.checks import InputError
 from qlvbayes.cli.benchmark import benchmark
 from qlvbayes.cli.check import check
 from qlvbayes.cli.compare import compare_command
+from qlvbayes.cli.convert import convert_command
 from qlvbayes.cli.diagnose import diagnose_command
 from qlvbayes.cli.effects import effects
 from qlvbayes.cli.export import export_command
@@ -40,6 +41,7 @@ app.command()(report)
 app.command("export")(export_command)
 app.command()(effects)
 app.command()(laws)
+app.command("convert")(convert_command)
 app.command()(simulate)
 app.command()(benchmark)
 

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from qlvbayes.plots.benchmark import plot_benchmark
     from qlvbayes.plots.constants import plot_constants
     from qlvbayes.plots.contrasts import plot_contrasts
+    from qlvbayes.plots.conversion import plot_conversion
     from qlvbayes.plots.error_staircase import plot_error_staircase
     from qlvbayes.plots.evidence import plot_evidence
     from qlvbayes.plots.files import figure_of, save_figure
@@ -33,6 +34,7 @@ __all__ = [
     "plot_benchmark",
     "plot_constants",
     "plot_contrasts",
+    "plot_conversion",
     "plot_error_staircase",
     "plot_evidence",
     "plot_forces",

@@ -1,0 +1,123 @@
+"""``qlvbayes convert``: files as machines write them, made tidy."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from qlvbayes.checks import InputError
+from qlvbayes.cli.console import err, out, waiting
+from qlvbayes.cli.options import AsJson, Style, split_names
+from qlvbayes.formats.answers import FILE, SIGNS, Answers, UnsureError
+from qlvbayes.formats.catalogue import FORMATS
+from qlvbayes.formats.conversion import Conversion, convert, told
+from qlvbayes.formats.format import AbstractFormat
+from qlvbayes.formats.tidy import write_tidy
+from qlvbayes.formats.userfile import load
+
+
+def convert_command(
+    files: Annotated[list[Path], typer.Argument(help="Files as machines write them.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="A .csv or .csv.gz file.")],
+    pad: Annotated[str, typer.Option(help="Pad's name: one for all files, or one a file.")] = "",
+    test: Annotated[str, typer.Option(help="Names of the tests, as 'slow,fast'.")] = "",
+    sign: Annotated[
+        str | None,
+        typer.Option(
+            help=f"What to turn over so that pressing is positive: {', '.join(SIGNS)}.",
+            show_default=False,
+        ),
+    ] = None,
+    contact: Annotated[
+        str | None,
+        typer.Option(
+            help=f"Displacement at first contact as the files have it, or '{FILE}': their zero.",
+            show_default=False,
+        ),
+    ] = None,
+    units: Annotated[
+        str | None,
+        typer.Option(
+            help="Units of time, displacement, force where the files tell none: s,mm,N.",
+            show_default=False,
+        ),
+    ] = None,
+    area: Annotated[
+        float | None,
+        typer.Option(
+            help="Area (mm2), where strain meets force or displacement stress.", show_default=False
+        ),
+    ] = None,
+    formats_file: Annotated[
+        Path | None,
+        typer.Option(help="A Python file with formats of your own.", show_default=False),
+    ] = None,
+    style: Style = None,
+    as_json: AsJson = False,
+) -> None:
+    """Turn files of testing machines into one tidy CSV file, and say what was found in them.
+
+    Layouts are told by the files' first bytes. Sign, zero, units, sampling, dropped rows and
+    clocks are found, told with their numbers, and drawn in a picture beside the output. What a
+    file leaves open is asked on a terminal, and refused in a pipe.
+    """
+    if output.resolve() in [file.resolve() for file in files]:
+        remedy = "choose another name with -o"
+        raise InputError("this file would be written over", file=output, remedy=remedy)
+    kinds = FORMATS if formats_file is None else (*FORMATS, *load(formats_file))
+    said = _Said(sign, contact, units, area, tuple(split_names(pad)), tuple(split_names(test)))
+    found = _converted(files, said, kinds)
+    write_tidy(found, output)
+    picture = _picture(found, output)
+    if as_json:
+        print(json.dumps([test.as_dict() for test in found.tests], allow_nan=False))
+        return
+    for one in found.tests:
+        out.print(*told(one), sep="\n  ", markup=False)
+    out.print(f"wrote {output}, picture {picture}", markup=False)
+
+
+@dataclass(frozen=True)
+class _Said:
+    """The options as they were typed, or answered."""
+
+    sign: str | None
+    contact: str | None
+    units: str | None
+    area: float | None
+    pads: tuple[str, ...]
+    tests: tuple[str, ...]
+
+    def answers(self) -> Answers:
+        return Answers.of(self.sign, self.contact, self.units, self.area, self.pads, self.tests)
+
+
+def _converted(
+    files: list[Path], said: _Said, kinds: tuple[type[AbstractFormat], ...]
+) -> Conversion:
+    """Convert; on a terminal ask for what is missing, as often as needed."""
+    while True:
+        try:
+            with waiting("reading"):
+                return convert(files, said.answers(), kinds)
+        except UnsureError as error:
+            if not (sys.stdin.isatty() and err.is_terminal):
+                raise
+            err.print(str(error), markup=False)
+            kind = float if error.option == "area" else str
+            answer = typer.prompt(error.question, type=kind, err=True)
+            said = replace(said, **{error.option: answer})
+
+
+def _picture(found: Conversion, output: Path) -> Path:
+    # here, so that other commands do not wait for matplotlib
+    from qlvbayes.plots.conversion import plot_conversion
+    from qlvbayes.plots.files import save_figure
+
+    stem = output.name.removesuffix(".gz").removesuffix(".csv")
+    return save_figure(plot_conversion(found), output.with_name(stem))

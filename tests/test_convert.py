@@ -1,0 +1,216 @@
+"""``qlvbayes convert``, and machine files where tidy ones are expected."""
+
+import json
+import os
+import pty
+import subprocess
+
+import machine_files
+import numpy as np
+import pytest
+from endtoend import COMMAND, call, environment
+from machine_files import Pressed, pressed
+
+from qlvbayes.checks import InputError
+from qlvbayes.data import read_study
+from qlvbayes.experiment import prepare
+from qlvbayes.formats.answers import Answers
+from qlvbayes.formats.conversion import convert
+from qlvbayes.formats.tidy import tidy_text
+from qlvbayes.plots import figure_of, plot_conversion
+
+TEST = pressed()
+CYCLES = Pressed(TEST.time, np.sin(9.0 * TEST.time), np.sin(9.0 * TEST.time))
+
+
+@pytest.fixture
+def instron(tmp_path):
+    """A file of Bluehill 3: both columns negative when pressed, contact at -3 mm."""
+    path = tmp_path / "press.csv"
+    path.write_bytes(machine_files.bluehill_3(TEST))
+    return path
+
+
+def same(one, other):
+    assert [pad.name for pad in one.pads] == [pad.name for pad in other.pads]
+    assert one.units == other.units
+    for mine, yours in zip(one.pads, other.pads, strict=True):
+        for a, b in zip(mine.tests, yours.tests, strict=True):
+            assert (a.name, a.start_known) == (b.name, b.start_known)
+            assert a.start_s == pytest.approx(b.start_s, abs=1e-6)
+            for key in ("time", "displacement", "force"):
+                peak = np.abs(getattr(a, key)).max()
+                np.testing.assert_allclose(getattr(a, key), getattr(b, key), atol=1e-9 * peak)
+
+
+def test_what_was_found_is_told_and_drawn_and_the_study_can_be_read(instron, tmp_path):
+    out = tmp_path / "tidy.csv"
+    status, said, err = call("convert", instron, "-o", out, "--pad", "B")
+    assert (status, err) == (0, "")
+    for words in (
+        "Instron, Bluehill 2 and 3",
+        "Extension in mm, Load in N",
+        "turned over: Extension and Load",
+        "contact at -3.00",
+        "+- 0.00",
+        "0.005 s a row",
+        f"wrote {out}",
+    ):
+        assert words in said
+    assert (tmp_path / "tidy.png").stat().st_size > 10_000
+    (pad,) = read_study(out).pads
+    (test,) = pad.tests
+    assert (pad.name, test.name) == ("B", "pad B")
+    ramp = prepare(pad).trials[0]
+    assert ramp.rate == pytest.approx(2.0, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [machine_files.bluehill_3, machine_files.mach_1_blocks, machine_files.two_clocks_tidy,
+     machine_files.chiaro, machine_files.testxpert, machine_files.hdf5_groups],
+    ids=lambda make: make.__name__,
+)  # fmt: skip
+def test_a_machine_s_file_is_read_unasked_like_its_conversion(make, tmp_path):
+    source, out = tmp_path / "a.csv", tmp_path / "tidy.csv"
+    source.write_bytes(make(TEST))
+    assert call("convert", source, "-o", out)[0] == 0
+    unasked = read_study(source)
+    same(unasked, read_study(out))
+    assert any("is a file of" in notice for notice in unasked.notices)
+
+
+def test_what_is_in_doubt_is_refused_in_a_pipe(tmp_path):
+    source = tmp_path / "a.csv"
+    source.write_bytes(machine_files.cellscale(CYCLES))
+    status, said, err = call("convert", source, "-o", tmp_path / "tidy.csv")
+    assert (status, said, err.count("\n")) == (2, "", 1)
+    assert "which way presses cannot be told" in err
+    assert "--sign none|displacement|force|both" in err
+    assert not (tmp_path / "tidy.csv").exists()
+    with pytest.raises(
+        InputError, match=rf"say it to qlvbayes convert {source} -o tidy.csv --sign"
+    ):
+        read_study(source)
+
+
+def test_what_is_in_doubt_is_asked_on_a_terminal(tmp_path):
+    source, out = tmp_path / "a.csv", tmp_path / "tidy.csv"
+    source.write_bytes(machine_files.cellscale(CYCLES))
+    ours, theirs = pty.openpty()
+    line = [str(COMMAND), "convert", str(source), "-o", str(out), "--contact", "file"]
+    process = subprocess.Popen(
+        line, stdin=theirs, stdout=theirs, stderr=theirs, env={**environment(), "TERM": "dumb"}
+    )
+    os.close(theirs)
+    os.write(ours, b"none\n")
+    shown = b""
+    try:
+        while part := os.read(ours, 4096):
+            shown += part
+    except OSError:  # the other end is closed
+        pass
+    assert process.wait(timeout=900) == 0
+    assert b"which columns are to be turned over" in shown
+    assert b"sign kept as written, as said" in shown
+    np.testing.assert_allclose(read_study(out).pads[0].tests[0].force, CYCLES.load, atol=1e-6)
+
+
+def test_json_is_whole_and_finite(instron, tmp_path):
+    status, said, _ = call("convert", instron, "-o", tmp_path / "tidy.csv", "--json")
+    assert status == 0
+    (found,) = json.loads(said)
+    assert found["format"] == "bluehill-3"
+    assert found["turned"] == {"displacement": True, "force": True}
+    assert abs(found["contact"]["place"] - 3.0) < 4.0 * found["contact"]["sd"]
+    assert found["rows"] == len(TEST.time)
+
+
+def test_several_files_several_pads_and_their_clock(tmp_path):
+    files = []
+    for name, clock in (("one", "10:00:00"), ("two", "10:05:00"), ("three", "10:10:00")):
+        files.append(tmp_path / f"{name}.csv")
+        text = machine_files.testsuite(TEST).replace(b"10:00:00", clock.encode())
+        files[-1].write_bytes(text.replace(b"pad 7", name.encode()))
+    out = tmp_path / "tidy.csv.gz"
+    assert call("convert", *files, "-o", out, "--test", "a,b,c")[0] == 0
+    (pad,) = read_study(out).pads
+    assert [test.name for test in pad.tests] == ["a", "b", "c"]
+    assert [test.start_s for test in pad.tests] == pytest.approx([0.0, 300.0, 600.0])
+    assert all(test.start_known for test in pad.tests)
+    assert call("convert", *files, "-o", out, "--pad", "A,B,C")[0] == 0
+    assert [pad.name for pad in read_study(out).pads] == ["A", "B", "C"]
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--pad", "A,B"], "--pad names 2 pads and there are 1 files"),
+        (["--test", "a,b"], "--test names 2 tests and there are 1 (pad B)"),
+        (["--pad", "a/b"], "the name 'a/b' cannot be used; write it as 'a-b'"),
+        (["--sign", "down"], "no sign 'down'; use one of none, displacement, force, both"),
+        (["--contact", "here"], "no place of contact 'here'"),
+        (["--units", "s,mm"], "are not three units"),
+        (["--area", "-1"], "the area -1 is not positive"),
+        (["--formats-file", "no.py"], "no such Python file"),
+        (["-o", "tidy.txt"], "this is no name of a CSV file"),
+    ],
+)
+def test_a_word_that_cannot_be_used_is_refused(instron, words, says, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    status, said, err = call("convert", instron, "-o", "tidy.csv", *words)
+    assert (status, said, err.count("\n")) == (2, "", 1)
+    assert says in err
+    assert [path.name for path in tmp_path.iterdir()] == [instron.name]
+
+
+def test_the_file_itself_is_not_written_over(instron):
+    before = instron.read_bytes()
+    status, _, err = call("convert", instron, "-o", instron)
+    assert status == 2
+    assert "would be written over" in err
+    assert instron.read_bytes() == before
+
+
+def test_rows_long_before_contact_are_left_out_and_counted(tmp_path):
+    early = pressed(approach=8.0)
+    source = tmp_path / "a.csv"
+    source.write_bytes(machine_files.bluehill_universal(early))
+    (test,) = convert([source]).tests
+    # 4 s of approach at 200 Hz, of which one second stays
+    (dropped,) = test.dropped.values()
+    assert dropped == pytest.approx(600, abs=3)
+    assert test.time[0] == 0.0
+    assert len(test.time) + dropped == len(early.time)
+
+
+def test_a_later_test_that_begins_in_contact_has_the_zero_of_the_first(tmp_path):
+    scans = [machine_files.wintest_scans(test).decode() for test in (TEST, pressed(-0.3, seed=2))]
+    names = "".join(scans[0].splitlines(keepends=True)[:2])
+    bodies = [scan.split(names)[1] for scan in scans]
+    source = tmp_path / "a.txt"
+    source.write_text(names + bodies[0] + names + bodies[1])
+    one, other = convert([source]).tests
+    assert one.zero == other.zero
+    assert one.contact == other.contact
+    assert "the zero of the file's test before" in " ".join(other.findings)
+
+
+@pytest.mark.parametrize("width", [85.0, 180.0])
+def test_the_picture_shows_every_test_with_its_contact(tmp_path, width):
+    source = tmp_path / "a.txt"
+    source.write_bytes(machine_files.mach_1_blocks(TEST))
+    axes = plot_conversion(convert([source]), width=width)
+    drawn = [line.get_gid() for axis in axes for line in axis.get_lines()]
+    assert [drawn.count(gid) for gid in ("displacement", "force", "rise")] == [2, 2, 2]
+    assert figure_of(axes).get_size_inches()[0] == pytest.approx(width / 25.4)
+    bands = [patch for axis in axes for patch in axis.patches if patch.get_gid() == "contact"]
+    assert len(bands) == 2
+
+
+def test_names_that_a_tidy_file_cannot_hold_are_written_otherwise(tmp_path):
+    source = tmp_path / 'a;b,"c.csv'
+    source.write_bytes(machine_files.cellscale(TEST))
+    text = tidy_text(convert([source], Answers.of(pads=("100% B",)))).decode()
+    row = next(line for line in text.split("\n") if line.startswith("100% B"))
+    assert row.startswith("100% B,a-b-c,0.0")
