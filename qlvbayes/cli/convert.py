@@ -36,7 +36,7 @@ def convert_command(
     contact: Annotated[
         str | None,
         typer.Option(
-            help=f"Displacement at first contact as the files have it, or '{FILE}': their zero.",
+            help=f"Displacement at contact in the tidy file's unit, or '{FILE}': its own zero.",
             show_default=False,
         ),
     ] = None,

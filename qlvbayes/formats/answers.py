@@ -69,7 +69,5 @@ def _place(text: str) -> float | str:
     try:
         return float(text)
     except ValueError:
-        remedy = (
-            f"give the displacement at contact as the file has it, or '{FILE}' for its own zero"
-        )
+        remedy = f"give it in the unit of the tidy file, or '{FILE}' for the file's own zero"
         raise InputError(f"no place of contact {text!r}", remedy=remedy) from None

@@ -444,8 +444,8 @@ def _at_start(
             f"({share:.1%} of the peak force): where the specimen is first touched is not in it",
             file=file,
             option="contact",
-            question=f"displacement at first contact in {units.displacement}, as the file has it, "
-            f"or '{FILE}' for its own zero",
+            question=f"displacement at first contact in {units.displacement}, before it is set to "
+            f"zero, or '{FILE}' for its own zero",
             say="VALUE, or --contact file for the file's own zero",
         )
     place = float(way[0])
