@@ -11,7 +11,7 @@ from qlvbayes.diagnosis.families import Families
 from qlvbayes.diagnosis.search import Search
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.workbench import search_of
-from qlvbayes.effects.catalogue import find
+from qlvbayes.effects.catalogue import OUTSIDE, find
 from qlvbayes.inference.space import Hypothesis
 from qlvbayes.synthetic import HIDDEN
 
@@ -80,7 +80,8 @@ def test_a_form_put_into_the_model_takes_the_place_of_its_family():
     chosen = Choices(effects=("pressure_friction",))
     search = search_of(hidden_pad(rates=RATES[:2]), chosen, kinds=FEW)
     effects = set(search.density.space.effects)
-    assert effects == {"viscous_drag", "pressure_friction", "force_offset"}
+    listed = {"viscous_drag", "pressure_friction", "force_offset"}
+    assert effects == listed | {kind.name for kind in OUTSIDE}
 
 
 def test_a_law_with_fewer_effects_that_comes_near_is_grown_too():
