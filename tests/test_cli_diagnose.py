@@ -12,7 +12,7 @@ from qlvbayes.choices import Choices
 from qlvbayes.curves import Curves
 from qlvbayes.diagnosis.result import Base, DiagnosisResult
 from qlvbayes.diagnosis.settings import Settings
-from qlvbayes.effects.catalogue import EFFECTS
+from qlvbayes.effects.catalogue import EVERY
 from qlvbayes.residuals import CheckResult
 from qlvbayes.runs import Runs
 from qlvbayes.study.run import _on_laws
@@ -89,7 +89,7 @@ def test_what_was_tried_travels_in_the_verdict(study):
     assert used.thresholds == Settings()
     assert {"exponential", "hertz"} <= set(used.elastic)
     assert "prony:2" in used.relaxation
-    assert set(used.effects) <= {kind.name for kind in EFFECTS}
+    assert set(used.effects) <= {kind.name for kind in EVERY}
     assert (used.seed, used.evidence) == (0, "laplace")
 
 

@@ -161,7 +161,7 @@ def test_damaged_results_leave_nothing_else_on_stderr(tmp_path):
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["--noise", "pink"], "use one of floor, correlated, white, none"),
+        (["--noise", "pink"], "use one of correlated, white, none"),
         (["--pads", "Q"], "no pad 'Q'"),
         (["--rates", "fast"], "not a list of rates"),
         (["--rates", "-1"], "not a list of rates"),

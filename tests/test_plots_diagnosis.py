@@ -363,7 +363,7 @@ def real():
     rng = np.random.default_rng(1)
     constants = TABLE_1["B"]
     peak = constants.m / constants.b * np.expm1(1.6 * constants.b)
-    drag = draw_effect("viscous_drag", rng, peak, 1.6, 40.0, 0.05, constants=constants)
+    drag = draw_effect("viscous_drag", rng, peak, 1.6, 40.0, 0.1, constants=constants)
     rates = {f"{rate:g}": paper_protocol(rate) for rate in (1.0, 20.0)}
     pads = {"B": HiddenPad(constants, (drag,))}
     tests = record_study(pads, rates, NOISES["correlated"], 1, 300)

@@ -67,7 +67,7 @@ def test_a_sine_swings_about_where_it_is():
 
 
 def test_units_are_those_of_the_fit():
-    cell = UnitSystem("um", "nN", "displacement", "force")
+    cell = UnitSystem("um", "nN")
     assert parse("ramp 0.001 mm at 1 um/s", cell).value[-1] == pytest.approx(1.0)
     assert parse("force 2 uN in 1 s", cell).value[-1] == pytest.approx(2000.0)
     stretched = parse("ramp 0.1 strain at 0.05 strain/s", STRAIN)

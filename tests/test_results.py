@@ -106,11 +106,11 @@ def test_the_root_says_where_it_comes_from(tree):
 
 def test_arviz_summary_agrees_with_ours(tree):
     ours = summarise(fitted())
-    free = [constant for constant in ours.constants if not constant.fixed]
-    varying = sorted({constant.name.split("[")[0] for constant in free})
+    free = {name: constant for name, constant in ours.parameters.items() if not constant.fixed}
+    varying = sorted({name.split("[")[0] for name in free})
     table = arviz_summary(tree, var_names=varying, round_to="none")
-    for constant in free:
-        row = table.loc[constant.name]
+    for name, constant in free.items():
+        row = table.loc[name]
         # both from one chain, of which the file keeps a part
         assert abs(row["mean"] - constant.mean) < 0.15 * constant.sd
         assert row["sd"] == pytest.approx(constant.sd, rel=0.1)
