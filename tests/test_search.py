@@ -1,6 +1,7 @@
 """The search over hypotheses against pads whose law and hidden effect are known."""
 
 from dataclasses import replace
+from typing import Any, ClassVar
 
 import pytest
 from hidden_pads import hidden_pad
@@ -12,7 +13,9 @@ from qlvbayes.diagnosis.search import Search
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.effects.catalogue import OUTSIDE, find
+from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.inference.space import Hypothesis
+from qlvbayes.priors import LogNormal, Normal
 from qlvbayes.synthetic import HIDDEN
 
 RATES = (0.1, 1.0, 20.0, 100.0)
@@ -104,3 +107,48 @@ def test_likely_effects_are_tried_on_every_law_that_comes_near():
     near, far = replace(best, elastic="exponential"), replace(best, elastic="linear")
     search = tabled({best: -100.0, rival: -104.0, unlikely: -120.0, near: -130.0, far: -500.0})
     assert search.crossed(best) == [(rival, replace(rival, elastic="exponential"))]
+
+
+class Scaled(AbstractEffect):
+    """F times a factor that is 1 where nothing is there: null is not 0, the prior not normal."""
+
+    factor: Any
+    name: ClassVar[str] = "scaled"
+    level: ClassVar[Level] = Level.SCALING
+    rank: ClassVar[int] = 9
+    units: ClassVar[dict[str, str]] = {"factor": "count"}
+    null: ClassVar[dict[str, float]] = {"factor": 1.0}
+    law: ClassVar[str] = "F -> factor F"
+    seen: ClassVar[str] = "all of it larger or smaller"
+    reference: ClassVar[str] = "none"
+
+    @classmethod
+    def default(cls, scales):
+        return cls(LogNormal(0.0, 0.1))
+
+    def force(self, below, motion):
+        return self.factor * below.force(motion)
+
+
+class Shifted(Scaled):
+    """The same under a normal prior about its null."""
+
+    name: ClassVar[str] = "shifted"
+
+    @classmethod
+    def default(cls, scales):
+        return cls(Normal(1.0, 0.1))
+
+
+@pytest.mark.parametrize("kind", [Scaled, Shifted])
+def test_a_users_effect_is_tried_whatever_its_prior_and_its_null(kind):
+    """A factor of all forces is the stiffness once more: the best fit is the plain model's."""
+    search = search_of(hidden_pad(rates=RATES[:2]), Choices(), kinds=(kind,))
+    search.see_plain(USUAL)
+    plain = search.modes[USUAL][0]
+    search._add(USUAL, [kind.name])
+    found = search.modes[USUAL.plus(kind.name)][0]
+    assert found.mode.converged
+    assert found.point.residual @ found.point.residual == pytest.approx(
+        plain.point.residual @ plain.point.residual, rel=0.02
+    )

@@ -230,11 +230,17 @@ class Search:
     def _add(self, hypothesis: Hypothesis, effects: Iterable[str]) -> None:
         """Each of some effects more, of families that are not in yet, the most promising first."""
         free = set(self.families.beside(hypothesis.effects))
-        for one in self._promises(hypothesis, [name for name in effects if name in free]):
+        names = [name for name in effects if name in free]
+        for one in self._promises(hypothesis, names):
             if self._may_lead(hypothesis, one):
                 start = self.density.extended(one.point, one.added)
                 if start is not None:
                     self._keep(one.hypothesis, self._optimised(one.hypothesis, [start]))
+        for name in names:  # of the user's own, whose prior may be of any kind: nothing is promised
+            more = hypothesis.plus(name)
+            if amplitude_of(self.density.space.parameters(more), name) is None:
+                starts = self.starts_with(self.modes[hypothesis][0], more, name)
+                self._keep(more, self._optimised(more, starts[:: len(starts) // _FOLLOWED or 1]))
 
     def _see_forms(self, hypothesis: Hypothesis) -> None:
         """Where something is left: other forms of effects, and what names nothing."""
@@ -400,13 +406,15 @@ class Search:
         return theta
 
     def starts_with(self, found: Weighed, hypothesis: Hypothesis, effect: str) -> list[Array]:
-        """Starts (F,): the effect at nothing, its first other constant over its prior."""
+        """Starts (F,): the effect at its null, its first other constant over its prior."""
         space, new = self.density.space, self.density.space.parameters(hypothesis)
         start = self._with_carried(found.point, hypothesis, np.zeros(new.size))
         own = [leaf for name, leaf in new.by_name.items() if name.startswith(f"{effect}.")]
         draws, taken, shapes = space.draws("effects", effect), 0, []
         for leaf in own:
-            if not isinstance(leaf.prior, Natural):
+            if isinstance(leaf.prior, Natural):
+                start[leaf.theta.start] = next(iter(space.effects[effect].null.values()))
+            else:
                 shapes.append((leaf, draws[:, taken : taken + len(leaf.theta)]))
             taken += len(leaf.theta)
         starts = []
