@@ -101,9 +101,8 @@ def _partly(d: DiagnosisResult, work: Work) -> str:
 
 
 def _unexplained(d: DiagnosisResult, work: Work) -> str:
-    tried = f" The best that the list offers, {joined(list(d.tried))}, is not enough." * bool(
-        d.tried
-    )
+    listed = [name for name in d.tried if name not in work.search.families.outside]
+    tried = f" The best that the list offers, {joined(listed)}, is not enough." if listed else ""
     return (
         f"Pad {d.pad}: unexplained.{tried} {_upper(_structure(d, work))} No effect is named: "
         "take the constants as those of a model that is wrong."
