@@ -41,7 +41,7 @@ class PressureFriction(AbstractEffect):
     reduces: ClassVar[dict[str, float]] = {"share": 0.0}
     law: ClassVar[str] = "F += strength (1 - share + share F/pressed) z"
     seen: ClassVar[str] = "a force against the motion, at any speed, larger the harder it presses"
-    reference: ClassVar[str] = "Amontons 1699; Derjaguin 1934, doi:10.1007/BF01333114"
+    reference: ClassVar[str] = "Amontons 1699; Derjaguin 1934, Z. Phys. 88"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:

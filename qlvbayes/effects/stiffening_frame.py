@@ -34,7 +34,7 @@ class StiffeningFrame(AbstractEffect):
     reduces: ClassVar[dict[str, float]] = {"stiff": math.inf}
     law: ClassVar[str] = "delta -> delta - compliance F/(1 + |F|/stiff)"
     seen: ClassVar[str] = "softer where the force is small, less so where it is large"
-    reference: ClassVar[str] = "Kalidindi, Abusafieh & El-Danaf 1997, doi:10.1007/BF02317861"
+    reference: ClassVar[str] = "Kalidindi, Abusafieh & El-Danaf 1997, Exp. Mech. 37"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
