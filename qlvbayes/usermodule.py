@@ -6,10 +6,11 @@ import importlib.util
 import inspect
 import sys
 import traceback
+from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from qlvbayes.checks import InputError
 
@@ -35,6 +36,27 @@ def own_classes(path: Path, base: type[Kind], content: str) -> tuple[type[Kind],
         if inspect.isclass(kind) and issubclass(kind, base) and kind.__module__ == module.__name__
     ]
     return tuple(dict.fromkeys(kind for kind in kinds if not kind.__name__.startswith("Abstract")))
+
+
+def check_own(
+    path: Path, kind: type[Any], base: type[Any], word: str, taken: Mapping[str, str]
+) -> None:
+    """Raise InputError where a class lacks a part of ``base``, or its name is taken.
+
+    word: what the class is; taken: what to say of each name that is.
+    """
+    line = inspect.getsourcelines(kind)[1]
+    lacking = sorted(kind.__abstractmethods__) if inspect.isabstract(kind) else []
+    lacking += [name for name in base.__annotations__ if not hasattr(kind, name)]
+    if lacking:
+        raise InputError(
+            f"the {word} {kind.__name__} lacks {', '.join(lacking)}",
+            file=path,
+            line=line,
+            remedy="define them in the class",
+        )
+    if kind.name in taken:
+        raise InputError(taken[kind.name], file=path, line=line, remedy="choose another name")
 
 
 @lru_cache(maxsize=16)

@@ -31,8 +31,9 @@ def sets(names):
 def test_prior_sums_to_one_over_all_sets_and_laws():
     settings, effects = Settings(complete=0.5, usual=0.6), ("a", "b", "c")
     laws = (("x", "y", "z"), ("p", "q"))
+    families = Families({name: name for name in effects})
     total = sum(
-        math.exp(log_prior(Hypothesis(e, r, frozenset(some)), USUAL, laws, 3, settings))
+        math.exp(log_prior(Hypothesis(e, r, frozenset(some)), USUAL, laws, families, settings))
         for e in laws[0]
         for r in laws[1]
         for some in sets(effects)
@@ -78,7 +79,8 @@ def test_forms_have_all_where_the_listed_law_is_no_candidate():
 def test_effects_that_are_families_of_their_own_are_counted_one_by_one():
     listed = Families.of_kinds(EFFECTS)
     for some in ((), ("friction",), ("friction", "inertia")):
-        assert prior(some, listed) == pytest.approx(prior(some, len(EFFECTS)))
+        expected = 0.5 ** (len(some) + 1) / math.comb(len(EFFECTS), len(some))
+        assert prior(some, listed) == pytest.approx(expected)
 
 
 def test_families_follow_from_the_effects_classes():

@@ -14,20 +14,17 @@ def log_prior(
     hypothesis: Hypothesis,
     usual: Hypothesis,
     laws: tuple[Collection[str], Collection[str]],
-    candidates: int | Families,
+    families: Families,
     settings: Settings,
 ) -> float:
     r"""Log prior probability; laws: elastic ones and relaxations.
 
-    What the usual hypothesis has is in every one. candidates: effects in all, if each is a family
-    of its own; sets of k families of N are equally likely, p(set) = c (1 - c)^k / (N over k), and
-    a family's members share its probability. There is at most one of a family: minus infinity.
+    What the usual hypothesis has is in every one. Sets of k families of N are equally likely,
+    p(set) = c (1 - c)^k / (N over k), and a family's members share its probability. There is at
+    most one of a family: minus infinity.
     """
     added = hypothesis.effects - usual.effects
-    if isinstance(candidates, Families):
-        total = _log_prior_of_families(added, usual.effects, candidates, settings)
-    else:
-        total = _log_prior_of_set(len(added), candidates - len(usual.effects), settings)
+    total = _log_prior_of_set(added, usual.effects, families, settings)
     pairs = (
         (hypothesis.elastic, usual.elastic, laws[0]),
         (hypothesis.relaxation, usual.relaxation, laws[1]),
@@ -39,13 +36,7 @@ def log_prior(
     return total
 
 
-def _log_prior_of_set(count: int, families: int, settings: Settings) -> float:
-    """Of a set of so many families out of all."""
-    missing = count * math.log1p(-settings.complete)
-    return math.log(settings.complete) + missing - math.log(math.comb(families, count))
-
-
-def _log_prior_of_families(
+def _log_prior_of_set(
     added: Collection[str], usual: Collection[str], families: Families, settings: Settings
 ) -> float:
     taken = {families.of[name] for name in usual}
@@ -53,8 +44,9 @@ def _log_prior_of_families(
     if len(own) < len(added) or own & taken:
         return -math.inf
     free = set(families.of.values()) - taken
-    shares = sum(math.log(families.share(name)) for name in added)
-    return _log_prior_of_set(len(added), len(free), settings) + shares
+    missing = len(added) * math.log1p(-settings.complete)
+    total = math.log(settings.complete) + missing - math.log(math.comb(len(free), len(added)))
+    return total + sum(math.log(families.share(name)) for name in added)
 
 
 def log_odds_of_effect(candidates: int, settings: Settings) -> float:

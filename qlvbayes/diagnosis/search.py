@@ -188,7 +188,7 @@ class Search:
         return [one for one in fewer if one in self.modes and one not in grown]
 
     def _see_bases(self) -> None:
-        """Laws without effects: elastic ones, then where something is left relaxations.
+        """Laws without effects: elastic ones, then relaxations of the likeliest.
 
         Effects are looked for on the likeliest: on a wrong law several imitate the right one.
         """
@@ -261,10 +261,9 @@ class Search:
         On what comes near, also with an effect less.
         """
         space, effects = self.density.space, self.added(hypothesis)
-        left = self._leaves_more(hypothesis)
-        bases = [(name, hypothesis.relaxation) for name in (space.elastic if left else self.listed)]
-        if left or effects:
-            bases += [(hypothesis.elastic, name) for name in space.relaxation]
+        elastic_ones = space.elastic if self._leaves_more(hypothesis) else self.listed
+        bases = [(name, hypothesis.relaxation) for name in elastic_ones]
+        bases += [(hypothesis.elastic, name) for name in space.relaxation]
         for elastic, relaxation in bases:
             yield Hypothesis(elastic, relaxation, self.usual.effects)
             other = Hypothesis(elastic, relaxation, hypothesis.effects)

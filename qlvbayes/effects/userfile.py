@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import inspect
 from pathlib import Path
 
 from qlvbayes.checks import InputError
 from qlvbayes.effects.catalogue import EVERY, names
 from qlvbayes.effects.effect import AbstractEffect
-from qlvbayes.usermodule import own_classes
+from qlvbayes.usermodule import check_own, own_classes
 
 
 def load(path: str | Path) -> tuple[type[AbstractEffect], ...]:
@@ -26,28 +25,8 @@ def load(path: str | Path) -> tuple[type[AbstractEffect], ...]:
         raise InputError(
             "defines no effect", file=path, remedy="write a class that extends AbstractEffect"
         )
-    taken = dict.fromkeys(names(EVERY), "comes with the package")
+    taken = {name: f"an effect called {name} comes with the package" for name in names(EVERY)}
     for kind in found:
-        _check(kind, taken, path)
-        taken[kind.name] = "stands in this file already"
+        check_own(path, kind, AbstractEffect, "effect", taken)
+        taken[kind.name] = f"an effect called {kind.name} stands in this file already"
     return found
-
-
-def _check(kind: type[AbstractEffect], taken: dict[str, str], path: Path) -> None:
-    line = inspect.getsourcelines(kind)[1]
-    lacking = sorted(kind.__abstractmethods__) if inspect.isabstract(kind) else []
-    lacking += [word for word in AbstractEffect.__annotations__ if not hasattr(kind, word)]
-    if lacking:
-        raise InputError(
-            f"the effect {kind.__name__} lacks {', '.join(lacking)}",
-            file=path,
-            line=line,
-            remedy="define them in the class",
-        )
-    if kind.name in taken:
-        raise InputError(
-            f"an effect called {kind.name} {taken[kind.name]}",
-            file=path,
-            line=line,
-            remedy="choose another name",
-        )

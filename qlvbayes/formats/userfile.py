@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import inspect
 from pathlib import Path
 
 from qlvbayes.checks import InputError
 from qlvbayes.formats.catalogue import FORMATS
 from qlvbayes.formats.format import AbstractFormat
-from qlvbayes.usermodule import own_classes
+from qlvbayes.usermodule import check_own, own_classes
 
 
 def load(path: Path) -> tuple[type[AbstractFormat], ...]:
@@ -25,24 +24,9 @@ def load(path: Path) -> tuple[type[AbstractFormat], ...]:
         raise InputError(
             "defines no format", file=path, remedy="write a class that extends AbstractFormat"
         )
-    taken = {kind.name for kind in FORMATS}
+    said = "there is a format called {} already"
+    taken = {kind.name: said.format(kind.name) for kind in FORMATS}
     for kind in found:
-        line = inspect.getsourcelines(kind)[1]
-        lacking = sorted(kind.__abstractmethods__) if inspect.isabstract(kind) else []
-        lacking += [word for word in AbstractFormat.__annotations__ if not hasattr(kind, word)]
-        if lacking:
-            raise InputError(
-                f"the format {kind.__name__} lacks {', '.join(lacking)}",
-                file=path,
-                line=line,
-                remedy="define them in the class",
-            )
-        if kind.name in taken:
-            raise InputError(
-                f"there is a format called {kind.name} already",
-                file=path,
-                line=line,
-                remedy="choose another name",
-            )
-        taken.add(kind.name)
+        check_own(path, kind, AbstractFormat, "format", taken)
+        taken[kind.name] = said.format(kind.name)
     return found

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import inspect
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from qlvbayes.checks import InputError
 from qlvbayes.laws.catalogue import LAWS, Laws, names
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
-from qlvbayes.usermodule import own_classes
+from qlvbayes.usermodule import check_own, own_classes
 
 
 def load(path: str | Path) -> Laws:
@@ -30,32 +31,13 @@ def load(path: str | Path) -> Laws:
             file=path,
             remedy="write a class that extends AbstractElastic or AbstractRelaxation",
         )
-    for kinds, known in ((elastic, LAWS.elastic), (relaxation, LAWS.relaxation)):
-        taken = dict.fromkeys(names(known), "comes with the package")
-        for kind in kinds:
-            _check(kind, taken, path)
-            taken[kind.name] = "stands in this file already"
+    _check(elastic, AbstractElastic, names(LAWS.elastic), path)
+    _check(relaxation, AbstractRelaxation, names(LAWS.relaxation), path)
     return Laws(elastic, relaxation)
 
 
-def _check(
-    kind: type[AbstractElastic] | type[AbstractRelaxation], taken: dict[str, str], path: Path
-) -> None:
-    line = inspect.getsourcelines(kind)[1]
-    base = AbstractElastic if issubclass(kind, AbstractElastic) else AbstractRelaxation
-    lacking = sorted(kind.__abstractmethods__) if inspect.isabstract(kind) else []
-    lacking += [word for word in base.__annotations__ if not hasattr(kind, word)]
-    if lacking:
-        raise InputError(
-            f"the law {kind.__name__} lacks {', '.join(lacking)}",
-            file=path,
-            line=line,
-            remedy="define them in the class",
-        )
-    if kind.name in taken:
-        raise InputError(
-            f"a law called {kind.name} {taken[kind.name]}",
-            file=path,
-            line=line,
-            remedy="choose another name",
-        )
+def _check(kinds: Sequence[type[Any]], base: type[Any], known: Sequence[str], path: Path) -> None:
+    taken = {name: f"a law called {name} comes with the package" for name in known}
+    for kind in kinds:
+        check_own(path, kind, base, "law", taken)
+        taken[kind.name] = f"a law called {kind.name} stands in this file already"
