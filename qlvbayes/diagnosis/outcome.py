@@ -8,11 +8,11 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp, softmax
+from scipy.special import logsumexp
 
 from qlvbayes.diagnosis.adequacy import Adequacy, adequacy
 from qlvbayes.diagnosis.averaging import averaged
-from qlvbayes.diagnosis.decision import Weight
+from qlvbayes.diagnosis.decision import Weight, probabilities
 from qlvbayes.diagnosis.heldout import held_out
 from qlvbayes.diagnosis.prior import log_odds_of_effect
 from qlvbayes.diagnosis.remainder import Remainder, remainder
@@ -54,10 +54,12 @@ class Outcome:
                 search.log_posterior(one.hypothesis),
                 one.evidence.probability_above(sizes, limit),
                 one.hypothesis.elastic in search.listed,
+                error=one.error,
             ).within(search.families)
             for one in self.seen
         ]
-        self.shares = softmax([weight.log_posterior for weight in self.weights])
+        self.draws = probabilities(self.weights)
+        self.shares = self.draws.mean(axis=0)
         self._heldout: dict[Hypothesis, float] = {}
         self._residuals: dict[Hypothesis, list[Array]] = {}
         self._tested: dict[Hypothesis, Adequacy] = {}
@@ -154,7 +156,8 @@ class Outcome:
             share = self._summed(inside)
             alone = float((self.shares / counts)[inside].sum())
             error = rmse(self.residuals(best))
-            ranked.append((odds, Ranked(name, share, alone, _finite(odds), error, found)))
+            spread = float(self.draws[:, inside].sum(axis=1).std())
+            ranked.append((odds, Ranked(name, share, alone, _finite(odds), error, found, spread)))
         ranked.sort(key=lambda pair: (-pair[1].inclusion, -pair[0]))
         return tuple(one for _, one in ranked)
 
@@ -183,6 +186,8 @@ class Outcome:
                 Laws(*self.weights[k].base),
                 tuple(self.search.added(self.seen[k].hypothesis)),
                 float(self.shares[k]),
+                _finite(self.seen[k].log_evidence),
+                _finite(self.seen[k].error),
             )
             for k in order
             if self.shares[k] >= LEAST

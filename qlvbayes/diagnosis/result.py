@@ -56,11 +56,16 @@ class Base(Laws, frozen=True):
 
 
 class Alternative(Part, frozen=True):
-    """A hypothesis and its probability: base laws and effects."""
+    """A hypothesis and its probability: base laws and effects.
+
+    log_evidence_error: by importance sampling, None where the evidence is Laplace's.
+    """
 
     base: Laws
     effects: tuple[str, ...]
     probability: float
+    log_evidence: float | None = None
+    log_evidence_error: float | None = None
 
 
 class NotRuledOut(Part, frozen=True):
@@ -134,7 +139,7 @@ class Ranked(Part, frozen=True, rename={"rmse": "rmse_N"}):
     same with that of every hypothesis shared out among its effects, so that all sum to one;
     log_bayes_factor: log posterior odds of being in less the log prior odds, None where nothing
     else was seen; rmse: of all samples (N) by the likeliest hypothesis with it; parameters: its
-    constants there.
+    constants there; inclusion_error: what the errors of the evidences make of the inclusion.
     """
 
     effect: str
@@ -143,6 +148,7 @@ class Ranked(Part, frozen=True, rename={"rmse": "rmse_N"}):
     log_bayes_factor: float | None
     rmse: float
     parameters: dict[str, Estimate]
+    inclusion_error: float = 0.0
 
 
 class Unseen(Part, frozen=True):
