@@ -266,6 +266,7 @@ class DiagnosisResult(
         "stages": "steps",
         "bends": "hidden_in_constants",
         "discrepancy": "discrepancy_sd_N",
+        "heldout_of_all": "heldout_of_all_rmse_N",
     },
 ):
     """What one pad's tests say about the model: ``diagnosis.json``.
@@ -275,7 +276,9 @@ class DiagnosisResult(
     forms: of effects told by another law than the list's, which, by the listed name; base: the laws
     of the hypothesis told; bases: all, the likeliest first; outside: probability that something
     outside the list is there; alternatives: the likeliest hypotheses; not_ruled_out: the likeliest
-    sets of effects; constants: the base law's, averaged over all hypotheses on it; stages: from the
+    sets of effects; constants: the base law's, averaged over all hypotheses on it; heldout_of_all:
+    error (N) on tests left out of what the likely hypotheses predict together, each by its
+    probability without that test, None where one alone is likely; stages: from the
     plain model that was chosen to the hypothesis told; ranking: inclusion probabilities; bends:
     effects that would hide in the constants; coincident: effects that look alike; refused: effects
     that are likely, and why they are not named; warnings: where two ways to the evidence disagree;
@@ -298,6 +301,7 @@ class DiagnosisResult(
     alternatives: tuple[Alternative, ...]
     not_ruled_out: tuple[NotRuledOut, ...] = ()
     constants: dict[str, Estimate] = msgspec.field(default_factory=dict)
+    heldout_of_all: float | None = None
     stages: Annotated[tuple[Stage, ...], msgspec.Meta(min_length=1)]
     ranking: tuple[Ranked, ...]
     not_identifiable: tuple[Unseen, ...]

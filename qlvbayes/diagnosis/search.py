@@ -106,9 +106,10 @@ class Search:
         """Up to a constant; minus infinity of what was not seen."""
         if hypothesis not in self.modes:
             return -math.inf
-        return self.modes[hypothesis][0].log_evidence + self._log_prior(hypothesis)
+        return self.modes[hypothesis][0].log_evidence + self.log_prior(hypothesis)
 
-    def _log_prior(self, hypothesis: Hypothesis) -> float:
+    def log_prior(self, hypothesis: Hypothesis) -> float:
+        """Of a hypothesis, with its laws and its set of effects."""
         space = self.density.space
         laws = (space.elastic, space.relaxation)
         return log_prior(hypothesis, self.usual, laws, self.families, self.settings)
@@ -118,7 +119,7 @@ class Search:
 
         Beside a base that leaves only noise nothing can bring much more than it promises.
         """
-        promised = one.log_evidence + self._log_prior(one.hypothesis)
+        promised = one.log_evidence + self.log_prior(one.hypothesis)
         window = _NEAR if self._leaves_more(base) else _RIVAL
         return promised > self.log_posterior(self.best) - window
 
