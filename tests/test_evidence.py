@@ -270,8 +270,13 @@ def test_the_likeliest_size_is_that_of_least_loss_wherever_it_is_looked_for(dens
         (Hypothesis("exponential", "prony:2"), Hypothesis("polynomial:3", "prony:2"), 0.02),
         (Hypothesis("exponential", "prony:2"), Hypothesis("exponential", "prony:3"), 0.01),
         (Hypothesis("exponential", "fung"), Hypothesis("exponential", "log-normal"), 0.03),
+        (
+            Hypothesis("exponential", "prony:3"),
+            Hypothesis("exponential", "prony:2", frozenset({"extra_relaxation_mode"})),
+            0.02,  # the priors' pull
+        ),
     ],
-    ids=["linear", "exponential", "prony", "fung"],
+    ids=["linear", "exponential", "prony", "fung", "one mode more"],
 )
 def test_a_law_in_anothers_place_follows_its_curve(density, space, before, after, apart):
     point = density.at(before, median(space.plain_draws(before)))

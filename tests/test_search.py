@@ -1,6 +1,7 @@
 """The search over hypotheses against pads whose law and hidden effect are known."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import pytest
@@ -24,13 +25,14 @@ USUAL = Hypothesis("exponential", "prony:2")
 
 
 def tabled(table):
-    """A search that has seen hypotheses of these log posteriors."""
+    """A search that has seen hypotheses of these log posteriors, which leave only noise."""
+    noise = SimpleNamespace(mode=SimpleNamespace(size=0.0))
 
     class Tabled(Search):
         def log_posterior(self, hypothesis):
             return table[hypothesis]
 
-    return Tabled(None, Settings(), USUAL, Families({}), modes={key: [] for key in table})
+    return Tabled(None, Settings(), USUAL, Families({}), modes={key: [noise] for key in table})
 
 
 def decided(search):

@@ -42,12 +42,14 @@ Tell = Callable[[str], None]
 _SHAPES = 4  # quantiles of a new effect's first constant besides its amplitude
 _FOLLOWED = 2  # of these, that are optimised
 _MODES = 4  # of a hypothesis, that are kept to start its neighbours from
-_NEAR = 25.0  # log posterior behind the best, within which an effect more or less may lead
+_NEAR = 25.0  # log posterior behind the best, within which an effect more or less may lead;
+_FARTHER = 40.0  # the same where the best leaves more than noise, of what is grown or set on others
 _RIVAL = (
     7.0  # the same of what counts beside it, a thousandth: its effects are tried on all such laws
 )
 _FACTORS = (0.2, 5.0)  # by which a prior is fitted to the motion: beyond, nothing can be seen
 _MOST_EFFECTS = 3
+_MOST_SEEN = 150  # hypotheses: beside something that no list holds very many are alike
 _MOST_SAMPLED = 12  # hypotheses whose evidence is sampled: what comes after is told by Laplace's
 
 
@@ -128,6 +130,11 @@ class Search:
         return self.modes[hypothesis][0].mode.size > 0.0
 
     @property
+    def _window(self) -> float:
+        """Log posterior behind the best, within which laws and fewer effects are looked at."""
+        return _FARTHER if self._leaves_more(self.best) else _NEAR
+
+    @property
     def best(self) -> Hypothesis:
         """The likeliest so far."""
         return max(self.modes, key=self.log_posterior)
@@ -152,7 +159,7 @@ class Search:
         grown: set[Hypothesis] = set()
         rebased: set[Hypothesis] = set()
         formed: set[Hypothesis] = set()
-        while True:
+        while not self.ended_early:
             best = self.best
             if self.added(best) and best not in rebased:
                 rebased.add(best)
@@ -170,8 +177,15 @@ class Search:
                 self.tell("likely effects on likely laws")
                 for found, neighbour in crossed:
                     self.see_rebased(found, neighbour)
-            elif not self._sample_next():
-                return
+            else:
+                break
+        while self._sample_next():
+            pass
+
+    @property
+    def ended_early(self) -> bool:
+        """Whether so many hypotheses were seen that no more are looked for."""
+        return len(self.modes) >= _MOST_SEEN
 
     def _sample_next(self) -> bool:
         """Sample the evidence of the likeliest hypothesis that counts and was not sampled yet."""
@@ -198,7 +212,7 @@ class Search:
         """Likely sets of effects on other laws that come near, where not seen: from, and what."""
         top = self.log_posterior(best)
         ordered = sorted(self.modes, key=self.log_posterior, reverse=True)
-        near = [one for one in ordered if self.log_posterior(one) > top - _NEAR]
+        near = [one for one in ordered if self.log_posterior(one) > top - self._window]
         sets: dict[frozenset[str], Hypothesis] = {}
         for one in near:
             few = len(one.effects) <= len(best.effects)
@@ -232,6 +246,21 @@ class Search:
         if self.best != best:
             for name in self.listed:
                 self.see_plain(replace(self.best, elastic=name))
+        for name in sorted(self.density.space.relaxing & set(self.families.listed)):
+            self._see_spectrum(replace(self.best, relaxation=self.usual.relaxation), name)
+
+    def _see_spectrum(self, bare: Hypothesis, effect: str) -> None:
+        """The chosen relaxation with what acts on it alone, as near as it comes to the best one.
+
+        One mode more may be all that it lacks, and yet promise nothing beside a mode without it.
+        """
+        hypothesis, known = bare.plus(effect), self.modes[self.best][0].point
+        if bare not in self.modes or effect in self.usual.effects or known.own.hypothesis == bare:
+            return
+        nothing = np.zeros(self.density.space.parameters(hypothesis).size)
+        start = self._with_carried(known, hypothesis, nothing)
+        near = projected(self.density.space, known, hypothesis, start)
+        self._keep(hypothesis, self._optimised(hypothesis, [near]))
 
     def simpler(self, grown: set[Hypothesis]) -> list[Hypothesis]:
         """On other laws, with fewer effects than the best, those that more may bring up to it."""
@@ -244,7 +273,7 @@ class Search:
             for one in likeliest.values()
             if one not in grown
             and len(one.effects) < len(best.effects)
-            and self.log_posterior(one) > self.log_posterior(best) - _NEAR
+            and self.log_posterior(one) > self.log_posterior(best) - self._window
         ]
         return sorted(found, key=self.log_posterior, reverse=True)
 
@@ -298,7 +327,7 @@ class Search:
             yield Hypothesis(elastic, relaxation, self.usual.effects)
             other = Hypothesis(elastic, relaxation, hypothesis.effects)
             yield other
-            if self.log_posterior(other) > self.log_posterior(self.best) - _NEAR:
+            if self.log_posterior(other) > self.log_posterior(self.best) - self._window:
                 yield from (other.less(effect) for effect in effects)
 
     @property

@@ -141,4 +141,9 @@ def _notices(experiment: Experiment, search: Search, told: Weighed) -> tuple[str
     model = told.point.own.posterior.with_constants(jnp.asarray(constants))[0]
     times = unresolved_times(model.relaxation, experiment.scales)
     said = [f"pad {experiment.pad}: {text}" for text in (*experiment.floor.notices, *times)]
+    if search.ended_early:
+        said.append(
+            f"pad {experiment.pad}: the search ended after {len(search.modes)} hypotheses, as very "
+            "many are alike: the probabilities are those among them"
+        )
     return (*carried, *clock, *said)

@@ -108,6 +108,13 @@ class AbstractEffect(eqx.Module):
             remedy="leave it out of the model, or prescribe the displacement as a whole",
         )
 
+    def relaxed(self, relaxation: Array, time: Array) -> Array | None:
+        """What it makes of a relaxation function at times (s); None where it acts on more.
+
+        With it the search starts from constants whose curve is that of another law.
+        """
+        return None
+
     @classmethod
     def blind(cls, protocol: Protocol) -> str | None:
         """Why no test of this protocol can show the effect, in a few words; None if one may."""

@@ -44,6 +44,10 @@ class ExtraRelaxationMode(AbstractEffect):
         extra = hereditary_force(below.elastic, self._mode, motion.time, motion.displacement)
         return (1.0 - self.c) * below.force(motion) + self.c * extra
 
+    def relaxed(self, relaxation: Array, time: Array) -> Array:
+        """The law itself, G -> (1 - c) G + c e^(-v t)."""
+        return (1.0 - self.c) * relaxation + self.c * jnp.exp(-self.v * time)
+
     def begin(self, below: Law, displacement: Array) -> State:
         """Beside the law's state, the mode's."""
         return below.begin(displacement), at_first(below.elastic, self._mode, displacement)

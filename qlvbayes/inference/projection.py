@@ -33,12 +33,12 @@ def projected(space: Space, point: Point, hypothesis: Hypothesis, theta: Array) 
     own, found = space.parameters(hypothesis), theta.copy()
     for part in ("elastic", "relaxation"):
         if getattr(hypothesis, part) == getattr(point.own.hypothesis, part):
-            continue
+            continue  # what both have stays
         numbers = space.numbers_of(hypothesis, part)
         if not numbers:
             continue
         goal = space.curve(point.own.hypothesis, part, point.constants[None])[0]
-        draws = space.draws(part, getattr(hypothesis, part))
+        draws = space.draws_of(hypothesis, part)
         curve = _curve(space, own, part, found, numbers)
         found[numbers] = _fitted(curve, goal, draws, own, numbers)
     return found

@@ -7,13 +7,14 @@ by one `Engine`.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array as JaxArray
 from numpy.typing import NDArray
@@ -283,12 +284,26 @@ class Space:
         return np.linspace(0.0, depth, _PLACES), np.geomspace(least, float(time.max()), _PLACES)
 
     def numbers_of(self, hypothesis: Hypothesis, part: str) -> list[int]:
-        """Places in theta of its elastic law's or its relaxation's numbers."""
+        """Places in theta of its elastic law's or its relaxation's numbers.
+
+        With those of effects that act on the relaxation function alone.
+        """
         elastic = self.draws("elastic", hypothesis.elastic).shape[1]
         if part == "elastic":
             return list(range(elastic))
         count = self.draws("relaxation", hypothesis.relaxation).shape[1]
-        return list(range(elastic, elastic + count))
+        own = self.parameters(hypothesis).by_name.items()
+        effects = tuple(f"{name}." for name in hypothesis.effects & self.relaxing)
+        beside = [k for name, leaf in own if name.startswith(effects) for k in leaf.theta]
+        return [*range(elastic, elastic + count), *(beside if effects else [])]
+
+    def draws_of(self, hypothesis: Hypothesis, part: str) -> Array:
+        """(25, size) draws of those numbers."""
+        found = [self.draws(part, getattr(hypothesis, part))]
+        if part == "relaxation":
+            names = [name for name in self._nested(hypothesis) if name in self.relaxing]
+            found += [self.draws("effects", name) for name in names]
+        return np.concatenate(found, axis=1)
 
     def curve(self, hypothesis: Hypothesis, part: str, constants: Array) -> Array:
         """(K, 40) elastic force (N) over depth, or relaxation over time, of constants (K, P)."""
@@ -302,7 +317,28 @@ class Space:
         fractions, rates = _spectra(self._structures[name], self._shapes[name], full[:, count:])
         decays = np.exp(-rates[:, :, None] * self.places[1])
         found = fractions[:, :1] + np.einsum("kl,klt->kt", fractions[:, 1:], decays)
-        return np.asarray(found)[: len(constants)]
+        found = np.asarray(found)[: len(constants)]
+        for effect, own in self._on_relaxation(hypothesis, constants):
+            found = np.asarray(
+                effect(*own).relaxed(jnp.asarray(found), jnp.asarray(self.places[1]))
+            )
+        return found
+
+    def _on_relaxation(
+        self, hypothesis: Hypothesis, constants: Array
+    ) -> Iterator[tuple[type[AbstractEffect], list[Array]]]:
+        """Effects that act on the relaxation function alone, with their constants (K, 1)."""
+        known = self.parameters(hypothesis).names
+        for name in sorted(hypothesis.effects & self.relaxing):
+            kind = type(self.effects[name])
+            columns = [known.index(f"{name}.{field}") for field in kind.units]
+            yield kind, [constants[:, [k]] for k in columns]
+
+    @cached_property
+    def relaxing(self) -> frozenset[str]:
+        """Effects that act on the relaxation function alone."""
+        every = {name: type(effect) for name, effect in self.effects.items()}
+        return frozenset(n for n, k in every.items() if k.relaxed is not AbstractEffect.relaxed)
 
     def _rows(
         self, hypothesis: Hypothesis, constants: Array, fixed: FixedRates
