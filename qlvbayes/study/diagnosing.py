@@ -57,7 +57,7 @@ def diagnose_into(
         text = "\n\n".join(paragraphs(found)) + "\n"
         write_whole(folder / "diagnosis.txt", text.encode())
         figures = _figures(found, folder)
-    for text in found.result.notices:
+    for text in (*experiment.notices, *found.result.notices):
         watcher.notice(text)
     watcher.diagnosed(found, figures)
     return found
