@@ -13,14 +13,14 @@ from jaxtyping import Array
 
 from qlvbayes.checks import InputError
 from qlvbayes.compare.side import Side, Source, side_of
-from qlvbayes.dual import check_steps, displacement_from_force
+from qlvbayes.dual import check_inverse, displacement_from_force
 from qlvbayes.model import Model
 from qlvbayes.motion import Motion
 from qlvbayes.prescribed.hypotheses import DRAWS, DrawnHypothesis, Hypotheses
 from qlvbayes.prescribed.program import Program
 from qlvbayes.prescribed.table import read_table
 from qlvbayes.prescribed.text import parse
-from qlvbayes.stepping import without_steps
+from qlvbayes.stepping import without_inverse
 from qlvbayes.units import UnitSystem
 
 _BATCH = 100  # draws run together: of a program of 50 000 points they take 40 MB a mode
@@ -111,9 +111,9 @@ def _stepping(
     models: list[Model], averaged: tuple[DrawnHypothesis, ...]
 ) -> tuple[list[Model], tuple[DrawnHypothesis, ...], list[str]]:
     """Those hypotheses that go step by step, and a sentence on the others."""
-    able = [not without_steps(model) for model in models]
+    able = [not without_inverse(model) for model in models]
     if not any(able):
-        check_steps(models[0])
+        check_inverse(models[0])
     lost = [str(one) for one, stays in zip(averaged, able, strict=True) if not stays]
     said = f"left out, for no displacement is found from a force with them: {', '.join(lost)}"
     return (
@@ -127,7 +127,7 @@ def _answers(models: Model, given: Program, kept: np.ndarray | slice) -> np.ndar
     """(n, N) of draws of one model."""
     if given.quantity == "displacement":
         return _batches(_forces, models, given.time, given.value, given.rate)
-    check_steps(models)
+    check_inverse(models)
     answers = _batches(_displacements, models, given.time[kept], given.value[kept])
     if lost := int(np.sum(np.any(np.isnan(answers), axis=1))):
         raise InputError(
