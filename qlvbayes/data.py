@@ -25,6 +25,13 @@ Floats = NDArray[np.float64]
 Role = Literal["fit", "validate"]
 Control = Literal["displacement", "force"]
 
+_CONTROLS: dict[str, Control] = {
+    "displacement": "displacement",
+    "strain": "displacement",
+    "force": "force",
+    "stress": "force",
+}
+
 
 @dataclass(frozen=True, eq=False)
 class Test:
@@ -269,10 +276,10 @@ class _Builder:
 
     def _control(self, rows: Rows) -> Control | None:
         control = self._label(rows, "control")
-        if control not in ("displacement", "force", ""):
+        if control and control not in _CONTROLS:
             what = f"control '{control}' is unknown"
             self._fail(rows, rows.row(0), what, "write displacement, force or nothing")
-        return cast(Control, control) if control else None
+        return _CONTROLS.get(control)
 
     def _number(self, rows: Rows, key: str) -> float | None:
         """Return the number declared for a test, None where the cell is empty."""

@@ -74,7 +74,7 @@ def crept_path(trajectory: Trajectory, test: Test) -> Trajectory:
     spare = (least + _SWUNG * (high - low))[:, None]
     between = trajectory.displacement(inner)
     outside = (between < low[:, None] - spare) | (between > high[:, None] + spare)
-    bad = outside.any(axis=1)
+    bad = np.asarray(np.any(outside, axis=1))
     if not bad.any():
         return trajectory
     knots = np.union1d(

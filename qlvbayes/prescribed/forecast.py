@@ -94,7 +94,7 @@ def predict_program(
     warnings: list[str] = []
     if averaged and given.quantity == "force":
         models, averaged, warnings = _stepping(models, averaged)
-    kept = slice(None)
+    kept: np.ndarray | slice = slice(None)
     if given.quantity == "force":
         kept = np.append(np.diff(given.time) > 0.0, True)
     answers = np.concatenate([_answers(model, given, kept) for model in models])
