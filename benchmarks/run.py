@@ -82,7 +82,7 @@ def stepping_section():
         for forward, back, error in [stepping.dual_against_forward(count)]
     )
     rivals = "\n".join(
-        f"| {count:,} | {ours:.1f} | {rival:.0f} | {rival / ours:.0f} | {apart:.0e} |"
+        f"| {count:,} | {ours:.1f} | {rival:.0f} | {rival / ours:.1f} | {apart:.0e} |"
         for count in stepping.IVP_LENGTHS
         for ours, rival, apart in [stepping.dual_against_ivp(count)]
     )
