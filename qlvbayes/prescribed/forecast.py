@@ -26,7 +26,10 @@ from qlvbayes.units import UnitSystem
 _BATCH = 100  # draws run together: of a program of 50 000 points they take 40 MB a mode
 _NEAR = 1.05  # of a range, that still counts as inside it
 _TABLES = (".csv", ".txt", ".tsv", ".gz")
-_CLOCK = ("fluid_leak", "force_drift")
+_CLOCK = (
+    "fluid_leak", "force_drift", "levelling_leak", "levelling_drift", "slow_change",
+    "offsets_by_test",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
