@@ -1,6 +1,7 @@
 """What each part is measured against, as a user would write it with numpy, scipy and emcee."""
 
 import numpy as np
+from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
 
@@ -20,6 +21,29 @@ def lfilter_force(constants, time, depth):
             force[1:] += share * lfilter([1.0], [1.0, -np.exp(-rate * step)], source)
         out[k] = force
     return out
+
+
+def ivp_displacement(constants, time, force):
+    """Displacement (N,) under a sampled force (N,), straight between samples, by scipy's LSODA.
+
+    d' = (F' + sum c_i v_i q_i)/K, q_i' = K d' - v_i q_i, from rest under the first force.
+    """
+    m, b, c, v = constants
+    slopes = np.diff(force) / np.diff(time)
+    start = np.log1p(b * force[0] / m) / b
+
+    def rates(t, state):
+        place = min(max(np.searchsorted(time, t, side="right") - 1, 0), slopes.size - 1)
+        stiffness = m * np.exp(b * state[0])
+        flow = slopes[place] + np.sum(c[1:] * v * state[1:])
+        return np.array([flow / stiffness, *(flow - v * state[1:])])
+
+    first = np.array([start, *np.full(v.size, force[0])])
+    found = solve_ivp(
+        rates, time[[0, -1]], first, "LSODA", t_eval=time, rtol=1e-8, atol=1e-10,
+        max_step=100.0 * (time[1] - time[0]),
+    )  # fmt: skip
+    return found.y[0]
 
 
 class NumpyPosterior:

@@ -3,12 +3,14 @@
 import datetime
 import os
 import platform
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+import c_steps
 import density
 import diagnosis
 import force
@@ -23,6 +25,7 @@ def main():
     for section in (
         force_section,
         stepping_section,
+        c_section,
         density_section,
         sampling_section,
         shell_section,
@@ -78,6 +81,11 @@ def stepping_section():
         for count in stepping.LENGTHS
         for forward, back, error in [stepping.dual_against_forward(count)]
     )
+    rivals = "\n".join(
+        f"| {count:,} | {ours:.1f} | {rival:.0f} | {rival / ours:.1f} | {apart:.0e} |"
+        for count in stepping.IVP_LENGTHS
+        for ours, rival, apart in [stepping.dual_against_ivp(count)]
+    )
     return f"""## Step by step, and displacement from force
 
 `Stepper`, called from Python once a step, two modes (a step of 1 kHz needs 1,000 a second):
@@ -92,6 +100,31 @@ that force, which cannot be cut into chunks; the last column is the way there an
 | samples | force ms | displacement ms | ratio | error mm |
 |---:|---:|---:|---:|---:|
 {dual}
+
+Creep under 1 N put on in 0.1 s, against `scipy.integrate.solve_ivp` (LSODA, relative tolerance
+1e-8, no step longer than 100 samples), which solves it as differential equations:
+
+| samples | displacement ms | solve_ivp ms | ratio | apart mm |
+|---:|---:|---:|---:|---:|
+{rivals}
+"""
+
+
+def c_section():
+    if shutil.which("gcc") is None:
+        return "## The exported C header\n\nNot measured: no gcc here.\n"
+    rows = "\n".join(
+        f"| {name} | {' | '.join(f'{t:.0f}' for t in times)} | {drift:.0e} |"
+        for name, *times, drift in c_steps.rows()
+    )
+    return f"""## The exported C header
+
+Nanoseconds a step of processor time (gcc -O2), a minute at 1 kHz: ramp, hold, back, hold. A step of
+1 kHz has 1,000,000. `float` is single precision; its drift is over the peak force.
+
+| model | force | displacement | float: force | float: displacement | drift |
+|---|---:|---:|---:|---:|---:|
+{rows}
 """
 
 

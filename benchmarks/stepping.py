@@ -6,12 +6,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from force import force, pad_model
+from rivals import ivp_displacement
 from timing import call_ms
 
 from qlvbayes import Motion, Stepper, displacement_from_force
 from qlvbayes.synthetic import TABLE_1
 
-LENGTHS = (1_000, 10_000, 100_000)
+LENGTHS = (1_000, 10_000, 100_000, 1_000_000)
+IVP_LENGTHS = (1_000, 10_000)
 DRAWS = (1, 64)
 DT = 1e-3  # s
 
@@ -54,10 +56,24 @@ def dual_against_forward(count):
     zero = jnp.zeros_like(t)
     motion = Motion(t[None], depth[None], zero[None], zero[None], jnp.zeros(1))
     load = force(model, motion)[0]
-    forward = call_ms(force, model, motion, repeats=5)
-    back = call_ms(displacement_from_force, model, t, load, repeats=5)
+    repeats = 5 if count <= 100_000 else 3
+    forward = call_ms(force, model, motion, repeats=repeats)
+    back = call_ms(displacement_from_force, model, t, load, repeats=repeats)
     error = jnp.max(jnp.abs(displacement_from_force(model, t, load) - depth))
     return forward, back, float(error)
+
+
+def dual_against_ivp(count):
+    """Milliseconds of a ramp of force and creep, by us and by scipy's LSODA, and their distance."""
+    pad = TABLE_1["B"]
+    constants = (pad.m, pad.b, np.array(pad.c), np.array(pad.v))
+    time = DT * np.arange(count)
+    load = np.minimum(time / 0.1, 1.0)
+    model = jax.tree.map(jnp.asarray, pad_model())
+    ours = call_ms(displacement_from_force, model, time, load, repeats=5)
+    rival = call_ms(ivp_displacement, constants, time, load, repeats=3)
+    apart = displacement_from_force(model, time, load) - ivp_displacement(constants, time, load)
+    return ours, rival, float(np.max(np.abs(apart)))
 
 
 if __name__ == "__main__":
@@ -65,3 +81,5 @@ if __name__ == "__main__":
         print("draws", draws, "steps/s force, displacement:", *map(round, steps_a_second(draws)))
     for count in LENGTHS:
         print("samples", count, "forward ms, dual ms, error mm:", *dual_against_forward(count))
+    for count in IVP_LENGTHS:
+        print("samples", count, "dual ms, LSODA ms, apart mm:", *dual_against_ivp(count))

@@ -21,6 +21,7 @@ from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.experiment import Experiment, prepare
 from qlvbayes.export.write import export
 from qlvbayes.fit import Fit, fit_pad
+from qlvbayes.formats.conformance import check_format
 from qlvbayes.inference.ensemble import Settings
 from qlvbayes.law import Law
 from qlvbayes.laws.catalogue import LAWS, Laws
@@ -44,6 +45,7 @@ from qlvbayes.motion import Motion
 from qlvbayes.noise import Correlated, StudentT, White
 from qlvbayes.predict import Prediction, predict
 from qlvbayes.prescribed.forecast import predict_program
+from qlvbayes.prescribed.hypotheses import Hypotheses
 from qlvbayes.priors import (
     Dirichlet,
     HalfNormal,

@@ -23,6 +23,14 @@ from qlvbayes.units import UnitSystem
 
 Floats = NDArray[np.float64]
 Role = Literal["fit", "validate"]
+Control = Literal["displacement", "force"]
+
+_CONTROLS: dict[str, Control] = {
+    "displacement": "displacement",
+    "strain": "displacement",
+    "force": "force",
+    "stress": "force",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +41,7 @@ class Test:
     `force_sd` (n,) is the measured standard deviation of each force, if there is one; `rate` the
     declared loading rate, displacement over s; `start_s` the pad's clock at the first sample, and
     `start_known` whether it was measured: else it is that of tests without a pause between them.
+    `control` is what was prescribed, if the file says.
     """
 
     __test__: ClassVar[bool] = False  # not one of pytest's
@@ -47,6 +56,7 @@ class Test:
     rate: float | None = None
     start_s: float = 0.0
     start_known: bool = False
+    control: Control | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +94,8 @@ def read_study(path: str | Path) -> Study:
     Columns `time_s`, `displacement_mm` and `force_N`, or `strain` and `stress_kPa` in place of
     the last two; other units by the suffix (`units.SUFFIXES`), and in them all results are given.
     A `force_sd` or `rate` in another unit is converted, time to s. Optional: `force_sd_N`, `pad`,
-    `fluid` (or `group`, the same in all rows of a pad), `test`, `role`, `rate_mm_s`, `start_s`.
+    `fluid` (or `group`, the same in all rows of a pad), `test`, `role`, `rate_mm_s`, `start_s`,
+    `control` (what was prescribed in the test: displacement or force).
     Lines that begin with # are comments. Without `start_s` the tests of a pad follow one
     another. A file of another layout is read by the format whose marks its first bytes show
     (`formats`), if that needs no answer; the notices then say what was found. The arrays are
@@ -189,7 +200,8 @@ class _Builder:
         self._names(rows)
         numbers = {key: rows.take(column) for key, column in self.table.numbers.items()}
         checker = Checker(self.file, self.table, self.dialect.columns)
-        checker.check(rows, numbers)
+        control = self._control(rows)
+        checker.check(rows, numbers, loaded=control == "force")
         for values in numbers.values():
             values.setflags(write=False)
         return Test(
@@ -203,6 +215,7 @@ class _Builder:
             rate=self._rate(rows),
             start_s=self._start(rows, before),
             start_known=self._number(rows, "start") is not None,
+            control=control,
         )
 
     def add_fluid(self, rows: Rows, fluids: dict[str, str | None]) -> None:
@@ -260,6 +273,13 @@ class _Builder:
             what = f"role '{role}' is unknown"
             self._fail(rows, rows.row(0), what, "write fit, validate or nothing")
         return cast(Role, role) if role else None
+
+    def _control(self, rows: Rows) -> Control | None:
+        control = self._label(rows, "control")
+        if control and control not in _CONTROLS:
+            what = f"control '{control}' is unknown"
+            self._fail(rows, rows.row(0), what, "write displacement, force or nothing")
+        return _CONTROLS.get(control)
 
     def _number(self, rows: Rows, key: str) -> float | None:
         """Return the number declared for a test, None where the cell is empty."""

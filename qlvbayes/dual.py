@@ -9,7 +9,7 @@ from jaxtyping import Array, ArrayLike
 
 from qlvbayes.checks import InputError
 from qlvbayes.model import Model
-from qlvbayes.stepping import begin_at_force, step_to_force, without_steps
+from qlvbayes.stepping import begin_at_force, step_to_force, without_inverse, without_steps
 
 
 def displacement_from_force(model: Model, time: ArrayLike, force: ArrayLike) -> Array:
@@ -28,7 +28,7 @@ def displacement_from_force(model: Model, time: ArrayLike, force: ArrayLike) -> 
     InputError
         An effect of the model does not go step by step; the arrays differ in shape; time runs back.
     """
-    check_steps(model)
+    check_inverse(model)
     time, force = jnp.asarray(time, dtype=float), jnp.asarray(force, dtype=float)
     if time.ndim != 1 or time.shape != force.shape:
         raise InputError(
@@ -37,6 +37,17 @@ def displacement_from_force(model: Model, time: ArrayLike, force: ArrayLike) -> 
     if not isinstance(time, jax.core.Tracer) and np.any(np.diff(time) < 0.0):
         raise InputError("time runs back", remedy="order the points by time")
     return _displacements(model, time, force)
+
+
+def check_inverse(model: Model) -> None:
+    """Raise InputError naming the effects with which no displacement is found from a force."""
+    check_steps(model)
+    if names := without_inverse(model):
+        raise InputError(
+            f"{' and '.join(names)}: what is read is the force of an earlier moment, so that no "
+            "displacement is found from a force",
+            remedy="leave the effect out, or prescribe the displacement",
+        )
 
 
 def check_steps(model: Model) -> None:

@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 import jax.numpy as jnp
 import numpy as np
 
-from qlvbayes.data import Pad, Test
+from qlvbayes.data import Control, Pad, Test
 from qlvbayes.kinematics.phases import Phase, find_phases, loading_rate, phase_index
 from qlvbayes.kinematics.segments import encoder_steps
 from qlvbayes.kinematics.trajectory import Trajectory, smooth
+from qlvbayes.loadcontrol import control_of, crept_path, force_phases, with_both_errors
 from qlvbayes.noise import Correlated
 from qlvbayes.noisefloor import NoiseFloor, measure
 from qlvbayes.records.batching import batch
@@ -28,18 +29,30 @@ _CHORD_SHARE = 0.1  # of the noise, that the grid's straight lines may add
 
 @dataclass(frozen=True)
 class Trial:
-    """One test with what was found in it; ``rate`` is the loading rate, displacement over s."""
+    """One test with what was found in it; ``rate`` is the loading rate, displacement over s.
+
+    control: what was prescribed; phases are those of the force where that was.
+    """
 
     test: Test
     trajectory: Trajectory
     phases: tuple[Phase, ...]
     rate: float
     role: str
+    control: Control = "displacement"
 
     @property
     def name(self) -> str:
         """The test's name."""
         return self.test.name
+
+    @property
+    def approached(self) -> bool:
+        """Whether a record that begins on the move came from zero by an approach before it.
+
+        Under a prescribed force it is creep from the beginning: the weight was put on at once.
+        """
+        return self.control == "displacement"
 
     def phase_of(self, time: np.ndarray) -> np.ndarray:
         """Kind of phase (N,) at each time."""
@@ -75,6 +88,18 @@ class Experiment:
         change = np.sqrt(2.0 * -np.expm1(-scales.shortest / floor.memory))
         sudden = float(np.hypot(floor.white, floor.ou * change))
         return Care(floor, scales.stiffness, _CHORD_SHARE * sudden / scales.stiffness)
+
+    @property
+    def notices(self) -> tuple[str, ...]:
+        """One sentence on the tests that were taken as load-controlled without being told so."""
+        found = [t.name for t in self.trials if t.control == "force" and t.test.control is None]
+        if not found:
+            return ()
+        those = f"test {found[0]}" if len(found) == 1 else f"tests {', '.join(found)}"
+        return (
+            f"pad {self.pad}: in {those} the force is held while the displacement creeps, which is "
+            "taken as a prescribed force; a column control (displacement or force) says otherwise",
+        )
 
     def with_role(self, role: str) -> tuple[Trial, ...]:
         """The trials that are fitted, or those that validate."""
@@ -125,6 +150,7 @@ class Experiment:
                     start=t.test.start_s - self.clock_zero,
                     past=self.past(t),
                     care=self.care,
+                    approached=t.approached,
                 )
                 for t in trials
             ]
@@ -158,15 +184,25 @@ def prepare(pad: Pad, *, all_tests: bool = False) -> Experiment:
         trials = [replace(t, role="fit") for t in trials]
     tests = [trial.test for trial in trials]
     of_a_step = largest_stiffness(tests) * max(steps)
-    floor = measure(tests, [t.phases for t in trials], of_a_step=of_a_step)
+    read = with_both_errors(tests, [trial.control for trial in trials])
+    floor = measure(read, [t.phases for t in trials], of_a_step=of_a_step)
     return Experiment(pad.name, pad.units, tuple(trials), floor, pad.fluid)
 
 
 def _trial(test: Test, step: float) -> Trial:
-    trajectory = smooth(test.time, test.displacement, step)
-    phases = find_phases(trajectory)
-    rate = test.rate if test.rate is not None else loading_rate(trajectory, phases)
-    return Trial(test, trajectory, phases, rate, test.role or "")
+    trajectory, control = smooth(test.time, test.displacement, step), control_of(test)
+    phases = find_phases(trajectory) if control == "displacement" else force_phases(test)
+    if control == "force":
+        trajectory = crept_path(trajectory, test)
+    rate = test.rate if test.rate is not None else _rate(trajectory, phases, control)
+    return Trial(test, trajectory, phases, rate, test.role or "", control)
+
+
+def _rate(trajectory: Trajectory, phases: tuple[Phase, ...], control: Control) -> float:
+    """The loading rate; of a weight that was put on at once the largest speed of the creep."""
+    if control == "force" and not any(phase.kind == "ramp" for phase in phases):
+        return trajectory.top_speed
+    return loading_rate(trajectory, phases)
 
 
 def _roles(trials: Sequence[Trial], fit_rate: float) -> list[str]:

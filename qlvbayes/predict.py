@@ -137,6 +137,7 @@ def single_samples(experiment: Experiment, trial: Trial, rows: np.ndarray) -> Re
         past=experiment.past(trial),
         care=experiment.care,
         begins=float(test.time[0]),
+        approached=trial.approached,
     )
 
 

@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from qlvbayes.checks import InputError
 from qlvbayes.compare.side import Source, side_of
-from qlvbayes.dual import check_steps
+from qlvbayes.dual import check_inverse, check_steps
+from qlvbayes.effects.channel_lag import LINES, ChannelLag
 from qlvbayes.model import Model
 from qlvbayes.stepping import State, begin, step, step_to_force
 
@@ -50,6 +51,7 @@ class Stepper:
             raise InputError(f"{draws} draws", remedy="use one or more")
         self._models = _models(source, draws)
         check_steps(self._models)
+        _check_lag(self._models, float(dt))
         self.dt = float(dt)
         self.draws = len(jax.tree.leaves(self._models)[0])
         self._state = _begun(self._models, jnp.zeros(self.draws))
@@ -68,8 +70,9 @@ class Stepper:
         Each draw's platen goes there. To send one command to all, save ``state``, ask, ``restore``
         it and step with `force`. A loose specimen carries no force below zero; there the platen
         rests on its surface. Raises InputError where no displacement has the force, and stays
-        where it was.
+        where it was; and with a channel_lag, whose reading is of a moment before.
         """
+        check_inverse(self._models)
         return self._take(_inverse, next_force)
 
     def band(self, share: float = 0.9) -> tuple[float, float]:
@@ -118,3 +121,13 @@ def _models(source: Source | Model, draws: int) -> Model:
     if isinstance(source, Model):
         return jax.tree.map(lambda x: jnp.asarray(x, dtype=float)[None], source)
     return side_of(source, "draws").some(draws).models
+
+
+def _check_lag(models: Model, dt: float) -> None:
+    """InputError where more steps are on their way through a late channel than are kept."""
+    for effect in models.effects:
+        if isinstance(effect, ChannelLag) and (late := float(np.max(effect.delay))) > LINES * dt:
+            raise InputError(
+                f"{effect.name}: a delay of {late:.3g} s is more than {LINES} steps of {dt:g} s",
+                remedy="use a longer dt",
+            )

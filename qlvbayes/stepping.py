@@ -94,6 +94,12 @@ def without_steps(model: Model) -> tuple[str, ...]:
     return tuple(e.name for e in model.effects if type(e).step is AbstractEffect.step)
 
 
+def without_inverse(model: Model) -> tuple[str, ...]:
+    """Names of the effects with which no displacement is found from a force, step by step."""
+    lost = without_steps(model)
+    return tuple(e.name for e in model.effects if e.name in lost or not e.inverts)
+
+
 def _along(law: Law, state: State, travel: Array, dt: ArrayLike) -> tuple[State, Array]:
     duration = jnp.asarray(dt, dtype=float)
     moving = duration > 0.0

@@ -5,11 +5,14 @@ import pytest
 from hidden_pads import hidden_pad, said_otherwise
 from msgspec.structs import replace as changed
 
+from qlvbayes.choices import Choices
 from qlvbayes.diagnosis.averaging import averaged
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.result import Estimate
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.words import paragraphs
+from qlvbayes.prescribed.forecast import predict_program
+from qlvbayes.prescribed.hypotheses import drawn_hypotheses
 from qlvbayes.synthetic import HIDDEN
 
 
@@ -92,3 +95,45 @@ def test_sets_beyond_those_listed_are_told_together(either):
     assert "or others (17 % together)" in " ".join(paragraphs(alone))
     certain = said_otherwise(beside, not_ruled_out=(changed(first, probability=1.0),))
     assert "others" not in " ".join(paragraphs(certain))
+
+
+@pytest.fixture(scope="module")
+def left(either):
+    return drawn_hypotheses(either, Choices())
+
+
+def test_draws_of_the_hypotheses_are_as_many_as_they_are_likely(either, left):
+    told = either.result.alternatives
+    assert [(one.base, one.effects) for one in left.hypotheses] == [
+        (one.base, one.effects) for one in told
+    ]
+    total = sum(one.probability for one in told)
+    for one in left.hypotheses:
+        assert abs(len(one.constants["m"]) - 400 * one.probability / total) <= 1.0
+
+
+def test_draws_have_the_moments_and_the_bounds_of_the_diagnosis(either, left):
+    last = either.result.stages[-1]
+    drawn = drawn_hypotheses(either, Choices(), draws=8000)
+    one = next(h for h in drawn.hypotheses if (h.base, h.effects) == (last.base, last.effects))
+    count = len(one.constants["m"])
+    for name in ("m", "b", "v[1]"):
+        values, told = np.array(one.constants[name]), last.parameters[name]
+        # four sds of what so many draws say; the told sd is that of a slope
+        assert abs(values.mean() - told.mean) < 4.0 * told.sd / np.sqrt(count) + 0.1 * told.sd
+        assert values.std() == pytest.approx(told.sd, rel=0.1)
+    for one in left.hypotheses:
+        shares = np.sum([one.constants[f"c[{k}]"] for k in range(3)], axis=0)
+        assert np.allclose(shares, 1.0)
+        assert not any(name.startswith("noise.") for name in one.constants)
+        assert min(one.constants.get("viscous_drag.eta", (0.0,))) >= 0.0
+
+
+def test_a_prediction_of_the_motion_tested_holds_the_measured_force(either, left):
+    """Averaged over all hypotheses, at the end of the hold of the fastest test."""
+    trial = either.work.experiment.trials[-1]
+    found = predict_program(left, "ramp 1.6 mm at 100 mm/s, hold 29 s")
+    near = np.abs(trial.test.time - found.time[-1]) < 0.5
+    low, high = found.band(0.9)
+    noise = either.work.experiment.floor.total
+    assert low[-1] - 2.0 * noise < trial.test.force[near].mean() < high[-1] + 2.0 * noise

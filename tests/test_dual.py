@@ -110,7 +110,9 @@ def test_a_batch_of_specimens():
 
 def test_what_cannot_be_done_is_told_in_one_line():
     model = Model(Linear(0.5), PRONY)
-    with pytest.raises(InputError, match="channel_lag: no step by step form"):
+    with pytest.raises(
+        InputError, match="channel_lag: what is read is the force of an earlier moment"
+    ):
         displacement_from_force(model + find("channel_lag")(jnp.asarray(0.01)), [0.0], [0.0])
     with pytest.raises(InputError, match="rows of one length"):
         displacement_from_force(model, [0.0, 1.0], [0.0])

@@ -19,6 +19,7 @@ LAYERS = [
     ["data"],
     ["kinematics"],
     ["noisefloor", "stiffness"],
+    ["loadcontrol"],
     # what the model sees of them
     ["motion"],
     ["records"],

@@ -315,6 +315,12 @@ def test_small_values_are_seen_beside_large_ones():
     assert page(plot_evidence, replace(found, ranking=small)).axes[0].get_xscale() == "linear"
 
 
+def test_where_nothing_but_the_plain_model_was_seen_it_stands_alone():
+    alone = (Ranked("none", 1.0, 1.0, None, 0.01, {}),)
+    axis = page(plot_evidence, replace(diagnosed(), effects=(), ranking=alone)).axes[0]
+    assert [t.get_text() for t in axis.texts][:2] == ["n/a", "> 99.9 %"]
+
+
 def test_stairs_hold_both_errors_and_the_floor():
     found = diagnosed(3, MANY)
     axis = page(plot_error_staircase, found).axes[0]

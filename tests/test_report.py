@@ -93,7 +93,7 @@ def page(out):
 
 def test_the_verdict_comes_first_and_the_questions_follow_in_order(page):
     sections = [attrs["id"] for attrs in page.of("section")]
-    assert sections == ["verdict", "constants", "compare", "fails", "effects", "methods"]
+    assert sections == ["verdict", "constants", "compare", "fails", "effects", "use", "methods"]
     boxes = [attrs["class"] for attrs in page.of("article")]
     assert boxes == ["box missing_effect", "box adequate"]
 
@@ -231,6 +231,37 @@ def test_methods_say_how_to_repeat_it(page):
     assert "lognormal(0.2953, 1.609)" in tail
     assert "named when it is in the model with probability 0.9" in tail
     assert "/somewhere" not in tail
+
+
+def test_the_commands_that_use_a_pad_are_those_of_its_folder(out, page):
+    use = page.words[page.words.index("Use it") : page.words.index("How this was done")]
+    assert f'qlvbayes predict {out.name} --pad B --program "ramp 1 mm in 0.1 s, hold 30 s"' in use
+    assert f"qlvbayes export {out.name} --pad B --to c,fmu,json" in use
+    assert "Exported already" not in use
+
+
+def test_exports_are_listed_with_their_files(tmp_path):
+    write_pad(tmp_path, "B")
+    covered = {"depth": 1.6, "slowest": 0.1, "fastest": 20.0}
+    facts(tmp_path / "B" / "posterior.nc", pad="B", covered=json.dumps(covered))
+    for file in ("c/pad_B.h", "c/pad_B_draws.h", "json/pad_B.json"):
+        place = tmp_path / "B" / "export" / file
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_text("")
+    picture(tmp_path / "B" / "prediction.png")
+    page = Page(write_report(tmp_path))
+    use = page.words[page.words.index("Use it") : page.words.index("How this was done")]
+    assert 'program "ramp 1.6 mm in 0.08 s, hold 30 s"' in use
+    assert "B c B/export/c/ pad_B.h, pad_B_draws.h" in use
+    assert "B json B/export/json/ pad_B.json" in use
+    assert "Last prediction of pad B" in use
+    shown = [attrs["alt"] for attrs in page.of("img")]
+    assert any(alt.startswith("What pad B is predicted to do") for alt in shown)
+
+
+def test_where_nothing_was_fitted_nothing_can_be_used(tmp_path):
+    write(tmp_path / "B" / "diagnosis.json", diagnosis("B"))
+    assert "use" not in [attrs["id"] for attrs in Page(write_report(tmp_path)).of("section")]
 
 
 def test_every_figure_is_inside_with_words_for_it(out, page):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from test_stepping import DEPTH, DT, SHALLOW, TIME, batch, relative, solved, stepped
 
-from qlvbayes import InputError
+from qlvbayes import InputError, Stepper, displacement_from_force
 from qlvbayes.effects.catalogue import EFFECTS, find
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.stepping import begin, step, without_steps
@@ -25,7 +25,9 @@ CONSTANTS = {
     "permanent_set": (0.05,),
     "contact_offset": (0.1,),
     "force_offset": (0.03,),
+    "channel_lag": (0.037,),  # between two steps
 }
+INVERTED = [name for name in CONSTANTS if find(name).inverts]
 REFUSED = [kind.name for kind in EFFECTS if kind.step is AbstractEffect.step]
 
 
@@ -45,7 +47,7 @@ def test_steps_give_the_force_of_the_whole_motion(name, paper_model):
     assert relative(force, batch(paper_model("B"), DEPTH)) > 1e-3  # it does something
 
 
-@pytest.mark.parametrize("name", CONSTANTS)
+@pytest.mark.parametrize("name", INVERTED)
 def test_there_and_back(name, paper_model):
     model = paper_model("B") + effect(name)
     force = stepped(model, SHALLOW, DT)
@@ -64,7 +66,7 @@ def test_a_rest_before_contact_came_first(gap, paper_model):
 
 def test_all_together(paper_model):
     model = paper_model("B")
-    for name in CONSTANTS:
+    for name in INVERTED:
         if name != "contact_offset":  # its rest of 1e5 s rounds a material's own time to 1e-11 s
             model = model + effect(name)
     force = stepped(model, DEPTH, DT)
@@ -93,7 +95,7 @@ def test_the_others_are_refused_by_name(name, paper_model):
 
 def test_slopes_along_all_constants_are_those_of_differences(paper_model):
     model = paper_model("B")
-    for name in CONSTANTS:
+    for name in INVERTED:
         model = model + effect(name)
     model = jax.tree.map(lambda x: jnp.asarray(x, float), model)
     load = np.clip(np.sin(TIME), 0.1, None)
@@ -104,3 +106,41 @@ def test_slopes_along_all_constants_are_those_of_differences(paper_model):
     slope = jax.jit(lambda x: jax.jvp(moved, (x,), (1.0,))[1])(0.0)
     near = 1e-6
     assert relative(slope, np.asarray(moved(near) - moved(-near)) / (2.0 * near)) < 1e-5
+
+
+def late(model, delay=0.037):
+    return model + effect("channel_lag", delay)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.004, 0.01, 0.037, 1.3])
+def test_a_late_channel_reads_what_was_there_before(delay, paper_model):
+    """Between steps, at a step, over many of them; beneath it effects that remember."""
+    model = paper_model("B") + effect("friction") + effect("extra_relaxation_mode")
+    model = model + effect("force_offset")
+    force = batch(late(model, delay), DEPTH)
+    assert relative(stepped(late(model, delay), DEPTH, DT), force) < 1e-12
+    before = np.interp(TIME - delay, TIME, np.asarray(batch(model, DEPTH)))
+    if delay in (0.0, 0.01):  # a whole number of steps: what was read then, and the start's force
+        assert np.allclose(force, before, rtol=0.0, atol=1e-12)
+
+
+def test_a_late_reading_tells_no_displacement(paper_model):
+    with pytest.raises(InputError, match="channel_lag: what is read is the force of an earlier"):
+        displacement_from_force(late(paper_model("B")), TIME, np.ones_like(TIME))
+
+
+def test_a_stepper_keeps_what_is_on_its_way(paper_model):
+    model = late(paper_model("B"))
+    stepper = Stepper(model, DT)
+    for depth in DEPTH[1:60]:
+        stepper.force(depth)
+    kept = stepper.state
+    first = [stepper.force(depth)[0] for depth in DEPTH[60:120]]
+    stepper.restore(kept)
+    again = [stepper.force(depth)[0] for depth in DEPTH[60:120]]
+    assert first == again
+    assert relative(np.array(first), np.asarray(batch(model, DEPTH))[60:120]) < 1e-12
+    with pytest.raises(InputError, match="no displacement is found"):
+        stepper.displacement(1.0)
+    with pytest.raises(InputError, match=r"a delay of 0\.037 s is more than 256 steps"):
+        Stepper(model, 1e-4)

@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 
 from qlvbayes.checks import InputError
-from qlvbayes.synthetic import TABLE_1, Constants, draw_constants, pads_of_table_1
+from qlvbayes.synthetic import (
+    SPECIMENS,
+    TABLE_1,
+    Constants,
+    draw_constants,
+    pads_of_table_1,
+    specimens_of,
+)
 
 
 @pytest.mark.parametrize("pad", TABLE_1)
@@ -50,3 +57,29 @@ def test_an_unknown_pad_is_named_with_the_known_ones():
     assert list(pads_of_table_1(["C", "A"])) == ["C", "A"]
     with pytest.raises(InputError, match=r"'D'.*A, B, C"):
         pads_of_table_1(["A", "D"])
+
+
+def test_specimens_of_a_kind_are_alike_and_not_the_same():
+    rng = np.random.default_rng(0)
+    found, kinds = specimens_of(["B", "finger:40"], rng)
+    assert found["B"] == TABLE_1["B"]
+    assert kinds == {f"finger-{k}": "finger" for k in range(1, 41)}
+    stiffness = np.log([found[name].m / SPECIMENS["finger"].m for name in kinds])
+    # 40 draws of an sd of 0.2: their mean and sd to three errors
+    assert abs(stiffness.mean()) < 3.0 * 0.2 / np.sqrt(40)
+    assert stiffness.std() == pytest.approx(0.2, abs=3.0 * 0.2 / np.sqrt(80))
+    assert len({found[name].v for name in kinds}) == 40
+
+
+def test_a_finger_is_of_a_few_newtons_a_millimetre():
+    finger = SPECIMENS["finger"]
+    for load, stiffness in ((0.4, 1.0), (3.0, 6.0)):
+        depth = np.log1p(finger.b * load / finger.m) / finger.b
+        assert finger.force(np.array([depth]))[0] == pytest.approx(load)
+        assert finger.stiffness(np.array([depth]))[0] == pytest.approx(stiffness, rel=0.1)
+
+
+@pytest.mark.parametrize("word", ["D", "finger:0", "finger:two", "finger:", "hand:3"])
+def test_unknown_specimens_are_refused(word):
+    with pytest.raises(InputError, match="no pad"):
+        specimens_of([word], np.random.default_rng(0))

@@ -183,3 +183,33 @@ def test_the_data_file_can_be_made_again(tmp_path, pad_a):
     assert kept[exact].equals(again[exact])
     # Another build of the solver may round the last digit of a force the other way.
     assert np.abs(kept["force_N"] - again["force_N"]).max() < 1.01e-5
+
+
+def test_a_file_of_several_kinds_says_which_and_what_was_prescribed(tmp_path):
+    from qlvbayes.data import read_study
+    from qlvbayes.synthetic import specimens_of
+
+    pads, groups = specimens_of(["finger:2", "homogeneous"], np.random.default_rng(0))
+    path = tmp_path / "hands.csv"
+    simulate_file(
+        path, pads, (20.0,), CORRELATED, 0, 200, "qlvbayes simulate", loads=(0.5,), groups=groups
+    )
+    study = read_study(path)
+    assert [pad.fluid for pad in study.pads] == ["finger", "finger", None]
+    for pad in study.pads:
+        press, creep = pad.tests
+        assert (press.control, creep.control) == ("displacement", "force")
+        assert creep.start_s == pytest.approx(press.start_s + press.time[-1] + 120.0, abs=1e-3)
+    heading = path.read_text().splitlines()[0]
+    assert "pressed to 1.6 mm" in heading
+    assert "loads put on in 0.1 s" in heading
+
+
+def test_a_load_controlled_test_hides_no_effect(tmp_path):
+    from qlvbayes.synthetic import HIDDEN
+
+    with pytest.raises(InputError, match="of the plain pad only"):
+        simulate_file(
+            tmp_path / "x.csv", {"B": TABLE_1["B"]}, (20.0,), CORRELATED, 0, 200, "",
+            [HIDDEN["viscous_drag"](eta=0.01)], loads=(1.0,),
+        )  # fmt: skip

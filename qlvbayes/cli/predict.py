@@ -14,11 +14,15 @@ from qlvbayes.checks import InputError
 from qlvbayes.cli.console import out
 from qlvbayes.cli.options import AsJson, Style, split_names
 from qlvbayes.cli.terminal import Terminal, show_figures
+from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.study.comparing import saved_pads
 
 if TYPE_CHECKING:
     from qlvbayes.prescribed.forecast import Forecast
+    from qlvbayes.prescribed.hypotheses import Hypotheses
     from qlvbayes.results import Saved
+
+_WHICH = ("averaged", "fitted")
 
 
 def predict_command(
@@ -32,15 +36,22 @@ def predict_command(
         ),
     ],
     pad: Annotated[str, typer.Option(help="Only these pads, as 'B,C'. Default: all.")] = "",
+    hypotheses: Annotated[
+        str,
+        typer.Option(
+            help="averaged: over all that 'diagnose' left, where that was done; fitted: the model "
+            "that 'fit' sampled, alone."
+        ),
+    ] = "averaged",
     style: Style = None,
     as_json: AsJson = False,
 ) -> None:
     """Predict the force of a prescribed displacement, or the displacement of a prescribed force.
 
-    With 50 and 90 % bands of the posterior, the fit's effects included, noise not. The platen does
-    exactly what the program says. Warns where it leaves the depths, speeds and times that were
-    tested. Leaves OUT/<pad>/prediction.json, prediction.csv and the figure prediction (PNG and
-    PDF).
+    With 50 and 90 % bands of the posterior, the fit's effects included, noise not; where the
+    diagnosis left several hypotheses, averaged over them. The platen does exactly what the program
+    says. Warns where it leaves the depths, speeds and times that were tested. Leaves
+    OUT/<pad>/prediction.json, prediction.csv and the figure prediction (PNG and PDF).
     """
     # here, so that other commands do not wait for matplotlib
     from qlvbayes.plots.files import save_figure
@@ -48,16 +59,20 @@ def predict_command(
     from qlvbayes.prescribed.forecast import predict_program
     from qlvbayes.prescribed.writing import content, write_forecast
 
+    if hypotheses not in _WHICH:
+        raise InputError(f"no way {hypotheses!r}", remedy=f"use one of {', '.join(_WHICH)}")
     watcher = Terminal(quiet=as_json)
     found, figures = [], []
-    for saved in _chosen(saved_pads(folder), folder, pad):
-        with watcher.doing(f"pad {saved.pad}"):
-            forecast = predict_program(saved, program)
-            place = folder / saved.pad
+    for source in _chosen(_sources(folder, hypotheses, watcher), folder, pad):
+        with watcher.doing(f"pad {source.pad}"):
+            forecast = predict_program(source, program)
+            place = folder / source.pad
             write_forecast(place, forecast)
             figures.append(save_figure(plot_prediction(forecast), place / "prediction"))
+        if forecast.averaged:
+            watcher.notice(_told(forecast))
         for warning in forecast.warnings:
-            watcher.notice(f"pad {saved.pad}: {warning}")
+            watcher.notice(f"pad {forecast.pad}: {warning}")
         found.append(forecast)
     if as_json:
         print(json.dumps([content(forecast) for forecast in found], allow_nan=False))
@@ -66,8 +81,59 @@ def predict_command(
     show_figures(figures)
 
 
-def _chosen(found: Sequence[Saved], folder: Path, pads: str) -> list[Saved]:
-    known = {saved.pad: saved for saved in found}
+def _sources(folder: Path, which: str, watcher: Terminal) -> list[Saved | Hypotheses]:
+    """Of each pad its fit, or what its diagnosis left; InputError where there is neither."""
+    from qlvbayes.prescribed.hypotheses import FILE, Hypotheses
+
+    files = sorted(folder.glob(f"*/{FILE}")) if which == "averaged" else []
+    left = {found.pad: found for found in map(Hypotheses.read, files)}
+    if not left or any(folder.glob("*/posterior.nc")):
+        fits = {saved.pad: saved for saved in saved_pads(folder)}
+    else:
+        fits = {}
+    return [
+        _source(folder / pad, fits.get(pad), left.get(pad), which, watcher)
+        for pad in sorted({*fits, *left})
+    ]
+
+
+def _source(
+    place: Path, fit: Saved | None, left: Hypotheses | None, which: str, watcher: Terminal
+) -> Saved | Hypotheses:
+    """The hypotheses where there are several and they are of the fit's tests; else the fit."""
+    if left is not None and fit is not None and fit.covered not in (None, left.covered):
+        watcher.notice(f"pad {fit.pad}: its diagnosis is of other tests than its fit, and left out")
+    elif left is not None and (fit is None or len(left.hypotheses) > 1):
+        return left
+    elif fit is not None and left is None and which == "averaged" and _undecided(place):
+        watcher.notice(
+            f"pad {fit.pad}: the diagnosis left several hypotheses and not their constants: run "
+            "qlvbayes diagnose again to have them averaged over"
+        )
+    assert fit is not None
+    return fit
+
+
+def _undecided(place: Path) -> bool:
+    """Whether a diagnosis that was made before its constants were kept left several hypotheses."""
+    file = place / "diagnosis.json"
+    return file.is_file() and len(DiagnosisResult.read(file).alternatives) > 1
+
+
+def _told(forecast: Forecast) -> str:
+    several = forecast.averaged
+    count = "1 hypothesis" if len(several) == 1 else f"{len(several)} hypotheses"
+    share = 100.0 * sum(one.probability for one in several)
+    return (
+        f"pad {forecast.pad}: averaged over {count} of the diagnosis, {share:.0f} % of the "
+        f"probability: {'; '.join(map(str, several))}"
+    )
+
+
+def _chosen(
+    found: Sequence[Saved | Hypotheses], folder: Path, pads: str
+) -> list[Saved | Hypotheses]:
+    known = {source.pad: source for source in found}
     for name in (names := split_names(pads)):
         if name not in known:
             raise InputError(

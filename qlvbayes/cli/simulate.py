@@ -16,20 +16,31 @@ from qlvbayes.cli.options import split_names
 from qlvbayes.synthetic import (
     NOISES,
     PROTOCOLS,
+    SPECIMENS,
     Constants,
     Effect,
-    pads_of_table_1,
     parse_effect,
     simulate_file,
+    specimens_of,
 )
 
-_DRAWN = 1  # tells the stream of the effects from those of the noise
+_DRAWN, _SPECIMENS = 1, 2  # tell the streams of effects and specimens from those of the noise
 
 
 def simulate(
     output: Annotated[Path, typer.Option("-o", "--output", help="A .csv or .csv.gz file.")],
-    pads: Annotated[str, typer.Option(help="Pads of the paper's Table 1.")] = "A,B,C",
-    rates: Annotated[str, typer.Option(help="Loading rates in mm/s.")] = "0.1,1,10,20,30,100",
+    pads: Annotated[
+        str,
+        typer.Option(
+            help=f"Of {', '.join(SPECIMENS)}; finger:4 is four of a kind, which differ, in a group."
+        ),
+    ] = "A,B,C",
+    rates: Annotated[
+        str, typer.Option(help="Loading rates in mm/s, or none.")
+    ] = "0.1,1,10,20,30,100",
+    loads: Annotated[
+        str, typer.Option(help="Loads in N: each adds a creep test, whose force is prescribed.")
+    ] = "",
     noise: Annotated[str, typer.Option(help=f"One of {', '.join(NOISES)}.")] = "correlated",
     max_rows: Annotated[
         int | None, typer.Option(help="Rows a test at most, thinned as a logger does.")
@@ -50,7 +61,8 @@ def simulate(
 ) -> None:
     """Simulate the paper's tests: forward 1.6 mm, hold 30 s, back to 0.8 mm, hold 30 s.
 
-    With --protocol retraction, twice forward 1.6 mm, hold 10 s, back to 0, hold 5 s.
+    With --protocol retraction, twice forward 1.6 mm, hold 10 s, back to 0, hold 5 s. With --loads,
+    weights put on in 0.1 s, left 30 s, taken down to 30 %, left 30 s.
 
     The platen accelerates at most 1000 mm/s2, the encoder steps by 1 um, the load cell's noise is
     correlated, the record is taken at 1 kHz.
@@ -59,7 +71,11 @@ def simulate(
         raise InputError(f"no noise {noise!r}", remedy=f"use one of {', '.join(NOISES)}")
     if protocol not in PROTOCOLS:
         raise InputError(f"no protocol {protocol!r}", remedy=f"use one of {', '.join(PROTOCOLS)}")
-    constants, speeds = pads_of_table_1(split_names(pads)), _rates(rates)
+    constants, groups = specimens_of(split_names(pads), np.random.default_rng([seed, _SPECIMENS]))
+    weights = _numbers(loads, "loads", "0.5,1") if loads else ()
+    speeds = () if rates == "none" else _numbers(rates, "rates", "0.1,1,20")
+    if not (speeds or weights):
+        raise InputError("no test to simulate", remedy="give --rates or --loads")
     command = shlex.join(["qlvbayes", *sys.argv[1:]])
     with waiting("simulating"):
         simulate_file(
@@ -70,9 +86,11 @@ def simulate(
             seed,
             max_rows,
             command,
-            _effects(hide or [], constants, protocol, max(speeds), seed),
+            _effects(hide or [], constants, protocol, max(speeds, default=1.0), seed),
             protocol,
             answer,
+            weights,
+            groups,
         )
     out.print(f"wrote {output}", markup=False)
 
@@ -88,11 +106,11 @@ def _effects(
     return [parse_effect(word, first, PROTOCOLS[protocol], top_speed, rng) for word in words]
 
 
-def _rates(text: str) -> tuple[float, ...]:
+def _numbers(text: str, what: str, example: str) -> tuple[float, ...]:
     try:
-        rates = tuple(float(x) for x in split_names(text))
+        found = tuple(float(x) for x in split_names(text))
     except ValueError:
-        rates = ()
-    if not rates or min(rates) <= 0.0:
-        raise InputError(f"{text!r} is not a list of rates", remedy="write for example 0.1,1,20")
-    return rates
+        found = ()
+    if not found or min(found) <= 0.0:
+        raise InputError(f"{text!r} is not a list of {what}", remedy=f"write for example {example}")
+    return found

@@ -4,14 +4,34 @@ from __future__ import annotations
 
 from typing import Any, ClassVar, Self
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level
-from qlvbayes.law import Law
-from qlvbayes.motion import Motion
+from qlvbayes.law import Law, State
+from qlvbayes.motion import Line, Motion
 from qlvbayes.scales import Scales
+
+LINES = 256  # steps that may be on their way through the channel
+
+
+class _Late(eqx.Module):
+    """What a late channel remembers.
+
+    below: state of the law beneath at the delayed time; place: the displacement there (mm); force:
+    what is read (N); count: of the lines since, whose durations (s), ends (mm) and velocities
+    (mm/s) are (LINES + 1,) each, the first as far as it is still to come.
+    """
+
+    below: State
+    place: Array
+    force: Array
+    count: Array
+    duration: Array
+    end: Array
+    velocity: Array
 
 
 class ChannelLag(AbstractEffect):
@@ -28,6 +48,7 @@ class ChannelLag(AbstractEffect):
     units: ClassVar[dict[str, str]] = {"delay": "time"}
     null: ClassVar[dict[str, float]] = {"delay": 0.0}
     costly: ClassVar[bool] = True
+    inverts: ClassVar[bool] = False
     law: ClassVar[str] = "F(t) -> F(t - delay)"
     seen: ClassVar[str] = "force late against displacement, in proportion to speed"
     reference: ClassVar[str] = "Oppenheim & Schafer 2010, Discrete-Time Signal Processing, ch. 5"
@@ -42,6 +63,56 @@ class ChannelLag(AbstractEffect):
         """Force beneath at the delayed times."""
         joined, order = joined_with(motion, motion.time - self.delay)
         return below.force(joined)[jnp.argsort(order)][: motion.time.shape[0]]
+
+    def begin(self, below: Law, displacement: Array) -> State:
+        """The law beneath at the start, whose force is read until the delay is over."""
+        still = jnp.zeros_like(displacement)
+        state, force = below.step(below.begin(displacement), Line(still, displacement, still))
+        none = jnp.zeros(LINES + 1)
+        return _Late(state, displacement, force, jnp.zeros((), int), none, none, none)
+
+    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
+        """The law beneath goes on to the delayed time, along the lines that it has not had yet.
+
+        Not a number where more than 256 lines are on their way.
+        """
+        late: _Late = state
+        lost = late.count > LINES
+        added = [
+            old.at[late.count].set(new)
+            for old, new in zip(
+                (late.duration, late.end, late.velocity),
+                (line.duration, line.displacement, line.velocity),
+                strict=True,
+            )
+        ]
+        late = _Late(late.below, late.place, late.force, late.count + 1, *added)
+        ahead = jnp.sum(late.duration) - self.delay
+
+        def due(carry: tuple[_Late, Array]) -> Array:
+            return (carry[0].count > 0) & (carry[1] > 0.0)
+
+        def on(carry: tuple[_Late, Array]) -> tuple[_Late, Array]:
+            return _further(below, *carry)
+
+        late, _ = jax.lax.while_loop(due, on, (late, ahead))
+        return late, jnp.where(lost, jnp.nan, late.force)
+
+
+def _further(below: Law, late: _Late, ahead: Array) -> tuple[_Late, Array]:
+    """The law beneath goes along the first line, for a time (s) ahead or to its end."""
+    first, end, velocity = late.duration[0], late.end[0], late.velocity[0]
+    whole = ahead >= first
+    taken = jnp.where(whole, first, ahead)
+    share = jnp.where(whole, 1.0, taken / jnp.where(first > 0.0, first, 1.0))
+    place = jnp.where(whole, end, late.place + share * (end - late.place))
+    state, force = below.step(late.below, Line(taken, place, velocity))
+    left = late.duration.at[0].add(-taken)
+    columns = [
+        jnp.where(whole, jnp.roll(x.at[0].set(0.0), -1), x) for x in (left, late.end, late.velocity)
+    ]
+    count = late.count - jnp.where(whole, 1, 0)
+    return _Late(state, place, force, count, *columns), ahead - taken
 
 
 def joined_with(motion: Motion, late: Array) -> tuple[Motion, Array]:

@@ -58,7 +58,8 @@ class AbstractEffect(eqx.Module):
     whether it runs the law beneath it several times, so that models without it are compiled apart;
     ``generalises``: name of the listed effect whose law lies inside, where the constants in
     ``reduces`` have these values (the others have the same names in both); ``outside``: whether it
-    names nothing, but stands for what no list holds.
+    names nothing, but stands for what no list holds; ``inverts``: whether the force after a step
+    tells the displacement there.
     """
 
     name: eqx.AbstractClassVar[str]
@@ -74,6 +75,7 @@ class AbstractEffect(eqx.Module):
     generalises: ClassVar[str | None] = None
     reduces: ClassVar[dict[str, float]] = {}
     outside: ClassVar[bool] = False
+    inverts: ClassVar[bool] = True
 
     @classmethod
     def family(cls) -> str:

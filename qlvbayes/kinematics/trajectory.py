@@ -61,6 +61,11 @@ class Trajectory:
         path = PPoly(np.array([*higher, *rows]), self.knots)
         return path, path.derivative(1), path.derivative(2)
 
+    @property
+    def path(self) -> PPoly:
+        """The motion from the first knot to the last as a piecewise polynomial of the time."""
+        return self._path[0]
+
     @cached_property
     def _jumps(self) -> tuple[Array, Array]:
         """Size (k-1,) of the jumps of velocity and acceleration at the inner knots."""

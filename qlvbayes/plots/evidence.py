@@ -118,8 +118,11 @@ def _share(probability: float) -> str:
 
 
 def _scale(axis: Axes, values: list[float], tight: bool) -> None:
-    """Linear; beyond 10 logarithmic, where values are so large that small ones would vanish."""
-    low, high = min(values), max(values)
+    """Linear; beyond 10 logarithmic, where values are so large that small ones would vanish.
+
+    No values where nothing but the plain model was seen.
+    """
+    low, high = min(values, default=0.0), max(values, default=0.0)
     gap = "\n" if tight else " "
     name = f"log Bayes factor for being in the model{gap}(natural logarithm, no unit)"
     if max(high, -low) > _MUCH:

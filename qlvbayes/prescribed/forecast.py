@@ -13,19 +13,23 @@ from jaxtyping import Array
 
 from qlvbayes.checks import InputError
 from qlvbayes.compare.side import Side, Source, side_of
-from qlvbayes.dual import check_steps, displacement_from_force
+from qlvbayes.dual import check_inverse, displacement_from_force
 from qlvbayes.model import Model
 from qlvbayes.motion import Motion
+from qlvbayes.prescribed.hypotheses import DRAWS, DrawnHypothesis, Hypotheses
 from qlvbayes.prescribed.program import Program
 from qlvbayes.prescribed.table import read_table
 from qlvbayes.prescribed.text import parse
+from qlvbayes.stepping import without_inverse
 from qlvbayes.units import UnitSystem
 
-DRAWS = 400
 _BATCH = 100  # draws run together: of a program of 50 000 points they take 40 MB a mode
 _NEAR = 1.05  # of a range, that still counts as inside it
 _TABLES = (".csv", ".txt", ".tsv", ".gz")
-_CLOCK = ("fluid_leak", "force_drift")
+_CLOCK = (
+    "fluid_leak", "force_drift", "levelling_leak", "levelling_drift", "slow_change",
+    "offsets_by_test",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +38,9 @@ class Forecast:
 
     program: what was prescribed, of times that may repeat where its rate jumps; time (N,): s;
     given (N,): what was prescribed; answers (n, N): the force of a prescribed displacement, the
-    displacement of a prescribed force; effects: in the model; warnings: one sentence each, on where
-    it leaves what the pad's tests cover.
+    displacement of a prescribed force; effects: in the model, or in one of several; warnings: one
+    sentence each, on where it leaves what the pad's tests cover; averaged: the hypotheses of a
+    diagnosis whose draws are mixed, none where the draws are of one model.
     """
 
     pad: str
@@ -46,6 +51,7 @@ class Forecast:
     answers: np.ndarray
     effects: tuple[str, ...]
     warnings: tuple[str, ...]
+    averaged: tuple[DrawnHypothesis, ...] = ()
 
     @property
     def median(self) -> np.ndarray:
@@ -59,38 +65,79 @@ class Forecast:
 
 
 def predict_program(
-    source: Source, program: str | Path | Program, *, draws: int = DRAWS, pad: str = "pad"
+    source: Source | Hypotheses,
+    program: str | Path | Program,
+    *,
+    draws: int = DRAWS,
+    pad: str = "pad",
 ) -> Forecast:
     """Force of a prescribed displacement, or displacement of a prescribed force, draw by draw.
 
-    source: a fit, a results file (`load_results`) or draws by the constants' names; program: a
-    CSV file, or text as in "ramp 1.6 mm at 20 mm/s, hold 30 s" or "force 1 N in 0.1 s, hold 30 s";
-    draws: of the posterior, evenly out of all; pad: what plain draws are called. The specimen is
-    at rest at the beginning. Effects of the fit take part, the rig's too; noise does not, so that
-    bands are of what the specimen does, not of what a load cell would write.
+    source: a fit, a results file (`load_results`), draws by the constants' names, or the hypotheses
+    that a diagnosis left, which are then averaged over: a mixture of the draws of each in
+    proportion to its probability; program: a CSV file, or text as in "ramp 1.6 mm at 20 mm/s, hold
+    30 s" or "force 1 N in 0.1 s, hold 30 s"; draws: of the posterior, evenly out of all; pad: what
+    plain draws are called. The specimen is at rest at the beginning. Effects of the fit take part,
+    the rig's too; noise does not, so that bands are of what the specimen does, not of what a load
+    cell would write.
 
     Raises InputError where the program is not understood, or where a force is prescribed and an
-    effect does not go step by step or no displacement has the force.
+    effect does not go step by step or no displacement has the force. Of several hypotheses those
+    that do not go step by step are left out, with a warning.
     """
-    side = side_of(source, pad)
-    given = program if isinstance(program, Program) else _read(program, side.units)
-    models = side.some(draws).models
+    averaged = source.hypotheses if isinstance(source, Hypotheses) else ()
+    sides = [source.side(one) for one in averaged] if isinstance(source, Hypotheses) else []
+    sides = sides or [side_of(source, pad)]  # type: ignore[arg-type]
+    given = program if isinstance(program, Program) else _read(program, sides[0].units)
+    total = sum(len(side.draws) for side in sides)
+    models = [
+        side.some(max(round(draws * len(side.draws) / total), 1) if averaged else draws).models
+        for side in sides
+    ]
+    warnings: list[str] = []
+    if averaged and given.quantity == "force":
+        models, averaged, warnings = _stepping(models, averaged)
+    kept: np.ndarray | slice = slice(None)
     if given.quantity == "force":
-        check_steps(models)
         kept = np.append(np.diff(given.time) > 0.0, True)
-        time, value = given.time[kept], given.value[kept]
-        answers = _batches(_displacements, models, time, value)
-        if lost := int(np.sum(np.any(np.isnan(answers), axis=1))):
-            raise InputError(
-                f"{lost} of {len(answers)} draws have no displacement with this force",
-                remedy="prescribe a smaller force",
-            )
-    else:
-        time, value = given.time, given.value
-        answers = _batches(_forces, models, time, value, given.rate)
-    effects = tuple(effect.name for effect in models.effects)
-    found = Forecast(side.name, given, side.units, time, value, answers, effects, ())
-    return replace(found, warnings=tuple(_warnings(found, side)))
+    answers = np.concatenate([_answers(model, given, kept) for model in models])
+    effects = tuple(dict.fromkeys(e.name for model in models for e in model.effects))
+    time, value = given.time[kept], given.value[kept]
+    side = sides[0]
+    found = Forecast(
+        side.name, given, side.units, time, value, answers, effects, (), tuple(averaged)
+    )
+    return replace(found, warnings=(*warnings, *_warnings(found, side)))
+
+
+def _stepping(
+    models: list[Model], averaged: tuple[DrawnHypothesis, ...]
+) -> tuple[list[Model], tuple[DrawnHypothesis, ...], list[str]]:
+    """Those hypotheses that go step by step, and a sentence on the others."""
+    able = [not without_inverse(model) for model in models]
+    if not any(able):
+        check_inverse(models[0])
+    lost = [str(one) for one, stays in zip(averaged, able, strict=True) if not stays]
+    said = f"left out, for no displacement is found from a force with them: {', '.join(lost)}"
+    return (
+        [model for model, stays in zip(models, able, strict=True) if stays],
+        tuple(one for one, stays in zip(averaged, able, strict=True) if stays),
+        [said] if lost else [],
+    )
+
+
+def _answers(models: Model, given: Program, kept: np.ndarray | slice) -> np.ndarray:
+    """(n, N) of draws of one model."""
+    if given.quantity == "displacement":
+        return _batches(_forces, models, given.time, given.value, given.rate)
+    check_inverse(models)
+    answers = _batches(_displacements, models, given.time[kept], given.value[kept])
+    if lost := int(np.sum(np.any(np.isnan(answers), axis=1))):
+        raise InputError(
+            f"{lost} of {len(answers)} draws have no displacement with this force",
+            remedy="prescribe a smaller force",
+        )
+    return answers
 
 
 def _read(program: str | Path, units: UnitSystem) -> Program:

@@ -38,6 +38,14 @@ def content(found: Forecast) -> dict[str, object]:
         "prescribed": found.program.quantity,
         "effects": list(found.effects),
         "draws": len(found.answers),
+        "averaged": [
+            {
+                "base": {"elastic": one.base.elastic, "relaxation": one.base.relaxation},
+                "effects": list(one.effects),
+                "probability": one.probability,
+            }
+            for one in found.averaged
+        ],
         "units": asdict(found.units),
         "warnings": list(found.warnings),
         "columns": {name: values.tolist() for name, values in columns(found).items()},

@@ -10,7 +10,7 @@ from typing import NoReturn
 from qlvbayes.checks import InputError
 from qlvbayes.units import PAD, SAME, STRAIN, SUFFIXES, Scale, UnitSystem, column_name, unit_system
 
-LABELS = ("pad", "fluid", "test", "role")
+LABELS = ("pad", "fluid", "test", "role", "control")
 _OTHER_NAMES = {"group": "fluid"}
 _OPTIONAL = ("force_sd", "stress_sd", "start", "rate")
 # The longer name first: force_sd_N is not force in 'sd_N'.

@@ -50,14 +50,18 @@ class Checker:
     table: Table
     columns: Columns
 
-    def check(self, rows: Rows, numbers: dict[str, Floats]) -> None:
-        """Raise InputError unless the test can be used."""
+    def check(self, rows: Rows, numbers: dict[str, Floats], *, loaded: bool = False) -> None:
+        """Raise InputError unless the test can be used.
+
+        loaded: whether force is prescribed, which then may stay what it is from the first row on.
+        """
         self._time(rows, numbers["time"])
         if (size := len(numbers["time"])) < LEAST_SAMPLES:
             what = f"{_title(rows)} has {size} rows, at least {LEAST_SAMPLES} are needed"
             self.fail(rows, 0, what, "add the missing rows or delete the test")
         for key in ("displacement", "force"):
-            if numbers[key].min() == numbers[key].max():
+            held = key == "force" and loaded and numbers[key].max() > 0.0
+            if numbers[key].min() == numbers[key].max() and not held:
                 what = f"{self._name(key)} never changes in {_title(rows)}"
                 self.fail(rows, 0, what, "check the channel or delete the test")
         if "force_sd" in numbers and numbers["force_sd"].min() <= 0:

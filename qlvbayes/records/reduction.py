@@ -133,12 +133,14 @@ def reduce_test(
     past: Past | None = None,
     care: Care | None = None,
     begins: float | None = None,
+    approached: bool = True,
 ) -> Record:
     """The record of one test: block means, their nodes, and the motion on a grid of times.
 
     sd_scale: what measured sds are divided by; start: the pad's clock at time 0 (s); blocks: False
     keeps every sample by itself; past: what the test remembers of earlier ones; care: None where
-    force and noise are not known yet; begins: when the test began (s), of some of its samples only.
+    force and noise are not known yet; begins: when the test began (s), of some of its samples only;
+    approached: whether a record that begins on the move came from zero by an approach before it.
     """
     begin = np.arange(test.time.size)
     kept = np.ones(begin.size, dtype=bool)
@@ -155,7 +157,7 @@ def reduce_test(
     if care is not None:
         averaged = _with_care(averaged, trajectory, centre, care)
     chord = np.inf if care is None else care.chord
-    begun = past is None or not past.stays
+    begun = approached and (past is None or not past.stays)
     first = float(test.time[0]) if begins is None else begins
     grid = grid_times(trajectory, np.unique(nodes), first, chord=chord, begun=begun)
     motion = _motion(trajectory, grid, first, start)

@@ -68,6 +68,10 @@ _SAID = {
         "The longer the bar, the better a hypothesis explains the tests than the plain model does; "
         "the axis is logarithmic where bars differ much.",
     ),
+    "prediction": (
+        "What {of} is predicted to do in a programme of the user's own.",
+        "Above what is prescribed, beneath the answer: the bands hold 50 and 90 % of the draws.",
+    ),
     "error_staircase": (
         "Error of {of} after each step, fitted and on tests left out, against the noise floor.",
         "Each step down is an effect that was added; at the noise nothing is left to explain.",

@@ -19,6 +19,7 @@ from qlvbayes.report.explaining import Explaining, explaining_of
 from qlvbayes.report.failing import Failing, failing_of
 from qlvbayes.report.figures import Embedder, Figure
 from qlvbayes.report.methods import methods_of, source_name
+from qlvbayes.report.using import using_of
 from qlvbayes.wording import joined
 
 _PAD_FIGURES = (
@@ -30,6 +31,7 @@ _PAD_FIGURES = (
     "pairs",
     "programme",
     "forces_before_after",
+    "prediction",
 )
 
 
@@ -65,6 +67,7 @@ def page(results: Results) -> str:
         compared=list(zip(compared, contrasts, strict=True)),
         figures={name: embed(results.out, name) for name in ("constants", "forces_at_rates")},
         methods=methods_of(results),
+        using=using_of(results),
         remedies=remedies,
     )
 

@@ -13,6 +13,8 @@ from qlvbayes.diagnosis.verdict import Diagnosis
 from qlvbayes.diagnosis.words import paragraphs
 from qlvbayes.experiment import prepare
 from qlvbayes.files import results_folder, write_whole
+from qlvbayes.prescribed.hypotheses import FILE as HYPOTHESES
+from qlvbayes.prescribed.hypotheses import drawn_hypotheses
 from qlvbayes.study.watcher import Watcher
 
 
@@ -28,8 +30,9 @@ def diagnose_into(
 ) -> Diagnosis:
     """Diagnose one pad; leave ``diagnosis.json``, ``diagnosis.txt`` and four figures in a folder.
 
-    Where something is left that no effect explains, ``discrepancy.csv`` too. Raises
-    InputError where a setting cannot be used or nothing can be written.
+    ``hypotheses.json`` holds draws of the hypotheses that are left. Where something is left that no
+    effect explains, ``discrepancy.csv`` too. Raises InputError where a setting cannot be used or
+    nothing can be written.
     """
     with watcher.doing(f"pad {pad.name}") as tell:
         tell("motion, phases and noise floor")
@@ -50,10 +53,11 @@ def diagnose_into(
             _write_discrepancy(found, folder)
         tell("writing")
         found.result.write(folder / "diagnosis.json")
+        drawn_hypotheses(found, choices, seed=seed).write(folder / HYPOTHESES)
         text = "\n\n".join(paragraphs(found)) + "\n"
         write_whole(folder / "diagnosis.txt", text.encode())
         figures = _figures(found, folder)
-    for text in found.result.notices:
+    for text in (*experiment.notices, *found.result.notices):
         watcher.notice(text)
     watcher.diagnosed(found, figures)
     return found

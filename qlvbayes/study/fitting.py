@@ -42,7 +42,8 @@ def fit_into(
         experiment = prepare(pad, all_tests=all_tests)
     choices.build(experiment.scales)  # a setting that cannot be used leaves nothing behind
     results_folder(folder)
-    notices = pull_notices(experiment, bonded=choices.bonded, effects=choices.effects)
+    pulls = pull_notices(experiment, bonded=choices.bonded, effects=choices.effects)
+    notices = (*experiment.notices, *pulls)
     for text in notices:
         watcher.notice(text)
     watcher.starting(experiment, choices)

@@ -4,7 +4,15 @@ The force comes from differential equations solved by a stiff integrator, so tha
 in the fast model cannot hide in its own data.
 """
 
-from .constants import TABLE_1, Constants, draw_constants, pads_of_table_1
+from .constants import (
+    SPECIMENS,
+    TABLE_1,
+    Constants,
+    draw_constants,
+    pads_of_table_1,
+    specimens_of,
+)
+from .creep import Load, creep_protocol, creep_study, displacement_under, prescribed, record_creep
 from .files import simulate_file, write_csv
 from .hidden import (
     FOREIGN,
@@ -94,6 +102,7 @@ __all__ = [
     "PAPER_RATES",
     "PROTOCOLS",
     "SAMPLE_RATE",
+    "SPECIMENS",
     "TABLE_1",
     "Adhesion",
     "AmplifierClipping",
@@ -117,6 +126,7 @@ __all__ = [
     "Hold",
     "Inertia",
     "LinearRate",
+    "Load",
     "Material",
     "Move",
     "Noise",
@@ -146,6 +156,9 @@ __all__ = [
     "TemperatureSwing",
     "Toe",
     "ViscousDrag",
+    "creep_protocol",
+    "creep_study",
+    "displacement_under",
     "draw_constants",
     "draw_effect",
     "draw_effect_in",
@@ -157,12 +170,15 @@ __all__ = [
     "pads_of_table_1",
     "paper_protocol",
     "parse_effect",
+    "prescribed",
+    "record_creep",
     "record_sequence",
     "record_study",
     "record_test",
     "simulate_file",
     "simulate_study",
     "simulate_test",
+    "specimens_of",
     "thin",
     "write_csv",
 ]

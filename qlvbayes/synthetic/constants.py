@@ -61,6 +61,59 @@ TABLE_1 = {
 """Pads of the paper: A sealed without fluid, B lubricant oil, C glycerin."""
 
 
+SPECIMENS = TABLE_1 | {
+    "homogeneous": Constants(1.1, 0.35, (0.50, 0.30, 0.20), (2.5, 0.08)),
+    "finger": Constants(0.25, 2.0, (0.35, 0.35, 0.30), (14.0, 0.7)),
+}
+"""Pads of the paper, and two specimens beside them.
+
+homogeneous: a pad of one solid, stiffer and with less to relax; made up. finger: stiffness of 1 to
+6 N/mm under 0.4 to 3 N, relaxation times of 70 ms and 1.4 s as Pawluk & Howe 1999
+(doi:10.1115/1.2835100) found in vivo beside one of 4 ms, which this rig is too slow for; the shares
+are made up.
+"""
+
+_STIFFNESS_SPREAD, _RATE_SPREAD = 0.2, 0.15  # sds of the logarithms between specimens of a kind
+_SHARES_ALIKE = 300.0  # Dirichlet concentration of their shares: sds of about 0.03
+
+
+def specimens_of(
+    words: Iterable[str], rng: np.random.Generator
+) -> tuple[dict[str, Constants], dict[str, str]]:
+    """Constants by name, and the kinds of those of which several were asked for.
+
+    words: names of `SPECIMENS`; `finger:4` is four of a kind, `finger-1` to `finger-4`, each with
+    constants of its own about those of the kind.
+
+    Raises
+    ------
+    InputError
+        No such kind, or no number of them.
+    """
+    found: dict[str, Constants] = {}
+    kinds: dict[str, str] = {}
+    for word in words:
+        kind, several, number = word.partition(":")
+        if kind not in SPECIMENS or (several and not (number.isdecimal() and int(number) > 0)):
+            raise InputError(
+                f"no pad '{word}'", remedy=f"choose of {', '.join(SPECIMENS)}, or as finger:4"
+            )
+        if not several:
+            found[kind] = SPECIMENS[kind]
+            continue
+        for k in range(1, int(number) + 1):
+            found[f"{kind}-{k}"], kinds[f"{kind}-{k}"] = _another(SPECIMENS[kind], rng), kind
+    return found, kinds
+
+
+def _another(kind: Constants, rng: np.random.Generator) -> Constants:
+    """A specimen like others of its kind."""
+    m, b = np.array([kind.m, kind.b]) * np.exp(_STIFFNESS_SPREAD * rng.standard_normal(2))
+    v = np.array(kind.v) * np.exp(_RATE_SPREAD * rng.standard_normal(len(kind.v)))
+    c = rng.dirichlet(_SHARES_ALIKE * np.array(kind.c))
+    return Constants(float(m), float(b), tuple(c.tolist()), tuple(v.tolist()))
+
+
 def pads_of_table_1(names: Iterable[str]) -> dict[str, Constants]:
     """Constants of the named pads, in the order given.
 

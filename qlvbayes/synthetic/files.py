@@ -14,21 +14,28 @@ import numpy as np
 from qlvbayes.checks import InputError
 
 from .constants import Constants
+from .creep import creep_study
 from .hidden import Effect, HiddenPad
 from .material import Material, Pad
 from .platen import PAPER_ACCELERATION, PROTOCOLS
-from .rig import SAMPLE_RATE, SimulatedTest, record_study
+from .rig import PAUSE_S, SAMPLE_RATE, SimulatedTest, record_study
 from .sensors import ENCODER_STEP, Noise
 
 _COLUMNS = "pad,test,start_s,time_s,displacement_mm,force_N"
 
 
-def write_csv(path: str | Path, tests: Iterable[SimulatedTest], heading: Sequence[str]) -> None:
+def write_csv(
+    path: str | Path,
+    tests: Iterable[SimulatedTest],
+    heading: Sequence[str],
+    groups: Mapping[str, str] | None = None,
+) -> None:
     """Write tests as one tidy CSV, compressed if the name ends in .gz.
 
-    Each line of `heading` becomes a comment above the columns. Times keep 4 decimals,
-    displacement 3 (1 um), force 5. Written to a temporary name and renamed; the same
-    tests give the same bytes.
+    A column `control` says what was prescribed where that was the force in any test; a column
+    `group` what kind each pad of `groups` is of, where there are such. Each line of `heading`
+    becomes a comment above the columns. Times keep 4 decimals, displacement 3 (1 um), force 5.
+    Written to a temporary name and renamed; the same tests give the same bytes.
 
     Raises
     ------
@@ -37,7 +44,20 @@ def write_csv(path: str | Path, tests: Iterable[SimulatedTest], heading: Sequenc
     """
     path = Path(path)
     comments = [f"# {' '.join(line.split())}" for line in heading]
-    lines = [*comments, _COLUMNS, *(row for test in tests for row in _rows(test))]
+    tests, groups = list(tests), groups or {}
+    more = {}
+    if any(test.control == "force" for test in tests):
+        more["control"] = [test.control for test in tests]
+    if groups:
+        more["group"] = [groups.get(test.pad, "") for test in tests]
+    first = ",".join([*more, _COLUMNS])
+    labels = [",".join(label) for label in zip(*more.values(), strict=True)] or [""] * len(tests)
+    rows = (
+        f"{label},{row}" if label else row
+        for label, test in zip(labels, tests, strict=True)
+        for row in _rows(test)
+    )
+    lines = [*comments, first, *rows]
     content = ("\n".join(lines) + "\n").encode()
     if path.suffix == ".gz":
         content = gzip.compress(content, mtime=0)
@@ -55,6 +75,8 @@ def simulate_file(
     effects: Sequence[Effect] = (),
     protocol: str = "paper",
     answer: str | Path | None = None,
+    loads: Sequence[float] = (),
+    groups: Mapping[str, str] | None = None,
 ) -> None:
     """Simulate a study and write it; `command` is quoted in the file's heading.
 
@@ -64,12 +86,19 @@ def simulate_file(
     protocol : one of `PROTOCOLS`
     answer : JSON file that gets effects, constants, noise and seed; the heading then tells none
         of them but the noise, nor the command
+    loads : each adds a load-controlled test, N
+    groups : kinds of some of the pads, by their names
 
     Raises
     ------
     InputError
-        No such protocol, or a file cannot be written.
+        No such protocol, a load-controlled test of a pad with effects, or a file cannot be written.
     """
+    if loads and effects:
+        raise InputError(
+            "a load-controlled test is simulated of the plain pad only",
+            remedy="leave out --loads or --hide",
+        )
     if protocol not in PROTOCOLS:
         raise InputError(f"no protocol '{protocol}'", remedy=f"use one of {', '.join(PROTOCOLS)}")
     if answer is not None and Path(answer).resolve() == Path(path).resolve():
@@ -80,7 +109,9 @@ def simulate_file(
     }
     programs = {f"{rate:g}": PROTOCOLS[protocol](rate) for rate in rates}
     tests = record_study(materials, programs, noise, seed, max_rows)
-    rig = _rig_lines(protocol, noise, max_rows)
+    ends = {t.pad: t.start_s + float(t.record.time[-1]) + PAUSE_S for t in tests}
+    tests += creep_study(pads, loads, noise, seed, max_rows, ends)
+    rig = _rig_lines(protocol if programs else "", noise, max_rows, loads)
     if answer is None:
         told = [f"command: {command}", f"seed {seed}; {rig[1]}"]
         told += [_effect_line(effect) for effect in effects]
@@ -88,7 +119,7 @@ def simulate_file(
     else:
         _write_answer(answer, effects, pads, noise, seed)
         told = [rig[1], "constants and hidden effects are kept in a file of their own"]
-    write_csv(path, tests, [rig[0], *told])
+    write_csv(path, tests, [rig[0], *told], groups)
 
 
 def _write_answer(
@@ -140,11 +171,17 @@ _MOTIONS = {
 }
 
 
-def _rig_lines(protocol: str, noise: Noise, max_rows: int | None) -> tuple[str, str]:
+def _rig_lines(
+    protocol: str, noise: Noise, max_rows: int | None, loads: Sequence[float]
+) -> tuple[str, str]:
     rows = "every sample" if max_rows is None else f"at most {max_rows} rows a test"
+    done = []
+    if protocol:
+        done = [f"pads {_MOTIONS[protocol]}; acceleration at most {PAPER_ACCELERATION:g} mm/s2"]
+    if loads:
+        done.append("loads put on in 0.1 s, held 30 s, taken down to 30 % in 0.3 s, held 30 s")
     return (
-        f"simulated, not measured: pads {_MOTIONS[protocol]}; "
-        f"acceleration at most {PAPER_ACCELERATION:g} mm/s2",
+        f"simulated, not measured: {'; '.join(done)}",
         f"encoder step {ENCODER_STEP:g} mm; load-cell noise: white sd "
         f"{noise.white:g} N, correlated sd {noise.correlated:g} N over "
         f"{noise.correlation_time:g} s; sampled at {SAMPLE_RATE:g} Hz, {rows}",

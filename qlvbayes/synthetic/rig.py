@@ -20,7 +20,8 @@ from .sensors import NOISES, Noise, encode
 SAMPLE_RATE = 1000.0
 """Samples a second of the paper's controller."""
 
-_PAUSE_S = 120.0
+PAUSE_S = 120.0
+"""Rest between two tests, s."""
 
 
 @dataclass(frozen=True)
@@ -47,12 +48,16 @@ class Record:
 
 @dataclass(frozen=True)
 class SimulatedTest:
-    """A record with its place in a study; `start_s` is the clock at its first sample."""
+    """A record with its place in a study; `start_s` is the clock at its first sample.
+
+    control: what was prescribed, displacement or force
+    """
 
     pad: str
     name: str
     start_s: float
     record: Record
+    control: str = "displacement"
 
 
 def record_test(
@@ -109,7 +114,7 @@ def record_study(
             rng = stream(seed, name)
             record = record_test(material, platen, noise, rng, max_rows=max_rows)
             tests.append(SimulatedTest(pad, name, clock, record))
-            clock += platen.duration + _PAUSE_S
+            clock += platen.duration + PAUSE_S
     return tests
 
 

@@ -1,0 +1,84 @@
+"""What the results can be used for: commands for this folder, and what was exported already."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+from qlvbayes.report.collect import PadResults, Results
+
+
+@dataclass(frozen=True)
+class Use:
+    """A thing to do, and the command that does it."""
+
+    what: str
+    command: str
+
+
+@dataclass(frozen=True)
+class Exported:
+    """Files of one pad for another program; folder: in the folder of results."""
+
+    pad: str
+    target: str
+    folder: str
+    files: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Using:
+    """Commands, and exports that are there."""
+
+    commands: tuple[Use, ...]
+    exports: tuple[Exported, ...]
+
+
+def using_of(results: Results) -> Using | None:
+    """Of the first pad that was fitted; None where none was."""
+    fitted = [pad for pad in results.pads if (pad.folder / "posterior.nc").exists()]
+    if not fitted:
+        return None
+    out, pad = results.out.name or "OUT", fitted[0]
+    commands = (
+        Use(
+            "What a pad does in a motion, or under a load, that no test had, with 90 % bands",
+            f'qlvbayes predict {out} --pad {pad.name} --program "{_program(pad)}"',
+        ),
+        Use(
+            "The pad in a controller, a simulation or finite elements: C, FMU, MuJoCo, Drake, "
+            "MATLAB, Abaqus, Ansys, FEBio, COMSOL, JSON",
+            f"qlvbayes export {out} --pad {pad.name} --to c,fmu,json",
+        ),
+        Use(
+            "The next tests that tell most per minute of the rig's time",
+            f"qlvbayes design {out} --pad {pad.name}",
+        ),
+    )
+    found = [one for pad in fitted for one in _exports(results.out, pad)]
+    return Using(commands, tuple(found))
+
+
+def _program(pad: PadResults) -> str:
+    """A press as deep and as fast as the tests went, where that is known."""
+    unit = str(pad.final.facts.get("displacement_unit", "mm")).replace("1", "strain")
+    try:
+        covered = json.loads(pad.final.facts.get("covered", ""))
+        depth, speed = float(covered["depth"]), float(covered["fastest"])
+    except (ValueError, KeyError, TypeError):
+        return f"ramp 1 {unit} in 0.1 s, hold 30 s"
+    return f"ramp {depth:.3g} {unit} in {depth / speed:.3g} s, hold 30 s"
+
+
+def _exports(out: Path, pad: PadResults) -> list[Exported]:
+    folders = [path for path in sorted(pad.folder.glob("export/*")) if path.is_dir()]
+    return [
+        Exported(
+            pad.name,
+            folder.name,
+            folder.relative_to(out).as_posix(),
+            tuple(sorted(path.name for path in folder.iterdir() if path.is_file())),
+        )
+        for folder in folders
+    ]

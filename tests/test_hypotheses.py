@@ -1,0 +1,145 @@
+"""What a diagnosis left as a mixture: predictions averaged over hypotheses, by probability."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from endtoend import call, read_json
+from msgspec.structs import replace as changed
+from test_elsewhere import drawn, vectors, written
+from test_prescribed import REACH
+from test_stepper import draws
+
+from qlvbayes import InputError, predict_program
+from qlvbayes.choices import Choices
+from qlvbayes.diagnosis.result import Laws
+from qlvbayes.prescribed.hypotheses import FILE, DrawnHypothesis, Hypotheses
+from qlvbayes.results import load, save
+from qlvbayes.units import PAD
+
+PROGRAM = "ramp 1.6 mm at 20 mm/s, hold 5 s"
+LAWS = Laws("exponential", "prony:2")
+
+
+def hypothesis(probability, count, *effects, stiffer=1.0, **constants):
+    given = draws(count, **constants)
+    given["m"] = stiffer * given["m"]
+    kept = {name: tuple(values.tolist()) for name, values in given.items()}
+    return DrawnHypothesis(LAWS, effects, probability, kept)
+
+
+def hypotheses(*some):
+    return Hypotheses(pad="B", units=PAD, choices=Choices(), covered=REACH, hypotheses=some)
+
+
+SOFT = hypothesis(0.75, 300)
+HARD = hypothesis(0.25, 100, "viscous_drag", stiffer=2.0, **{"viscous_drag.eta": 0.01})
+LATE = hypothesis(0.05, 20, "channel_lag", **{"channel_lag.delay": 0.01})
+BOTH = hypotheses(SOFT, HARD)
+
+
+@pytest.fixture(scope="module")
+def mixed():
+    return predict_program(BOTH, PROGRAM)
+
+
+def test_the_band_is_that_of_the_mixture(mixed):
+    """Its distribution is the sum of those of the hypotheses, weighted by their probabilities."""
+    alone = [predict_program(hypotheses(one), PROGRAM) for one in (SOFT, HARD)]
+    last = [one.answers[:, -1] for one in alone]
+    # twice as stiff, so that they are apart: three quarters of the mixture lie below
+    assert last[0].max() < last[1].min()
+    between = 0.5 * (last[0].max() + last[1].min())
+    assert np.mean(mixed.answers[:, -1] < between) == pytest.approx(0.75, abs=1 / 400)
+    mean = 0.75 * alone[0].answers.mean(axis=0) + 0.25 * alone[1].answers.mean(axis=0)
+    assert np.allclose(mixed.answers.mean(axis=0), mean, rtol=1e-9)
+    low, high = mixed.band(0.9)
+    assert low[-1] < last[0].max() < last[1].min() < high[-1]
+    assert mixed.effects == ("viscous_drag",)
+    assert mixed.averaged == (SOFT, HARD)
+
+
+def test_fewer_draws_keep_the_proportions():
+    few = predict_program(BOTH, PROGRAM, draws=40)
+    last = np.sort(few.answers[:, -1])
+    assert last.size == 40
+    assert np.argmax(np.diff(last)) == 29
+
+
+def test_what_gives_no_displacement_from_a_force_is_left_out_and_named():
+    load_program = "force 0.3 N in 0.1 s, hold 2 s"
+    found = predict_program(hypotheses(SOFT, LATE), load_program)
+    assert found.averaged == (SOFT,)
+    assert "exponential with prony:2 + frame" not in found.warnings[0]
+    assert "exponential with prony:2 + channel_lag (0.05)" in found.warnings[0]
+    alone = predict_program(hypotheses(SOFT), load_program)
+    assert np.array_equal(found.answers, alone.answers)
+
+
+def test_a_file_holds_them_whole(tmp_path):
+    BOTH.write(tmp_path / FILE)
+    assert Hypotheses.read(tmp_path / FILE) == BOTH
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A pad with a fit and a diagnosis, and one with a diagnosis alone."""
+    path = tmp_path_factory.mktemp("pads")
+    written(path / "B", vectors(drawn("B")), {})
+    BOTH.write(path / "B" / FILE)
+    (path / "D").mkdir()
+    changed(BOTH, pad="D").write(path / "D" / FILE)
+    return path
+
+
+def test_the_command_says_what_was_averaged(folder):
+    status, _, err = call("predict", folder, "--program", PROGRAM)
+    assert status == 0
+    for pad in "BD":
+        said = (
+            f"pad {pad}: averaged over 2 hypotheses of the diagnosis, 100 % of the probability: "
+            "exponential with prony:2 (0.75); exponential with prony:2 + viscous_drag (0.25)"
+        )
+        assert said in err.replace("\n", " ")
+        content = read_json(folder / pad / "prediction.json")
+        assert [one["probability"] for one in content["averaged"]] == [0.75, 0.25]
+        assert content["draws"] == 400
+
+
+def test_the_fit_alone_is_to_be_had(folder):
+    status, _, err = call(
+        "predict", folder, "--program", PROGRAM, "--hypotheses", "fitted", "--pad", "B"
+    )
+    assert status == 0
+    assert "averaged" not in err
+    assert read_json(folder / "B" / "prediction.json")["averaged"] == []
+    told = call("predict", folder, "--program", PROGRAM, "--hypotheses", "some")
+    assert told[0] == 2
+    assert "use one of averaged, fitted" in told[2]
+
+
+def test_a_diagnosis_of_other_tests_is_left_out(folder, tmp_path):
+    saved = load(written(tmp_path / "B", vectors(drawn("B")), {}))
+    assert saved.covered is None
+    other = changed(BOTH, covered=replace(REACH, depth=2.0))
+    other.write(tmp_path / "B" / FILE)
+    # a posterior of our own says what its tests cover
+    from endtoend import fitted
+
+    from qlvbayes.results import to_arviz
+    from qlvbayes.summary import summarise
+
+    fit = fitted(method="least-squares")
+    tree = to_arviz(fit, summarise(fit), source="", sha256="", all_tests=False, seed=0)
+    save(tree, tmp_path / "B" / "posterior.nc")
+    status, _, err = call("predict", tmp_path, "--program", PROGRAM)
+    assert status == 0
+    assert "its diagnosis is of other tests than its fit" in err.replace("\n", " ")
+
+
+def test_a_folder_with_neither_is_refused(tmp_path):
+    status, _, err = call("predict", tmp_path, "--program", PROGRAM)
+    assert status == 2
+    assert "no fit in this folder" in err
+    with pytest.raises(InputError, match="cannot be read as results"):
+        Hypotheses.from_json('{"schema": 1, "pad": "B"}')

@@ -1,0 +1,291 @@
+"""Load-controlled tests: told from others, cut by their force, with the noise of both readings."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from qlvbayes import InputError, Model, Motion, prepare, read_study
+from qlvbayes.choices import Choices
+from qlvbayes.data import Pad, Test
+from qlvbayes.fit import build_posterior
+from qlvbayes.inference import compiled
+from qlvbayes.inference.starting import starting_point
+from qlvbayes.kinematics.trajectory import smooth
+from qlvbayes.laws.elastic.exponential import Exponential
+from qlvbayes.laws.relaxation.prony import Prony
+from qlvbayes.loadcontrol import control_of, crept_path, force_phases
+from qlvbayes.parameters import names
+from qlvbayes.synthetic import (
+    NOISES,
+    TABLE_1,
+    Hold,
+    Load,
+    Move,
+    creep_protocol,
+    creep_study,
+    displacement_under,
+    draw_constants,
+    full_retraction_protocol,
+    paper_protocol,
+    prescribed,
+    record_creep,
+    simulate_test,
+    write_csv,
+)
+from qlvbayes.units import PAD
+
+B = TABLE_1["B"]
+CORRELATED = NOISES["correlated"]  # 0.006 N white and 0.008 N of a memory of 0.5 s: 0.01 N
+ROWS = 400
+USUAL = creep_protocol(1.0)
+
+
+def creep(
+    program=USUAL,
+    noise=CORRELATED,
+    seed=0,
+    constants=B,
+    rows=ROWS,
+    closed_loop=False,
+    **said,
+):
+    rng = np.random.default_rng(seed)
+    found = record_creep(constants, program, noise, rng, max_rows=rows, closed_loop=closed_loop)
+    return Test("creep", "B", found.time, found.displacement, found.force, **said)
+
+
+def pressed(program, seed=0, constants=B):
+    found = simulate_test(constants, program, CORRELATED, np.random.default_rng(seed)).thinned(ROWS)
+    return Test("pressed", "B", found.time, found.displacement, found.force)
+
+
+def prepared(*tests):
+    named = [
+        replace(test, name=f"{test.name}-{k}", start_s=500.0 * k, start_known=True)
+        for k, test in enumerate(tests)
+    ]
+    return prepare(Pad("B", tuple(named), PAD), all_tests=True)
+
+
+def motion_of(time, displacement):
+    still = jnp.zeros(len(time))
+    return Motion(jnp.asarray(time), jnp.asarray(displacement), still, still)
+
+
+# the simulator
+
+
+def test_the_simulated_creep_is_that_of_a_stiff_solver():
+    c, v = np.array(B.c[1:]), np.array(B.v)
+
+    def slopes(t, state, rate):
+        stiffness = B.m * np.exp(B.b * state[0])
+        speed = (rate + np.sum(c * v * state[1:])) / stiffness
+        return [speed, *(stiffness * speed - v * state[1:])]
+
+    state, ends = np.zeros(3), []
+    corners = np.array([0.0, 0.1, 30.1, 30.4, 60.4])
+    for k, rate in enumerate((10.0, 0.0, -0.7 / 0.3, 0.0)):
+        span = tuple(corners[k : k + 2])
+        found = solve_ivp(slopes, span, state, "Radau", args=(rate,), rtol=1e-10, atol=1e-12)
+        state = found.y[:, -1]
+        ends.append(state[0])
+    time, force = prescribed(creep_protocol(1.0))
+    crept = np.interp(corners[1:], time, displacement_under(B, time, force))
+    assert np.allclose(crept, ends, rtol=1e-8)
+
+
+def test_the_model_gives_the_prescribed_force_back(paper_model):
+    time, force = prescribed(creep_protocol(1.0))
+    back = paper_model("B").force(motion_of(time, displacement_under(B, time, force)))
+    assert np.max(np.abs(np.asarray(back) - force)) < 1e-5
+
+
+def test_a_weight_put_on_at_once_jumps_along_the_elastic_curve():
+    time, force = prescribed([Load(1.0, 0.0, 5.0)])
+    assert np.all(force == 1.0)
+    crept = displacement_under(B, time, force)
+    assert B.force(crept[:1])[0] == pytest.approx(1.0, rel=1e-12)
+    assert np.all(np.diff(crept) > 0.0)
+    with pytest.raises(InputError, match="must not be below 0"):
+        displacement_under(B, time, -force)
+
+
+# told from others
+
+
+def test_creep_is_seen_for_what_it_is():
+    for load in (0.3, 1.0, 2.0):
+        assert control_of(creep(creep_protocol(load))) == "force"
+        assert control_of(creep(creep_protocol(load), closed_loop=True)) == "force"
+    assert control_of(creep([Load(1.0, 0.0, 30.0)])) == "force"
+
+
+@pytest.mark.parametrize(
+    "program",
+    [
+        paper_protocol(0.1),
+        paper_protocol(100.0),
+        full_retraction_protocol(20.0),
+        (Move(1.6, 1.0), Hold(30.0, creep=0.1)),  # a frame that gives way
+        (Move(1.6, 0.02),),
+        (Move(0.8, 0.5), Hold(20.0), Move(1.6, 0.5), Hold(20.0)),
+    ],
+)
+def test_a_prescribed_displacement_is_never_taken_for_a_force(program):
+    assert control_of(pressed(program)) == "displacement"
+
+
+def test_what_the_file_says_counts():
+    assert control_of(creep(control="displacement")) == "displacement"
+    assert control_of(replace(pressed(paper_protocol(1.0)), control="force")) == "force"
+
+
+# cut by their force
+
+
+@pytest.mark.parametrize("closed_loop", [False, True])
+def test_phases_are_those_of_the_force(closed_loop):
+    found = force_phases(creep(closed_loop=closed_loop))
+    assert [phase.kind for phase in found] == ["ramp", "hold", "unload", "recovery"]
+    # found to a twentieth of the way or to a reading, whichever is more
+    for phase, end, slack in zip(found, (0.1, 30.1, 30.4), (0.02, 0.1, 0.1), strict=False):
+        assert phase.stop == pytest.approx(end, abs=slack)
+
+
+def test_a_weight_from_the_first_reading_is_a_hold():
+    assert [phase.kind for phase in force_phases(creep([Load(1.0, 0.0, 30.0)]))] == ["hold"]
+
+
+def test_the_motion_does_not_swing_between_sparse_readings():
+    test = creep(constants=draw_constants(np.random.default_rng([77, 0])))
+    time, force = prescribed(creep_protocol(1.0))
+    truth = displacement_under(draw_constants(np.random.default_rng([77, 0])), time, force)
+    inside = time <= test.time[-1]
+    path = crept_path(smooth(test.time, test.displacement), test)
+    error = np.abs(path.displacement(time[inside]) - truth[inside])
+    # a line between readings is beside creep by what it bends: 1 % of the way between, and a step
+    way = np.abs(np.diff(np.interp(test.time, time, truth))).max()
+    assert error.max() < 0.02 * way + 2e-3
+
+
+# noise of both readings
+
+
+@pytest.mark.parametrize("closed_loop", [False, True])
+def test_the_noise_shows_whatever_the_controller_follows(closed_loop):
+    found = prepared(creep(closed_loop=closed_loop), creep(creep_protocol(0.5), seed=1)).floor
+    assert 0.8 * 0.01 < found.total < 1.6 * 0.01
+    assert found.ou > 0.5 * 0.008
+
+
+def test_of_an_exact_force_the_displacement_tells_the_noise():
+    """A sensor of 5 um beside a weight: stiffness times that."""
+    test = creep(noise=NOISES["none"], rows=2000)
+    rng = np.random.default_rng(0)
+    shaken = replace(
+        test, displacement=test.displacement + 5e-3 * rng.standard_normal(test.time.size)
+    )
+    floor = prepared(shaken).floor.total
+    steepest, least = (B.m * np.exp(B.b * d) for d in (2.2, 1.3))
+    assert 5e-3 * least * B.c[0] < floor < 5e-3 * steepest
+
+
+def test_a_record_begins_with_the_jump():
+    found = prepared(creep([Load(1.0, 0.0, 30.0)]))
+    motion = jax.tree.map(lambda x: x[0], found.record(found.trials).motion)
+    model = Model(Exponential(B.m, B.b), Prony(np.array(B.c), np.array(B.v)))
+    assert float(motion.displacement[0]) > 1.0
+    force = np.asarray(model.force(motion))
+    assert np.max(np.abs(force - 1.0)) < 0.01
+
+
+# files
+
+
+def test_a_file_says_what_was_prescribed(tmp_path):
+    write_csv(tmp_path / "creep.csv", creep_study({"B": B}, (0.5, 1.0), CORRELATED, 0, 200), [])
+    study = read_study(tmp_path / "creep.csv")
+    assert [test.control for test in study.pad("B").tests] == ["force", "force"]
+    assert study.notices == ()
+    found = prepare(study.pad("B"))
+    assert [trial.control for trial in found.trials] == ["force", "force"]
+    assert found.notices == ()
+    text = (tmp_path / "creep.csv").read_text().replace("force,B,B-0.5N", "load,B,B-0.5N")
+    (tmp_path / "wrong.csv").write_text(text)
+    with pytest.raises(InputError, match="control 'load' is unknown"):
+        read_study(tmp_path / "wrong.csv")
+
+
+def test_a_weight_may_be_all_that_a_file_has(tmp_path):
+    """Its force never changes, which of a prescribed displacement is a broken channel."""
+    rows = [f"{0.1 * k:.1f},{1.0 + 0.1 * np.log1p(k):.4f},1.0" for k in range(60)]
+    file = tmp_path / "weight.csv"
+    file.write_text("\n".join(["time_s,displacement_mm,force_N", *rows]) + "\n")
+    with pytest.raises(InputError, match="force_N never changes"):
+        read_study(file)
+    rows = [f"{row},force" for row in rows]
+    file.write_text("\n".join(["time_s,displacement_mm,force_N,control", *rows]) + "\n")
+    (found,) = prepare(read_study(file).pads[0]).trials
+    assert [phase.kind for phase in found.phases] == ["hold"]
+
+
+def test_a_notice_says_which_tests_were_taken_so():
+    found = prepared(creep(), pressed(paper_protocol(20.0)))
+    assert "in test creep-0 the force is held while the displacement creeps" in found.notices[0]
+    assert prepared(pressed(paper_protocol(20.0))).notices == ()
+
+
+# constants
+
+
+def zs(constants, tests, seed=0):
+    """Where the truth lies in the posterior about its top, in its sds."""
+    found = prepared(*tests)
+    posterior = build_posterior(found, Choices(), found.trials)
+    top = starting_point(posterior, found.floor, np.random.default_rng(seed))
+    theta = top.normal.draw(2000, np.random.default_rng(seed))
+    drawn = compiled.in_batches(compiled.constants, posterior, theta, size=4096)
+    order = names(posterior)
+    truth = {"m": constants.m, "b": constants.b}
+    truth |= {f"c[{k}]": x for k, x in enumerate(constants.c)}
+    truth |= {f"v[{k}]": x for k, x in enumerate(constants.v, start=1)}
+    columns = {name: np.asarray(drawn[:, order.index(name)]) for name in truth}
+    return {k: (x - columns[k].mean()) / columns[k].std() for k, x in truth.items()}
+
+
+def creeps(constants, seed, closed_loop):
+    peak = float(constants.force(np.array([1.2]))[0])
+    return [
+        replace(
+            creep(
+                creep_protocol(share * peak), CORRELATED, [seed, k], constants, ROWS, closed_loop
+            ),
+            control="force",
+        )
+        for k, share in enumerate((0.3, 0.6))
+    ]
+
+
+def test_creep_alone_tells_the_constants():
+    # four sds of seven constants fail by chance once in two thousand
+    assert max(map(abs, zs(B, creeps(B, 0, closed_loop=False)).values())) < 4.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["weights", "closed loop", "with a relaxation test"])
+def test_intervals_of_creep_tests_hold_the_truth(kind):
+    count = 10
+    inside = []
+    for seed in range(count):
+        constants = draw_constants(np.random.default_rng([77, seed]))
+        tests = creeps(constants, seed, kind == "closed loop")
+        if kind == "with a relaxation test":
+            tests.append(pressed(paper_protocol(20.0), seed, constants))
+        inside.append([abs(z) < 1.645 for z in zs(constants, tests).values()])
+    # 90 % of pads by 7 constants that hang together: at least as many as 10 pads hold by chance
+    assert np.mean(inside) > 0.9 - 3.0 * np.sqrt(0.09 / count)
