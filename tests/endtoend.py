@@ -11,12 +11,16 @@ import sys
 from pathlib import Path
 from unittest import mock
 
+from PIL import Image
+
 from qlvbayes.choices import Choices
 from qlvbayes.cli.main import run
 from qlvbayes.data import read_study
 from qlvbayes.experiment import prepare
 from qlvbayes.fit import fit_pad
 from qlvbayes.inference.ensemble import Settings
+from qlvbayes.plots import diagnosis_files
+from qlvbayes.plots import files as plots_files
 from qlvbayes.synthetic import TABLE_1
 
 PADS = Path(__file__).parents[1] / "data" / "pads.csv"
@@ -46,8 +50,12 @@ def qlvbayes(*words):
     return subprocess.run(line, capture_output=True, text=True, timeout=900, env=environment())
 
 
-def call(*words):
-    """Run the command in this process: its exit status, stdout and stderr."""
+def call(*words, drawn=False):
+    """Run the command in this process: its exit status, stdout and stderr.
+
+    drawn: whether its figures are; to draw them takes four fifths of a short fit. Without, files of
+    their names hold nothing to look at.
+    """
     out, err = io.StringIO(), io.StringIO()
     line = ["qlvbayes", *map(str, words)]
     status = 0
@@ -55,12 +63,30 @@ def call(*words):
         mock.patch.object(sys, "argv", line),
         contextlib.redirect_stdout(out),
         contextlib.redirect_stderr(err),
+        contextlib.nullcontext() if drawn else undrawn(),
     ):
         try:
             run()
         except SystemExit as stop:
             status = stop.code or 0
     return status, out.getvalue(), err.getvalue()
+
+
+@contextlib.contextmanager
+def undrawn():
+    """Figures are left out: an image of one pixel, a page without anything."""
+
+    def save(_, path):
+        image = path.with_name(f"{path.name}.png")
+        Image.new("L", (1, 1)).save(image)
+        path.with_name(f"{path.name}.pdf").write_bytes(b"%PDF-1.4\n")
+        return image
+
+    with (
+        mock.patch.object(plots_files, "save_figure", save),
+        mock.patch.object(diagnosis_files, "save_figure", save),
+    ):
+        yield
 
 
 @functools.cache

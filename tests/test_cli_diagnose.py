@@ -36,10 +36,21 @@ def answer():
 
 
 @pytest.fixture(scope="module")
-def study(tmp_path_factory):
-    """The whole loop, with a short chain."""
+def own_effects(tmp_path_factory):
+    """The worked example of CONTRIBUTING.md, as a file."""
+    text = (ROOT / "CONTRIBUTING.md").read_text()
+    blocks = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
+    path = tmp_path_factory.mktemp("own") / "my_effects.py"
+    path.write_text(next(block for block in blocks if "class QuadraticDrag" in block))
+    return path
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory, own_effects):
+    """The whole loop, with an effect of the user's own among the others and a short chain."""
     folder = tmp_path_factory.mktemp("study")
-    status, out, _ = call("study", HIDDEN, "-o", folder, "--max-steps", "60")
+    words = ("--effects-file", own_effects, "--max-steps", "60")
+    status, out, _ = call("study", HIDDEN, "-o", folder, *words, drawn=True)
     assert status == 0
     return folder / "C", out
 
@@ -89,7 +100,7 @@ def test_what_was_tried_travels_in_the_verdict(study):
     assert used.thresholds == Settings()
     assert {"exponential", "hertz"} <= set(used.elastic)
     assert "prony:2" in used.relaxation
-    assert set(used.effects) <= {kind.name for kind in EVERY}
+    assert set(used.effects) - {kind.name for kind in EVERY} == {"quadratic_drag"}
     assert (used.seed, used.evidence) == (0, "laplace")
 
 
@@ -130,8 +141,29 @@ def test_another_law_takes_what_was_said_of_the_old_ones_constants_away():
     assert _on_laws(mine, SimpleNamespace(verdict="adequate", base=usual)) == mine
 
 
-def test_diagnose_prints_json_for_machines(tmp_path, answer):
-    status, out, err = call("diagnose", HIDDEN, "-o", tmp_path / "out", "--json")
+def test_diagnose_prints_json_for_machines(study, tmp_path, monkeypatch):
+    """What it found, and nothing else; what is asked for reaches what looks for it."""
+    found = DiagnosisResult.read(study[0] / "diagnosis.json")
+    asked = {}
+
+    def told(folder, pad, choices, **others):
+        folder.mkdir(parents=True)  # where the run is recorded
+        asked.update(others, folder=folder, pad=pad.name, choices=choices)
+        return SimpleNamespace(result=found)
+
+    monkeypatch.setattr("qlvbayes.cli.diagnose.diagnose_into", told)
+    words = ("--elastic", "hertz", "--tolerance", "2%", "--seed", "5", "--json")
+    status, out, err = call("diagnose", HIDDEN, "-o", tmp_path / "out", *words)
+    assert (status, err) == (0, "")
+    assert json.loads(out) == [read_json(study[0] / "diagnosis.json")]
+    assert (asked["folder"], asked["pad"]) == (tmp_path / "out" / "C", "C")
+    assert (asked["choices"].law, asked["seed"]) == ("hertz", 5)
+    assert (asked["thresholds"].tolerance, asked["evidence"]) == (0.02, "laplace")
+
+
+@pytest.mark.slow
+def test_diagnose_says_what_study_says(tmp_path, answer):
+    status, out, err = call("diagnose", HIDDEN, "-o", tmp_path / "out", "--json", drawn=True)
     assert (status, err) == (0, "")
     assert json.loads(out)[0]["effects"] == [answer["effects"][0]["effect"]]
 
@@ -158,25 +190,13 @@ def test_effects_lists_all_by_family():
             assert families[place - 1] == entry["family"]
 
 
-@pytest.fixture
-def own_effects(tmp_path):
-    """The worked example of CONTRIBUTING.md, as a file."""
-    text = (ROOT / "CONTRIBUTING.md").read_text()
-    blocks = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
-    path = tmp_path / "my_effects.py"
-    path.write_text(next(block for block in blocks if "class QuadraticDrag" in block))
-    return path
-
-
-def test_the_worked_example_keeps_the_rules_and_competes(own_effects, tmp_path):
+def test_the_worked_example_keeps_the_rules_and_competes(own_effects, study):
     from qlvbayes import check_effect
     from qlvbayes.effects.userfile import load
 
     check_effect(load(own_effects)[0])
-    words = ("--effects-file", own_effects, "--json")
-    status, out, err = call("diagnose", HIDDEN, "-o", tmp_path / "out", *words)
-    assert (status, err) == (0, "")
-    ranked = {entry["effect"]: entry for entry in json.loads(out)[0]["ranking"]}
+    told = read_json(study[0] / "diagnosis.json")
+    ranked = {entry["effect"]: entry for entry in told["ranking"]}
     assert ranked["quadratic_drag"]["log_bayes_factor"] < ranked["squeeze_film"]["log_bayes_factor"]
 
 

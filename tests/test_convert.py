@@ -45,7 +45,7 @@ def same(one, other):
 
 def test_what_was_found_is_told_and_drawn_and_the_study_can_be_read(instron, tmp_path):
     out = tmp_path / "tidy.csv"
-    status, said, err = call("convert", instron, "-o", out, "--pad", "B")
+    status, said, err = call("convert", instron, "-o", out, "--pad", "B", drawn=True)
     assert (status, err) == (0, "")
     for words in (
         "Instron, Bluehill 2 and 3",

@@ -170,6 +170,21 @@ def test_a_jump_is_crossed_in_one_sample():
     assert np.allclose(motion.displacement(t), x, atol=1e-9)
 
 
+@pytest.mark.parametrize("left", [0, 1, 2])
+def test_a_move_of_which_a_logger_lost_nearly_all_readings(left):
+    """It lies between the last reading at rest and the first one after it, and only rises."""
+    platen, t, _ = rig(np.random.default_rng(0), 20.0)
+    x = platen.at(t)[0]
+    inside = np.flatnonzero((x > 0.2 * x.max()) & (x < 0.8 * x.max()) & (t < 1.0))
+    lost = (x > 0.0) & (x < x.max()) & (t < 1.0)
+    lost[inside[:left]] = False
+    motion = smooth(t[~lost], x[~lost])
+    assert np.abs(motion.displacement(t[~lost]) - x[~lost]).max() < 0.01 * x.max()
+    within = np.flatnonzero(lost)
+    across = motion.displacement(np.linspace(t[within[0]], t[within[-1]], 200))
+    assert np.all(np.diff(across) > -1e-3 * x.max())
+
+
 def test_a_few_scattered_readings_are_never_left_far():
     rng = np.random.default_rng(11)
     for _ in range(30):

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from ground_cases import make
 
-_LIMIT_S = 600.0
+_LIMIT_S = 3600.0
 _MAIN = "from qlvbayes.cli.main import run; run()"
 
 
@@ -49,15 +49,17 @@ def answer_all(folder: Path, package: Path, output: Path, only: str = "") -> Non
         if file.stem in found or only not in file.stem:
             continue
         truth = json.loads(file.with_suffix(".json").read_text(encoding="utf-8"))
-        found[file.stem] = truth | answer(file, package.resolve(), exact=truth["exact"])
+        found[file.stem] = truth | answer(
+            file, package.resolve(), truth["exact"], truth.get("options", ())
+        )
         output.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
 
 
-def answer(file: Path, package: Path, exact: bool) -> dict:
+def answer(file: Path, package: Path, exact: bool, options: Sequence[str]) -> dict:
     """What `diagnose` says of one pad; of an exact record, what `fit` says."""
     begun = time.perf_counter()
     with tempfile.TemporaryDirectory() as place:
-        words = ["fit" if exact else "diagnose", str(file), "-o", place]
+        words = ["fit" if exact else "diagnose", str(file), "-o", place, *options]
         command = [sys.executable, "-c", _MAIN, *words]
         environment = os.environ | {"PYTHONPATH": str(package)}
         try:

@@ -68,13 +68,19 @@ def _full_knots(joints: Joints) -> Array:
 
 
 def _spans(full: Array, time: Array) -> tuple[NDArray[np.intp], Array]:
-    """Index of the span of each time and the three basis functions alive there (3, n)."""
-    last = full.size - 4
-    span = np.clip(np.searchsorted(full, time, side="right") - 1, 2, last)
-    a, b, c, d = full[span - 1], full[span], full[span + 1], full[span + 2]
-    first = (c - time) ** 2 / ((c - a) * (c - b))
-    third = (time - b) ** 2 / ((d - b) * (c - b))
-    return span, np.stack([first, 1.0 - first - third, third])
+    """Index of the span of each time and the three basis functions alive there (3, n).
+
+    The times must lie between the first knot and the last.
+    """
+    span = np.minimum(np.searchsorted(full, time, side="right") - 1, full.size - 4)
+    length = full[1:] - full[:-1]
+    with np.errstate(divide="ignore"):  # no time lies in a span without length
+        first = 1.0 / ((full[2:] - full[:-2]) * length[1:])
+        third = 1.0 / ((full[2:] - full[:-2]) * length[:-1])
+    start, stop = full[span], full[span + 1]
+    early = (stop - time) ** 2 * first[span - 1]
+    late = (time - start) ** 2 * third[span]
+    return span, np.stack([early, 1.0 - early - late, late])
 
 
 def _straightening(full: Array) -> tuple[NDArray[np.intp], Array]:
@@ -86,27 +92,36 @@ def _straightening(full: Array) -> tuple[NDArray[np.intp], Array]:
     return span, np.stack([first, -first - third, third])
 
 
-def _band(rows: list[tuple[NDArray[np.intp], Array]], size: int) -> Array:
-    """Upper banded form of the sum of the outer products."""
+def _band(span: NDArray[np.intp], weights: Array, size: int) -> Array:
+    """Upper banded form of the sum of the outer products of (3, n) weights."""
     band = np.zeros((3, size))
-    for span, weights in rows:
-        for p in range(3):
-            for q in range(p, 3):
-                band[2 - (q - p)] += np.bincount(
-                    span - 2 + q, weights=weights[p] * weights[q], minlength=size
-                )
+    for q in range(3):
+        at = span - 2 + q
+        for p in range(q + 1):
+            band[2 - (q - p)] += np.bincount(at, weights=weights[p] * weights[q], minlength=size)
     return band
 
 
-def coefficients(joints: Joints, time: Array, displacement: Array) -> tuple[Array, Array]:
-    """Return the full knots and the spline coefficients that minimise the squared residuals."""
+@dataclass(frozen=True)
+class _Solved:
+    """A least-squares spline: full knots, coefficients; span and basis (3, n) of each sample."""
+
+    full: Array
+    coefficients: Array
+    span: NDArray[np.intp]
+    basis: Array
+
+
+def _solved(joints: Joints, time: Array, displacement: Array) -> _Solved:
+    """The spline that minimises the squared residuals."""
     full = _full_knots(joints)
     size = full.size - 3
     origin = float(displacement[0])
-    inside = np.clip(time, joints.knots[0], joints.knots[-1])
+    inside = np.minimum(np.maximum(time, joints.knots[0]), joints.knots[-1])
     span, basis = _spans(full, inside)
     bend, weights = _straightening(full)
-    band = _band([(span, basis), (bend, np.sqrt(_STIFFNESS) * weights)], size)
+    rows = np.concatenate([basis, np.sqrt(_STIFFNESS) * weights], axis=1)
+    band = _band(np.concatenate([span, bend]), rows, size)
     y = displacement - origin
     right_side = np.zeros(size)
     for p in range(3):
@@ -128,20 +143,20 @@ def coefficients(joints: Joints, time: Array, displacement: Array) -> tuple[Arra
         free[0, :2] = 0.0
         free[2] += 1e-14 * free[2].max()
         c[low:high] = solveh_banded(free, right_side[low:high], check_finite=False)
-    return full, c + origin
+    return _Solved(full, c + origin, span, basis)
 
 
 def residuals(joints: Joints, time: Array, displacement: Array) -> Array:
     """Return readings minus the fitted spline, the rests outside the end knots included."""
-    full, c = coefficients(joints, time, displacement)
-    inside = np.clip(time, joints.knots[0], joints.knots[-1])
-    span, basis = _spans(full, inside)
+    found = _solved(joints, time, displacement)
+    c, span, basis = found.coefficients, found.span, found.basis
     return displacement - (basis[0] * c[span - 2] + basis[1] * c[span - 1] + basis[2] * c[span])
 
 
 def pieces(joints: Joints, window: Window) -> Pieces:
     """Return the fitted spline piece by piece."""
-    full, k = coefficients(joints, window.time, window.displacement)
+    found = _solved(joints, window.time, window.displacement)
+    full, k = found.full, found.coefficients
     span = np.flatnonzero(np.diff(full) > 0.0)
     a, b, c, d = full[span - 1], full[span], full[span + 1], full[span + 2]
     velocity = 2.0 * (k[span - 1] - k[span - 2]) / (c - a)
