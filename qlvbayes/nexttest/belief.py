@@ -16,9 +16,7 @@ from qlvbayes.records.record import Record
 Array = NDArray[np.float64]
 Forces = Callable[[Array, Record], Array]
 
-_STEP = (
-    0.02  # sds, over which slopes are taken: kinks of contact are smoothed, rounding is not seen
-)
+STEP = 0.02  # sds, over which slopes are taken: kinks of contact are smoothed, rounding is not seen
 _DEPENDENT = 1e-9  # of the largest singular value: directions that others span
 
 
@@ -27,8 +25,9 @@ class Explanation:
     """A model whose constants are known as far as the tests that were done tell.
 
     Its F free numbers z are independent standard normal ones. names, kinds: of the P constants, and
-    of their units; constants: from z (K, F) to (K, P); run: from constants (K, P) and a record of T tests to block means
-    (K, T, B) of the force (N); fractions (L,), rates (L,): of its relaxation, 1/s.
+    of their units; constants: from z (K, F) to (K, P); run: from constants (K, P) and a record of T
+    tests to block means (K, T, B) of the force (N); fractions (L,), rates (L,): of its relaxation,
+    1/s.
     """
 
     words: str
@@ -47,10 +46,10 @@ class Explanation:
 
     def slopes(self, z: Array, record: Record) -> tuple[Array, Array]:
         """Block means (K, T, B) of z (K, F), and their slopes (K, F, T, B) along z."""
-        rows = z[:, None] + _STEP * np.concatenate([np.zeros((1, self.size)), np.eye(self.size)])
+        rows = z[:, None] + STEP * np.concatenate([np.zeros((1, self.size)), np.eye(self.size)])
         found = self.forces(rows.reshape(-1, self.size), record)
         found = found.reshape(len(z), 1 + self.size, *found.shape[1:])
-        return found[:, 0], (found[:, 1:] - found[:, :1]) / _STEP
+        return found[:, 0], (found[:, 1:] - found[:, :1]) / STEP
 
     @cached_property
     def centre(self) -> Array:
@@ -60,7 +59,7 @@ class Explanation:
     @cached_property
     def gradient(self) -> Array:
         """Slopes (P, F) of the constants along z."""
-        return (self.constants(_STEP * np.eye(self.size)) - self.centre).T / _STEP
+        return (self.constants(STEP * np.eye(self.size)) - self.centre).T / STEP
 
     def asked(self, names: Sequence[str]) -> Array:
         """Orthonormal rows (r, F): what of z some constants say; those that it has not, nothing."""

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 NUMBERS = 8
 """What is drawn of a design: as many numbers between 0 and 1."""
 _LEAST_DEPTH = 0.2  # of the rig's: below, forces of soft pads drown in noise
-_LEAST_HOLD = 20.0  # readings
+_LEAST_HOLD = 100.0  # readings: a controller has settled
 _GENTLEST = 0.1  # of the rig's acceleration
 _WHOLE, _NONE = 0.4, 0.2  # shares of the draws that retract fully, and not at all
 _CYCLES = (1, 1, 1, 2, 3, 4)  # equally likely

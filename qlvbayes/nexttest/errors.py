@@ -24,8 +24,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Errors:
-    """floor: of the load cell; peak: largest force (N); missed: size (N) of the discrepancy that
-    the diagnosis found beside what it names, 0 where it found none.
+    """Of any test of a pad.
+
+    floor: of the load cell; peak: largest force (N); missed: size (N) of the discrepancy that the
+    diagnosis found beside what it names, 0 where it found none.
     """
 
     floor: NoiseFloor

@@ -6,9 +6,9 @@ z ~ N(0, 1), all is said by products (`Products`), which add up over tests. With
 .. math:: I(Qz; y) = -\tfrac12 \log_2 \det(Q M^{-1} Q^T)
 
 for some of the numbers, orthonormal rows Q (all: half log det M; Lindley 1956,
-doi:10.1214/aoms/1177728069). Which explanation is right is told by predictions N(f_h, 1 + A_h A_h^T).
-What a mixture of probabilities p_h tells of its members has bounds in their distances D
-(Kolchinsky & Tracey 2017, doi:10.3390/e19070361),
+doi:10.1214/aoms/1177728069). Which explanation is right is told by predictions
+N(f_h, 1 + A_h A_h^T). What a mixture of probabilities p_h tells of its members has bounds in their
+distances D (Kolchinsky & Tracey 2017, doi:10.3390/e19070361),
 
 .. math:: I(h; y) \gtreqless -\sum_i p_i \log_2 \sum_j p_j e^{-D_{ij}}
 
@@ -83,7 +83,7 @@ class Products:
 
     @cached_property
     def _volumes(self) -> list[Array]:
-        """ln det M (T,)."""
+        """Log det M (T,)."""
         return [np.linalg.slogdet(M)[1] for M in self.precisions]
 
     def bits_for(self, k: int, asked: Array) -> Array:

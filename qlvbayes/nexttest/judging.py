@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaln, logsumexp
 
-from qlvbayes.nexttest.belief import Belief, Explanation
+from qlvbayes.nexttest.belief import STEP, Belief, Explanation
 from qlvbayes.nexttest.design import Design
 from qlvbayes.nexttest.errors import Errors, Whitening
 from qlvbayes.nexttest.records import record_of
@@ -134,7 +134,7 @@ class Lines:
         return cls(tuple(forces), tuple(slopes))
 
     def _log_marginal(self, k: int, readings: Array, axes: Array | None = None) -> Array:
-        """ln p(y) (K,) up to a constant, of readings (K, n); axes (k, F): what of z is summed."""
+        """Log p(y) (K,) up to a constant, of readings (K, n); axes (k, F): what of z is summed."""
         own = self.slopes[k] if axes is None else axes @ self.slopes[k]
         left = readings - self.forces[k]
         precision = np.eye(len(own)) + own @ own.T
@@ -199,7 +199,7 @@ def _given(
     inner: int,
     rng: np.random.Generator,
 ) -> Array:
-    """ln p(y | phi) (K,) at the constants phi, rows (r, F), that z (K, F) has."""
+    """Log p(y | phi) (K,) at the constants phi, rows (r, F), that z (K, F) has."""
     if len(rows) in (0, one.size):
         return np.asarray(-0.5 * np.sum(noise**2, axis=1))
     others = np.linalg.svd(rows)[2][len(rows) :]
@@ -217,7 +217,7 @@ def _log_marginals(
     inner: int,
     rng: np.random.Generator,
 ) -> Array:
-    """ln of p(y | fixed) (K,) up to a constant, z = fixed + basis psi summed over psi ~ N(0, 1).
+    """Log of p(y | fixed) (K,) up to a constant, z = fixed + basis psi summed over psi ~ N(0, 1).
 
     readings (K, n); fixed (K, F); start (K, k): from where the highest psi is looked for; basis
     (F, k).
@@ -253,13 +253,10 @@ def _linear(
 ) -> tuple[Array, Array]:
     """Residual (K, n) at psi = place (K, k), and slopes (K, k, n) of the forces along psi."""
     count, size = place.shape
-    steps = _STEP * np.concatenate([np.zeros((1, size)), np.eye(size)])
+    steps = STEP * np.concatenate([np.zeros((1, size)), np.eye(size)])
     z = fixed[:, None] + (place[:, None] + steps) @ basis.T
     force = trial.forces(one, z.reshape(-1, one.size)).reshape(count, 1 + size, -1)
-    return readings - force[:, 0], (force[:, 1:] - force[:, :1]) / _STEP
-
-
-_STEP = 0.02  # sds, over which slopes are taken
+    return readings - force[:, 0], (force[:, 1:] - force[:, :1]) / STEP
 
 
 def _log_t(t: Array) -> Array:

@@ -58,9 +58,10 @@ class Option:
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """tests: the next ones, in order; options: the best for the first place, the best first;
-    screened: how many designs fitted; judged: all tests together; now, after: products of no test
-    and of all.
+    """What was planned.
+
+    tests: the next ones, in order; options: the best for the first place, the best first; screened:
+    how many designs fitted; judged: all tests together; now, after: products of no test and of all.
     """
 
     tests: tuple[Option, ...]

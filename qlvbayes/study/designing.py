@@ -12,8 +12,8 @@ from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
 from qlvbayes.data import read_study
 from qlvbayes.diagnosis.result import Alternative, DiagnosisResult
-from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.search import Search, described
+from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.workbench import as_chosen, search_of
 from qlvbayes.experiment import prepare
 from qlvbayes.files import write_whole
@@ -39,7 +39,7 @@ from qlvbayes.units import UnitSystem
 CAUSE = "cause"
 MOST = 4
 """Explanations that are reckoned with."""
-LEAST = 0.02
+LEAST = 0.05
 """Probability from which one is."""
 
 
@@ -266,10 +266,11 @@ def explained(search: Search, alternatives: Sequence[Alternative]) -> list[Expla
         best = search.modes[hypothesis][0]
         found.append(
             explanation_of_mode(
-                search.density.space,
+                search.density,
                 hypothesis,
-                best.point.theta,
+                best.point,
                 best.evidence.covariance,
+                best.mode.size,
                 one.probability,
                 described(hypothesis),
             )
