@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -173,7 +173,7 @@ class Recovery:
     def before(self, design: Design, patience: float = 1.0) -> Design:
         """The design with the wait that one like it before it asks for, times ``patience``."""
         wait = max(patience * self.time(design.duration), LEAST_WAIT)
-        return Design(**{**_numbers(design), "wait": wait})
+        return replace(design, wait=wait)
 
 
 FORGOTTEN = 0.01
@@ -181,7 +181,3 @@ FORGOTTEN = 0.01
 LEAST_WAIT = 30.0
 """Seconds between two tests, whatever the pad: the file is kept and the rig started again."""
 _RESTS = np.geomspace(0.1, 3600.0, 300)  # s, tried
-
-
-def _numbers(design: Design) -> dict[str, float]:
-    return {name: getattr(design, name) for name in design.__dataclass_fields__}

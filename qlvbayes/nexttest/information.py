@@ -142,3 +142,12 @@ class Products:
                 total -= p * np.log2(near)
             found.append(np.clip(total, 0.0, max(entropy, 0.0)))
         return found[0], found[1]
+
+
+def evidence(products: Products) -> Array:
+    """Expected 2 ln Bayes factor (T,) between the two nearest explanations; 0 of one alone."""
+    count = len(products.sizes)
+    pairs = [(i, j) for i in range(count) for j in range(count) if i != j]
+    if not pairs:
+        return np.zeros(len(products.values))
+    return np.asarray(np.min([products.evidence(i, j) for i, j in pairs], axis=0))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,10 +27,13 @@ _EARLY = 1e-4  # of a rest: its first block
 def record_of(designs: Sequence[Design], rig: Rig, clock: float) -> Record:
     """Tests (T,) that begin when each has waited after ``clock`` (s), whose force is 0."""
     motions, nodes, blocks = zip(*(_one(design, rig) for design in designs), strict=True)
-    time, place, speed, rate = (np.stack(column) for column in zip(*motions, strict=True))
-    start = np.array([clock + design.wait for design in designs])
-    columns = [np.stack(column) for column in zip(*blocks, strict=True)]
-    return Record(Motion(time, place, speed, rate, start), np.stack(nodes), Blocks(*columns))
+    time, place, speed, rate = (
+        jnp.asarray(np.stack(column)) for column in zip(*motions, strict=True)
+    )
+    start = jnp.asarray([clock + design.wait for design in designs])
+    columns = [jnp.asarray(np.stack(column)) for column in zip(*blocks, strict=True)]
+    motion = Motion(time, place, speed, rate, start)
+    return Record(motion, jnp.asarray(np.stack(nodes)), Blocks(*columns))
 
 
 def _one(design: Design, rig: Rig) -> tuple[tuple[Array, ...], NDArray[np.intp], tuple[Array, ...]]:
@@ -37,7 +41,7 @@ def _one(design: Design, rig: Rig) -> tuple[tuple[Array, ...], NDArray[np.intp],
     edges = _edges(design, rig.interval)
     begin, end = (np.concatenate(parts) for parts in zip(*edges, strict=True))
     width = end - begin
-    count = np.maximum(np.round(width / rig.interval), 1.0)
+    count = _kept(np.maximum(np.round(width / rig.interval), 1.0), rig.rows)
     middle, half = 0.5 * (begin + end), 0.5 * width * (1.0 - 1.0 / count)
     # mean plus and minus one sd of evenly spaced readings
     spread = width * np.sqrt(np.maximum(1.0 - count**-2, 0.0) / 12.0)
@@ -49,6 +53,17 @@ def _one(design: Design, rig: Rig) -> tuple[tuple[Array, ...], NDArray[np.intp],
     one, real = np.ones(begin.size), np.arange(BLOCKS) < begin.size
     fields = (0.0 * one, count, middle - half, middle + half, one, one, 0.0 * one)
     return motion, _filled(places, BLOCKS), (*(_filled(x, BLOCKS) for x in fields), real)
+
+
+def _kept(count: Array, rows: int) -> Array:
+    """Readings of each block, where a logger keeps no more than so many: none has more than c."""
+    if count.sum() <= rows:
+        return count
+    ordered = np.sort(count)
+    below = np.concatenate([[0.0], np.cumsum(ordered)[:-1]])
+    most = (rows - below) / np.arange(count.size, 0, -1)
+    first = int(np.argmax(most <= ordered))
+    return np.asarray(np.maximum(np.floor(np.minimum(count, most[first])), 1.0))
 
 
 def _edges(design: Design, interval: float) -> list[tuple[Array, Array]]:

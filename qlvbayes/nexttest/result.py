@@ -32,6 +32,7 @@ class Limits(Part, frozen=True, rename={
     speed: float
     acceleration: float
     interval: float
+    rows: int
 
 
 class Proposed(Part, frozen=True, rename={

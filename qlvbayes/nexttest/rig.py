@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 from qlvbayes.checks import InputError
 from qlvbayes.covered import Covered
-from qlvbayes.scales import Scales
+from qlvbayes.experiment import Experiment
 
 SET_POINTS = 1000.0  # a second: rate of the file of set-points, as of the paper's controller
 _SLOWEST = 1e-5  # of the top speed: nobody waits longer
@@ -17,19 +17,23 @@ _SLOWEST = 1e-5  # of the top speed: nobody waits longer
 class Rig:
     """Limits of a test: greatest depth (mm), speed (mm/s) and acceleration (mm/s2).
 
-    interval: between two readings (s).
+    interval: between two readings (s) at the least; rows: readings that are kept of a test, of long
+    rests the fewest.
     """
 
     depth: float
     speed: float
     acceleration: float
     interval: float = 1.0 / SET_POINTS
+    rows: int = 10_000_000  # all of them
 
     @classmethod
-    def of_tests(cls, scales: Scales) -> Rig:
-        """What the tests that were done show that it can do."""
+    def of_tests(cls, experiment: Experiment) -> Rig:
+        """What the tests that were done show that it can do, and its logger."""
+        scales = experiment.scales
         acceleration = scales.acceleration or scales.speed / (10.0 * scales.shortest)
-        return cls(scales.depth, scales.speed, acceleration, scales.shortest)
+        rows = max(trial.test.time.size for trial in experiment.trials)
+        return cls(scales.depth, scales.speed, acceleration, scales.shortest, rows)
 
     @classmethod
     def of_ranges(cls, covered: Covered) -> Rig:
@@ -42,12 +46,13 @@ class Rig:
         for name, value in given.items():
             if value is not None and not (value > 0.0 and math.isfinite(value)):
                 raise InputError(f"--max-{name} is {value:g}", remedy="give it above 0")
-        return replace(self, **{key: value for key, value in given.items() if value is not None})
+        return replace(
+            self,
+            depth=depth or self.depth,
+            speed=speed or self.speed,
+            acceleration=acceleration or self.acceleration,
+        )
 
     def slowest(self, longest: float) -> float:
         """Least speed (mm/s) by which a ramp takes a quarter of the longest test (s)."""
         return min(max(_SLOWEST * self.speed, 4.0 * self.depth / longest), self.speed)
-
-    def as_dict(self) -> dict[str, float]:
-        """For JSON."""
-        return {field.name: getattr(self, field.name) for field in fields(self)}

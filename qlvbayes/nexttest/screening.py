@@ -35,7 +35,7 @@ def screened(
         found.append(_products(belief, some, record, rig, errors))
     sizes = tuple(one.size for one in belief.explanations)
     values = np.concatenate(found)
-    sound = np.isfinite(values).all(axis=(1, 2))
+    sound = np.asarray(np.isfinite(values).all(axis=(1, 2)))
     return Products(np.where(sound[:, None, None], values, 0.0), sizes), sound
 
 

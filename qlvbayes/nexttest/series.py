@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from qlvbayes.checks import InputError
 from qlvbayes.nexttest.belief import Belief
-from qlvbayes.nexttest.design import Design, drawn
+from qlvbayes.nexttest.design import LEAST_WAIT, Design, drawn
 from qlvbayes.nexttest.errors import Errors
-from qlvbayes.nexttest.information import Products
+from qlvbayes.nexttest.information import Products, evidence
 from qlvbayes.nexttest.judging import Judged, judged
 from qlvbayes.nexttest.rig import Rig
 from qlvbayes.nexttest.screening import screened
@@ -85,15 +85,6 @@ def bits_for_constants(belief: Belief, products: Products, names: Sequence[str])
     return total
 
 
-def evidence(products: Products) -> Array:
-    """Expected 2 ln Bayes factor (T,) between the two nearest explanations; 0 of one alone."""
-    count = len(products.sizes)
-    pairs = [(i, j) for i in range(count) for j in range(count) if i != j]
-    if not pairs:
-        return np.zeros(len(products.values))
-    return np.asarray(np.min([products.evidence(i, j) for i, j in pairs], axis=0))
-
-
 def planned_series(
     belief: Belief,
     rig: Rig,
@@ -115,35 +106,29 @@ def planned_series(
     """
     tell(f"screening {count} tests")
     designs = drawn(rig, belief.recovery, 60.0 * minutes, count, seed)
-    products, sound = screened(belief, designs, rig, errors, clock) if designs else (None, None)
-    if products is None or not np.any(sound):
-        least = belief.recovery.time(1.0)
-        raise InputError(
-            f"no test fits into {minutes:g} minutes: the pad needs {least:.0f} s to recover from "
-            "the shortest",
-            remedy="give more --minutes",
-        )
-    options = _options(belief, designs, products, wish, Products.none(products.sizes))
-    order = _by_rate(options, wish, sound)
-    options = [options[k] for k in order[:best]]
-    if best > 0:
-        tell(f"judging the best {len(options)}")
-        options = [
-            replace(one, judged=judged(belief, [one.design], rig, errors, wish.constants,
-                                       clock=clock, seed=seed))
-            for one in options
-        ]  # fmt: skip
-        options.sort(key=lambda one: -rate(one, wish))
-    else:
-        options = [options[0]]
-    places = {id(design): k for k, design in enumerate(designs)}
-    chosen = [options[0]]
-    told = products[np.array([places[id(options[0].design)]])]
+    if not designs:
+        raise _no_time(belief, minutes)
+    products, sound = screened(belief, designs, rig, errors, clock)
     none = Products.none(products.sizes)
+    if not sound.any():
+        raise InputError("no test has a finite force", remedy="give lower limits of the rig")
+
+    def judge(some: Sequence[Option]) -> Judged | None:
+        if best == 0:
+            return None
+        own = [one.design for one in some]
+        return judged(belief, own, rig, errors, wish.constants, clock=clock, seed=seed)
+
+    options = _options(belief, designs, products, wish, none)
+    first = [options[k] for k in _by_rate(options, wish, sound)[: max(best, 1)]]
+    tell(f"judging the best {len(first)}")
+    first = [replace(one, judged=judge([one])) for one in first]
+    first.sort(key=lambda one: -rate(one, wish))
+    chosen, told = [first[0]], none + products[np.array([designs.index(first[0].design)])]
     while len(chosen) < min(tests, MOST):
         left = minutes - sum(one.design.minutes for one in chosen)
         pause = belief.recovery.time(chosen[-1].design.duration)
-        waiting = [replace(d, wait=max(d.wait, pause)) for d in designs]
+        waiting = [replace(one, wait=max(one.wait, pause)) for one in designs]
         more = _options(belief, waiting, products, wish, told)
         fits = sound & np.array([one.design.minutes <= left for one in more])
         if not fits.any():
@@ -151,12 +136,16 @@ def planned_series(
         k = int(_by_rate(more, wish, fits)[0])
         chosen.append(more[k])
         told = told + products[np.array([k])]
-    together = None
-    if best > 0:
-        tell("judging them together")
-        together = judged(belief, [one.design for one in chosen], rig, errors, wish.constants,
-                          clock=clock, seed=seed)  # fmt: skip
-    return Series(tuple(chosen), tuple(options), int(sound.sum()), together, none, told)
+    tell("judging them together")
+    return Series(tuple(chosen), tuple(first), int(sound.sum()), judge(chosen), none, told)
+
+
+def _no_time(belief: Belief, minutes: float) -> InputError:
+    least = max(belief.recovery.time(1.0), LEAST_WAIT)
+    return InputError(
+        f"no test fits into {minutes:g} minutes: the pause before one takes {least:.0f} s or more",
+        remedy="give more --minutes",
+    )
 
 
 def rate(one: Option, wish: Wish) -> float:
@@ -185,6 +174,7 @@ def _options(
     return [Option(*row) for row in rows]
 
 
-def _by_rate(options: Sequence[Option], wish: Wish, allowed: NDArray[np.bool_]) -> Array:
+def _by_rate(options: Sequence[Option], wish: Wish, allowed: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Places of the options, the best first; those not allowed come last."""
     rates = np.array([rate(one, wish) for one in options])
     return np.argsort(np.where(allowed, -rates, np.inf), kind="stable")

@@ -37,7 +37,7 @@ def told(
         units=units,
         constants=wish.constants,
         cause=wish.cause,
-        limits=Limits(**rig.as_dict()),
+        limits=Limits(rig.depth, rig.speed, rig.acceleration, rig.interval, rig.rows),
         minutes=minutes,
         seed=seed,
         screened=series.screened,

@@ -48,7 +48,9 @@ def read_table(path: Path, units: UnitSystem) -> Program:
         time, value = _corners(time, value)
     if time.size > MOST:
         raise InputError(
-            f"{time.size} rows that are not on straight lines", file=path, remedy=f"give 2 to {MOST}"
+            f"{time.size} rows that are not on straight lines",
+            file=path,
+            remedy=f"give 2 to {MOST}",
         )
     quantity = _quantity(names)
     if quantity == "force":

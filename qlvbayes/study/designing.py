@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -156,7 +156,7 @@ def _present(
         )
     cause = wanted or (not asked and len(doubted) > 1)
     if not cause and fit.is_file():
-        return present_of_fit(load(fit)), False
+        return present_of_fit(load(fit), data), False
     assert result is not None
     return _of_diagnosis(out, result, doubted, data), cause
 
@@ -166,8 +166,8 @@ def likely(found: Sequence[Alternative]) -> list[Alternative]:
     return [one for one in found if one.probability >= LEAST][:MOST]
 
 
-def present_of_fit(saved: Saved) -> Present:
-    """What a fit's posterior says, without the measurements."""
+def present_of_fit(saved: Saved, data: Path | None = None) -> Present:
+    """What a fit's posterior says; of the rig, what its measurements say if they are there."""
     if saved.covered is None:
         raise InputError(
             f"the posterior of pad {saved.pad} does not say what its tests cover",
@@ -175,15 +175,24 @@ def present_of_fit(saved: Saved) -> Present:
         )
     draws = dict(zip(saved.names, saved.draws.T, strict=True))
     one = explanation_of_draws(saved.choices, saved.names, saved.draws, saved.covered.depth)
-    missed = float(np.median(draws.get("noise.remainder", np.zeros(1))))
-    return Present(
+    found = Present(
         saved.pad,
         saved.units,
         normalised([one]),
         Rig.of_ranges(saved.covered),
         _floor_of(draws, saved.pad),
-        missed,
+        float(np.median(draws.get("noise.remainder", np.zeros(1)))),
     )
+    source = data or Path(saved.source)
+    if data is None and not source.is_file():
+        return found
+    study = read_study(source)
+    if study.sha256 != saved.sha256:
+        raise InputError(
+            "not the measurements that were fitted", file=source, remedy="run qlvbayes fit again"
+        )
+    experiment = prepare(study.pad(saved.pad))
+    return replace(found, rig=Rig.of_tests(experiment), clock=experiment.scales.clock)
 
 
 def _floor_of(draws: dict[str, np.ndarray], pad: str) -> NoiseFloor:
@@ -227,7 +236,7 @@ def _of_diagnosis(
         result.pad,
         experiment.units,
         normalised(explanations, result.outside),
-        Rig.of_tests(scales),
+        Rig.of_tests(experiment),
         experiment.floor,
         result.discrepancy,
         scales.clock,
