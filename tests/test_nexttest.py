@@ -33,6 +33,7 @@ from qlvbayes.units import PAD
 RIG = Rig(depth=1.6, speed=40.0, acceleration=1000.0)
 ERRORS = Errors(NoiseFloor(white=0.006, ou=0.008, tau=0.5), peak=1.5)
 PRESS = Design(1.5, 10.0, 1000.0, hold=5.0, share=1.0, rest=5.0, wait=40.0)
+SLOW = replace(PRESS, speed=1.0)
 RECOVERY = Recovery(((np.array([0.63, 0.07]), np.array([6.2, 0.14])),))
 
 
@@ -201,10 +202,10 @@ def test_more_noise_tells_less(pad):
 
 
 def test_what_the_model_misses_makes_a_test_less_sure():
-    """0.03 N beside two explanations 0.01 N apart leave them as they were."""
+    """0.1 N beside two explanations 0.01 N apart leave them as they were."""
     belief = normalised([law([0.001]), law([0.001], force=0.01)])
     clear, _ = screened(belief, [PRESS], RIG, ERRORS, 0.0)
-    doubtful, _ = screened(belief, [PRESS], RIG, replace(ERRORS, missed=0.03), 0.0)
+    doubtful, _ = screened(belief, [PRESS], RIG, replace(ERRORS, missed=0.1), 0.0)
     half = np.array([0.5, 0.5])
     assert clear.bits_for_cause(half)[0][0] > 0.3
     assert doubtful.bits_for_cause(half)[1][0] < 0.1
@@ -252,21 +253,21 @@ def test_set_points_stay_within_the_rig(seed, depth, speed, acceleration):
 
 
 def test_a_record_is_the_motion_that_is_run(pad):
-    """Block means of the reduced grid against the force of the set-points themselves."""
-    time, place, _ = set_points([PRESS])
+    """Block means of the reduced grid against a fine one; of a slow press braking is nothing."""
+    time, place, _ = set_points([SLOW])
     one = pad.explanations[0]
-    record = record_of([PRESS], RIG, 0.0)
+    record = record_of([SLOW], RIG, 0.0)
     force = one.forces(np.zeros((1, one.size)), record)[0, 0]
-    model = {name: value[None] for name, value in zip(one.names, one.centre, strict=True)}
-    found = predict_program(model, "ramp 1.5 mm at 10 mm/s, hold 5 s", draws=1)
+    model = {name: np.full(100, value) for name, value in zip(one.names, one.centre, strict=True)}
+    found = predict_program(model, "ramp 1.5 mm at 1 mm/s, hold 5 s", draws=1)
     blocks = record.blocks
-    held = np.asarray(blocks.real)[0] & (np.asarray(blocks.last)[0] < 5.1)
+    held = np.asarray(blocks.real)[0] & (np.asarray(blocks.last)[0] < 6.4)
     held &= np.asarray(blocks.first)[0] > 0.3
     middle = 0.5 * (blocks.first + blocks.last)[0]
     expected = np.interp(np.asarray(middle)[held], found.time, found.median)
-    assert force[held] == pytest.approx(expected, rel=0.02)
+    assert force[held] == pytest.approx(expected, rel=0.01)
     assert place.max() == pytest.approx(1.5)
-    assert time[-1] == pytest.approx(PRESS.duration, abs=1e-3)
+    assert time[-1] == pytest.approx(SLOW.duration, abs=1e-3)
 
 
 def test_a_plan_repeats_with_its_seed_and_fits_its_time(pad):
@@ -294,11 +295,11 @@ def test_a_plan_repeats_with_its_seed_and_fits_its_time(pad):
 
 def test_set_points_go_through_predict(tmp_path):
     path = tmp_path / "set_points.csv"
-    path.write_text(as_csv([PRESS, replace(PRESS, speed=1.0, wait=60.0)], PAD))
+    path.write_text(as_csv([SLOW, replace(SLOW, wait=60.0)], PAD))
     assert path.read_text().startswith("time_s,displacement_mm,test\n0.000,0,next-1\n")
     found = predict_program(saved(), path, draws=5)
     assert np.max(found.given) == pytest.approx(1.5)
-    words = "ramp 1.5 mm at 10 mm/s, hold 5 s"
+    words = "ramp 1.5 mm at 1 mm/s, hold 5 s"
     assert found.median.max() == pytest.approx(
         predict_program(saved(), words, draws=5).median.max(), rel=0.01
     )

@@ -31,7 +31,7 @@ def explanation_of_draws(
     Positive constants are normal in their logarithm; fractions that sum to one go on doing so.
     """
     model = described_model(choices, depth)
-    fields = fields_of(model)
+    fields = list(fields_of(model))
     own = [name for field in fields for name in field.names]
     values = np.stack([draws[:, list(names).index(name)] for name in own], axis=1)
     in_log = np.all(values > 0.0, axis=0)

@@ -5,7 +5,7 @@ Of an explanation and numbers drawn from the belief, and noise, readings y are m
 .. math:: I(h; y) = E \log_2 \frac{p(y | h)}{p(y)}, \qquad
           I(\phi; y | h) = E \log_2 \frac{p(y | \phi, h)}{p(y | h)}
 
-for the constants phi that are asked for. Every p(y | .) is an average over draws from a Student-t
+for the constants phi that are asked for. Every p(y | .) is an average over draws from a normal
 about the highest place of the numbers that are left, with the curvature there (Beck et al. 2018,
 doi:10.1016/j.cma.2018.01.053): plain averages over the prior underflow where tests tell much. The
 same readings with linear forces, of which the mean is known, take most of the error away (a control
@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaln, logsumexp
+from scipy.special import logsumexp
 
 from qlvbayes.nexttest.belief import STEP, Belief, Explanation
 from qlvbayes.nexttest.design import Design
@@ -37,7 +37,6 @@ INNER = 12
 """Draws of the numbers, about each of these."""
 _CLIMB = 2  # Gauss-Newton steps to the highest place
 _FARTHEST = 4.0  # sds of the belief, of one step
-_HEAVY = 8.0  # degrees of freedom of the Student-t
 _MANY = 4000  # linear readings, by which their mean for the cause is known
 _LN2 = float(np.log(2.0))
 
@@ -232,20 +231,17 @@ def _log_marginals(
         length = np.linalg.norm(step, axis=1, keepdims=True)
         place = place + step * np.minimum(1.0, _FARTHEST / np.maximum(length, 1e-300))
     roots = np.linalg.inv(np.linalg.cholesky(curvature))  # root^T root = covariance
-    normal = rng.standard_normal((inner, size))
-    normal = np.concatenate([normal, -normal])  # in pairs: what is odd about the place cancels
-    heavy = np.tile(np.sqrt(_HEAVY / rng.chisquare(_HEAVY, inner)), 2)
-    t = normal * heavy[:, None]
-    psi = place[:, None] + np.einsum("kgf,mg->kmf", roots, t)
+    half = rng.standard_normal((count, inner, size))
+    normal = np.concatenate([half, -half], axis=1)  # in pairs: what is odd about the place cancels
+    psi = place[:, None] + np.einsum("kgf,kmg->kmf", roots, normal)
     z = fixed[:, None] + psi @ basis.T
     force = trial.forces(one, z.reshape(-1, one.size)).reshape(count, 2 * inner, -1)
-    fit = -0.5 * np.sum((readings[:, None] - force) ** 2, axis=2)
-    prior = -0.5 * np.sum(psi**2, axis=2) - 0.5 * size * np.log(2.0 * np.pi)
+    logs = -0.5 * np.sum((readings[:, None] - force) ** 2, axis=2)
+    # prior over proposal: both normal, of which the factors 2 pi cancel
+    logs += 0.5 * np.sum(normal**2, axis=2) - 0.5 * np.sum(psi**2, axis=2)
+    logs = np.where(np.isfinite(logs), logs, -np.inf)
     volume = np.log(np.abs(np.einsum("kff->kf", roots))).sum(axis=1)
-    proposal = _log_t(t) - volume[:, None]
-    logs = fit + prior - proposal
-    return np.asarray(logsumexp(np.where(np.isfinite(logs), logs, -np.inf), axis=1)
-                      - np.log(2 * inner))  # fmt: skip
+    return np.asarray(logsumexp(logs, axis=1) - np.log(2 * inner) + volume)
 
 
 def _linear(
@@ -257,11 +253,3 @@ def _linear(
     z = fixed[:, None] + (place[:, None] + steps) @ basis.T
     force = trial.forces(one, z.reshape(-1, one.size)).reshape(count, 1 + size, -1)
     return readings - force[:, 0], (force[:, 1:] - force[:, :1]) / STEP
-
-
-def _log_t(t: Array) -> Array:
-    """Log density (m,) of a standard Student-t in F dimensions at t (m, F)."""
-    size = t.shape[1]
-    top = gammaln(0.5 * (_HEAVY + size)) - gammaln(0.5 * _HEAVY)
-    top -= 0.5 * size * np.log(_HEAVY * np.pi)
-    return np.asarray(top - 0.5 * (_HEAVY + size) * np.log1p(np.sum(t**2, axis=1) / _HEAVY))
