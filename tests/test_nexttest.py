@@ -160,7 +160,7 @@ def test_marginals_of_a_linear_law_are_exact():
     found, _ = screened(belief, [PRESS], RIG, ERRORS, 0.0)
     expected = bits_for_constants(belief, found, ("a0",))[0]
     told = judged(belief, [PRESS], RIG, ERRORS, ("a0",))
-    assert told.constants == pytest.approx(expected, abs=max(4.0 * told.constants_error, 0.01))
+    assert told.constants == pytest.approx(expected, abs=1e-6)
     low, high = (x[0] for x in found.bits_for_cause(belief.probabilities))
     assert low - 0.02 < told.cause < high + 0.02
 
@@ -208,7 +208,7 @@ def test_what_the_model_misses_makes_a_test_less_sure():
     doubtful, _ = screened(belief, [PRESS], RIG, replace(ERRORS, missed=0.1), 0.0)
     half = np.array([0.5, 0.5])
     assert clear.bits_for_cause(half)[0][0] > 0.3
-    assert doubtful.bits_for_cause(half)[1][0] < 0.1
+    assert doubtful.bits_for_cause(half)[1][0] < 0.5 * clear.bits_for_cause(half)[0][0]
     assert evidence(doubtful)[0] < 0.1 * evidence(clear)[0]
 
 

@@ -39,7 +39,7 @@ ambiguous pads resolved rightly by one proposed test.
 
 {pads} pads with one test at 20 mm/s each. The proposed test is the best of {screened} for the
 constant that is known worst, in bits per minute, within {minutes:g} minutes; the standard one is
-the first test again (1.6 mm at 20 mm/s, 30 s, back to 0.8 mm, 30 s); two are random. Every one was
+the first test again (1.6 mm at 20 mm/s, 30 s, back to 0.8 mm, 30 s); one is random. Every one was
 done and all tests were fitted together. *Promised* and *realised* bits are for all constants:
 the fall of the log2 volume of the posterior.
 

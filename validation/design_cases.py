@@ -40,7 +40,7 @@ from qlvbayes.units import PAD
 
 ROWS = 500  # a test, as its logger keeps
 STANDARD = Design(1.6, 20.0, 1000.0, hold=30.0, share=0.5, rest=30.0)
-RANDOM = 2  # designs of every pad, besides the proposed one and the standard one
+RANDOM = 1  # design of every pad, besides the proposed one and the standard one
 MINUTES = 10.0
 SCREENED = 512
 RATES = (0.1, 1.0, 20.0, 100.0)  # mm/s, of the pads whose cause is asked

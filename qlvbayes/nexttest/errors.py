@@ -66,4 +66,5 @@ class Whitening:
         """(..., B) to (..., n)."""
         flat = vectors[..., self.real].reshape(-1, int(self.real.sum()))
         found = solve_triangular(self._root, flat.T, lower=True, check_finite=False).T
-        return np.asarray(found, dtype=np.float64).reshape(*vectors.shape[:-1], -1)
+        shaped: Array = found.reshape(*vectors.shape[:-1], -1).astype(np.float64)
+        return shaped
