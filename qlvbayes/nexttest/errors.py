@@ -60,7 +60,7 @@ class Whitening:
 
     @cached_property
     def _root(self) -> Array:
-        return np.linalg.cholesky(self.covariance)
+        return np.asarray(np.linalg.cholesky(self.covariance), dtype=np.float64)
 
     def __call__(self, vectors: Array) -> Array:
         """(..., B) to (..., n)."""

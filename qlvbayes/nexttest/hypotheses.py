@@ -14,10 +14,11 @@ from qlvbayes.records.record import Record
 
 Array = NDArray[np.float64]
 
-_DRAWS = 256  # by which moments are found,
+_DRAWS = 384  # by which moments are found,
 _ROUNDS = 3  # each of a normal with the moments that the one before it found
 _WIDER = 1.2  # by which its sds are larger
-_TEMPER = 30.0  # effective draws, that weights are evened out to where there are fewer
+_SOUND = 0.2  # share of effective draws, from which Laplace's normal is taken as it is
+_TEMPER = 60.0  # effective draws, that weights are evened out to where there are fewer
 
 
 def explanation_of_mode(
@@ -68,11 +69,11 @@ def _moments(
     """Mean (F,) of the posterior's numbers, and a root (F, F) of their covariance."""
     mean, root = point.theta, _root(covariance)
     rng = np.random.default_rng(0)
-    for _ in range(_ROUNDS):
+    for k in range(_ROUNDS):
         normal = rng.standard_normal((_DRAWS, mean.size))
         theta = mean + _WIDER * normal @ root.T
         log = _log_density(density, hypothesis, point, theta, size) + 0.5 * np.sum(normal**2, 1)
-        if not np.isfinite(log).any():
+        if not np.isfinite(log).any() or (k == 0 and _effective(log) > _SOUND * _DRAWS):
             break
         weights = _evened(log)
         mean = weights @ theta
@@ -100,17 +101,22 @@ def _log_density(
     return np.where(sound, -0.5 * misfit - loss, -np.inf)
 
 
+def _effective(log: Array) -> float:
+    """How many draws of equal weight would tell as much as those of log weights (K,)."""
+    weights = np.exp(log - log.max())
+    return float(weights.sum() ** 2 / np.sum(weights**2))
+
+
 def _evened(log: Array) -> Array:
     """Weights (K,) of sum 1 whose effective number is no less than a few; the more even the less.
 
     A few draws would span too few directions (tempered importance sampling).
     """
     for power in (1.0, 0.5, 0.25, 0.1, 0.03, 0.01):
-        weights = np.exp(power * (log - log.max()))
-        weights /= weights.sum()
-        if 1.0 / np.sum(weights**2) >= _TEMPER:
+        if _effective(power * log) >= _TEMPER:
             break
-    return np.asarray(weights)
+    weights = np.exp(power * (log - log.max()))
+    return np.asarray(weights / weights.sum())
 
 
 def _root(covariance: Array) -> Array:
