@@ -273,12 +273,12 @@ def test_a_record_is_the_motion_that_is_run(pad):
 def test_a_plan_repeats_with_its_seed_and_fits_its_time(pad):
     wish = Wish(("m",), False)
 
-    def plan(seed):
+    def plan(seed, best=1):
         return planned_series(
-            pad, RIG, ERRORS, wish, minutes=4.0, tests=3, seed=seed, count=64, best=1
+            pad, RIG, ERRORS, wish, minutes=4.0, tests=3, seed=seed, count=64, best=best
         )
 
-    first, again, other = plan(0), plan(0), plan(1)
+    first, again, other = plan(0), plan(0), plan(1, best=0)
     assert [one.design for one in first.tests] == [one.design for one in again.tests]
     assert first.judged == again.judged
     assert [one.design for one in first.tests] != [one.design for one in other.tests]
@@ -368,3 +368,30 @@ def test_a_posterior_made_elsewhere_says_what_it_lacks(tmp_path):
     found = present_of_fit(replace(quiet, choices=Choices(noise="white")))
     assert found.floor.white == pytest.approx(0.01, rel=0.02)
     assert found.rig.depth == REACH.depth
+
+
+@pytest.mark.slow
+def test_the_cause_of_an_ambiguous_pad_is_asked_for(tmp_path):
+    """A drag nearly as the speed: what is proposed promises to tell it from one just so."""
+    data, folder = tmp_path / "pad.csv", tmp_path / "out"
+    hidden = "power_law_drag:k=0.003,n=0.9"
+    call("simulate", "-o", data, "--pads", "B", "--rates", "0.1,1,20,100", "--max-rows", 300,
+         "--hide", hidden)  # fmt: skip
+    assert call("diagnose", data, "-o", folder)[0] == 0
+    status, out, _ = call("design", folder, "--for", "cause", "--tests", 1, "--json")
+    assert status == 0
+    (found,) = json.loads(out)
+    assert found["cause"]
+    assert found["constants"] == []
+    assert found["entropy"] > 0.3
+    (best,) = found["tests"]
+    assert 0.0 <= best["cause"] <= best["cause_most"] <= found["entropy"] + 1e-9
+    judged = best["judged"]
+    assert judged["cause"] > 4.0 * judged["cause_error"]
+    names = {name for one in found["hypotheses"] for name in one["words"].split(" + ")[1:]}
+    assert {"power_law_drag", "viscous_drag"} <= names
+    moved = tmp_path / "elsewhere.csv"
+    data.rename(moved)
+    status, _, err = call("design", folder, "--for", "cause")
+    assert status == 2
+    assert "say where they are with --data FILE" in one_line(err)
