@@ -40,6 +40,7 @@ LAYERS = [
     ["elsewhere", "conversion"],
     # inference and what is made of it
     ["inference"],
+    ["nexttest"],
     ["fit", "recovery"],
     ["summary", "predict"],
     ["results", "residuals", "diagnosis", "constants_table"],

@@ -13,6 +13,7 @@ from qlvbayes.cli.benchmark import benchmark
 from qlvbayes.cli.check import check
 from qlvbayes.cli.compare import compare_command
 from qlvbayes.cli.convert import convert_command
+from qlvbayes.cli.design import design_command
 from qlvbayes.cli.diagnose import diagnose_command
 from qlvbayes.cli.effects import effects
 from qlvbayes.cli.export import export_command
@@ -37,6 +38,7 @@ app.command()(check)
 app.command("diagnose")(diagnose_command)
 app.command("compare")(compare_command)
 app.command("predict")(predict_command)
+app.command("design")(design_command)
 app.command()(report)
 app.command("export")(export_command)
 app.command()(effects)

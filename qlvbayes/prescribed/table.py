@@ -17,6 +17,8 @@ from qlvbayes.units import SUFFIXES, UnitSystem, column_name
 
 _LONG = 0.01  # of the program: stretches of a table that get points of their own,
 _FEW = 100  # and up to so many rows all of them do
+_STRAIGHT = 1e-8  # of the largest value: rows so near to the line between their neighbours,
+_FAITHFUL = 1e-6  # that may be left out if all of them together are no farther from it than this
 
 
 def read_table(path: Path, units: UnitSystem) -> Program:
@@ -36,18 +38,36 @@ def read_table(path: Path, units: UnitSystem) -> Program:
         for k, line in enumerate(lines[1:], start=2)
         if line.strip()
     ]
-    if not 2 <= len(rows) <= MOST:
+    if len(rows) < 2:
         raise InputError(f"{len(rows)} rows", file=path, remedy=f"give 2 to {MOST}")
     time, value = (np.array(rows) * [factor for _, factor in places]).T
     if np.any(stuck := np.diff(time) <= 0.0):
         line = int(np.flatnonzero(stuck)[0]) + 3
         raise InputError("time does not increase", file=path, line=line, remedy="sort the rows")
+    if time.size > MOST:
+        time, value = _corners(time, value)
+    if time.size > MOST:
+        raise InputError(
+            f"{time.size} rows that are not on straight lines",
+            file=path,
+            remedy=f"give 2 to {MOST}",
+        )
     quantity = _quantity(names)
     if quantity == "force":
         finer = _crept(time)
         time, value = finer, np.interp(finer, time, value)
     slopes = np.diff(value) / np.diff(time)
     return Program(path.name, quantity, time, value, np.append(slopes, 0.0))
+
+
+def _corners(time: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The rows between which it goes straight, as a rig's set-points do; all where it does not."""
+    size = float(np.max(np.abs(value)))
+    share = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
+    off = np.abs(value[1:-1] - value[:-2] - share * (value[2:] - value[:-2]))
+    kept = np.concatenate([[True], off > _STRAIGHT * size, [True]])
+    error = np.max(np.abs(np.interp(time, time[kept], value[kept]) - value))
+    return (time[kept], value[kept]) if error <= _FAITHFUL * size else (time, value)
 
 
 def _crept(time: np.ndarray) -> np.ndarray:

@@ -1,0 +1,138 @@
+"""``qlvbayes design``: which test to do next."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.table import Table
+
+from qlvbayes.checks import InputError
+from qlvbayes.cli.console import out
+from qlvbayes.cli.options import AsJson, Seed, Style, split_names
+from qlvbayes.cli.terminal import Terminal, show_figures
+from qlvbayes.nexttest.series import MOST
+from qlvbayes.wording import plain
+
+if TYPE_CHECKING:
+    from qlvbayes.nexttest.result import NextTests
+
+_FILES = ("posterior.nc", "diagnosis.json")
+
+
+def design_command(
+    folder: Annotated[Path, typer.Argument(help="The folder that 'study' or 'fit' wrote.")],
+    pad: Annotated[str, typer.Option(help="Only these pads, as 'B,C'. Default: all.")] = "",
+    wanted: Annotated[
+        str,
+        typer.Option(
+            "--for",
+            help="Constants to be known better, as 'm,b', 'cause' to tell the explanations apart "
+            "that the diagnosis left, or both. Default: all that is not known.",
+        ),
+    ] = "",
+    minutes: Annotated[float, typer.Option(help="Of rig time, pauses too, at most.")] = 10.0,
+    tests: Annotated[int, typer.Option(min=1, max=MOST, help="At most.")] = 3,
+    max_depth: Annotated[
+        float | None,
+        typer.Option(
+            help="Of the rig, in the file's units. Default: as tested.", show_default=False
+        ),
+    ] = None,
+    max_speed: Annotated[
+        float | None, typer.Option(help="The same, per second.", show_default=False)
+    ] = None,
+    max_acceleration: Annotated[
+        float | None, typer.Option(help="The same, per second squared.", show_default=False)
+    ] = None,
+    data: Annotated[
+        Path | None,
+        typer.Option(
+            help="The measurements, where they are not where they were.", show_default=False
+        ),
+    ] = None,
+    style: Style = None,
+    seed: Seed = 0,
+    as_json: AsJson = False,
+) -> None:
+    """Propose the tests that tell most per minute of rig time, and write their set-points.
+
+    About a thousand tests within the rig's limits are screened by the information that they
+    promise; the best five are judged by nested Monte Carlo. Leaves OUT/<pad>/design.json,
+    set_points.csv (1 000 a second, for the rig and for 'predict --program') and the figure design.
+    """
+    # here, so that other commands do not wait for JAX
+    from qlvbayes.study.designing import design_into
+
+    watcher = Terminal(quiet=as_json)
+    found, figures = [], []
+    for name in _pads(folder, pad):
+        plan, drawn = design_into(
+            folder, name, split_names(wanted), minutes=minutes, tests=tests, depth=max_depth,
+            speed=max_speed, acceleration=max_acceleration, data=data, seed=seed, watcher=watcher,
+        )  # fmt: skip
+        figures += drawn
+        found.append(plan.result)
+        for notice in plan.result.notices:
+            watcher.notice(f"pad {name}: {notice}")
+    if as_json:
+        print(json.dumps([one.as_dict() for one in found], allow_nan=False))
+        return
+    for one in found:
+        out.print(_tests(one))
+        if one.widths:
+            out.print(_widths(one))
+    show_figures(figures)
+
+
+def _pads(folder: Path, names: str) -> list[str]:
+    """Those asked for, or all that have a fit or a diagnosis; InputError where there is none."""
+    known = sorted({path.parent.name for name in _FILES for path in folder.glob(f"*/{name}")})
+    if not known:
+        raise InputError("no results in this folder", file=folder, remedy="run qlvbayes study")
+    for name in (chosen := split_names(names)):
+        if name not in known:
+            raise InputError(
+                f"no results of pad '{name}'", file=folder, remedy=f"name of {', '.join(known)}"
+            )
+    return chosen or known
+
+
+def _tests(found: NextTests) -> Table:
+    """A row a test, and one of all."""
+    table = Table(title=f"pad {found.pad}: the next tests")
+    columns = ["test", "minutes"]
+    columns += ["bits, constants"] if found.constants else []
+    columns += ["bits, cause"] if found.cause else []
+    for column in (*columns, "bits a minute", "what the platen does"):
+        left = column in ("test", "what the platen does")
+        table.add_column(column, justify="left" if left else "right")
+    for one in found.tests:
+        cells = [one.name, f"{one.minutes:.2f}"]
+        cells += [f"{one.constants:.2f}"] if found.constants else []
+        cells += [f"{one.cause:.2f}"] if found.cause else []
+        table.add_row(*cells, f"{one.per_minute:.2f}", one.words)
+    judged = found.together
+    if judged is not None:
+        cells = ["all", f"{sum(one.minutes for one in found.tests):.2f}"]
+        cells += [_pm(judged.constants, judged.constants_error)] if found.constants else []
+        cells += [_pm(judged.cause, judged.cause_error)] if found.cause else []
+        table.add_row(*cells, "", "", end_section=True)
+    return table
+
+
+def _pm(value: float | None, error: float | None) -> str:
+    return "unknown" if value is None or error is None else f"{value:.2f} ± {error:.2f}"
+
+
+def _widths(found: NextTests) -> Table:
+    """Sds of the constants now and after all tests."""
+    table = Table(title=found.hypotheses[0].words)
+    for column in ("constant", "value", "sd now", "sd expected"):
+        table.add_column(column, justify="left" if column == "constant" else "right")
+    for name, one in found.widths.items():
+        unit = "" if one.unit == "1" else f" {one.unit}"
+        table.add_row(name, f"{plain(one.mean)}{unit}", plain(one.now, 2), plain(one.after, 2))
+    return table

@@ -1,0 +1,94 @@
+"""Proposed tests: what the platen does, and what each explanation expects of the force."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from qlvbayes.nexttest.belief import Belief
+from qlvbayes.nexttest.design import Design
+from qlvbayes.nexttest.records import record_of
+from qlvbayes.nexttest.result import NextTests
+from qlvbayes.nexttest.rig import Rig
+from qlvbayes.plots.style import (
+    BLACK,
+    DOUBLE,
+    LINES,
+    MM,
+    colours,
+    narrow,
+    quantity,
+    shortened,
+    style,
+)
+
+_PANEL, _FRAME = 34.0, 22.0  # mm: a row of panels, and what is around them
+_DRAWS = 60  # of the constants, by which a band is told
+_BAND = 0.9
+_NAME = 60  # characters of an explanation
+
+
+def plot_next_tests(
+    found: NextTests,
+    designs: Sequence[Design],
+    belief: Belief,
+    rig: Rig,
+    noise: float,
+    *,
+    clock: float = 0.0,
+    width: float = DOUBLE,
+) -> list[Axes]:
+    """Draw a column a test: displacement; force; force less that of the likeliest explanation.
+
+    Bands hold 90 % of what the constants leave open; the grey one is one sd (N) of the noise either
+    way. noise: sd of a reading; clock: at the end of the tests that were done (s); width: of the
+    figure (mm), in one column of a journal the first test alone. Returns the panels, row by row.
+    """
+    shown = designs[:1] if narrow(width) else designs
+    with style():
+        figure = Figure((width * MM, (3.0 * _PANEL + _FRAME) * MM), layout="constrained")
+        axes = figure.subplots(3, len(shown), sharex="col", sharey="row", squeeze=False)
+        for column, design, test in zip(axes.T, shown, found.tests, strict=False):
+            _draw(column, design, belief, rig, noise, clock)
+            column[0].set_title(test.name)
+            clock += design.wait + design.duration
+        units = found.units
+        force = quantity(units.force_name, units.force)
+        labels = [quantity(units.displacement_name, units.displacement), force, f"less\n{force}"]
+        for axis, label in zip(axes[:, 0], labels, strict=True):
+            axis.set_ylabel(label)
+            axis.yaxis.set_major_locator(MaxNLocator(4))
+        figure.align_ylabels(axes[:, 0])
+        figure.suptitle(f"{shortened(found.pad)}: the next tests")
+        handles, names = axes[1, 0].get_legend_handles_labels()
+        figure.legend(handles, names, loc="outside lower center", ncols=1 if narrow(width) else 2)
+    return list(axes.flat)
+
+
+def _draw(
+    column: np.ndarray, design: Design, belief: Belief, rig: Rig, noise: float, clock: float
+) -> None:
+    above, force, less = column
+    record = record_of([design], rig, clock)
+    blocks = record.blocks
+    real = np.asarray(blocks.real)[0]
+    time = (0.5 * (np.asarray(blocks.first) + np.asarray(blocks.last)))[0, real]
+    fine = np.union1d(np.linspace(0.0, design.duration, 400), design.whole.knots)
+    above.plot(fine, design.whole.displacement(fine), color=BLACK)
+    rng, usual = np.random.default_rng(0), None
+    for k, one in enumerate(belief.explanations):
+        colour, line = colours()[k % len(colours())], LINES[k % len(LINES)]
+        z = np.concatenate([np.zeros((1, one.size)), rng.standard_normal((_DRAWS, one.size))])
+        forces = one.forces(z, record)[:, 0, real]
+        usual = forces[0] if usual is None else usual
+        low, high = np.quantile(forces[1:], [0.5 - 0.5 * _BAND, 0.5 + 0.5 * _BAND], axis=0)
+        label = f"{shortened(one.words, _NAME)} ({one.probability:.0%})"
+        for axis, zero in ((force, 0.0), (less, usual)):
+            axis.fill_between(time, low - zero, high - zero, color=colour, alpha=0.25, linewidth=0)
+            axis.plot(time, forces[0] - zero, color=colour, linestyle=line, label=label)
+    less.axhspan(-noise, noise, color=BLACK, alpha=0.1, linewidth=0)
+    less.set_xlabel("time (s)")
