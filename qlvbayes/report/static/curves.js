@@ -97,19 +97,19 @@ function forceChart(data, test) {
   const series = [line("time (s)"), edge(), edge(), dots("measured"), line(data.model, BLUE)];
   const values = [test.t, test.low, test.high, test.observed, test.mean];
   if (test.plain) {
-    series.push(line("plain model", ORANGE, { dash: [6, 4] }));
+    series.push(line(data.before || "plain model", ORANGE, { dash: [6, 4] }));
     values.push(test.plain);
   }
   return { series, values, bands: [{ series: [2, 1], fill: BAND }], label: unitOf(data.name, data.unit) };
 }
 
 function residualChart(data, test) {
-  const minus = (mean) => test.observed.map((value, k) => value - mean[k]);
+  const minus = (mean) => test.observed.map((value, k) => (value == null ? null : value - mean[k]));
   const flat = (value) => test.t.map(() => value);
   const series = [line("time (s)"), edge(), edge(), line(data.model, BLUE, { points: { show: true, size: 3, width: 0, fill: BLUE } })];
   const values = [test.t, flat(-data.noise), flat(data.noise), minus(test.mean)];
   if (test.plain) {
-    series.push(line("plain model", ORANGE, { dash: [6, 4] }));
+    series.push(line(data.before || "plain model", ORANGE, { dash: [6, 4] }));
     values.push(minus(test.plain));
   }
   return { series, values, bands: [{ series: [2, 1], fill: NOISE }], label: unitOf("residual", data.unit) };
