@@ -15,6 +15,7 @@ export class Loops {
   /** columns: { depth, observed, mean, before } a sample, null between tests; labels: [displacement, force]. */
   show(columns, labels) {
     this.columns = columns;
+    this.span = null;
     this.plot?.destroy();
     const [along, across] = axes(labels[1], null);
     this.plot = new Plot({
@@ -38,7 +39,7 @@ export class Loops {
     this.plot.setScale("x", this.wide());
   }
 
-  update(columns) { this.columns = columns; this.plot.redraw(false); }
+  update(columns) { this.columns = columns; this.plot.redraw(); }
 
   /** Which samples are marked: a test of their index, or null for all. */
   mark(marked) { this.marked = marked; this.plot?.redraw(false); }
@@ -61,7 +62,8 @@ export class Loops {
 
   scaled(chart) {
     const { min, max } = chart.scales.x, whole = this.wide();
-    if (min == null) return;
+    if (min == null || chart !== this.plot || (this.span && this.span[0] === min && this.span[1] === max)) return;
+    this.span = [min, max];
     const all = min <= whole.min + 1e-9 && max >= whole.max - 1e-9;
     this.hooks.zoomed(all ? null : [min, max]);
   }

@@ -31,7 +31,7 @@ function bench(session) {
   const redraw = new Redraw(session), jobs = new Jobs(session), signatures = new Signatures(session);
   const hand = () => store.now.hand;
   const told = async (work, words) => { const made = await work; if (made) say(words(made.state)); };
-  new Measured(store);
+  const measured = new Measured(store);
   new ResidualMap(store);
   new Hypotheses(store, {
     add: (effect) => told(session.make({ add: effect, model: hand() }, `Adding ${plain(effect)} …`), () => `${plain(effect)} is in the model.`),
@@ -50,6 +50,7 @@ function bench(session) {
   new Guess(session);
   const comparison = new ComparisonView(session, jobs);
   header(session, jobs);
+  globalThis.bench = { store, measured }; // to look at from the console
   store.on(["stage", "view", "hand", "questions", "error", "worker"], () => arrange(session, comparison));
   store.on(["notices"], ({ notices }) => at("#notices").replaceChildren(...notices.map((text) => el("p", { class: "warning small" }, text))));
   store.on(["busy"], ({ busy }) => { document.body.setAttribute("aria-busy", String(Boolean(busy))); at("#busy").textContent = busy || ""; });

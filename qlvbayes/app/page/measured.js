@@ -70,15 +70,20 @@ export class Measured {
     this.buttons.replaceChildren(...choices.map(([name, go]) => el("button", { type: "button", onclick: go }, name)));
   }
 
-  zoomTo(start, stop) { this.force.zoom(this.view.place(0, start), this.view.place(0, stop)); }
+  /** Times (s) of the one test shown, with some room on either side as the axis has it. */
+  zoomTo(start, stop) { this.force.zoom(...this.roomy(start, stop)); }
+
+  roomy(start, stop) {
+    const [first, last] = [start, stop].map((time) => this.view.place(0, time)), room = ROOM * (last - first);
+    return [first - room, last + room];
+  }
 
   toCell({ test, phase }) {
     this.select.value = test;
     this.choose();
     const spans = this.chosen()[0].phases.filter(([kind]) => kind === phase);
     const [first, last] = [spans[0], spans[spans.length - 1]];
-    const room = ROOM * (last[2] - first[1]);
-    this.zoomTo(first[1] - room, last[2] + room);
+    this.zoomTo(first[1], last[2]);
   }
 
   update() {
@@ -97,8 +102,9 @@ export class Measured {
       if (afresh) this[name].show(this.view, lines[name]);
       else this[name].update(this.view, lines[name]);
     }
-    if (afresh) this.loops.show(this.columns, [axisLabel(now.entry.units, "displacement"), axisLabel(now.entry.units, "force")]);
-    else this.loops.update(this.columns);
+    if (!afresh) { this.loops.update(this.columns); return; }
+    this.loops.show(this.columns, [axisLabel(now.entry.units, "displacement"), axisLabel(now.entry.units, "force")]);
+    this.zoomed(...this.force.span, null);
   }
 
   /** Time was zoomed in one chart: the other follows, and the loops mark the same samples. */
@@ -112,7 +118,7 @@ export class Measured {
 
   pressPhase(min, max) {
     const near = (a, b) => Math.abs(a - b) < 1e-6 * (1 + Math.abs(b));
-    const spans = [this.view.whole(), ...(this.view.many ? [] : phasesOf(this.view.tests[0]).map(({ span }) => span.map((time) => this.view.place(0, time))))];
+    const spans = [this.view.whole(), ...(this.view.many ? [] : phasesOf(this.view.tests[0]).map(({ span }) => this.roomy(...span)))];
     [...this.buttons.children].forEach((button, k) => button.setAttribute("aria-pressed", String(near(spans[k][0], min) && near(spans[k][1], max))));
   }
 
@@ -153,7 +159,7 @@ function phasesOf(test) {
   for (const [kind] of test.phases) many[kind] = (many[kind] || 0) + 1;
   return test.phases.map(([kind, start, stop]) => {
     seen[kind] = (seen[kind] || 0) + 1;
-    const room = ROOM * (stop - start), name = NAMES[kind] || kind;
-    return { name: many[kind] > 1 ? `${name} ${seen[kind]}` : name, span: [start - room, stop + room] };
+    const name = NAMES[kind] || kind;
+    return { name: many[kind] > 1 ? `${name} ${seen[kind]}` : name, span: [start, stop] };
   });
 }

@@ -16,7 +16,7 @@ export class TimeChart {
   show(view, lines) {
     const span = this.view === view && this.span ? this.span : view.whole();
     this.view = view;
-    this.span = null;
+    this.span = span;
     this.names = namesOf(lines);
     this.plot?.destroy();
     lines.series[0].value = (u, place) => (place == null ? "–" : short(view.moment(place)[1]));
@@ -49,7 +49,7 @@ export class TimeChart {
 
   scaled(chart) {
     const { min, max } = chart.scales.x;
-    if (min == null || (this.span && this.span[0] === min && this.span[1] === max)) return;
+    if (min == null || chart !== this.plot || (this.span && this.span[0] === min && this.span[1] === max)) return;
     this.span = [min, max];
     this.hooks.zoomed(min, max, this);
   }

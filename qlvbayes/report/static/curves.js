@@ -33,11 +33,12 @@ class LogTime {
   }
   numbers(chart) {
     const found = [];
+    const { min, max } = chart.scales.x;
     let last = -Infinity;
     this.parts.forEach(({ first, decades }, k) => {
       for (let power = Math.ceil(Math.log10(first)); power <= Math.log10(first) + decades / Math.LN10; power++) {
         const place = k + (power * Math.LN10 - Math.log(first)) / decades, pixel = chart.valToPos(place, "x");
-        if (pixel - last > FEWEST_PIXELS) { found.push(place); last = pixel; }
+        if (place >= min && place <= max && pixel - last > FEWEST_PIXELS) { found.push(place); last = pixel; }
       }
     });
     return found;
