@@ -9,6 +9,7 @@ import sys
 import typer
 
 from qlvbayes.checks import InputError
+from qlvbayes.cli.app import app_command
 from qlvbayes.cli.benchmark import benchmark
 from qlvbayes.cli.check import check
 from qlvbayes.cli.compare import compare_command
@@ -35,6 +36,7 @@ app.command("study")(study_command)
 app.command()(fit)
 app.command()(check)
 app.command("diagnose")(diagnose_command)
+app.command("app")(app_command)
 app.command("compare")(compare_command)
 app.command("predict")(predict_command)
 app.command()(report)
