@@ -1,5 +1,5 @@
 // Two pads beside each other: do they differ, by how much, how sure; and their curves in one chart.
-import { at, el } from "./element.js";
+import { at, el, refill } from "./element.js";
 import { get } from "./api.js";
 import { Overlay, partner, sideOf } from "./overlay.js";
 import { digits, percent, withUnit } from "./numbers.js";
@@ -22,7 +22,7 @@ export class ComparisonView {
     this.test = el("select", { id: "overlay-test", onchange: () => this.overlay() });
     this.button = el("button", { type: "button", class: "main", onclick: () => this.jobs.start("compare", { pads: this.names() }) }, "Compare them");
     const chart = el("div", { class: "chart", role: "img", "aria-label": "Force against time of both pads, measured and modelled" });
-    [this.note, this.running, this.answer] = [el("p", { class: "hint" }), el("div", { role: "status" }), el("div", {})];
+    [this.note, this.running, this.answer] = [el("p", { class: "hint" }), el("div", {}), el("div", {})];
     this.host.replaceChildren(
       el("h2", {}, "Do two pads differ?"),
       el("div", { class: "controls" }, el("label", { for: "pad-0" }, "Pad "), this.first, el("label", { for: "pad-1" }, "against "), this.second, el("label", { for: "overlay-test" }, "in "), this.test, this.button),
@@ -53,9 +53,8 @@ export class ComparisonView {
   }
 
   progress() {
-    const job = this.store.now.jobs.findLast((one) => one.kind === "compare");
-    const text = !job || ["done", "cancelled"].includes(job.state) ? "" : job.state === "failed" ? job.error?.text || "It failed." : job.text || "Waiting for its turn …";
-    if (this.running && this.running.textContent !== text) this.running.textContent = text;
+    if (!this.running) return;
+    refill(this.running, this.store.now.jobs.filter((job) => job.kind === "compare").map((job) => this.jobs.row(job)));
   }
 
   /** The contrasts, if they were computed. */

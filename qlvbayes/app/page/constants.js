@@ -1,17 +1,18 @@
 // A slider a constant, with its number, unit and prior; every move is redrawn at once.
 import { at, el, refill } from "./element.js";
+import { running } from "./jobs.js";
 import { digits, withUnit } from "./numbers.js";
 
 const STEPS = 1000; // of a slider
 const DIGITS = 4;
 
 export class Constants {
-  /** does: { move(values), fit(), keep(), undo() }. */
+  /** does: { move(model), fit(), keep(), undo(), sample() }. */
   constructor(store, does) {
     Object.assign(this, { store, does, rows: new Map() });
     store.on(["parameters"], () => this.build());
     store.on(["shown", "hand"], () => this.follow());
-    store.on(["moved", "busy"], () => this.offer());
+    store.on(["moved", "busy", "jobs"], () => this.offer());
   }
 
   build() {
@@ -84,7 +85,8 @@ export class Constants {
     refill(this.acts, [
       act("fit", "Fit from here", () => this.does.fit(), false, "Least squares from where the sliders are"),
       act("keep", "Keep as it is", () => this.does.keep(), !moved, "Note this model among the errors, without a fit"),
-      act("undo", "Put back", () => this.does.undo(), !moved, "The constants as they were before the sliders moved")]);
+      act("undo", "Put back", () => this.does.undo(), !moved, "The constants as they were before the sliders moved"),
+      act("sample", "Sample", () => this.does.sample(), running("sample", this.store.now), "All constants with their uncertainty, by emcee; the band appears when it is good")]);
   }
 }
 

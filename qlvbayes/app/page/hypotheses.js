@@ -1,6 +1,7 @@
 // Pane (c): what may be missing, with probabilities; draw what each would look like, add it, take it out.
 import { at, el, refill } from "./element.js";
 import { RULE } from "./session.js";
+import { running } from "./jobs.js";
 import { percent, plain, withUnit } from "./numbers.js";
 
 const NOTHING = "none"; // the ranking's name for "nothing is missing"
@@ -31,10 +32,7 @@ export class Hypotheses {
     refill(this.hosts[k], [draw()].filter(Boolean));
   }
 
-  searching() {
-    const { jobs, pad } = this.store.now;
-    return jobs.some((job) => job.kind === "diagnose" && job.pad === pad && ["waiting", "running"].includes(job.state));
-  }
+  searching() { return running("diagnose", this.store.now); }
 
   /** Whether the probabilities are there, and how to get them. */
   search(open) {

@@ -4,13 +4,17 @@ import { get, post, remove } from "./api.js";
 import { plain, span } from "./numbers.js";
 import { say, trying } from "./say.js";
 
-const NAMES = { sample: "Sample", diagnose: "Search", compare: "Compare", report: "Report" };
 const live = (job) => ["waiting", "running"].includes(job.state);
+
+/** Whether a job of this kind is on its way for a pad. */
+export const running = (kind, { jobs, pad }) => jobs.some((job) => job.kind === kind && live(job) && (!job.pad || job.pad === pad));
+
+const NAMES = { sample: "Sample", diagnose: "Search", compare: "Compare", report: "Report" };
 
 export class Jobs {
   constructor(session) {
     Object.assign(this, { session, store: session.store, told: new Map() });
-    this.store.on(["jobs", "pad", "busy", "guess"], () => this.show());
+    this.store.on(["jobs", "entry"], () => this.show());
     this.store.on(["jobs"], ({ jobs }) => jobs.forEach((job) => this.tell(job)));
   }
 
@@ -30,15 +34,10 @@ export class Jobs {
     else this.store.set({ jobs: this.store.now.jobs.filter((one) => one.id !== job.id) });
   }
 
-  running(kind) { const { jobs, pad } = this.store.now; return jobs.some((job) => job.kind === kind && live(job) && (!job.pad || job.pad === pad)); }
-
   show() {
-    const { hand, jobs, entry } = this.store.now;
-    const act = (key, label, does, title) => el("button", { type: "button", "data-key": key, disabled: !hand || this.running(key), title, onclick: does }, label);
-    refill(at("#jobs-start"), [
-      act("sample", "Sample", () => this.sample(), "All constants with their uncertainty, by emcee; the bands appear when they are good"),
-      act("diagnose", "Search all hypotheses", () => this.diagnose(), "Which effect is missing: probabilities, as the search goes on")]);
-    refill(at("#jobs"), [...jobs.map((job) => this.row(job)), bandsLine(entry)].filter(Boolean));
+    const { jobs, entry } = this.store.now, searches = (job) => job.kind === "diagnose";
+    refill(at("#search-jobs"), jobs.filter(searches).map((job) => this.row(job)));
+    refill(at("#jobs"), [...jobs.filter((job) => !searches(job)).map((job) => this.row(job)), bandsLine(entry)].filter(Boolean));
   }
 
   row(job) {

@@ -39,7 +39,7 @@ export class Loops {
     this.plot.setScale("x", this.wide());
   }
 
-  update(columns) { this.columns = columns; this.plot.redraw(); }
+  update(columns) { this.columns = columns; this.plot.setScale("x", this.span ? { min: this.span[0], max: this.span[1] } : this.wide()); }
 
   /** Which samples are marked: a test of their index, or null for all. */
   mark(marked) { this.marked = marked; this.plot?.redraw(false); }

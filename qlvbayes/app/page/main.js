@@ -45,6 +45,7 @@ function bench(session) {
     fit: () => told(session.make({ fit: hand() }, "Fitting …"), () => "Fitted."),
     keep: () => session.make({ keep: hand() }, "Keeping …"),
     undo: () => session.goTo(store.now.entry.current),
+    sample: () => jobs.sample(),
   });
   new Errors(store, { goTo: (state) => session.goTo(state) });
   new Guess(session);

@@ -73,12 +73,12 @@ function deal() {
 
 function earlier(sessions) {
   const row = ({ id, name, changed }) => {
-    const item = el("li", {}, el("a", { href: `/s/${encodeURIComponent(id)}` }, name), el("span", {}, ` ${new Date(changed).toLocaleString()} `),
+    const item = el("li", {}, el("a", { href: `/s/${encodeURIComponent(id)}` }, name), el("span", {}, new Date(changed).toLocaleString([], { dateStyle: "medium", timeStyle: "short" })),
       el("button", { type: "button", class: "quiet", "aria-label": `Forget ${name}`, onclick: () => forget(id, name, item) }, "Forget"));
     return item;
   };
   return el("article", { class: "box" }, el("h2", {}, "Sessions"),
-    sessions.length ? el("ul", { class: "named" }, sessions.map(row)) : el("p", { class: "undone" }, "None yet. What you open stays here until you forget it."));
+    sessions.length ? el("ul", { class: "named sessions" }, sessions.map(row)) : el("p", { class: "undone" }, "None yet. What you open stays here until you forget it."));
 }
 
 async function forget(id, name, item) {

@@ -42,7 +42,7 @@ export class TimeChart {
   update(view, lines) {
     if (this.view !== view || this.names !== namesOf(lines)) return this.show(view, lines);
     this.plot.setData(lines.values, false);
-    this.plot.redraw();
+    this.zoom(...this.span);
   }
 
   zoom(min, max) { this.plot?.setScale("x", { min, max }); }
