@@ -20,8 +20,7 @@ export class Constants {
     if (!parameters) return;
     this.rows.clear();
     const rows = parameters.map((parameter) => this.row(parameter, hand.values[parameter.name] ?? parameter.value));
-    this.acts = el("div", { class: "controls acts" });
-    refill(at("#constants"), [el("div", { class: "sliders" }, rows), this.acts]);
+    at("#sliders").replaceChildren(...rows);
     this.offer();
   }
 
@@ -79,10 +78,10 @@ export class Constants {
   }
 
   offer() {
-    if (!this.acts) return;
-    const { moved, busy } = this.store.now;
+    const { moved, busy, parameters } = this.store.now;
+    if (!parameters) return;
     const act = (key, label, does, off, title) => el("button", { type: "button", "data-key": key, disabled: Boolean(busy) || off, title, onclick: does }, label);
-    refill(this.acts, [
+    refill(at("#acts"), [
       act("fit", "Fit from here", () => this.does.fit(), false, "Least squares from where the sliders are"),
       act("keep", "Keep as it is", () => this.does.keep(), !moved, "Note this model among the errors, without a fit"),
       act("undo", "Put back", () => this.does.undo(), !moved, "The constants as they were before the sliders moved"),

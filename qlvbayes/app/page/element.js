@@ -16,13 +16,33 @@ export function el(tag, attributes = {}, ...children) {
 
 export const at = (selector, under = document) => under.querySelector(selector);
 
-/** Replaces what a list shows without losing where the keyboard is: rows are known by data-key. */
+const KEPT = ["open", "style"]; // of an element that stays: what the reader has opened; styles, which go their own way
+const keyOf = (node) => node.dataset?.key;
+const alike = (old, fresh) => old.nodeName === fresh.nodeName && keyOf(old) === keyOf(fresh) && old.dataset?.act === fresh.dataset?.act;
+
+/**
+ * Shows these rows in place of what a host has. Elements that are still meant (the same data-key, or the same place) stay
+ * in the page: focus, scrolling, open lists and a click that has just begun are not lost. What they do on events stays
+ * too, so that it may depend on their key alone.
+ */
 export function refill(host, rows) {
-  const held = host.contains(document.activeElement) ? document.activeElement : null;
-  const place = held && [held.closest("[data-key]")?.dataset.key, held.dataset.act];
-  host.replaceChildren(...rows);
-  if (!place) return;
-  const row = [...host.querySelectorAll("[data-key]")].find((one) => one.dataset.key === place[0]);
-  const again = row && (row.dataset.act === place[1] && place[1] ? row : row.querySelector(`[data-act="${place[1]}"]`));
-  (again || row?.querySelector("button, input") || null)?.focus({ preventScroll: true });
+  const keyed = new Map([...host.children].filter(keyOf).map((child) => [keyOf(child), child]));
+  rows.forEach((row, place) => {
+    const fresh = row instanceof Node ? row : document.createTextNode(String(row));
+    const here = host.childNodes[place], old = keyOf(fresh) ? keyed.get(keyOf(fresh)) : here;
+    const stays = old && alike(old, fresh);
+    if (stays) become(old, fresh);
+    const shown = stays ? old : fresh;
+    if (shown !== here) host.insertBefore(shown, here ?? null);
+  });
+  while (host.childNodes.length > rows.length) host.lastChild.remove();
+}
+
+function become(old, fresh) {
+  if (old.nodeType === Node.TEXT_NODE) { if (old.data !== fresh.data) old.data = fresh.data; return; }
+  for (const { name } of [...old.attributes]) if (!KEPT.includes(name) && !fresh.hasAttribute(name)) old.removeAttribute(name);
+  for (const { name, value } of fresh.attributes) if (!KEPT.includes(name) && old.getAttribute(name) !== value) old.setAttribute(name, value);
+  if (old.style.cssText !== fresh.style.cssText) old.style.cssText = fresh.style.cssText;
+  refill(old, [...fresh.childNodes]);
+  if ("value" in old && old !== document.activeElement && old.value !== fresh.value) old.value = fresh.value;
 }

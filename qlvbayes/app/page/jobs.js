@@ -28,7 +28,9 @@ export class Jobs {
 
   diagnose() { return this.start("diagnose", { pad: this.store.now.pad }); }
 
-  async stop(job) {
+  async stop(id) {
+    const job = this.store.now.jobs.find((one) => one.id === id);
+    if (!job) return;
     await trying(() => remove(`${this.session.path}/jobs/${encodeURIComponent(job.id)}`));
     if (live(job)) await trying(async () => this.session.heardJob(await get(`${this.session.path}/jobs/${encodeURIComponent(job.id)}`)));
     else this.store.set({ jobs: this.store.now.jobs.filter((one) => one.id !== job.id) });
@@ -45,7 +47,7 @@ export class Jobs {
     const bar = live(job) ? el("progress", known == null ? { "aria-label": NAMES[job.kind] } : { max: "1", value: known, "aria-label": NAMES[job.kind] }) : null;
     return el("div", { class: `job ${job.state}`, "data-key": job.id },
       el("div", { class: "head" }, el("b", {}, NAMES[job.kind] || job.kind), el("span", { class: "small" }, ` ${progressOf(job)}`),
-        el("button", { type: "button", class: "quiet", "data-act": "stop", "aria-label": `${live(job) ? "Cancel" : "Put away"}: ${NAMES[job.kind] || job.kind}`, onclick: () => this.stop(job) }, live(job) ? "Cancel" : "✕")),
+        el("button", { type: "button", class: "quiet", "data-act": "stop", "aria-label": `${live(job) ? "Cancel" : "Put away"}: ${NAMES[job.kind] || job.kind}`, onclick: () => this.stop(job.id) }, live(job) ? "Cancel" : "✕")),
       bar, job.error ? el("p", { class: "wrong", role: "alert" }, job.error.text || job.error.message) : null);
   }
 
