@@ -33,14 +33,13 @@ export function ask(session) {
   fields[0]?.querySelector("select, input")?.focus();
 }
 
-const LABELS = { time: "Time is in", displacement: "Displacement is in", force: "Force is in", pad: "Pad is named in", test: "Test is named in" };
-
 function field({ name, text, choices, value, optional }) {
   const id = `ask-${name}`, required = !optional;
   const input = choices
     ? el("select", { id, name, required }, el("option", { value: "" }, optional ? "none" : "choose …"), choices.map((choice) => el("option", { value: choice, selected: choice === value }, choice)))
     : el("input", { id, name, required, value: value ?? "", autocomplete: "off" });
-  return el("div", {}, el("label", { for: id }, LABELS[name] || text || plain(name)), input, LABELS[name] && text ? el("small", {}, text) : null);
+  const label = text || plain(name);
+  return el("div", {}, el("label", { for: id }, label[0].toUpperCase() + label.slice(1)), input);
 }
 
 function answersOf(host, asked) {

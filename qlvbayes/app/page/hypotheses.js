@@ -10,7 +10,7 @@ export class Hypotheses {
   /** does: { add(effect), remove(effect), law(kind, name), draw(effect), diagnose() }. */
   constructor(store, does) {
     Object.assign(this, { store, does, all: false });
-    this.hosts = ["search", "laws", "effects"].map((name) => el("div", { class: `part ${name}` }));
+    this.hosts = ["search", "laws", "effects"].map((name) => el("div", { class: `part-${name}` }));
     this.drawn = {};
     at("#hypotheses").replaceChildren(...this.hosts);
     store.on(["catalogue", "entry", "hand", "signatures", "guess", "busy", "jobs"], () => this.show());

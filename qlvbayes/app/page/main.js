@@ -61,8 +61,11 @@ function bench(session) {
 
 function header(session, jobs) {
   const { store } = session;
-  at("#tools").replaceChildren(el("span", { id: "busy", role: "status" }), downloads(session, jobs),
-    el("a", { href: "/", class: "button" }, "Open …"), el("button", { type: "button", onclick: (event) => tour(event.target) }, "Tour"));
+  const save = downloads(session, jobs), guide = el("button", { type: "button", onclick: (event) => { store.set({ view: "bench" }); tour(event.target); } }, "Tour");
+  at("#tools").replaceChildren(el("span", { id: "busy", role: "status" }), save, el("a", { href: "/", class: "button" }, "Open …"), guide);
+  const ready = ({ hand }) => { for (const one of [save, guide]) one.hidden = !hand; };
+  store.on(["hand"], ready);
+  ready(store.now);
   store.on(["name", "pad"], ({ name, pad }) => { at("#name").textContent = name || ""; document.title = [pad && `Pad ${pad}`, name, "qlvbayes"].filter(Boolean).join(" · "); });
   store.on(["pads", "pad", "view"], ({ pads, pad, view }) => {
     const tab = (text, on, go) => el("button", { type: "button", "data-key": text, "aria-pressed": String(on), onclick: go }, text);

@@ -19,14 +19,15 @@ export async function start() {
     el("p", { class: "hint" }, `Version ${known.version}. All is computed on the machine that serves this page; nothing leaves it.`));
 }
 
-function dropZone(limit) {
+/** Where files are dropped or chosen; limit in bytes, where it is known. */
+export function dropZone(limit) {
   const wrong = el("p", { class: "wrong", role: "alert", hidden: true });
   const input = el("input", { type: "file", id: "files", multiple: true, onchange: () => take(input.files, limit, wrong) });
   const zone = el("div", { class: "drop" },
     el("p", { class: "line" }, "Drop measurements here"),
     el("p", {}, "One CSV file or several, files of a testing machine, or a saved session (.zip)."),
     el("label", { for: "files" }, "Or choose files "), input,
-    el("p", { class: "hint" }, `Columns time_s, displacement_mm and force_N are read as they are; you are asked about others. Up to ${Math.round(limit / MIB)} MiB.`), wrong);
+    el("p", { class: "hint" }, `Columns time_s, displacement_mm and force_N are read as they are; you are asked about others.${limit ? ` Up to ${Math.round(limit / MIB)} MiB.` : ""}`), wrong);
   dropOn(zone, (files) => take(files, limit, wrong));
   return zone;
 }
@@ -43,7 +44,7 @@ async function take(files, limit, wrong) {
   if (!files.length) return;
   const size = [...files].reduce((sum, file) => sum + file.size, 0);
   const refuse = (text) => { wrong.textContent = text; wrong.hidden = false; };
-  if (size > limit) { refuse(`These files are ${(size / MIB).toFixed(0)} MiB together; ${Math.round(limit / MIB)} MiB can be taken. Reduce them, or open them from the command line: qlvbayes app FILE.csv`); return; }
+  if (limit && size > limit) { refuse(`These files are ${(size / MIB).toFixed(0)} MiB together; ${Math.round(limit / MIB)} MiB can be taken. Reduce them, or open them from the command line: qlvbayes app FILE.csv`); return; }
   wrong.hidden = true;
   say("Sending the files …");
   try {

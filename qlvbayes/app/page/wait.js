@@ -1,5 +1,6 @@
 // Before there is anything to show: what is being done, or why it cannot go on.
 import { at, el } from "./element.js";
+import { dropZone } from "./start.js";
 
 const DOING = {
   reading: ["Reading the measurements", "Columns, units, tests and phases are found."],
@@ -9,10 +10,9 @@ const DOING = {
 export function waitFor({ stage, error, name, worker }) {
   const host = at("#wait");
   if (stage === "failed") {
-    host.replaceChildren(el("div", {}, el("h2", {}, `${name || "This file"} cannot be read`),
+    host.replaceChildren(el("div", {}, el("h2", {}, `${name || "This"} cannot be opened`),
       el("p", { class: "wrong", role: "alert" }, error?.text || error?.message || "No reason is known."),
-      error?.remedy ? el("p", {}, "What helps: ", el("b", {}, error.remedy), ".") : null,
-      el("p", {}, el("a", { href: "/", class: "button" }, "Open something else"))));
+      el("p", {}, "Correct the file and drop it here again, or ", el("a", { href: "/" }, "open something else"), "."), dropZone(null)));
     return;
   }
   const [title, text] = DOING[stage] || ["Opening the session", "A moment."];
