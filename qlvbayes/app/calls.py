@@ -49,7 +49,7 @@ class Calls:
         """Of the worker, while there is one."""
         return None if self._process is None else self._process.pid
 
-    async def call(self, name: str, **arguments: Any) -> bytes:
+    async def call(self, name: str, /, **arguments: Any) -> bytes:
         """The answer, JSON as it came.
 
         Raises RefusedError: as the worker says, or 503 where it died over it or is not there.

@@ -42,6 +42,7 @@ class Desk:
         self._effects_file = effects_file
         self._tasks: set[asyncio.Task[None]] = set()
         self._laying: dict[tuple[str, str], asyncio.Lock] = {}
+        self._laid: set[tuple[str, str]] = set()
 
     # sessions
 
@@ -158,10 +159,10 @@ class Desk:
             raise refused(404, f"there is no pad {pad!r}", f"use one of {', '.join(session.pads)}")
         async with self._laying.setdefault((session.id, pad), asyncio.Lock()):
             own = session.bench.get(pad) or OnBench()
-            if own.facts and own.history and pad in session.bench:
-                await self._bands(session, pad, own)
+            if (session.id, pad) in self._laid:
                 return own
             found = await self._ask("lay", **self._where(session, pad), first=not own.history)
+            self._laid.add((session.id, pad))
             model, curves = found.pop("model", None), found.pop("curves", None)
             own.facts = found
             session.bench[pad] = own
@@ -169,7 +170,11 @@ class Desk:
                 self._keep(session, pad, own.add("start", model, curves["rmse"], None))
             await self._bands(session, pad, own)
         session.save()
+        self._later(None, self._warm(session, pad))
         return own
+
+    async def _warm(self, session: Session, pad: str) -> None:
+        await self._ask("warm", **self._where(session, pad))
 
     async def _bands(self, session: Session, pad: str, own: OnBench) -> None:
         """Of what was sampled before, if it was."""
@@ -181,7 +186,7 @@ class Desk:
 
     # the model by hand
 
-    async def passed(self, session: Session, pad: str, call: str, **arguments: Any) -> bytes:
+    async def passed(self, session: Session, pad: str, call: str, /, **arguments: Any) -> bytes:
         """A call of the worker about a pad, its answer as it comes."""
         session.pad(pad)
         return await self.calls.call(call, **self._where(session, pad), **arguments)
@@ -271,7 +276,8 @@ class Desk:
                     await self._bands(session, name, own)
             session.save()
         what = {"diagnose": "diagnosis", "sample": "bands", "compare": "comparison"}
-        for name in job.pads or [None]:
+        names: list[str | None] = [*job.pads] or [None]
+        for name in names:
             data = {"pad": name, "what": what.get(job.kind, job.kind)}
             self.events.tell(session.id, "result", data)
 
@@ -280,7 +286,7 @@ class Desk:
     def _where(self, session: Session, pad: str) -> dict[str, Any]:
         return {"data": session.data, "pad": pad, "effects_file": self._effects_file}
 
-    async def _ask(self, call: str, **arguments: Any) -> Any:
+    async def _ask(self, call: str, /, **arguments: Any) -> Any:
         """A call that nobody on the page waits for: once more where the worker dies over it."""
         for last in (False, True):
             await self.calls.up()

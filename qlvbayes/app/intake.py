@@ -89,7 +89,7 @@ def _converted(folder: Path, files: Sequence[Path], answers: dict[str, str]) -> 
         found = convert(files, said)
     except UnsureError as error:
         choices = list(SIGNS) if error.option == "sign" else None
-        ask = {"name": error.option, "text": error.question, "choices": choices}
+        ask: Answer = {"name": error.option, "text": error.question, "choices": choices}
         ask |= {"value": answers.get(error.option), "optional": False}
         name = Path(error.file or files[0]).name
         text = str(_by_name(error, files))

@@ -66,7 +66,7 @@ class Telling(Watcher):
         began = time.monotonic()
 
         def progress(done: int, total: int) -> None:
-            self._sampling = began, done, total
+            self._sampling = began, done, max(done, total)  # what is to do grows
 
         yield progress
         self._sampling = None

@@ -142,6 +142,13 @@ def lay(data: str, pad: str, effects_file: str | None, first: bool) -> Answer:
     return found
 
 
+def warm(data: str, pad: str, effects_file: str | None) -> Iterator[Any]:
+    """Compile what the effects need, in pieces, so that none of them has to be waited for."""
+    for _ in _bench(data, pad, effects_file).warm():
+        yield None
+    yield {}
+
+
 def measured(data: str, pad: str, effects_file: str | None) -> Answer:
     """The samples that are looked at."""
     samples = _bench(data, pad, effects_file).samples
@@ -283,7 +290,7 @@ def constants(
 CALLS: dict[str, Callable[..., Any]] = {
     function.__name__: function
     for function in (
-        read, unpack, pads, lay, measured, catalogue, parameters, curves, signature, change,
+        read, unpack, pads, lay, warm, measured, catalogue, parameters, curves, signature, change,
         held_out, bands, residuals, constants,
     )
 }  # fmt: skip

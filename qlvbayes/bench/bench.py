@@ -139,6 +139,14 @@ class Bench:
                 tuple(cell_errors(self.samples, left)),
             )  # fmt: skip
 
+    def warm(self) -> Iterator[str]:
+        """Compile what the effects need, the cheap ones first; yields the name of each done."""
+        usual = self.usual()
+        for effect in sorted(self.effects.values(), key=lambda effect: effect.costly):
+            if effect.name not in usual.effects:
+                self.look(ByHand(usual.elastic, usual.relaxation, (effect.name,)))
+            yield effect.name
+
     def first(self) -> ByHand:
         """The usual model, fitted from its priors; NoFiniteForceError where no draw can be used."""
         model, space = self.usual(), self.space

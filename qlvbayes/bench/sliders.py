@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,6 +65,7 @@ def sliders(
     return found
 
 
+@lru_cache(512)  # a leaf is one object as long as its bench
 def _quantiles(leaf: Leaf) -> NDArray[np.float64]:
     """(4, count) of its prior's draws, the same each time."""
     rng = np.random.default_rng(0)
