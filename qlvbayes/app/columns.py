@@ -96,8 +96,8 @@ def renamed(file: Path, answers: dict[str, str]) -> bytes:
     csv.writer(out, delimiter=table.separator, lineterminator="\n").writerow(cells)
     lines = b"".join(blocks(file)).decode().split("\n")
     above = [f"# {line}" for line in lines[: table.line - 1]]
-    below = [line for line in lines[table.line :]]
-    return "\n".join([*above, out.getvalue().rstrip("\n"), *below]).encode()
+    header = out.getvalue().rstrip("\n")
+    return "\n".join([*above, header, *lines[table.line :]]).encode()
 
 
 def _tidy(what: str, unit: str) -> str:

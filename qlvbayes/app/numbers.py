@@ -231,7 +231,7 @@ def signature(data: str, pad: str, effects_file: str | None, model: Answer, effe
 def change(
     data: str, pad: str, effects_file: str | None, model: Answer, how: str, name: str = ""
 ) -> Answer:
-    """A model changed and fitted: ``keep``, ``fit``, ``add``, ``remove``, ``elastic``, ``relaxation``."""
+    """A model changed as a page asks for it, and fitted unless it is only to be kept."""
     bench, given = _bench(data, pad, effects_file), model_of(model)
     changes: dict[str, Callable[[], ByHand]] = {
         "keep": lambda: ByHand(

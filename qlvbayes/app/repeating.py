@@ -32,7 +32,8 @@ def script(session: Session, pad: str) -> str:
         "for name, value in look.values.items():",
         '    print(f"{name:24s} {value:.6g}")',
         "*_, left_out = bench.held_out(model)",
-        'print(f"error {look.error:.4g}, on tests left out {left_out:.4g}, noise {bench.noise:.4g}")',
+        'print(f"error {look.error:.4g}, on tests left out {left_out:.4g}")',
+        'print(f"noise {bench.noise:.4g}")',
     ]
     return "\n".join(lines) + "\n"
 
@@ -77,7 +78,7 @@ def _by_hand(model: dict[str, Any]) -> str:
 
 
 def commands(session: Session, pad: str) -> str:
-    """Command lines that sample the current state's model, check it, and look for what is missing."""
+    """Command lines that sample the current state's model, check it, and diagnose the pad."""
     own = session.pad(pad)
     state = own.state(own.current)
     data = Path(session.data).name

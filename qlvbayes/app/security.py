@@ -1,7 +1,7 @@
 """Who may ask, and what the browser may do with the answer.
 
-A page of another site can make the browser ask this server. It cannot read the token, set a header of
-its own without being allowed to, or hide where it comes from: so all three are looked at.
+A page of another site can make the browser ask this server. It cannot read the token, set a header
+of its own without being allowed to, or hide where it comes from: so all three are looked at.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Tables that a session gives away: residuals sample by sample, and the constants with their fit."""
+"""Tables that a session gives away: residuals by sample, and the constants with their fit."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """The worker: one warm process that computes what the page asks for, one call after another.
 
-What takes long (errors on what is left out) goes on between the calls, a piece at a time. Of several
-waiting calls for curves from one tab only the last is computed.
+What takes long (errors on what is left out) goes on between the calls, a piece at a time. Of
+several waiting calls for curves from one tab only the last is computed.
 """
 
 from __future__ import annotations

@@ -77,7 +77,7 @@ class Squares:
             return np.nan_to_num(np.sum(apart**2, axis=1), nan=np.inf)
 
     def least(self, hypothesis: Hypothesis, theta: Array) -> Point | None:
-        """The place of least loss that is reached from theta (F,); None where no force is finite."""
+        """The place of least loss reached from theta (F,); None where its force is not finite."""
         point = self.density.at(hypothesis, theta)
         if point is None:
             return None
