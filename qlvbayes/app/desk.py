@@ -21,6 +21,7 @@ BUNDLED = {
     "hidden": "a pad with something hidden in it",
 }
 _DATA = Path(__file__).resolve().parents[2] / "data"
+DATA = "data.csv"  # the measurements in a session's folder
 _CHANGES = ("add", "remove", "elastic", "relaxation")
 
 
@@ -116,7 +117,7 @@ class Desk:
             self._later(session, self._prepare(session))
 
     async def _deal(self, session: Session) -> None:
-        data = session.folder / "data.csv"
+        data = session.folder / DATA
         session.private.mkdir(parents=True, exist_ok=True)
         await self.jobs.run(
             {"kind": "deal", "data": str(data), "truth": str(session.truth), "seed": session.deal}
@@ -177,9 +178,9 @@ class Desk:
         await self._ask("warm", **self._where(session, pad))
 
     async def _bands(self, session: Session, pad: str, own: OnBench) -> None:
-        """Of what was sampled before, if it was."""
+        """Of what was sampled before, if it was, here or by a command."""
         folder = session.folder / pad
-        if own.sampled is None or not (folder / "curves.json").is_file():
+        if not all((folder / name).is_file() for name in ("curves.json", "summary.json")):
             return
         found = await self._ask("bands", **self._where(session, pad), folder=str(folder))
         own.bands = {"state": own.sampled, **found}
@@ -339,7 +340,9 @@ def _change_of(body: dict[str, Any]) -> tuple[str, str, dict[str, Any]]:
 
 
 def _source_of(folder: Path) -> Path | None:
-    """Where the measurements of a folder of results are, by its ``run.json``."""
+    """Where the measurements of a folder of results are: in it, or as its ``run.json`` says."""
+    if (folder / DATA).is_file():
+        return folder / DATA
     try:
         runs = json.loads((folder / "run.json").read_text())["runs"]
         sources = [Path(run["source"]) for run in runs.values()]

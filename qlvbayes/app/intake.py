@@ -73,7 +73,8 @@ def _kept(folder: Path, file: Path) -> Answer:
     """The file as it is, once it can be read."""
     read_study(file)
     target = folder / (f"{DATA}.gz" if file.suffix.lower() == ".gz" else DATA)
-    shutil.copyfile(file, target)
+    if not (target.is_file() and target.samefile(file)):
+        shutil.copyfile(file, target)
     return {"data": str(target)}
 
 

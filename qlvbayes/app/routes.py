@@ -282,12 +282,12 @@ class Routes:
         return _attached(content, name, "application/zip")
 
     async def report(self, request: Request) -> Response:
-        """The report, written if it is not there."""
+        """The report, written anew where a result has come since."""
         session = self._session(request)
         if session.hides:
             raise refused(409, "a guess is owed first", "write down what you think is missing")
         file = session.folder / "report.html"
-        if not file.is_file():
+        if _older(file, session.folder):
             await self.desk.jobs.run({"kind": "report", "out": str(session.folder)})
         return _download(file, "report.html")
 
@@ -346,6 +346,14 @@ class Routes:
         """The command lines."""
         session, pad = self._session(request), request.path_params["pad"]
         return _attached(commands(session, pad).encode(), "repeat.sh", "text/x-sh")
+
+
+def _older(report: Path, folder: Path) -> bool:
+    """Whether a result is newer than the report, or there is none."""
+    if not report.is_file():
+        return True
+    results = [*folder.glob("*/*.json"), *folder.glob("compare/*/*.json")]
+    return any(one.stat().st_mtime > report.stat().st_mtime for one in results)
 
 
 def _folder_of(session: Session, pad: str) -> Path:
