@@ -90,7 +90,9 @@ def served(tmp_path_factory):
     environment = os.environ | {"PYTHONUNBUFFERED": "1"}
     with subprocess.Popen(line, stdout=subprocess.PIPE, text=True, env=environment) as process:
         address = next(filter(None, (re.search(r"http\S+", text) for text in process.stdout)))[0]
-        yield Served(process, address)
+        running = Served(process, address)
+        yield running
+        running.client.close()
         process.terminate()
         process.communicate(timeout=60)
 

@@ -7,6 +7,7 @@ of its own without being allowed to, or hide where it comes from: so all three a
 from __future__ import annotations
 
 import secrets
+import socket
 from dataclasses import dataclass
 from http.cookies import CookieError, SimpleCookie
 from urllib.parse import parse_qsl, urlencode, urlsplit
@@ -33,6 +34,8 @@ _HEADERS = {
     "cache-control": "no-store",
 }
 _SAFE = ("GET", "HEAD")
+_HERE = {"localhost", "127.0.0.1"}
+_EVERYWHERE = {"0.0.0.0", "::"}
 
 
 class TooLargeError(Exception):
@@ -59,7 +62,11 @@ class Address:
             origin = f"{place.scheme}://{place.netloc}"
             secure = place.scheme == "https"
             return cls(frozenset({place.netloc}), frozenset({origin}), f"qlvbayes-{port}", secure)
-        names = {host, "localhost", "127.0.0.1"} if host == "127.0.0.1" else {host}
+        names = {host}
+        if host in _HERE:
+            names |= _HERE
+        elif host in _EVERYWHERE:
+            names |= _HERE | _own_names()
         hosts = frozenset(f"[{name}]:{port}" if ":" in name else f"{name}:{port}" for name in names)
         return cls(hosts, frozenset(f"http://{one}" for one in hosts), f"qlvbayes-{port}")
 
@@ -134,6 +141,16 @@ class Guard:
             secure=self.address.secure,
         )  # fmt: skip
         return answer
+
+
+def _own_names() -> set[str]:
+    """Names and addresses of this machine, as it knows them itself."""
+    name = socket.gethostname()
+    try:
+        _, aliases, addresses = socket.gethostbyname_ex(name)
+    except OSError:
+        aliases, addresses = [], []
+    return {name, socket.getfqdn(), *aliases, *addresses}
 
 
 def _limited(receive: Receive, limit: int) -> Receive:

@@ -186,4 +186,6 @@ def _bound(host: str, port: int) -> socket.socket:
 
 
 def _in_url(host: str) -> str:
+    if host in ("0.0.0.0", "::"):
+        return socket.gethostname()
     return f"[{host}]" if ":" in host else host
