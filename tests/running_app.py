@@ -78,6 +78,15 @@ class Visit:
         self.context.close()
 
 
+def until(page, what):
+    """Wait until something that the page's script can tell is true."""
+    for _ in range(PATIENCE // 100):
+        if page.evaluate(what):
+            return
+        page.wait_for_timeout(100)
+    raise AssertionError(f"never true: {what}")
+
+
 def now(page, what):
     """A value of what the page knows."""
     return page.evaluate(f"bench.store.now.{what}")

@@ -2,6 +2,8 @@
 
 const TAB = Array.from(crypto.getRandomValues(new Uint32Array(2)), (part) => part.toString(36)).join("");
 
+const NO_WORKER = 503, AGAIN = 5, PAUSE = 1500; // the worker died: asked again so many times, after so many ms
+
 export class Refusal extends Error {
   /** told: { message, file, line, remedy, text }, as in every error of the server. */
   constructor(status, told) {
@@ -19,14 +21,16 @@ async function answered(response) {
   throw new Refusal(response.status, told || { message: `The server answered ${response.status} ${response.statusText}.` });
 }
 
-async function ask(path, options) {
+async function ask(path, options, left = AGAIN) {
   let response;
   try {
     response = await fetch(path, { ...options, headers: { "X-Qlvbayes": "1", "X-Tab": TAB, ...options.headers } });
   } catch {
     throw new Refusal(0, { message: "The server does not answer. Nothing is lost: start qlvbayes app again and reload this page." });
   }
-  return answered(response);
+  if (response.status !== NO_WORKER || !left) return answered(response);
+  await new Promise((done) => setTimeout(done, PAUSE));
+  return ask(path, options, left - 1);
 }
 
 export const get = (path) => ask(path, {});

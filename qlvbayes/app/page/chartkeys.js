@@ -3,11 +3,12 @@
 const LEAP = 10; // samples with Shift
 
 export function chartKeys(host, { view, spot, point, zoom, span }) {
+  /** The next sample within what is shown; the first of it where none is meant yet. */
   const step = (from, by) => {
-    const { samples } = view();
-    let next = from == null ? 0 : from + by;
-    while (samples[next] === null) next += Math.sign(by);
-    return Math.max(0, Math.min(samples.length - 1, next));
+    const { samples, x } = view(), [min, max] = span();
+    const shown = samples.flatMap((sample, k) => (sample && x[k] >= min && x[k] <= max ? [k] : []));
+    const place = shown.indexOf(from);
+    return shown[place < 0 ? 0 : Math.max(0, Math.min(shown.length - 1, place + by))];
   };
   const about = (factor) => {
     const [min, max] = span(), middle = spot() == null ? 0.5 * (min + max) : view().x[spot()];

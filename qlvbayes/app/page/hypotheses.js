@@ -22,7 +22,7 @@ export class Hypotheses {
     const open = !(guess && !guess.given);
     this.part(0, [pad, open, this.searching(), entry.diagnosis, Boolean(entry.ranking), busy], () => this.search(open));
     this.part(1, [pad, hand.elastic, hand.relaxation, busy, JSON.stringify(lawChances(entry))], () => this.laws());
-    this.part(2, [pad, hand.effects, entry.ranking, open, signatures, busy, this.all], () => this.effects());
+    this.part(2, [pad, hand.elastic, hand.relaxation, hand.effects, entry.ranking, entry.history, open, signatures, busy, this.all], () => this.effects());
   }
 
   /** Draws a part again only if something that it shows has changed: an open list stays open. */
@@ -85,20 +85,27 @@ export class Hypotheses {
   effect(effect, ranked) {
     const { hand, signatures, busy, entry } = this.store.now;
     const has = hand.effects.includes(effect.name), drawn = signatures.find((one) => one.effect === effect.name);
-    const name = plain(effect.name);
+    const heldout = ranked?.heldout ?? tried(effect.name, hand, entry.history), name = plain(effect.name);
     const act = (label, does, more) => el("button", { type: "button", "data-act": label, "aria-label": `${label} ${name}`, disabled: Boolean(busy), onclick: does, ...more }, label);
     return el("li", { "data-key": effect.name, class: [has && "has", effect.blind && "blind"].filter(Boolean).join(" ") },
       el("div", { class: "head" },
         el("b", { title: effect.law }, name), has ? el("span", { class: "tag" }, "in the model") : null,
         ranked ? el("span", { class: "chance", "--share": String(ranked.probability), role: "img", "aria-label": `probability ${percent(ranked.probability)}` }, percent(ranked.probability)) : null),
       el("p", { class: "small" }, effect.seen, "."),
-      ranked?.heldout != null ? el("p", { class: "small" }, `Held-out error with it ${withUnit(ranked.heldout, entry.units.force)}.`) : null,
+      heldout == null ? null : el("p", { class: "small" }, `Error on tests left out with it: ${withUnit(heldout, entry.units.force)}.`),
       effect.blind ? el("p", { class: "small" }, el("i", {}, `These tests cannot show it: ${effect.blind}.`)) : null,
       drawn ? el("p", { class: "small drawn", "--colour": drawn.colour }, drawn.words) : null,
       el("div", { class: "acts" },
         has ? act("Remove", () => this.does.remove(effect.name)) : act("Add", () => this.does.add(effect.name)),
         has || effect.blind ? null : act("Draw it", () => this.does.draw(effect.name), { "aria-pressed": String(Boolean(drawn)) })));
   }
+}
+
+/** The held-out error of the last model that was the one in hand with this effect. */
+function tried(effect, { elastic, relaxation, effects }, history) {
+  const wanted = [...new Set([...effects, effect])].sort().join();
+  const found = history.findLast((state) => state.heldout != null && state.elastic === elastic && state.relaxation === relaxation && [...state.effects].sort().join() === wanted);
+  return found?.heldout;
 }
 
 function compare(a, b) {

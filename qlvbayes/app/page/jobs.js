@@ -73,6 +73,7 @@ function bandsLine(entry) {
   const bands = entry?.bands;
   if (!bands) return null;
   if (!bands.converged) return el("p", { class: "warning small" }, `The sampling has not converged, so no band is drawn. ${(bands.summary?.troubles || []).join("; ")}`);
+  if (bands.state == null) return el("p", { class: "hint" }, "These constants were sampled by a command. Sample here to see the band.");
   if (bands.state !== entry.current) return el("p", { class: "hint" }, "The sampled band belongs to an earlier model; go back to it to see it.");
   return el("p", { class: "hint" }, "Blue band: 90 % of what the sampled model predicts.");
 }
