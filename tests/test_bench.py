@@ -150,3 +150,30 @@ def test_an_effect_is_added_once(bench, dragged):
         bench.add(dragged, "squeeze_film")
     with pytest.raises(InputError, match="not in the model"):
         bench.remove(dragged, "friction")
+
+
+def test_noise_alone_hardly_exceeds_a_cells_limit(bench):
+    """Realisations of the floor, by its definition: white, and correlated over its time."""
+    floor, samples, rng = bench.experiment.floor, bench.samples, np.random.default_rng(4)
+    beyond = np.zeros(1000, dtype=bool)
+    for k, trial in enumerate(samples.trials):
+        time = trial.test.time[samples.rows[k]]
+        apart = np.abs(time[:, None] - time)
+        root = np.linalg.cholesky(np.exp(-apart / floor.memory) + 1e-9 * np.eye(time.size))
+        noise = floor.ou * root @ rng.standard_normal((time.size, beyond.size))
+        noise += floor.white * rng.standard_normal(noise.shape)
+        for kind in set(samples.phases(k)):
+            error = np.sqrt(np.mean(noise[samples.phases(k) == kind] ** 2, axis=0))
+            beyond |= error > bench.limits[trial.name, kind]
+    assert 0.002 < beyond.mean() < 0.025  # 1 %, but for chance and the approximation
+
+
+def test_cells_fail_where_the_model_is_wrong_and_not_where_it_is_right(bench, dragged):
+    def failing(model):
+        cells = bench.look(model).cells
+        return {c.phase for c in cells if c.rmse > bench.limits[c.test, c.phase]}
+
+    assert not failing(dragged)
+    stiff = {**dragged.values, "m": 1.2 * dragged.values["m"]}
+    stiffer = q.ByHand(dragged.elastic, dragged.relaxation, dragged.effects, stiff)
+    assert failing(stiffer) == {"ramp", "hold", "unload", "recovery"}

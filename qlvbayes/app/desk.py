@@ -21,6 +21,7 @@ BUNDLED = {
     "hidden": "a pad with something hidden in it",
 }
 _DATA = Path(__file__).resolve().parents[2] / "data"
+_AT_FIRST = 2.0  # s in which the page asks for all that it shows
 DATA = "data.csv"  # the measurements in a session's folder
 _CHANGES = ("add", "remove", "elastic", "relaxation")
 
@@ -175,6 +176,7 @@ class Desk:
         return own
 
     async def _warm(self, session: Session, pad: str) -> None:
+        await asyncio.sleep(_AT_FIRST)
         await self._ask("warm", **self._where(session, pad))
 
     async def _bands(self, session: Session, pad: str, own: OnBench) -> None:

@@ -126,6 +126,7 @@ def lay(data: str, pad: str, effects_file: str | None, first: bool) -> Answer:
             "displacement": units.displacement,
             "speed": units.speed,
             "time": "s",
+            "names": {"force": units.force_name, "displacement": units.displacement_name},
         },
         "noise": bench.noise,
         "peak": experiment.scales.force,
@@ -143,9 +144,8 @@ def lay(data: str, pad: str, effects_file: str | None, first: bool) -> Answer:
 
 
 def warm(data: str, pad: str, effects_file: str | None) -> Iterator[Any]:
-    """Compile what the effects need, in pieces, so that none of them has to be waited for."""
-    for _ in _bench(data, pad, effects_file).warm():
-        yield None
+    """Compile what most effects need, when nothing else is asked."""
+    _bench(data, pad, effects_file).warm()
     yield {}
 
 
@@ -319,6 +319,7 @@ def _cell(bench: Bench, cell: CellError) -> Answer:
         "rmse": _real(cell.rmse),
         "bias": _real(cell.bias),
         "over_noise": _real(over),
+        "fails": not cell.rmse <= bench.limits[cell.test, cell.phase],
         "words": _words(cell, over, bench.experiment.units.force),
     }
 

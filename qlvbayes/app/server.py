@@ -10,7 +10,7 @@ import webbrowser
 from collections.abc import AsyncIterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import uvicorn
 from starlette.applications import Starlette
@@ -119,10 +119,13 @@ async def _warm(calls: Calls, jobs: Jobs) -> None:
 
 def serve(options: Options) -> None:
     """Serve until interrupted; prints the address, and opens it in the browser if wanted."""
+    try:
+        Path(options.sessions).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        _stop(f"{options.sessions}: {error.strerror}; choose another folder with --sessions")
     listening = _bound(options.host, options.port)
     port = int(listening.getsockname()[1])
     address = Address.of(options.host, port, options.behind)
-    Path(options.sessions).mkdir(parents=True, exist_ok=True)
     app = application(options, address)
     base = options.behind or f"http://{_in_url(options.host)}:{port}"
     config = uvicorn.Config(
@@ -177,12 +180,14 @@ def _bound(host: str, port: int) -> socket.socket:
         listening.bind((host, port))
     except OSError as error:
         reason = error.strerror or str(error)
-        print(
-            f"qlvbayes: cannot listen at {host} port {port} ({reason}); choose another --port",
-            file=sys.stderr,
-        )
-        raise SystemExit(2) from None
+        _stop(f"cannot listen at {host} port {port} ({reason}); choose another --port")
     return listening
+
+
+def _stop(text: str) -> NoReturn:
+    """One plain line, as every command ends."""
+    print(f"qlvbayes: {text}", file=sys.stderr)
+    raise SystemExit(2)
 
 
 def _in_url(host: str) -> str:

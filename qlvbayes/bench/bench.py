@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from qlvbayes.bench.limits import cell_limits
 from qlvbayes.bench.model import (
     ByHand,
     checked,
@@ -112,6 +113,11 @@ class Bench:
         return self.experiment.floor.total
 
     @cached_property
+    def limits(self) -> dict[tuple[str, str], float]:
+        """Root mean square error of each test and phase that noise alone hardly exceeds."""
+        return cell_limits(self.samples)
+
+    @cached_property
     def effects(self) -> dict[str, AbstractEffect]:
         """Effects that can be added, by name."""
         return self.space.effects
@@ -139,13 +145,13 @@ class Bench:
                 tuple(cell_errors(self.samples, left)),
             )  # fmt: skip
 
-    def warm(self) -> Iterator[str]:
-        """Compile what the effects need, the cheap ones first; yields the name of each done."""
+    def warm(self) -> None:
+        """Compile what most effects need; the costly ones are compiled when they are asked for."""
         usual = self.usual()
-        for effect in sorted(self.effects.values(), key=lambda effect: effect.costly):
-            if effect.name not in usual.effects:
-                self.look(ByHand(usual.elastic, usual.relaxation, (effect.name,)))
-            yield effect.name
+        cheap = [e.name for e in self.effects.values() if not e.costly and e.generalises is None]
+        new = [name for name in cheap if name not in usual.effects]
+        for name in new[:1]:
+            self.look(ByHand(usual.elastic, usual.relaxation, (*usual.effects, name)))
 
     def first(self) -> ByHand:
         """The usual model, fitted from its priors; NoFiniteForceError where no draw can be used."""
