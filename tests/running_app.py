@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from urllib.parse import urlsplit
 
 RUN = [sys.executable, "-c", "from qlvbayes.cli.main import run; run()"]
-PATIENCE = 120_000  # ms that a step may take on a machine that does other work too
+PATIENCE = 300_000  # ms that a step may take on a machine that does other work too
 SEEN = "localStorage.setItem('qlvbayes-tour-seen', '1')"
 
 

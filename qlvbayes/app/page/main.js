@@ -54,7 +54,10 @@ function bench(session) {
   globalThis.bench = { store, measured }; // to look at from the console
   store.on(["stage", "view", "hand", "questions", "error", "worker"], () => arrange(session, comparison));
   store.on(["notices"], ({ notices }) => at("#notices").replaceChildren(...notices.map((text) => el("p", { class: "warning small" }, text))));
-  store.on(["busy"], ({ busy }) => { document.body.setAttribute("aria-busy", String(Boolean(busy))); at("#busy").textContent = busy || ""; });
+  store.on(["busy", "worker"], ({ busy, worker }) => {
+    document.body.setAttribute("aria-busy", String(Boolean(busy)));
+    at("#busy").textContent = worker === "restarting" ? "The worker stopped and is starting anew; nothing is lost …" : busy || "";
+  });
   arrange(session, comparison);
   trying(() => session.begin()).then(() => { if (store.now.stage === "opening") waitFor({ stage: "failed", error: { text: at("#trouble").innerText.replace("✕", "").trim() } }); });
 }
