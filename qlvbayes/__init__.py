@@ -13,6 +13,7 @@ from qlvbayes.compare.contrast import Comparison, Contrast, Interval
 from qlvbayes.data import Pad, Study, Test, read_study
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.result import DiagnosisResult
+from qlvbayes.diagnosis.standing import Enough, Standing
 from qlvbayes.diagnosis.verdict import Diagnosis
 from qlvbayes.diagnosis.words import paragraphs
 from qlvbayes.dual import displacement_from_force

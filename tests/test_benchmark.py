@@ -35,9 +35,9 @@ from qlvbayes.benchmark.scores import (
 from qlvbayes.benchmark.study import SIZES, make_study
 from qlvbayes.checks import InputError
 from qlvbayes.cli.benchmark import benchmark, constants_table, rates_table
-from qlvbayes.diagnosis.noticeable import log_density
 from qlvbayes.effects.force_offset import ForceOffset
 from qlvbayes.experiment import prepare
+from qlvbayes.inference.noticeable import log_density
 from qlvbayes.plots.benchmark import plot_benchmark
 from qlvbayes.plots.files import figure_of
 from qlvbayes.synthetic import FORMS, HIDDEN, OUTSIDE, GrowingDrag

@@ -9,7 +9,7 @@ import pytest
 from hidden_pads import hidden_pad, said_otherwise
 from msgspec.structs import replace as changed
 
-from qlvbayes import Choices, InputError
+from qlvbayes import Choices, Enough, InputError
 from qlvbayes.diagnosis.adequacy import adequacy
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.heldout import held_out
@@ -80,6 +80,34 @@ def test_a_hidden_drag_is_named_with_its_size(drag):
     assert drag.result.ranking[0].inclusion > 0.9
     before, after = (drag.result.stages[k].heldout_rmse for k in (0, -1))
     assert after < 1.2 * drag.result.noise < before
+
+
+def test_a_watched_search_can_be_ended_and_what_is_known_is_told():
+    """The standing is the decision on the way; ended when the drag is likely, it is named."""
+    standings = []
+
+    def watch(standing):
+        standings.append(standing)
+        if standing.decision.inclusion.get("viscous_drag", 0.0) > 0.9:
+            raise Enough
+
+    pad = measured([HIDDEN["viscous_drag"](eta=0.004)])
+    found = diagnose(pad, kinds=FEW, watch=watch)
+    seen = [one.seen for one in standings]
+    assert seen == sorted(seen)
+    assert "viscous_drag" not in standings[0].decision.inclusion
+    assert "viscous_drag" in standings[-1].best.effects
+    assert found.result.effects == ("viscous_drag",)
+    whole = []
+    diagnose(pad, kinds=FEW, watch=whole.append)
+    assert len(whole) > len(standings)
+
+
+def test_evidence_of_what_is_likely_is_sampled_with_an_error(drag):
+    first, *_ = drag.result.alternatives
+    assert 0.0 < first.log_evidence_error < 0.3
+    named = drag.result.ranking[0]
+    assert 0.0 <= named.inclusion_error < 0.05
 
 
 def test_two_effects_are_found_one_by_one(two):

@@ -86,10 +86,11 @@ def test_engine_gives_the_forces_of_the_models_it_stands_for(space, hypothesis):
     own = space.parameters(hypothesis)
     constants = own.constants(thetas(space, hypothesis, 3))
     found = space.forces(hypothesis, constants)
+    close = 1e-9 if "prony" in hypothesis.relaxation else 5e-5  # long spectra run by fewer modes
     for row, force in zip(constants, found, strict=True):
         model, _ = own.posterior.with_constants(jnp.asarray(row))
         expected = np.asarray(own.posterior.predict_with(model))
-        np.testing.assert_allclose(force, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+        np.testing.assert_allclose(force, expected, rtol=1e-9, atol=close * np.abs(expected).max())
 
 
 def dense_loss(experiment, density, point, size, kept=(0, 1, 2, 3, 4, 5)):

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from qlvbayes.diagnosis.noticeable import log_density, log_noticeable
+from qlvbayes.inference.noticeable import log_density, log_noticeable
 from qlvbayes.priors import HalfNormal, Normal
 from qlvbayes.scales import SHARE
 

@@ -12,11 +12,11 @@ from qlvbayes import prepare
 from qlvbayes.benchmark.study import measured
 from qlvbayes.checks import InputError
 from qlvbayes.diagnosis.diagnose import diagnose
-from qlvbayes.diagnosis.noticeable import log_noticeable
 from qlvbayes.diagnosis.remainder import Left, Remainder, structured
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.words import paragraphs
 from qlvbayes.inference.discrepancy import TOLERANCE
+from qlvbayes.inference.noticeable import log_noticeable
 from qlvbayes.priors import HalfNormal
 from qlvbayes.synthetic import NOISES, TABLE_1, HiddenPad, paper_protocol, record_study
 

@@ -8,7 +8,7 @@ to them with the noise held at its true sds; its leftover, whitened by that nois
 
 the part of the pattern that no change of the constants takes, which is the expected gain of
 2 ln(likelihood) if the effect is added. The price is the share of the prior that is left: an
-amplitude a with prior density p (`qlvbayes.diagnosis.noticeable`) is found to within a/chi, its
+amplitude a with prior density p (`qlvbayes.inference.noticeable`) is found to within a/chi, its
 k - 1 other constants to about 1/chi of their priors, so that
 
 .. math:: E[2 \ln BF] = \chi^2 + \ln(2 \pi p^2(a) a^2 / \chi^2) - (k - 1) \ln \chi^2.
@@ -34,11 +34,11 @@ from scipy.stats import norm
 
 from qlvbayes.benchmark.study import Study, true_noise, true_values
 from qlvbayes.choices import Choices
-from qlvbayes.diagnosis.noticeable import log_density
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.experiment import Experiment
 from qlvbayes.inference.gaussnewton import climb, pad_directions, predict_along
 from qlvbayes.inference.linearised import prior_terms, whitened
+from qlvbayes.inference.noticeable import log_density
 from qlvbayes.inference.subset import Ensemble, Subset, with_every_effect
 from qlvbayes.posterior import Posterior
 from qlvbayes.records.record import Record

@@ -13,16 +13,19 @@ of no family of the list name nothing: a hypothesis that has one has something o
 
 from __future__ import annotations
 
+import math
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Self, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import softmax
 
 from qlvbayes.diagnosis.families import Families
 from qlvbayes.diagnosis.settings import Settings
 
+Array = NDArray[np.float64]
 Key = TypeVar("Key", bound=Hashable)
 
 VERDICTS = ("adequate", "missing_effect", "ambiguous", "partly_explained", "unexplained")
@@ -30,6 +33,7 @@ LEFT = VERDICTS[3:]
 """Verdicts that something outside the list is there."""
 LARGEST = 3
 """Members of a group at most: more is no answer."""
+_DRAWS = 256  # of log posteriors within their errors: 6 % of what these make of a probability
 _BESIDE = 0.5  # probability of something outside, from which it is taken to be there
 
 
@@ -39,7 +43,8 @@ class Weight:
 
     effects: by the names of their families; outside: probability of something that no list holds
     beside it; listed: whether its laws and effects all name something; forms: of each effect, by
-    its family, where that is not the listed law itself.
+    its family, where that is not the listed law itself; error: of the log posterior, nan where it
+    is not known.
     """
 
     base: tuple[str, str]
@@ -48,6 +53,7 @@ class Weight:
     outside: float
     listed: bool = True
     forms: Mapping[str, str] = field(default_factory=dict)
+    error: float = math.nan
 
     def within(self, families: Families) -> Self:
         """Of a hypothesis whose effects are told by their own names: by those of families."""
@@ -88,7 +94,7 @@ class Decision:
 def decide(weights: Sequence[Weight], settings: Settings | None = None) -> Decision:
     """Of all hypotheses seen, before what is told is tested: see `vetoes`."""
     settings = settings or Settings()
-    shares = softmax([weight.log_posterior for weight in weights])
+    shares = probabilities(weights).mean(axis=0)
     pairs = list(zip(weights, shares.tolist(), strict=True))
     inclusion = _summed((name, p) for w, p in pairs for name in w.effects)
     form = _forms(pairs)
@@ -105,6 +111,14 @@ def decide(weights: Sequence[Weight], settings: Settings | None = None) -> Decis
     if verdict == "unexplained":
         told = int(np.argmax(shares))
     return Decision(verdict, named, group, inclusion, form, base, outside, told)
+
+
+def probabilities(weights: Sequence[Weight]) -> Array:
+    """(D, H) of H hypotheses, as the errors of their log posteriors leave them open: D draws."""
+    logs = np.array([weight.log_posterior for weight in weights])
+    errors = np.nan_to_num(np.array([weight.error for weight in weights]))
+    draws = np.random.default_rng(0).standard_normal((_DRAWS, logs.size))
+    return np.asarray(softmax(logs + errors * draws, axis=1))
 
 
 def listed(weights: Sequence[Weight]) -> list[Weight]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 
 from msgspec.structs import replace
 
@@ -11,6 +12,7 @@ from qlvbayes.diagnosis.audit import nested_audit
 from qlvbayes.diagnosis.result import Used
 from qlvbayes.diagnosis.search import Tell
 from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.standing import Enough, Standing
 from qlvbayes.diagnosis.summing_up import summed_up
 from qlvbayes.diagnosis.verdict import Diagnosis
 from qlvbayes.diagnosis.workbench import as_chosen, search_of
@@ -32,19 +34,29 @@ def diagnose(
     evidence: str = "laplace",
     seed: int = 0,
     tell: Tell = lambda text: None,
+    watch: Callable[[Standing], None] = lambda standing: None,
 ) -> Diagnosis:
     """Say what the model of ``choices`` lacks, a law or effects of ``kinds``, from all tests.
 
     evidence: ``nested`` samples the plain model and the two best hypotheses again by nested
-    sampling, a minute or two each. ``tell`` hears what is being done. Raises InputError where the
-    noise model is not Gaussian.
+    sampling, a minute or two each. ``tell`` hears what is being done; ``watch`` sees at each such
+    step what is known so far, and may raise `Enough` to end the search there. Raises InputError
+    where the noise model is not Gaussian.
     """
     choices = choices or Choices()
     experiment = as_chosen(experiment, choices)
     forget_compiled()
     with one_blas_thread():
         search = search_of(experiment, choices, kinds=kinds, settings=settings, tell=tell)
-        search.run()
+
+        def told(text: str) -> None:
+            tell(text)
+            if standing := Standing.of(search, text):
+                watch(standing)
+
+        search.tell = told
+        with suppress(Enough):
+            search.run()
         found = summed_up(experiment, search, kinds, choices.bonded, tell)
         sampled = nested_audit(search, seed, tell) if evidence == "nested" else ()
     notices = pull_notices(experiment, bonded=choices.bonded, effects=choices.effects)

@@ -1,24 +1,48 @@
-"""Leave one test out: what a hypothesis predicts of each test from all the others.
+r"""Leave one test out: what hypotheses predict of each test from all the others.
 
-Of one test alone its phases are left out, one after another.
+Of one test alone its phases are left out, one after another. The prediction of several hypotheses
+weighs each by its evidence from what was not left out,
+
+.. math:: \hat F = \sum_H P(H \mid \text{others})\, F_H(\hat\theta_H)
+
+(within a hypothesis the mode stands for the mean, to the first order in its numbers).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import softmax
 
 from qlvbayes.diagnosis.samples import Samples, rmse
 from qlvbayes.diagnosis.search import Weighed
 from qlvbayes.inference.density import Density
+from qlvbayes.inference.evidence import evidence
 from qlvbayes.inference.modes import find_mode
 from qlvbayes.kinematics.phases import phase_index
 
+Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+
+
+class Part(NamedTuple):
+    """What is left out: the density of all else, which test, and which of its samples."""
+
+    density: Density
+    test: int
+    rows: Mask
+
+
+class Predicted(NamedTuple):
+    """Of a part left out: force (n,) that a hypothesis predicts, and its evidence from the rest."""
+
+    force: Array
+    log_evidence: float
 
 
 @dataclass(frozen=True)
@@ -31,18 +55,46 @@ class HeldOut:
     rmse: float
     by_part: tuple[float, ...]
 
+    @classmethod
+    def of(cls, residuals: list[Array]) -> HeldOut:
+        """Of each part's."""
+        if not residuals:
+            return cls(math.nan, ())
+        return cls(rmse(residuals), tuple(rmse([one]) for one in residuals))
+
 
 def held_out(density: Density, samples: Samples, found: Weighed) -> HeldOut:
     """Refit with each test (or phase) left out in turn, from the mode of all."""
+    return errors(samples, leave_out(density, samples), [found])
+
+
+def errors(
+    samples: Samples,
+    parts: Sequence[Part],
+    found: Sequence[Weighed],
+    log_prior: Sequence[float] = (0.0,),
+) -> HeldOut:
+    """Of what hypotheses predict together; log_prior: of each, up to a constant."""
     residuals = []
-    for blocks, test, rows in _parts(density, samples):
-        mode = find_mode(density.without(blocks), found.hypothesis, found.point.theta)
-        point = mode.point if mode is not None else found.point
-        predicted = samples.predict(found.hypothesis, point.constants[None])
-        residuals.append((samples.observed[test] - predicted[test][0])[rows])
-    if not residuals:
-        return HeldOut(math.nan, ())
-    return HeldOut(rmse(residuals), tuple(rmse([one]) for one in residuals))
+    for part in parts:
+        each = [_predicted(samples, part, one) for one in found]
+        logs = [p.log_evidence + log for p, log in zip(each, log_prior, strict=True)]
+        weights = softmax(logs) if len(each) > 1 else np.ones(1)
+        mean = weights @ np.array([p.force for p in each])
+        residuals.append(samples.observed[part.test][part.rows] - mean)
+    return HeldOut.of(residuals)
+
+
+def leave_out(density: Density, samples: Samples) -> list[Part]:
+    """Each test, or of one alone each of its phases."""
+    return [Part(density.without(out), k, rows) for out, k, rows in _parts(density, samples)]
+
+
+def _predicted(samples: Samples, part: Part, found: Weighed) -> Predicted:
+    mode = find_mode(part.density, found.hypothesis, found.point.theta)
+    point = mode.point if mode is not None else found.point
+    force = samples.predict(found.hypothesis, point.constants[None])[part.test][0][part.rows]
+    return Predicted(force, evidence(part.density, point).log)
 
 
 def _parts(density: Density, samples: Samples) -> Iterator[tuple[Mask, int, Mask]]:

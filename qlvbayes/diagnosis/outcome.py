@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp, softmax
+from scipy.special import logsumexp
 
 from qlvbayes.diagnosis.adequacy import Adequacy, adequacy
 from qlvbayes.diagnosis.averaging import averaged
-from qlvbayes.diagnosis.decision import Weight
-from qlvbayes.diagnosis.heldout import held_out
+from qlvbayes.diagnosis.decision import probabilities
+from qlvbayes.diagnosis.heldout import Part, errors, leave_out
 from qlvbayes.diagnosis.prior import log_odds_of_effect
 from qlvbayes.diagnosis.remainder import Remainder, remainder
 from qlvbayes.diagnosis.result import (
@@ -27,6 +27,7 @@ from qlvbayes.diagnosis.result import (
 )
 from qlvbayes.diagnosis.samples import Samples, cell_errors, rmse
 from qlvbayes.diagnosis.search import Search, Weighed
+from qlvbayes.diagnosis.standing import weights_of
 from qlvbayes.experiment import Experiment
 from qlvbayes.inference.space import Hypothesis
 from qlvbayes.parameters import unit_kinds
@@ -34,6 +35,7 @@ from qlvbayes.parameters import unit_kinds
 Array = NDArray[np.float64]
 
 LEAST = 0.02  # probability of what is told: 50 to 1
+_TOGETHER = 0.05  # probability of a hypothesis whose prediction counts beside others
 _LISTED = 3  # sets of effects that are told as not ruled out
 _ALTERNATIVES = 10  # hypotheses told
 
@@ -45,19 +47,9 @@ class Outcome:
         self.experiment, self.search = experiment, search
         self.samples = Samples.of(experiment, search.density.space)
         self.seen = list(search.seen.values())
-        sizes, peak = search.density.discrepancy.sizes, experiment.scales.force
-        limit = search.settings.tolerance * peak
-        self.weights = [
-            Weight(
-                one.hypothesis.base,
-                frozenset(search.added(one.hypothesis)),
-                search.log_posterior(one.hypothesis),
-                one.evidence.probability_above(sizes, limit),
-                one.hypothesis.elastic in search.listed,
-            ).within(search.families)
-            for one in self.seen
-        ]
-        self.shares = softmax([weight.log_posterior for weight in self.weights])
+        self.weights = weights_of(search)
+        self.draws = probabilities(self.weights)
+        self.shares = self.draws.mean(axis=0)
         self._heldout: dict[Hypothesis, float] = {}
         self._residuals: dict[Hypothesis, list[Array]] = {}
         self._tested: dict[Hypothesis, Adequacy] = {}
@@ -65,9 +57,22 @@ class Outcome:
     def heldout(self, found: Weighed) -> float:
         """Error on tests left out (N)."""
         if found.hypothesis not in self._heldout:
-            error = held_out(self.search.density, self.samples, found).rmse
-            self._heldout[found.hypothesis] = error
+            self._heldout[found.hypothesis] = errors(self.samples, self._parts, [found]).rmse
         return self._heldout[found.hypothesis]
+
+    @cached_property
+    def _parts(self) -> list[Part]:
+        """What is left out in turn."""
+        return leave_out(self.search.density, self.samples)
+
+    def heldout_of_all(self) -> float | None:
+        """Error on tests left out (N) of what the likeliest hypotheses predict together."""
+        likely = np.flatnonzero(self.shares >= _TOGETHER)
+        found = [self.seen[k] for k in likely]
+        if len(found) < 2:
+            return None
+        prior = [self.search.log_prior(one.hypothesis) for one in found]
+        return _finite(errors(self.samples, self._parts, found, prior).rmse)
 
     def residuals(self, found: Weighed) -> list[Array]:
         """Measured minus predicted force of each trial's samples (N)."""
@@ -154,7 +159,8 @@ class Outcome:
             share = self._summed(inside)
             alone = float((self.shares / counts)[inside].sum())
             error = rmse(self.residuals(best))
-            ranked.append((odds, Ranked(name, share, alone, _finite(odds), error, found)))
+            spread = float(self.draws[:, inside].sum(axis=1).std())
+            ranked.append((odds, Ranked(name, share, alone, _finite(odds), error, found, spread)))
         ranked.sort(key=lambda pair: (-pair[1].inclusion, -pair[0]))
         return tuple(one for _, one in ranked)
 
@@ -183,6 +189,8 @@ class Outcome:
                 Laws(*self.weights[k].base),
                 tuple(self.search.added(self.seen[k].hypothesis)),
                 float(self.shares[k]),
+                _finite(self.seen[k].log_evidence),
+                _finite(self.seen[k].error),
             )
             for k in order
             if self.shares[k] >= LEAST

@@ -56,11 +56,16 @@ class Base(Laws, frozen=True):
 
 
 class Alternative(Part, frozen=True):
-    """A hypothesis and its probability: base laws and effects."""
+    """A hypothesis and its probability: base laws and effects.
+
+    log_evidence_error: by importance sampling, None where the evidence is Laplace's.
+    """
 
     base: Laws
     effects: tuple[str, ...]
     probability: float
+    log_evidence: float | None = None
+    log_evidence_error: float | None = None
 
 
 class NotRuledOut(Part, frozen=True):
@@ -134,7 +139,7 @@ class Ranked(Part, frozen=True, rename={"rmse": "rmse_N"}):
     same with that of every hypothesis shared out among its effects, so that all sum to one;
     log_bayes_factor: log posterior odds of being in less the log prior odds, None where nothing
     else was seen; rmse: of all samples (N) by the likeliest hypothesis with it; parameters: its
-    constants there.
+    constants there; inclusion_error: what the errors of the evidences make of the inclusion.
     """
 
     effect: str
@@ -143,6 +148,7 @@ class Ranked(Part, frozen=True, rename={"rmse": "rmse_N"}):
     log_bayes_factor: float | None
     rmse: float
     parameters: dict[str, Estimate]
+    inclusion_error: float = 0.0
 
 
 class Unseen(Part, frozen=True):
@@ -260,6 +266,7 @@ class DiagnosisResult(
         "stages": "steps",
         "bends": "hidden_in_constants",
         "discrepancy": "discrepancy_sd_N",
+        "heldout_of_all": "heldout_of_all_rmse_N",
     },
 ):
     """What one pad's tests say about the model: ``diagnosis.json``.
@@ -269,7 +276,9 @@ class DiagnosisResult(
     forms: of effects told by another law than the list's, which, by the listed name; base: the laws
     of the hypothesis told; bases: all, the likeliest first; outside: probability that something
     outside the list is there; alternatives: the likeliest hypotheses; not_ruled_out: the likeliest
-    sets of effects; constants: the base law's, averaged over all hypotheses on it; stages: from the
+    sets of effects; constants: the base law's, averaged over all hypotheses on it; heldout_of_all:
+    error (N) on tests left out of what the likely hypotheses predict together, each by its
+    probability without that test, None where one alone is likely; stages: from the
     plain model that was chosen to the hypothesis told; ranking: inclusion probabilities; bends:
     effects that would hide in the constants; coincident: effects that look alike; refused: effects
     that are likely, and why they are not named; warnings: where two ways to the evidence disagree;
@@ -292,6 +301,7 @@ class DiagnosisResult(
     alternatives: tuple[Alternative, ...]
     not_ruled_out: tuple[NotRuledOut, ...] = ()
     constants: dict[str, Estimate] = msgspec.field(default_factory=dict)
+    heldout_of_all: float | None = None
     stages: Annotated[tuple[Stage, ...], msgspec.Meta(min_length=1)]
     ranking: tuple[Ranked, ...]
     not_identifiable: tuple[Unseen, ...]

@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 
 from qlvbayes.checks import NoFiniteForceError
 from qlvbayes.diagnosis.families import Families
-from qlvbayes.diagnosis.noticeable import log_noticeable
 from qlvbayes.diagnosis.prior import log_prior
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.inference.density import Density, Extension, Point
 from qlvbayes.inference.evidence import Evidence, evidence
-from qlvbayes.inference.modes import Mode, base_modes, distinct, find_modes, modes
+from qlvbayes.inference.importance import CLOSE, sampled_evidence
+from qlvbayes.inference.modes import BEHIND, Mode, base_modes, distinct, find_modes, modes
+from qlvbayes.inference.noticeable import log_noticeable
 from qlvbayes.inference.projection import projected
 from qlvbayes.inference.score import promised_evidence
 from qlvbayes.inference.space import (
@@ -41,21 +42,27 @@ Tell = Callable[[str], None]
 _SHAPES = 4  # quantiles of a new effect's first constant besides its amplitude
 _FOLLOWED = 2  # of these, that are optimised
 _MODES = 4  # of a hypothesis, that are kept to start its neighbours from
-_NEAR = 40.0  # log posterior behind the best, within which an effect more or less may lead
-_RIVAL = 10.0  # log posterior behind the best, up to which effects are tried on all such laws
+_NEAR = 25.0  # log posterior behind the best, within which an effect more or less may lead
+_RIVAL = (
+    7.0  # the same of what counts beside it, a thousandth: its effects are tried on all such laws
+)
 _FACTORS = (0.2, 5.0)  # by which a prior is fitted to the motion: beyond, nothing can be seen
-_BEHIND = 30.0  # loss behind the best, at which a hypothesis is given up
 _MOST_EFFECTS = 3
+_MOST_SAMPLED = 12  # hypotheses whose evidence is sampled: what comes after is told by Laplace's
 
 
 @dataclass(frozen=True, eq=False)
 class Weighed:
-    """A hypothesis at one of its modes: log evidence (with the smallest size that matters)."""
+    """A hypothesis at one of its modes: log evidence (with the smallest size that matters).
+
+    error: of the log evidence where it was sampled, nan where it is Laplace's about the mode.
+    """
 
     hypothesis: Hypothesis
     mode: Mode
     evidence: Evidence
     log_evidence: float
+    error: float = math.nan
 
     @property
     def point(self) -> Point:
@@ -88,6 +95,7 @@ class Search:
     tell: Tell = lambda text: None
     modes: dict[Hypothesis, list[Weighed]] = field(default_factory=dict)
     _lessened: set[tuple[Hypothesis, str]] = field(default_factory=set)
+    _sampled: set[Hypothesis] = field(default_factory=set)
 
     @property
     def seen(self) -> dict[Hypothesis, Weighed]:
@@ -98,9 +106,10 @@ class Search:
         """Up to a constant; minus infinity of what was not seen."""
         if hypothesis not in self.modes:
             return -math.inf
-        return self.modes[hypothesis][0].log_evidence + self._log_prior(hypothesis)
+        return self.modes[hypothesis][0].log_evidence + self.log_prior(hypothesis)
 
-    def _log_prior(self, hypothesis: Hypothesis) -> float:
+    def log_prior(self, hypothesis: Hypothesis) -> float:
+        """Of a hypothesis, with its laws and its set of effects."""
         space = self.density.space
         laws = (space.elastic, space.relaxation)
         return log_prior(hypothesis, self.usual, laws, self.families, self.settings)
@@ -110,7 +119,7 @@ class Search:
 
         Beside a base that leaves only noise nothing can bring much more than it promises.
         """
-        promised = one.log_evidence + self._log_prior(one.hypothesis)
+        promised = one.log_evidence + self.log_prior(one.hypothesis)
         window = _NEAR if self._leaves_more(base) else _RIVAL
         return promised > self.log_posterior(self.best) - window
 
@@ -161,8 +170,29 @@ class Search:
                 self.tell("likely effects on likely laws")
                 for found, neighbour in crossed:
                     self.see_rebased(found, neighbour)
-            else:
+            elif not self._sample_next():
                 return
+
+    def _sample_next(self) -> bool:
+        """Sample the evidence of the likeliest hypothesis that counts and was not sampled yet."""
+        near = self.log_posterior(self.best) - _RIVAL
+        left = [one for one in self.modes if one not in self._sampled]
+        left = [one for one in left if self.log_posterior(one) > near]
+        if not left or len(self._sampled) >= _MOST_SAMPLED:
+            return False
+        one = max(left, key=self.log_posterior)
+        self.tell(f"evidence of {described(one)}")
+        self._sampled.add(one)
+        first, *others = self.modes[one]
+        pairs = [(weighed.mode, weighed.evidence) for weighed in (first, *others)]
+        gap = self.log_posterior(self.best) - self.log_posterior(one)  # what is small may be vague
+        close = CLOSE * (1.0 + gap)
+        found = sampled_evidence(self.density, pairs, self.settings.tolerance, close)
+        if found is not None:
+            told = replace(first.evidence, by_size=found.by_size, log=found.log)
+            sampled = replace(first, evidence=told, log_evidence=found.log, error=found.error)
+            self.modes[one] = [sampled, *others]
+        return True
 
     def crossed(self, best: Hypothesis) -> list[tuple[Hypothesis, Hypothesis]]:
         """Likely sets of effects on other laws that come near, where not seen: from, and what."""
@@ -292,7 +322,7 @@ class Search:
         near = projected(self.density.space, known, hypothesis, start)
         self._keep(hypothesis, self._optimised(hypothesis, [near]))
         if self._is_near(hypothesis):
-            self._keep(hypothesis, modes(self.density, hypothesis, [start], self._worth))
+            self._keep(hypothesis, modes(self.density, hypothesis, [start], self._lowest))
 
     def _promises(self, base: Hypothesis, names: Sequence[str]) -> list[_Promise]:
         """Of each of some effects more the places that promise most, at the base's modes."""
@@ -352,7 +382,7 @@ class Search:
         """Whether another start may bring it to what counts, as far as the first tells."""
         if hypothesis not in self.modes:
             return True
-        return self.modes[hypothesis][0].mode.loss < self._worth + _BEHIND
+        return self.modes[hypothesis][0].mode.loss < self._lowest + 2.0 * BEHIND
 
     def _without_effects(self, hypothesis: Hypothesis) -> Array:
         """Theta (F,) of a bare law's mode, every effect at nothing and as promises most there."""
@@ -372,14 +402,13 @@ class Search:
         """From some places, with a discrepancy of some size (N) at first."""
         found = [one.mode for one in self.modes.get(hypothesis, [])]
         for start, size in zip(starts, repeat(None) if sizes is None else sizes, strict=False):
-            found += find_modes(self.density, hypothesis, start, self._worth, size, found)
+            found += find_modes(self.density, hypothesis, start, self._lowest, size, found)
         return found
 
     @property
-    def _worth(self) -> float:
-        """Loss from which on a hypothesis is given up."""
-        lowest = min((found[0].mode.loss for found in self.modes.values()), default=math.inf)
-        return lowest + _BEHIND
+    def _lowest(self) -> float:
+        """Loss of the best so far."""
+        return min((found[0].mode.loss for found in self.modes.values()), default=math.inf)
 
     def _keep(self, hypothesis: Hypothesis, found: Iterable[Mode]) -> None:
         tolerance = self.settings.tolerance

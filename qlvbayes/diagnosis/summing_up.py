@@ -68,6 +68,7 @@ def summed_up(
         alternatives=outcome.alternatives(),
         not_ruled_out=outcome.sets() if decision.verdict != "unexplained" else (),
         constants=outcome.constants(told),
+        heldout_of_all=outcome.heldout_of_all(),
         stages=stages,
         ranking=outcome.ranking(),
         not_identifiable=(

@@ -26,9 +26,11 @@ from numpy.typing import NDArray
 
 from qlvbayes.inference.discrepancy import Discrepancy, Sized
 from qlvbayes.inference.gaussnewton import positive_part
+from qlvbayes.inference.noticeable import log_noticeable
 from qlvbayes.inference.space import Hypothesis, Parameters, Space
 from qlvbayes.inference.whitening import Whitener
 from qlvbayes.priors.distributions import AbstractPrior
+from qlvbayes.priors.natural import Natural
 
 Array = NDArray[np.float64]
 
@@ -157,6 +159,26 @@ class Density:
             prior,
         )
 
+    def log_density(self, own: Parameters, thetas: Array, tolerance: float) -> Array:
+        """(K, S) log posterior density at thetas (K, F) and each size of the discrepancy.
+
+        Less the likelihood's constant. Minus infinity beyond the bounds and where the force is not
+        finite; amplitudes have the priors that leave out what is below the tolerance.
+        """
+        inside = np.all((thetas >= own.lowest) & (thetas <= own.highest), axis=1)
+        found = np.full((len(thetas), self.discrepancy.sizes.size), -np.inf)
+        if not inside.any():
+            return found
+        some = thetas[inside]
+        predicted = self.space.forces(own.hypothesis, own.constants(some))
+        residuals = self._force - predicted
+        largest = np.abs(residuals).max(axis=(1, 2))
+        sound = largest < _FARTHEST * self.discrepancy.peak  # not a number is not
+        log = self.discrepancy.log_likelihoods(self.whitener(residuals[sound]))
+        log += np.array([_log_prior_of(own, theta, tolerance) for theta in some[sound]])[:, None]
+        found[np.flatnonzero(inside)[sound]] = log
+        return found
+
     def extensions(
         self, point: Point, hypothesis: Hypothesis, number: int, starts: Sequence[Array]
     ) -> list[Extension]:
@@ -237,6 +259,15 @@ def _prior(own: Parameters, theta: Array) -> Terms:
         gradient[here] = -first
         curvature[here, here] = positive_part(-second)
     return Terms(loss, gradient, curvature)
+
+
+def _log_prior_of(own: Parameters, theta: Array, tolerance: float) -> float:
+    """Log prior density at theta (F,), of amplitudes that matter."""
+    log = -float(_prior(own, theta).loss)
+    for leaf in own.leaves:
+        if isinstance(leaf.prior, Natural):
+            log += log_noticeable(leaf.prior.inner, float(theta[leaf.theta.start]), 0.0, tolerance)
+    return log
 
 
 @partial(jax.jit, static_argnums=0)

@@ -149,6 +149,17 @@ class Discrepancy:
         loss = 0.5 * (float(own.products(residual[None])[0, 0]) + own.log_volume)
         return loss - float(self.log_prior[place])
 
+    def log_likelihoods(self, residuals: Array) -> Array:
+        """(K, S) of whitened residuals (K, n) at each size, with the sizes' log prior."""
+        found = np.empty((len(residuals), self.sizes.size))
+        for k, size in enumerate(self.sizes.tolist()):
+            own = self.at(size)
+            vectors = residuals * own.root
+            parts = vectors @ own.axes.T
+            squares = (vectors**2).sum(axis=1) - (parts**2).sum(axis=1)
+            found[:, k] = self.log_prior[k] - 0.5 * (squares + own.log_volume)
+        return found
+
     def likeliest(self, residual: Array, near: float = 0.0) -> float:
         """Size (N) of highest density given a whitened residual (n,).
 

@@ -8,10 +8,10 @@ derivative that would serve better, and half as much is traced and compiled.
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any, ClassVar, Self
 
 import equinox as eqx
@@ -26,6 +26,7 @@ from qlvbayes.inference.linearised import compiled
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
 from qlvbayes.model import Model
+from qlvbayes.motion import Motion
 from qlvbayes.records.record import Record
 from qlvbayes.scales import Scales
 
@@ -128,7 +129,7 @@ class Engine:
     elastic: tuple[AbstractElastic, ...]
     effects: tuple[AbstractEffect, ...]
     bonded: bool
-    _models: dict[tuple[int, frozenset[str]], Model] = field(default_factory=dict)
+    _models: dict[tuple[int, frozenset[str]], Callable[..., JaxArray]] = field(default_factory=dict)
     _compiled: set[Any] = field(default_factory=set)
 
     @cached_property
@@ -172,20 +173,31 @@ class Engine:
         kept = [effect for effect in self._nested if effect.name in names]
         start = self.width + 2 * lanes + 1
         columns = [start + k for effect in kept for k in self.slots[effect.name]]
-        own = rows[:, [*range(start), *columns]]
+        own = filled_up(rows[:, [*range(start), *columns]])
         if (lanes, names) not in self._models:
-            self._models[lanes, names] = self._model(lanes, kept)
-        model = self._models[lanes, names]
-        parts = np.split(filled_up(own), range(TOGETHER, len(own), TOGETHER))
+            leaves, structure = jax.tree.flatten(self._model(lanes, kept))
+            sizes = tuple(int(np.size(leaf)) for leaf in leaves[1:])  # the first is the law's
+            self._models[lanes, names] = _forces_of(structure, sizes)
+        force = self._models[lanes, names]
+        motions = _motions(record)
+        parts = np.split(own, range(TOGETHER, len(own), TOGETHER))
+        tasks = [(part, motion) for motion in motions for part in parts]
 
-        def run(part: Array) -> Array:
-            return np.asarray(_forces(model, record, which, part))
+        def run(task: tuple[Array, tuple[Array, ...]]) -> Array:
+            return np.asarray(force(which, task[0], *task[1]))
 
-        kind = (lanes, names, np.shape(record.blocks.force))
+        kind = (lanes, names, len(motions[0]), motions[0][0].shape)
         if kind in self._compiled:
-            return np.concatenate(list(_AT_ONCE.map(run, parts)))[: len(own)]
-        self._compiled.add(kind)  # by one thread only: each would compile it for itself
-        return np.concatenate([run(part) for part in parts])[: len(own)]
+            found = list(_AT_ONCE.map(run, tasks))
+        else:  # at first by one thread only: each would compile it for itself
+            found = [run(task) for task in tasks]
+            self._compiled.add(kind)
+        grid = np.reshape(found, (len(motions), len(own), -1))[:, : len(rows)]
+        nodes = np.asarray(record.nodes)
+        of_blocks = [
+            0.5 * (f[:, n[:, 0]] + f[:, n[:, 1]]) for f, n in zip(grid, nodes, strict=True)
+        ]
+        return np.stack(of_blocks, axis=1)
 
     def _model(self, lanes: int, effects: Sequence[AbstractEffect]) -> Model:
         """With empty numbers."""
@@ -201,23 +213,32 @@ def filled_up(rows: Array) -> Array:
     return np.concatenate([rows, np.repeat(rows[:1], -len(rows) % TOGETHER, axis=0)])
 
 
-@compiled
-def _forces(model: Model, record: Record, which: JaxArray, rows: JaxArray) -> JaxArray:
-    def one(row: JaxArray) -> JaxArray:
-        own = _filled(model, which, row)
-        return jax.vmap(lambda test: test.average(own.force(test.motion)))(record)
-
-    return jax.vmap(one)(rows)
+def _motions(record: Record) -> list[tuple[Array, ...]]:
+    """Of each test, its motion's arrays: what is compiled then knows no number of tests."""
+    leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(record.motion)]
+    return [tuple(leaf[k] for leaf in leaves) for k in range(len(leaves[0]))]
 
 
-def _filled(model: Model, which: JaxArray, row: JaxArray) -> Model:
-    """The model with the numbers of a row."""
-    leaves, structure = jax.tree.flatten(model)
-    sizes = [int(np.size(leaf)) for leaf in leaves[1:]]  # the first is the law's number
-    ends = np.cumsum([0, *sizes])
-    parts = [
-        jnp.reshape(row[a:b], np.shape(leaf))
-        for leaf, a, b in zip(leaves[1:], ends[:-1], ends[1:], strict=True)
-    ]
-    filled: Model = jax.tree.unflatten(structure, [which, *parts])
-    return filled
+@cache
+def _forces_of(structure: Any, sizes: tuple[int, ...]) -> Callable[..., JaxArray]:
+    """Compiled force (4, N) of one test, of which law, rows of constants and a motion's arrays.
+
+    structure, sizes: of a model, and of its leaves beside the law's number; 1 is a scalar.
+    Arguments are plain arrays: to take modules apart at every call would cost as much as the force.
+    """
+    ends = np.cumsum(sizes)[:-1].tolist()
+
+    @compiled
+    def forces(which: JaxArray, rows: JaxArray, *arrays: JaxArray) -> JaxArray:
+        motion = Motion(*arrays)
+
+        def one(row: JaxArray) -> JaxArray:
+            parts = jnp.split(row, ends)
+            numbers = [part[0] if part.size == 1 else part for part in parts]
+            own: Model = jax.tree.unflatten(structure, [which, *numbers])
+            return own.force(motion)
+
+        return jax.vmap(one)(rows)
+
+    found: Callable[..., JaxArray] = forces
+    return found

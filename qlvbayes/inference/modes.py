@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 
 STARTS = 4
 """Draws of the priors from which a base law's modes are looked for."""
+BEHIND = 30.0
+"""Loss behind the best, at which a hypothesis is given up."""
 REDRAWN = 6
 """Relaxations drawn anew at the best, until so many in a row find none higher."""
 
@@ -24,11 +26,11 @@ _STEPS = 60
 _ENOUGH = 0.02  # rise of the log density that a step promises, below which the mode is found
 _NEARLY = 0.2  # the same under coarse noise, which only leads to a place
 _CREEP = 0.02  # rise in a step, at which the way along a ridge ends
+_NEED = 0.02  # both as a share of how far a place is behind the best: there no more is asked
 _HOPE = {3: 20.0, 6: 8.0, 12: 4.0}  # from which step on it may bring how often what it promises
 _FARTHEST = 3.0  # longest step in a natural length
 _DAMPING = (1e-3, 1e-4, 1e9)  # first, least, most
 _POOR = 50.0  # loss behind the best, under coarse noise, at which a start is given up
-_KEPT = 30.0  # loss behind the best mode, at which another is given up
 _NEAR_NONE = 10.0  # of loss, by which no discrepancy may be worse at a place and yet have a mode
 _SPREAD = 4.0  # of squared sds a number, within which a way ends at a mode that is known
 _SAME = 0.5  # of loss, within which two modes are one
@@ -52,17 +54,19 @@ def find_mode(
     density: Density,
     hypothesis: Hypothesis,
     start: Array | Point,
-    worth: float = np.inf,
+    best: float = np.inf,
     enough: float = _ENOUGH,
     size: float | None = None,
     known: Sequence[Mode] = (),
+    behind: float = BEHIND,
 ) -> Mode | None:
     """Levenberg-Marquardt from theta (F,) or a point, then on at the discrepancy's likeliest size.
 
     size: of the discrepancy (N) at first, by default the likeliest at the start. None: not finite.
-    worth: a loss; what does not promise to reach it is given up on its way; enough: rise of the log
-    density that a step must promise; known: modes of the hypothesis, one of which is the answer as
-    soon as the way leads into its neighbourhood.
+    best: loss of the best so far; what does not promise to come within ``behind`` of it is given up
+    on its way, and what is behind it known less exactly; enough: rise of the log density that a
+    step must promise; known: modes of the hypothesis, one of which is the answer as soon as the way
+    leads into its neighbourhood.
     """
     point = start if isinstance(start, Point) else density.at(hypothesis, start)
     if point is None:
@@ -74,7 +78,8 @@ def find_mode(
     for tried in range(1, _STEPS + 1):
         step = bounded_step(here, damping, point)
         promise = promised(here, step)
-        if over or (promise < enough and damping <= 1.0):
+        least_rise = max(enough, _NEED * (here.loss - best))
+        if over or (promise < least_rise and damping <= 1.0):
             likeliest = density.likeliest_size(point, size)
             if likeliest == size:
                 return Mode(point, size, here.loss, True, tried)
@@ -83,7 +88,7 @@ def find_mode(
             continue
         if tried > 1 and (met := _met(density, point, here.loss, known)):
             return met
-        if _is_hopeless(density, point, size, tried, promise, worth):
+        if _is_hopeless(density, point, size, tried, promise, best + behind):
             break
         found = density.at(hypothesis, point.own.within(point.theta + step))
         after = density.terms(found, size) if found is not None else None
@@ -95,7 +100,7 @@ def find_mode(
         gain = rise / max(promise, 1e-300)
         damping = max(damping * (0.1 if gain > 0.5 else 1.0 if gain > 0.1 else 4.0), least)
         point, here = found, after
-        over = max(rise, 0.2 * promise) < max(_CREEP, enough)
+        over = max(rise, 0.2 * promise) < max(_CREEP, least_rise)
     size = density.likeliest_size(point, size)
     return Mode(point, size, density.terms(point, size).loss, False, tried)
 
@@ -114,17 +119,17 @@ def find_modes(
     density: Density,
     hypothesis: Hypothesis,
     start: Array | Point,
-    worth: float = np.inf,
+    best: float = np.inf,
     size: float | None = None,
     known: Sequence[Mode] = (),
 ) -> list[Mode]:
     """As `find_mode`; where no discrepancy is nearly as likely there, also the mode without one."""
-    found = find_mode(density, hypothesis, start, worth, size=size, known=known)
+    found = find_mode(density, hypothesis, start, best, size=size, known=known)
     if found is None or found.size == 0.0 or any(found is mode for mode in known):
         return [found] if found is not None else []
     if density.terms(found.point, 0.0).loss > found.loss + _NEAR_NONE:
         return [found]
-    other = find_mode(density, hypothesis, found.point, worth, size=0.0)
+    other = find_mode(density, hypothesis, found.point, best, size=0.0)
     return [one for one in (found, other) if one is not None]
 
 
@@ -143,7 +148,7 @@ def modes(
     density: Density,
     hypothesis: Hypothesis,
     starts: Iterable[Array],
-    worth: float = np.inf,
+    best: float = np.inf,
     most: int = 3,
 ) -> list[Mode]:
     """Distinct modes from many starts, the highest first.
@@ -154,12 +159,14 @@ def modes(
     rough: list[Mode] = []
     for start in starts:
         least = min((mode.loss for mode in rough), default=np.inf)
-        mode = find_mode(density.coarse, hypothesis, start, least + _POOR, _NEARLY, known=rough)
+        mode = find_mode(
+            density.coarse, hypothesis, start, least, _NEARLY, known=rough, behind=_POOR
+        )
         rough += [mode] if mode is not None else []
     places = distinct(rough)[:most]
     found: list[Mode] = []
     for place in places:
-        found += find_modes(density, hypothesis, place.point.theta, worth, known=found)
+        found += find_modes(density, hypothesis, place.point.theta, best, known=found)
     return distinct(found)
 
 
@@ -178,7 +185,7 @@ def base_modes(density: Density, hypothesis: Hypothesis, seed: int = 0) -> list[
     vain = 0
     for numbers in draws[STARTS:]:
         start = np.concatenate([found[0].point.theta[:elastic], numbers[elastic:]])
-        mode = find_mode(density, hypothesis, start, found[0].loss + _KEPT, known=found)
+        mode = find_mode(density, hypothesis, start, found[0].loss, known=found)
         better = mode is not None and mode.loss < found[0].loss - _SAME
         found = distinct([*found, mode]) if mode is not None else found
         vain = 0 if better else vain + 1

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.inference.engine import FEW, Engine, filled_up
+from qlvbayes.inference.fixedrates import FixedRates
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
 from qlvbayes.model import Model
@@ -212,6 +213,7 @@ class Space:
     bonded: bool
     _cache: dict[Hypothesis, Parameters] = field(default_factory=dict)
     _draws: dict[Any, Array] = field(default_factory=dict)
+    _rates: dict[int, tuple[Record, FixedRates]] = field(default_factory=dict)
 
     def with_effects(self, effects: dict[str, AbstractEffect]) -> Space:
         """The same with other priors of its effects."""
@@ -253,8 +255,15 @@ class Space:
         One of the same shape as the space's own takes no compiling.
         """
         which = list(self.elastic).index(hypothesis.elastic)
-        rows, lanes = self._rows(hypothesis, constants)
-        return self.engine.forces(which, lanes, hypothesis.effects, rows, record or self.record)
+        record = record or self.record
+        rows, lanes = self._rows(hypothesis, constants, self._fixed(record))
+        return self.engine.forces(which, lanes, hypothesis.effects, rows, record)
+
+    def _fixed(self, record: Record) -> FixedRates:
+        """Rates by which long spectra run over a record."""
+        if id(record) not in self._rates:  # with the record, which so keeps its id
+            self._rates[id(record)] = record, FixedRates.over(np.asarray(record.motion.time))
+        return self._rates[id(record)][1]
 
     def added_force(self, hypothesis: Hypothesis, theta: Array, number: int, size: float) -> Array:
         """(T, B) what ``size`` more of one free number adds to the force (N) at theta (F,)."""
@@ -295,7 +304,9 @@ class Space:
         found = fractions[:, :1] + np.einsum("kl,klt->kt", fractions[:, 1:], decays)
         return np.asarray(found)[: len(constants)]
 
-    def _rows(self, hypothesis: Hypothesis, constants: Array) -> tuple[Array, int]:
+    def _rows(
+        self, hypothesis: Hypothesis, constants: Array, fixed: FixedRates
+    ) -> tuple[Array, int]:
         """(K, R) rows of the engine, and their lanes."""
         count = self._counts[hypothesis.elastic]
         elastic = np.zeros((len(constants), self.engine.width))
@@ -303,7 +314,10 @@ class Space:
         shapes = self._shapes[hypothesis.relaxation]
         structure = self._structures[hypothesis.relaxation]
         fractions, rates = _spectra(structure, shapes, constants[:, count:])
-        lanes = FEW if rates.shape[1] <= FEW else self._many
+        lanes = FEW if rates.shape[1] <= FEW else fixed.rates.size
+        if rates.shape[1] > lanes:
+            fractions = fixed.fractions(fractions, rates)
+            rates = np.tile(fixed.rates, (len(rates), 1))
         missing = lanes - rates.shape[1]
         fractions = np.pad(fractions, ((0, 0), (0, missing)))
         rates = np.pad(rates, ((0, 0), (0, missing)), constant_values=1.0)
@@ -336,17 +350,6 @@ class Space:
         return {
             name: jax.tree.structure(law, is_leaf=is_prior) for name, law in self.relaxation.items()
         }
-
-    @cached_property
-    def _many(self) -> int:
-        """Modes of the longest spectrum: all that are not short run as if they were as long."""
-        counts = []
-        for name in self.relaxation:
-            leaves = [jax.ShapeDtypeStruct(shape, float) for shape in self._shapes[name]]
-            whole = jax.tree.unflatten(self._structures[name], leaves)
-            found = jax.eval_shape(_spectrum_of, whole)
-            counts.append(found[1].shape[0])
-        return max(counts)
 
     @cached_property
     def _shapes(self) -> dict[str, list[tuple[int, ...]]]:

@@ -1,0 +1,75 @@
+r"""Any relaxation as a sum of exponentials of fixed rates: a long spectrum by few modes.
+
+A continuous law hands over some fifty modes, which over the times of one record are far from
+independent: the functions e^{-v t} of all rates v span, to a few parts in 1e5, what three a decade
+do. Least squares over times t_k (weights in W)
+
+.. math:: \min_w \sum_k W_k^2 \left(g(t_k) - w_0 - \sum_j w_j e^{-v_j t_k}\right)^2
+
+is linear in g, so that w = M g with one matrix M a record.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_A_DECADE = 3  # rates: 2e-5 of g(0), where two leave 5e-4
+_BEFORE = 10.0  # times the shortest step at which the densest rates begin, as ramps see within it
+_FASTER = (10.0, 100.0)  # times that, for what relaxes within a step
+_BEYOND = 3.0  # times the longest time: what is slower is as good as a straight line
+_TIMES = 8  # a decade, at which g is met
+_AT_ONCE = 30.0  # weight of g(0), which every force follows
+_WITHIN = 0.1  # weight of times that no step resolves
+_SHORTEST = 0.05  # quantile of steps that counts as the shortest: a few may be rounding
+_ROUNDED = 4.0  # rates begin and end at whole quarters of a decade, so that records share them
+_MULTIPLE = 8  # modes come in multiples, so that few sizes are compiled
+
+
+@dataclass(frozen=True, eq=False)
+class FixedRates:
+    """rates (L,) in 1/s; times (N,) in s; matrix (L + 1, N): fractions of g at those times."""
+
+    rates: Array
+    times: Array
+    matrix: Array
+
+    @classmethod
+    def over(cls, time: Array) -> Self:
+        """For motions whose grids of times (..., N) are given, in s."""
+        steps = np.diff(time, axis=-1)
+        shortest = float(np.quantile(steps[steps > 0.0], _SHORTEST))
+        longest = float(np.max(time) - np.min(time))
+        low = math.floor(_ROUNDED * math.log10(shortest)) / _ROUNDED
+        high = math.ceil(_ROUNDED * math.log10(longest)) / _ROUNDED
+        return cls(*_fixed(low, high))
+
+    def fractions(self, fractions: Array, rates: Array) -> Array:
+        """(K, L + 1) of spectra of other fractions (K, R + 1) and rates (K, R)."""
+        decays = np.exp(-rates[:, :, None] * self.times)
+        relaxation = fractions[:, :1] + np.einsum("kr,krn->kn", fractions[:, 1:], decays)
+        return np.asarray(relaxation @ self.matrix.T)
+
+
+@lru_cache(maxsize=16)
+def _fixed(low: float, high: float) -> tuple[Array, Array, Array]:
+    """Rates, times and matrix between times of 10**low and 10**high (s)."""
+    begin, end = 10.0**low / _BEFORE, 10.0**high * _BEYOND
+    decades = math.log10(end / begin)
+    count = math.ceil(_A_DECADE * decades) + 1 + len(_FASTER)
+    count += -count % _MULTIPLE
+    dense = np.geomspace(1.0 / begin, 1.0 / end, count - len(_FASTER))
+    rates = np.concatenate([np.array(_FASTER) / begin, dense])
+    points = math.ceil(_TIMES * (decades + math.log10(_FASTER[-1])))
+    times = np.append(0.0, np.geomspace(begin / _FASTER[-1], end, points))
+    weights = np.where(times < begin, _WITHIN, 1.0)
+    weights[0] = _AT_ONCE
+    shapes = np.column_stack([np.ones_like(times), np.exp(-np.outer(times, rates))])
+    return rates, times, np.linalg.pinv(shapes * weights[:, None], rcond=1e-9) * weights

@@ -1,0 +1,74 @@
+"""Evidence by importance sampling: against known integrals, and the error that it states."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.special import logsumexp
+from scipy.stats import multivariate_normal
+
+from qlvbayes.inference.evidence import Evidence
+from qlvbayes.inference.importance import sampled_evidence
+
+LOG = -7.3  # of the evidence of the first size; the second's is half of it
+COVARIANCE = np.array([[1.0, 0.6, 0.0], [0.6, 2.0, -0.3], [0.0, -0.3, 0.5]])
+
+
+class Pretended:
+    """A density that is normal in three numbers, or in two modes, with a known integral."""
+
+    def __init__(self, centres, lowest=-np.inf):
+        self.discrepancy = SimpleNamespace(sizes=np.zeros(2))
+        self.lowest = np.array([lowest, -np.inf, -np.inf])
+        self.normals = [multivariate_normal(np.array(c), COVARIANCE) for c in centres]
+
+    def log_density(self, own, thetas, tolerance):
+        logs = logsumexp([n.logpdf(thetas) for n in self.normals], axis=0)
+        logs = logs.reshape(-1) - np.log(len(self.normals)) + LOG
+        logs[(thetas < self.lowest).any(axis=1)] = -np.inf
+        return np.stack([logs, logs + np.log(0.5)], axis=1)
+
+    def found(self, centres, widened=1.0):
+        own = SimpleNamespace(
+            size=3, within=lambda theta: np.maximum(theta, self.lowest), lowest=self.lowest
+        )
+        mode = SimpleNamespace(point=SimpleNamespace(own=own))
+        return [
+            (mode, Evidence(0.0, np.zeros(2), np.array(c), widened * COVARIANCE)) for c in centres
+        ]
+
+
+TRUTH = LOG + np.log(1.5)
+
+
+@pytest.mark.parametrize("widened", [0.5, 1.0, 2.0])
+def test_integral_is_met_within_its_error_as_often_as_that_says(widened):
+    centre = [(0.3, -1.0, 2.0)]
+    density = Pretended(centre)
+    pairs = density.found(centre, widened)
+    found = [sampled_evidence(density, pairs, 0.0, 0.05, seed) for seed in range(60)]
+    z = np.array([(one.log - TRUTH) / one.error for one in found])
+    assert all(one.error < 0.15 for one in found)
+    assert np.sqrt(np.mean(z**2)) == pytest.approx(1.0, abs=0.35)
+    for one in found[:3]:
+        assert np.exp(one.by_size[1] - one.by_size[0]) == pytest.approx(0.5)
+
+
+def test_two_modes_are_both_counted():
+    centres = [(-6.0, 0.0, 0.0), (6.0, 0.0, 0.0)]
+    density = Pretended(centres)
+    one = sampled_evidence(density, density.found(centres), 0.0, 0.05)
+    assert one.log == pytest.approx(TRUTH, abs=4.0 * one.error)
+
+
+def test_what_lies_beyond_a_bound_is_left_out():
+    density = Pretended([(0.0, 0.0, 0.0)], lowest=1.0)
+    pairs = density.found([(0.0, 0.0, 0.0)])
+    one = sampled_evidence(density, pairs, 0.0, 0.05)
+    beyond = multivariate_normal(0.0, COVARIANCE[0, 0]).cdf(-1.0)
+    assert one.log == pytest.approx(TRUTH + np.log(beyond), abs=4.0 * one.error)
+
+
+def test_nothing_is_told_where_the_draws_miss_what_counts():
+    density = Pretended([(400.0, 0.0, 0.0)])
+    assert sampled_evidence(density, density.found([(0.0, 0.0, 0.0)], 1e-4), 0.0) is None
