@@ -29,7 +29,8 @@ RUN = [sys.executable, "-c", "from qlvbayes.cli.main import run; run()"]
 PATIENCE = 300.0  # s that a step may take on a machine that does other work too
 PLAIN = {"elastic": "exponential", "relaxation": "prony:2", "effects": []}
 BROKEN = "time_s,displacement_mm,force_N\n0,0,0\n0.1,0.1,0.1\n0.05,0.2,0.2\n0.3,0.3,0.3\n"
-LINUX = pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="looks into /proc")
+PROC = Path("/proc")
+LINUX = pytest.mark.skipif(not PROC.is_dir(), reason="looks into /proc")
 
 
 class Served:
@@ -93,8 +94,10 @@ def served(tmp_path_factory):
         running = Served(process, address)
         yield running
         running.client.close()
+        started = set().union(*running.children().values()) if PROC.is_dir() else set()
         process.terminate()
-        process.communicate(timeout=60)
+        process.communicate(timeout=PATIENCE)
+        assert not any((PROC / str(number)).exists() for number in started)
 
 
 @pytest.fixture(scope="module")

@@ -48,6 +48,15 @@ class Desk:
 
     # sessions
 
+    def shown(self, session: Session) -> dict[str, Any]:
+        """The whole of what is shown of a session, with the probabilities of a running search."""
+        found, jobs = session.shown(), self.jobs.of(session.id)
+        for job in jobs:
+            if job.state == "running" and job.standing:
+                so_far = {key: job.standing[key] for key in ("ranking", "laws")}
+                found["pad"][job.standing["pad"]] |= so_far
+        return found | {"jobs": [self.jobs.shown(job) for job in jobs]}
+
     def bundled(self) -> list[dict[str, str]]:
         """Measurements that come with the package, where they are."""
         return [

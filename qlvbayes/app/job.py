@@ -21,6 +21,8 @@ from qlvbayes.app.dealing import deal
 from qlvbayes.app.failures import told_of
 from qlvbayes.choices import Choices
 from qlvbayes.data import read_study
+from qlvbayes.diagnosis.decision import Decision
+from qlvbayes.diagnosis.standing import Standing
 from qlvbayes.inference.ensemble import Progress, Settings
 from qlvbayes.report.write import write_report
 from qlvbayes.results import Saved, load
@@ -71,6 +73,22 @@ class Telling(Watcher):
         yield progress
         self._sampling = None
 
+    def searched(self, pad: str, standing: Standing) -> None:
+        """The probabilities so far, of effects and of base laws."""
+        decision = standing.decision
+        ranking = [
+            {"effect": name, "probability": share, "heldout": None}
+            for name, share in sorted(decision.inclusion.items(), key=lambda x: -x[1])
+        ]
+        laws = {
+            kind: [{"name": name, "probability": p} for name, p in shares.items()]
+            for kind, shares in (
+                ("elastic", _shares(decision, 0)),
+                ("relaxation", _shares(decision, 1)),
+            )
+        }
+        self._parent.tell({"standing": {"pad": pad, "ranking": ranking, "laws": laws}})
+
     def _tell_more(self, text: str) -> None:
         self._more = text
 
@@ -86,6 +104,14 @@ class Telling(Watcher):
                 line |= {"done": done, "total": total}
                 line["left_s"] = None if left is None else round(left, 1)
             self._parent.tell(line)
+
+
+def _shares(decision: Decision, part: int) -> dict[str, float]:
+    """Probability of each elastic law, or of each relaxation."""
+    found: dict[str, float] = {}
+    for base, share in decision.base.items():
+        found[base[part]] = found.get(base[part], 0.0) + share
+    return found
 
 
 def diagnosed(spec: Spec, watcher: Watcher) -> dict[str, Any]:

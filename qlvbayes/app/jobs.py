@@ -27,7 +27,10 @@ Finished = Callable[["Job"], Awaitable[None]]
 
 @dataclass(eq=False)
 class Job:
-    """A job as in docs/app_api.md; result: what its process told at the end."""
+    """A job as in docs/app_api.md.
+
+    result: what its process told at the end; standing: the probabilities that it told last.
+    """
 
     id: str
     session: str
@@ -40,6 +43,7 @@ class Job:
     elapsed_s: float = 0.0
     error: Told | None = None
     result: dict[str, Any] = field(default_factory=dict)
+    standing: dict[str, Any] = field(default_factory=dict)
     ended: asyncio.Event = field(default_factory=asyncio.Event)
 
     @property
@@ -209,6 +213,10 @@ class Jobs:
             if "result" in line:
                 job.result = line["result"]
                 return
+            if "standing" in line:
+                job.standing = line["standing"]
+                self._events.tell(job.session, "ranking", job.standing)
+                continue
             job.text, job.elapsed_s = line["text"], line["elapsed_s"]
             job.done, job.total, job.left_s = line["done"], line["total"], line["left_s"]
             if job.session:

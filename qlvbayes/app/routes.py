@@ -149,9 +149,7 @@ class Routes:
 
     async def state(self, request: Request) -> Response:
         """The whole state."""
-        session = self._session(request)
-        jobs = [self._shown(session, job) for job in self.desk.jobs.of(session.id)]
-        return JSONResponse({**session.shown(), "jobs": jobs})
+        return JSONResponse(self.desk.shown(self._session(request)))
 
     async def forget(self, request: Request) -> Response:
         """Forget a session."""
@@ -195,23 +193,20 @@ class Routes:
         """A new job."""
         session = self._session(request)
         job = self.desk.order(session, await _body(request))
-        return JSONResponse(self._shown(session, job))
+        return JSONResponse(self.desk.jobs.shown(job))
 
     async def job(self, request: Request) -> Response:
         """How far a job is."""
         session = self._session(request)
         found = self.desk.jobs.get(session.id, request.path_params["job"])
-        return JSONResponse(self._shown(session, found))
+        return JSONResponse(self.desk.jobs.shown(found))
 
     async def cancel(self, request: Request) -> Response:
         """Cancel or forget a job."""
         session = self._session(request)
         job = self.desk.jobs.get(session.id, request.path_params["job"])
         await self.desk.jobs.cancel(job)
-        return JSONResponse(self._shown(session, job))
-
-    def _shown(self, session: Session, job: Any) -> dict[str, Any]:
-        return self.desk.jobs.shown(job)
+        return JSONResponse(self.desk.jobs.shown(job))
 
     # the model by hand
 

@@ -195,9 +195,9 @@ def entry(state: State) -> dict[str, Any]:
 
 
 def ranking(diagnosis: dict[str, Any]) -> list[dict[str, Any]]:
-    """Effects with their probabilities, as a diagnosis has them."""
+    """Effects with their probabilities of being in the model, as a diagnosis has them."""
     return [
-        {"effect": one["effect"], "probability": one.get("probability"), "heldout": None}
+        {"effect": one["effect"], "probability": one.get("inclusion"), "heldout": None}
         for one in diagnosis.get("ranking", [])
     ]
 
