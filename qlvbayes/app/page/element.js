@@ -44,5 +44,5 @@ function become(old, fresh) {
   for (const { name, value } of fresh.attributes) if (!KEPT.includes(name) && old.getAttribute(name) !== value) old.setAttribute(name, value);
   if (old.style.cssText !== fresh.style.cssText) old.style.cssText = fresh.style.cssText;
   refill(old, [...fresh.childNodes]);
-  if ("value" in old && old !== document.activeElement && old.value !== fresh.value) old.value = fresh.value;
+  if ("value" in old && (old !== document.activeElement || old.nodeName === "SELECT") && old.value !== fresh.value) old.value = fresh.value;
 }

@@ -3,6 +3,7 @@ import { report } from "./report.js";
 import { plain } from "./numbers.js";
 
 const { forceChart, residualChart, line } = report;
+const PALE = "rgba(213, 94, 0, 0.6)"; // does not hide what it lies on
 const BAND = 1.645; // sds on either side that hold 90 % of normal noise
 
 /** Columns a sample of all that is drawn; a missing one is null. */
@@ -27,7 +28,7 @@ export function linesOf(now, view, columns) {
   const test = { t: view.x, observed: columns.observed, mean: columns.mean, low: columns.low, high: columns.high, plain: columns.before };
   const residual = residualChart(data, test);
   residual.series[3].label = "residual";
-  if (columns.before) residual.series[4].label = "residual before";
+  if (columns.before) Object.assign(residual.series[4], { label: "residual before", stroke: PALE, mark: report.ORANGE, width: 1 });
   now.signatures.forEach((drawn, k) => {
     residual.series.push(line(plain(drawn.effect), drawn.colour, { width: 2.5, dash: drawn.dash }));
     residual.values.push(columns.signatures[k]);

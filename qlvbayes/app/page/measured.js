@@ -38,14 +38,13 @@ export class Measured {
     const { tests, entry } = this.store.now;
     const rate = (test) => (test.rate == null ? "" : `, ${withUnit(test.rate, entry.units.speed)}`);
     this.select = el("select", { id: "test", onchange: () => this.choose() },
-      el("option", { value: ALL }, ALL), tests.map((test) => el("option", { value: test.name }, `${test.name}${rate(test)}`)));
+      tests.length > 1 ? el("option", { value: ALL }, ALL) : null, tests.map((test) => el("option", { value: test.name }, `${test.name}${rate(test)}`)));
     this.buttons = el("span", { class: "phases", role: "group", "aria-label": "Part of the test" });
     this.scales = ["logarithmic", "linear"].map((name) =>
       el("button", { type: "button", value: name.slice(0, 3), onclick: () => { this.scale = name.slice(0, 3); this.choose(); } }, name));
     at("#measured-controls").replaceChildren(el("label", { for: "test" }, "Test "), this.select, this.buttons,
       el("span", { class: "scale", role: "group", "aria-label": "Time axis" }, "Time ", this.scales));
     this.view = null;
-    this.select.value = ALL;
   }
 
   chosen() { return this.store.now.tests.filter((test) => this.select.value === ALL || test.name === this.select.value); }

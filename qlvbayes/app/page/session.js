@@ -25,7 +25,7 @@ export class Session {
     if (stage !== "ready") return;
     const wanted = this.store.now.pad;
     if (wanted && pad[wanted]) this.store.set({ entry: { ...pad[wanted], current: this.store.now.entry?.current ?? pad[wanted].current } });
-    else await this.choose(this.first(pads));
+    else await (this.loading ??= this.choose(this.first(pads)).finally(() => { this.loading = null; }));
   }
 
   first(pads) {
@@ -56,13 +56,14 @@ export class Session {
   /** Makes a state the one in hand. */
   async take(state, curves) {
     this.epoch += 1;
-    const { entry } = this.store.now, hand = { ...modelOf(state), values: { ...state.values, ...curves.values } };
+    const { entry, entries, pad } = this.store.now, hand = { ...modelOf(state), values: { ...state.values, ...curves.values } };
     const known = entry.history.some((one) => one.id === state.id);
     const history = known ? entry.history.map((one) => (one.id === state.id ? { ...one, ...state } : one)) : [...entry.history, state];
     const mark = this.epoch, path = this.padPath();
     const [{ parameters }, before] = await Promise.all([post(`${path}/parameters`, hand), this.curvesBefore(state, history)]);
     if (mark !== this.epoch) return;
-    this.store.set({ entry: { ...entry, history, current: state.id }, hand, parameters, moved: false, shown: byTest(curves), before });
+    const taken = { ...entry, history, current: state.id };
+    this.store.set({ entry: taken, entries: { ...entries, [pad]: taken }, hand, parameters, moved: false, shown: byTest(curves), before });
   }
 
   /** The curves of the state that this one came from, to see what changed. */

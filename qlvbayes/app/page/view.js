@@ -2,6 +2,7 @@
 import { report } from "./report.js";
 
 const { LogTime, GREY } = report;
+const LETTER = 7; // pixels of a letter on an axis
 
 /** Places of all tests on one axis: a stretch a phase, as the report draws one test. */
 class SideBySide extends LogTime {
@@ -56,10 +57,17 @@ export class View {
     const middle = (n) => firsts[n] + 0.5 * times[n].parts.length;
     return {
       ...along, label: "tests side by side; in each phase time is logarithmic",
-      splits: () => this.tests.map((_, n) => middle(n)),
-      values: () => this.tests.map((test) => test.name),
+      splits: (chart) => this.named(chart.bbox.width / (devicePixelRatio || 1)).map(middle),
+      values: (chart) => this.named(chart.bbox.width / (devicePixelRatio || 1)).map((n) => this.tests[n].name),
       grid: { show: false },
     };
+  }
+
+  /** Numbers of the tests whose names have room on so many pixels. */
+  named(width) {
+    const longest = Math.max(...this.tests.map((test) => test.name.length));
+    const step = Math.ceil((this.tests.length * LETTER * (longest + 2)) / width);
+    return this.tests.map((_, n) => n).filter((n) => n % step === 0);
   }
 
   /** Solid lines between tests. */
