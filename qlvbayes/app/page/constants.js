@@ -34,7 +34,7 @@ export class Constants {
     const share = (edge) => `${(100 * toSlider(parameter, edge)) / STEPS}%`;
     const told = derived ? "follows from the others" : `prior ${digits(prior[0], 2)} to ${digits(prior[1], 2)}`;
     return el("div", { class: "constant", "data-key": name },
-      el("label", { for: derived ? box.id : id, class: name.includes(".") ? "long" : null, title: `${meaning} (${owner})` }, el("b", {}, name), " ", el("small", {}, meaning)),
+      el("label", { for: derived ? box.id : id, class: name.includes(".") ? "long" : null, title: `${meaning} (${owner})` }, el("b", {}, breakable(name)), " ", el("small", {}, meaning)),
       el("span", { class: "entry" }, box, " ", el("span", { class: "unit" }, unit === "1" ? "" : unit)),
       slider ? el("span", { class: "track", "--from": share(prior[0]), "--to": share(prior[1]), title: `slider: ${digits(low, 3)} to ${withUnit(high, unit)}` }, slider) : el("span"),
       el("small", { id: about, title: derived ? null : `90 % of the prior, in ${unit === "1" ? "parts of one" : unit}` }, told), wrong);
@@ -88,6 +88,9 @@ export class Constants {
       act("sample", "Sample", () => this.does.sample(), running("sample", this.store.now), "All constants with their uncertainty, by emcee; the band appears when it is good")]);
   }
 }
+
+/** A long name may go on in the next line after its dots and underscores. */
+function breakable(name) { return name.split(/(?<=[._])/).flatMap((part) => [part, el("wbr")]); }
 
 function toSlider({ low, high, log }, value) {
   const share = log ? Math.log(value / low) / Math.log(high / low) : (value - low) / (high - low);

@@ -13,9 +13,9 @@ const NAMES = { sample: "Sample", diagnose: "Search", compare: "Compare", report
 
 export class Jobs {
   constructor(session) {
-    Object.assign(this, { session, store: session.store, told: new Map() });
+    Object.assign(this, { session, store: session.store, told: new Map(), stages: new Map() });
+    this.store.on(["jobs"], ({ jobs }) => jobs.forEach((job) => { this.tell(job); this.note(job); }));
     this.store.on(["jobs", "entry"], () => this.show());
-    this.store.on(["jobs"], ({ jobs }) => jobs.forEach((job) => this.tell(job)));
   }
 
   async start(kind, more = {}) {
@@ -48,7 +48,19 @@ export class Jobs {
     return el("div", { class: `job ${job.state}`, "data-key": job.id },
       el("div", { class: "head" }, el("b", {}, NAMES[job.kind] || job.kind), el("span", { class: "small" }, ` ${progressOf(job)}`),
         el("button", { type: "button", class: "quiet", "data-act": "stop", "aria-label": `${live(job) ? "Cancel" : "Put away"}: ${NAMES[job.kind] || job.kind}`, onclick: () => this.stop(job.id) }, live(job) ? "Cancel" : "✕")),
-      bar, job.error ? el("p", { class: "wrong", role: "alert" }, job.error.text || job.error.message) : null);
+      bar, this.passed(job), job.error ? el("p", { class: "wrong", role: "alert" }, job.error.text || job.error.message) : null);
+  }
+
+  /** The stages that a search went through, oldest first. */
+  passed(job) {
+    const stages = (this.stages.get(job.id) || []).slice(0, live(job) ? -1 : undefined);
+    if (job.kind !== "diagnose" || !stages.length) return null;
+    return el("details", { class: "small" }, el("summary", {}, `Stages so far: ${stages.length}`), el("ol", {}, stages.map((text) => el("li", {}, text))));
+  }
+
+  note(job) {
+    const stages = this.stages.get(job.id) || [], text = stageOf(job);
+    if (text && stages[stages.length - 1] !== text) this.stages.set(job.id, [...stages, text]);
   }
 
   /** Says once when a job begins, ends or fails, not at every step. */
@@ -59,11 +71,14 @@ export class Jobs {
   }
 }
 
+/** What is being done; of one pad the page need not say of which. */
+const stageOf = (job) => plain(job.text || "").replace(job.pad ? `pad ${job.pad}: ` : "", "");
+
 function progressOf(job) {
   if (job.state === "waiting") return job.place > 0 ? `waiting, place ${job.place} in the queue` : "waiting";
   if (job.state === "running") {
     const left = job.left_s == null ? (job.elapsed_s == null ? "" : `, ${span(job.elapsed_s)} so far`) : `, ${span(job.left_s)} left`;
-    return `${job.text ? plain(job.text) : "running"}${left}`;
+    return `${stageOf(job) || "running"}${left}`;
   }
   return { done: `done after ${span(job.elapsed_s ?? 1)}`, failed: "failed", cancelled: "cancelled" }[job.state] || job.state;
 }
