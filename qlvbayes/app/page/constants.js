@@ -90,7 +90,7 @@ export class Constants {
 }
 
 /** A long name may go on in the next line after its dots and underscores. */
-function breakable(name) { return name.split(/(?<=[._])/).flatMap((part) => [part, el("wbr")]); }
+function breakable(name) { return name.includes(".") ? name.split(/(?<=[._])/).flatMap((part, k) => (k ? [el("wbr"), part] : [part])) : [name]; }
 
 function toSlider({ low, high, log }, value) {
   const share = log ? Math.log(value / low) / Math.log(high / low) : (value - low) / (high - low);

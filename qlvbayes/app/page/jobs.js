@@ -55,7 +55,7 @@ export class Jobs {
   passed(job) {
     const stages = (this.stages.get(job.id) || []).slice(0, live(job) ? -1 : undefined);
     if (job.kind !== "diagnose" || !stages.length) return null;
-    return el("details", { class: "small" }, el("summary", {}, `Stages so far: ${stages.length}`), el("ol", {}, stages.map((text) => el("li", {}, text))));
+    return el("details", { class: "small" }, el("summary", {}, `Stages${live(job) ? " so far" : ""}: ${stages.length}`), el("ol", {}, stages.map((text) => el("li", {}, text))));
   }
 
   note(job) {

@@ -59,7 +59,10 @@ function bench(session) {
     at("#busy").textContent = worker === "restarting" ? "The worker stopped and is starting anew; nothing is lost …" : busy || "";
   });
   arrange(session, comparison);
-  trying(() => session.begin()).then(() => { if (store.now.stage === "opening") waitFor({ stage: "failed", error: { text: at("#trouble").innerText.replace("✕", "").trim() } }); });
+  session.begin().catch((refusal) => {
+    if (!refusal.told) throw refusal;
+    store.set({ stage: "failed", error: refusal.told });
+  });
 }
 
 function header(session, jobs) {

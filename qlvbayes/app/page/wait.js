@@ -12,7 +12,7 @@ export function waitFor({ stage, error, name, worker }) {
   if (stage === "failed") {
     host.replaceChildren(el("div", {}, el("h2", {}, `${name || "This"} cannot be opened`),
       el("p", { class: "wrong", role: "alert" }, error?.text || error?.message || "No reason is known."),
-      el("p", {}, "Correct the file and drop it here again, or ", el("a", { href: "/" }, "open something else"), "."), dropZone(null)));
+      el("p", {}, error?.file ? "Correct the file and drop it here again, or " : "Drop measurements here, or ", el("a", { href: "/" }, "open something else"), "."), dropZone(null)));
     return;
   }
   const [title, text] = DOING[stage] || ["Opening the session", "A moment."];
