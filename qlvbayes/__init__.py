@@ -4,6 +4,8 @@ Importing it switches JAX to float64.
 """
 
 from qlvbayes import plots
+from qlvbayes.bench.bench import Bench
+from qlvbayes.bench.model import ByHand
 from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
 from qlvbayes.compare.compare import compare

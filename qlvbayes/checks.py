@@ -11,6 +11,8 @@ class InputError(Exception):
     >>> str(InputError("force_N is not a number ('abc')", file="pads.csv", line=12,
     ...                remedy="write a number or delete the row"))
     "pads.csv, line 12: force_N is not a number ('abc'); write a number or delete the row"
+
+    message, file, line, remedy: its parts, None where they were not given.
     """
 
     def __init__(
@@ -21,7 +23,11 @@ class InputError(Exception):
         line: int | None = None,
         remedy: str | None = None,
     ) -> None:
-        place = "" if file is None else str(file)
+        self.message = message
+        self.file = None if file is None else str(file)
+        self.line = line
+        self.remedy = remedy
+        place = self.file or ""
         if line is not None:
             place += f", line {line}"
         text = f"{place}: {message}" if place else message

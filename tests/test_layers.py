@@ -46,6 +46,8 @@ LAYERS = [
     ["results", "residuals", "diagnosis", "constants_table"],
     ["checked", "compare"],
     ["curves"],
+    # models laid over the tests by hand
+    ["bench"],
     # the constants put to use
     ["stepper"],
     ["prescribed"],
@@ -58,6 +60,7 @@ LAYERS = [
     # seen by people
     ["plots", "report"],
     ["study"],
+    ["app"],
     ["cli"],
 ]
 FRONT = "qlvbayes"  # the package's own names, gathered from all layers

@@ -12,7 +12,7 @@ SECTIONS = {
     "measurements": ("data", "experiment", "checks", "units", "formats"),
     "model": ("model", "motion", "laws", "law", "noise", "scales", "priors"),
     "fitting": ("choices", "fit", "inference", "summary", "predict", "residuals", "results"),
-    "diagnosis": ("diagnosis",),
+    "diagnosis": ("diagnosis", "bench"),
     "prediction": ("dual", "stepper", "prescribed"),
     "effects": ("effects", "recovery"),
     "comparison": ("compare", "constants_table"),

@@ -9,6 +9,7 @@ import sys
 import typer
 
 from qlvbayes.checks import InputError
+from qlvbayes.cli.app import app_command
 from qlvbayes.cli.benchmark import benchmark
 from qlvbayes.cli.check import check
 from qlvbayes.cli.compare import compare_command
@@ -36,6 +37,7 @@ app.command("study")(study_command)
 app.command()(fit)
 app.command()(check)
 app.command("diagnose")(diagnose_command)
+app.command("app")(app_command)
 app.command("compare")(compare_command)
 app.command("predict")(predict_command)
 app.command("design")(design_command)

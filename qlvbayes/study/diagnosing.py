@@ -47,6 +47,7 @@ def diagnose_into(
             evidence=evidence,
             seed=seed,
             tell=tell,
+            watch=lambda standing: watcher.searched(pad.name, standing),
         )
         if found.result.verdict in ("unexplained", "partly_explained"):
             tell("a discrepancy for what is left")

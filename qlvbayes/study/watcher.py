@@ -9,6 +9,7 @@ from typing import Any
 
 from qlvbayes.checked import CheckedPad
 from qlvbayes.choices import Choices
+from qlvbayes.diagnosis.standing import Standing
 from qlvbayes.diagnosis.verdict import Diagnosis
 from qlvbayes.experiment import Experiment
 from qlvbayes.inference.ensemble import Progress
@@ -40,6 +41,9 @@ class Watcher:
 
     def checked(self, checked: CheckedPad) -> None:
         """A fit has been checked."""
+
+    def searched(self, pad: str, standing: Standing) -> None:
+        """A search for what a pad lacks has come so far."""
 
     def diagnosed(self, found: Diagnosis, figures: Sequence[Path]) -> None:
         """A pad has its verdict."""

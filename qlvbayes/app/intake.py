@@ -1,0 +1,202 @@
+"""Uploaded files into a session's folder, as one tidy file; or what they leave open, as questions.
+
+Nothing in a file is executed, and no name in it becomes a path.
+"""
+
+from __future__ import annotations
+
+import shutil
+import stat
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from qlvbayes.app.columns import asked, renamed
+from qlvbayes.checks import InputError
+from qlvbayes.data import Study, read_study
+from qlvbayes.files import results_folder, write_whole
+from qlvbayes.formats.answers import SIGNS, Answers, UnsureError
+from qlvbayes.formats.catalogue import FORMATS
+from qlvbayes.formats.conversion import convert
+from qlvbayes.formats.recognise import head_of, matching
+from qlvbayes.formats.tidy import write_tidy
+from qlvbayes.reading.dialect import sniff
+from qlvbayes.units import column_name
+
+DATA = "data.csv"
+BENCH = "bench.json"
+_UNPACKED = 2**29  # bytes of a saved session at most: half a GB of chains and figures
+_KINDS = {".json", ".csv", ".gz", ".nc", ".png", ".pdf", ".txt", ".tex", ".html"}
+"""What the commands leave in a folder; anything else in an archive is passed over."""
+
+Answer = dict[str, Any]
+
+
+def read_in(folder: Path, uploads: Sequence[Path], answers: dict[str, str]) -> Answer:
+    """The tidy file's path as ``data``, or ``questions``.
+
+    Raises InputError, with the name of the upload in place of its path.
+    """
+    try:
+        return _read_in(results_folder(folder), uploads, answers)
+    except InputError as error:
+        raise _by_name(error, uploads) from error
+
+
+def _read_in(folder: Path, uploads: Sequence[Path], answers: dict[str, str]) -> Answer:
+    if len(uploads) == 1 and _is_tidy(uploads[0]):
+        return _kept(folder, uploads[0])
+    if all(_is_machine(one) for one in uploads):
+        return _converted(folder, uploads, answers)
+    if len(uploads) == 1:
+        return _described(folder, uploads[0], answers)
+    studies = [read_study(one) for one in uploads]
+    write_whole(folder / DATA, _joined(studies))
+    return {"data": str(folder / DATA)}
+
+
+def _is_tidy(file: Path) -> bool:
+    try:
+        sniff(file)
+    except InputError:
+        return False
+    return True
+
+
+def _is_machine(file: Path) -> bool:
+    """Whether one known layout fits; a tidy file is none."""
+    return not _is_tidy(file) and len(matching(head_of(file), FORMATS)[0]) == 1
+
+
+def _kept(folder: Path, file: Path) -> Answer:
+    """The file as it is, once it can be read."""
+    read_study(file)
+    target = folder / (f"{DATA}.gz" if file.suffix.lower() == ".gz" else DATA)
+    if not (target.is_file() and target.samefile(file)):
+        shutil.copyfile(file, target)
+    return {"data": str(target)}
+
+
+def _converted(folder: Path, files: Sequence[Path], answers: dict[str, str]) -> Answer:
+    """Machine files made tidy, or the one thing that they leave open."""
+    said = Answers.of(
+        answers.get("sign") or None,
+        answers.get("contact") or None,
+        answers.get("units") or None,
+        _number(answers.get("area")),
+    )
+    try:
+        found = convert(files, said)
+    except UnsureError as error:
+        choices = list(SIGNS) if error.option == "sign" else None
+        ask: Answer = {"name": error.option, "text": error.question, "choices": choices}
+        ask |= {"value": answers.get(error.option), "optional": False}
+        name = Path(error.file or files[0]).name
+        text = str(_by_name(error, files))
+        questions = {"file": name, "kind": "machine", "rows": [], "ask": [ask], "text": text}
+        return {"questions": questions}
+    write_tidy(found, folder / DATA)
+    return {"data": str(folder / DATA), "notices": list(found.notices)}
+
+
+def _described(folder: Path, file: Path, answers: dict[str, str]) -> Answer:
+    """A table of unknown columns, once it is said which they are."""
+    if not answers:
+        return {"questions": asked(file)}
+    described = folder / DATA
+    write_whole(described, renamed(file, answers))
+    try:
+        read_study(described)
+    except InputError as error:
+        described.unlink()
+        raise InputError(error.message, file=file, line=error.line, remedy=error.remedy) from error
+    return {"data": str(described)}
+
+
+def _number(text: str | None) -> float | None:
+    try:
+        return float(text) if text else None
+    except ValueError:
+        raise InputError(f"{text!r} is no number", remedy="give the area in mm2") from None
+
+
+def _joined(studies: Sequence[Study]) -> bytes:
+    """Several tidy files as one; a pad of the same name in two is told by its file."""
+    units = studies[0].units
+    way = column_name(units.displacement_name, "" if units.dimensionless else units.displacement)
+    lines = [f"pad,test,start_s,time_s,{way},{column_name(units.force_name, units.force)}"]
+    taken: set[tuple[str, str]] = set()
+    for study in studies:
+        if study.units != units:
+            raise InputError(
+                "this file has other units than the first",
+                file=study.source,
+                remedy="open it by itself",
+            )
+        for pad in study.pads:
+            for test in pad.tests:
+                name = test.name
+                if (pad.name, name) in taken:
+                    name = f"{Path(study.source).stem} {name}"
+                taken.add((pad.name, name))
+                start = f"{test.start_s:.9g}" if test.start_known else ""
+                rows = zip(
+                    test.time.tolist(), test.displacement.tolist(), test.force.tolist(), strict=True
+                )
+                lines += [f"{pad.name},{name},{start},{t!r},{d!r},{f!r}" for t, d, f in rows]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _by_name(error: InputError, uploads: Sequence[Path]) -> InputError:
+    """The same with names of uploads in place of their paths."""
+
+    def plain(text: str | None) -> str | None:
+        for one in uploads:
+            text = text.replace(str(one), one.name) if text else text
+        return text
+
+    return InputError(
+        plain(error.message) or "",
+        file=plain(error.file),
+        line=error.line,
+        remedy=plain(error.remedy),
+    )
+
+
+def opened(folder: Path, archive: Path) -> Answer:
+    """A saved session unpacked into a folder.
+
+    Raises InputError where it is none, too large, or damaged.
+    """
+    remedy = "choose a file that the bench has saved"
+    try:
+        with zipfile.ZipFile(archive) as zipped:
+            members = [one for one in zipped.infolist() if _is_ours(one)]
+            if sum(one.file_size for one in members) > _UNPACKED:
+                raise InputError("the session is too large", file=archive.name, remedy=remedy)
+            if BENCH not in {one.filename for one in members}:
+                raise InputError("this is no saved session", file=archive.name, remedy=remedy)
+            results_folder(folder)
+            for one in members:
+                target = folder.joinpath(*PurePosixPath(one.filename).parts)
+                target.parent.mkdir(parents=True, exist_ok=True)
+                with zipped.open(one) as source, target.open("wb") as sink:
+                    shutil.copyfileobj(source, sink)
+    except (zipfile.BadZipFile, EOFError, OSError, RuntimeError, NotImplementedError) as error:
+        raise InputError(
+            "the archive is damaged", file=archive.name, remedy="save the session again"
+        ) from error
+    data = next((folder / name for name in (DATA, f"{DATA}.gz") if (folder / name).is_file()), None)
+    if data is None:
+        raise InputError("the session has no measurements", file=archive.name, remedy=remedy)
+    return {"data": str(data)}
+
+
+def _is_ours(one: zipfile.ZipInfo) -> bool:
+    """Whether an entry is a plain file below the folder, of a kind that commands leave."""
+    path = PurePosixPath(one.filename)
+    plain = not path.is_absolute() and not any(part in ("..", "") for part in path.parts)
+    no_link = not stat.S_ISLNK(one.external_attr >> 16)
+    odd = "\\" in one.filename or ":" in one.filename or one.is_dir()
+    return plain and no_link and not odd and path.suffix.lower() in _KINDS

@@ -1,0 +1,241 @@
+"""A job's process: it waits, warm, for what is to be done, does it, and tells how far it is.
+
+What it leaves is what the commands leave, so that any of them goes on from there.
+"""
+
+from __future__ import annotations
+
+import os
+import queue
+import shlex
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from qlvbayes.app.childpipes import Parent
+from qlvbayes.app.dealing import deal
+from qlvbayes.app.failures import told_of
+from qlvbayes.choices import Choices
+from qlvbayes.data import read_study
+from qlvbayes.diagnosis.decision import Decision
+from qlvbayes.diagnosis.standing import Standing
+from qlvbayes.inference.ensemble import Progress, Settings
+from qlvbayes.report.write import write_report
+from qlvbayes.results import Saved, load
+from qlvbayes.runs import record_run
+from qlvbayes.study.checking import check_into
+from qlvbayes.study.comparing import compare_into
+from qlvbayes.study.diagnosing import diagnose_into
+from qlvbayes.study.fitting import fit_into
+from qlvbayes.study.watcher import Watcher
+
+_BEAT = 0.4  # s between lines of progress: more than two a second
+_NICE = 5  # added: the page's own worker goes first
+
+Spec = dict[str, Any]
+
+
+class Telling(Watcher):
+    """Tells the server what is being done, at every beat."""
+
+    def __init__(self, parent: Parent) -> None:
+        self._parent = parent
+        self._began = time.monotonic()
+        self._label = "starting"
+        self._more = ""
+        self._sampling: tuple[float, int, int] | None = None
+        self._over = threading.Event()
+        threading.Thread(target=self._beat, daemon=True).start()
+
+    def end(self) -> None:
+        """No more beats."""
+        self._over.set()
+
+    @contextmanager
+    def doing(self, label: str) -> Iterator[Callable[[str], None]]:
+        """Something that takes a while."""
+        self._label, self._more = label, ""
+        yield self._tell_more
+
+    @contextmanager
+    def sampling(self, label: str) -> Iterator[Progress]:
+        """A chain."""
+        self._label, self._more = label, ""
+        began = time.monotonic()
+
+        def progress(done: int, total: int) -> None:
+            self._sampling = began, done, max(done, total)  # what is to do grows
+
+        yield progress
+        self._sampling = None
+
+    def searched(self, pad: str, standing: Standing) -> None:
+        """The probabilities so far, of effects and of base laws."""
+        decision = standing.decision
+        ranking = [
+            {"effect": name, "probability": share, "heldout": None}
+            for name, share in sorted(decision.inclusion.items(), key=lambda x: -x[1])
+        ]
+        laws = {
+            kind: [{"name": name, "probability": p} for name, p in shares.items()]
+            for kind, shares in (
+                ("elastic", _shares(decision, 0)),
+                ("relaxation", _shares(decision, 1)),
+            )
+        }
+        self._parent.tell({"standing": {"pad": pad, "ranking": ranking, "laws": laws}})
+
+    def _tell_more(self, text: str) -> None:
+        self._more = text
+
+    def _beat(self) -> None:
+        while not self._over.wait(_BEAT):
+            now = time.monotonic()
+            text = f"{self._label}: {self._more}" if self._more else self._label
+            line: dict[str, Any] = {"text": text, "elapsed_s": round(now - self._began, 1)}
+            line |= {"done": None, "total": None, "left_s": None}
+            if self._sampling is not None:
+                began, done, total = self._sampling
+                left = (now - began) * (total - done) / done if done else None
+                line |= {"done": done, "total": total}
+                line["left_s"] = None if left is None else round(left, 1)
+            self._parent.tell(line)
+
+
+def _shares(decision: Decision, part: int) -> dict[str, float]:
+    """Probability of each elastic law, or of each relaxation."""
+    found: dict[str, float] = {}
+    for base, share in decision.base.items():
+        found[base[part]] = found.get(base[part], 0.0) + share
+    return found
+
+
+def diagnosed(spec: Spec, watcher: Watcher) -> dict[str, Any]:
+    """The diagnosis of one pad."""
+    study = read_study(spec["data"])
+    (name,) = spec["pads"]
+    choices = Choices(bonded=study.units.bonded_default, effects_file=spec["effects_file"])
+    out = Path(spec["out"])
+    diagnose_into(out / name, study.pad(name), choices, evidence="laplace", seed=0, watcher=watcher)
+    record_run(out, "diagnose", _command("diagnose", spec, choices, [name]), study, choices, 0)
+    return {}
+
+
+def sampled(spec: Spec, watcher: Watcher) -> dict[str, Any]:
+    """The posterior of each pad's model, and its check."""
+    study, out = read_study(spec["data"]), Path(spec["out"])
+    for name in spec["pads"]:
+        model = spec["models"].get(name)
+        choices = _choices(model, study.units.bonded_default, spec["effects_file"])
+        fit_into(
+            out / name, study.pad(name), study, choices, method="emcee",
+            all_tests=spec["all_tests"], settings=Settings(), watcher=watcher,
+        )  # fmt: skip
+        saved = load(out / name / "posterior.nc")
+        check_into(out / name, saved, study, seed=0, watcher=watcher)
+        command = _command("fit", spec, choices, [name])
+        record_run(out, "fit", command, study, choices, 0)
+    return {"sampled": list(spec["pads"])}
+
+
+def compared(spec: Spec, watcher: Watcher) -> dict[str, Any]:
+    """Two pads against each other; what was not sampled is, first."""
+    out, study = Path(spec["out"]), read_study(spec["data"])
+    missing = [name for name in spec["pads"] if not _has_model(spec, name)]
+    found = sampled({**spec, "pads": missing}, watcher) if missing else {"sampled": []}
+    pads = [load(out / name / "posterior.nc") for name in spec["pads"]]
+    first, second = ((saved.pad, [saved]) for saved in pads)
+    compare_into(out, first, second, watcher=watcher)
+    names = ",".join(spec["pads"])
+    command = shlex.join(["qlvbayes", "compare", out.name, "--pads", names])
+    record_run(out, "compare", command, study, pads[0].choices, 0)
+    return found
+
+
+def _has_model(spec: Spec, name: str) -> bool:
+    """Whether a pad was sampled with the model that it has on the bench."""
+    file = Path(spec["out"]) / name / "posterior.nc"
+    if not file.is_file():
+        return False
+    model, saved = spec["models"].get(name), load(file)
+    return model is None or _same_model(model, saved)
+
+
+def _same_model(model: dict[str, Any], saved: Saved) -> bool:
+    own = saved.choices
+    names = own.law, own.relaxing, set(own.effects)
+    return names == (model["elastic"], model["relaxation"], set(model["effects"]))
+
+
+def reported(spec: Spec, watcher: Watcher) -> dict[str, Any]:
+    """The report."""
+    with watcher.doing("report"):
+        write_report(spec["out"])
+    return {}
+
+
+def dealt(spec: Spec, watcher: Watcher) -> dict[str, Any]:
+    """A pad simulated afresh."""
+    with watcher.doing("simulating"):
+        deal(Path(spec["data"]), Path(spec["truth"]), spec["seed"])
+    return {}
+
+
+KINDS: dict[str, Callable[[Spec, Watcher], dict[str, Any]]] = {
+    "diagnose": diagnosed,
+    "sample": sampled,
+    "compare": compared,
+    "report": reported,
+    "deal": dealt,
+}
+
+
+def _choices(model: dict[str, Any] | None, bonded: bool, effects_file: str | None) -> Choices:
+    plain = Choices(bonded=bonded, effects_file=effects_file)
+    if model is None:
+        return plain
+    relaxation, _, modes = model["relaxation"].partition(":")
+    return replace(
+        plain,
+        law=model["elastic"],
+        relaxation=relaxation,
+        modes=int(modes) if modes else plain.modes,
+        effects=tuple(model["effects"]),
+    )
+
+
+def _command(step: str, spec: Spec, choices: Choices, pads: Sequence[str]) -> str:
+    """The command line that does the same."""
+    words = ["qlvbayes", step, Path(spec["data"]).name, "--pads", ",".join(pads)]
+    if step == "fit":
+        words += ["--elastic", choices.law, "--relaxation", choices.relaxing]
+        words += ["--all-tests"] if spec["all_tests"] else []
+        words += [word for name in choices.effects for word in ("--add", name)]
+    words += ["--effects-file", spec["effects_file"]] if spec["effects_file"] else []
+    return shlex.join([*words, "-o", "."])
+
+
+def main() -> None:
+    """Do one thing, once it is told what."""
+    parent = Parent()
+    os.nice(_NICE)
+    orders: queue.SimpleQueue[Spec] = queue.SimpleQueue()
+    parent.listen(orders.put)
+    spec = orders.get()
+    watcher = Telling(parent)
+    try:
+        result = KINDS[spec["kind"]](spec, watcher)
+    except Exception as error:  # told to the page, whatever it is
+        watcher.end()
+        parent.tell({"error": told_of(error)})
+    else:
+        watcher.end()
+        parent.tell({"result": result})
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,263 @@
+"""Long work in processes of its own: a queue, one process kept warm, progress, cancelling."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+from collections import defaultdict
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass, field
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+from qlvbayes.app.events import Events
+from qlvbayes.app.failures import RefusedError, Told, refused, told
+from qlvbayes.app.pipes import Process
+
+MODULE = "qlvbayes.app.job"
+AT_ONCE = max(1, min(2, (os.cpu_count() or 1) - 1))
+"""Jobs that run together: a core stays with the page."""
+_OVER = ("done", "failed", "cancelled")
+_LISTED = 50  # jobs of a session that are remembered
+
+Finished = Callable[["Job"], Awaitable[None]]
+
+
+@dataclass(eq=False)
+class Job:
+    """A job as in docs/app_api.md.
+
+    result: what its process told at the end; standing: the probabilities that it told last.
+    """
+
+    id: str
+    session: str
+    spec: dict[str, Any]
+    state: str = "waiting"
+    text: str = ""
+    done: int | None = None
+    total: int | None = None
+    left_s: float | None = None
+    elapsed_s: float = 0.0
+    error: Told | None = None
+    result: dict[str, Any] = field(default_factory=dict)
+    standing: dict[str, Any] = field(default_factory=dict)
+    ended: asyncio.Event = field(default_factory=asyncio.Event)
+
+    @property
+    def kind(self) -> str:
+        """What it does."""
+        return str(self.spec["kind"])
+
+    @property
+    def pads(self) -> list[str]:
+        """Which pads it is about."""
+        return list(self.spec["pads"])
+
+    @property
+    def over(self) -> bool:
+        """Whether it has ended, one way or another."""
+        return self.state in _OVER
+
+
+class Jobs:
+    """All jobs of a server, in the order in which they were asked for."""
+
+    def __init__(self, events: Events) -> None:
+        self._events = events
+        self._jobs: dict[str, Job] = {}
+        self._finished: dict[str, Finished] = {}
+        self._running: dict[str, asyncio.Task[None]] = {}
+        self._processes: dict[str, Process] = {}
+        self._numbers: defaultdict[str, count[int]] = defaultdict(lambda: count(1))
+        self._spare: asyncio.Task[Process] | None = None
+        self._closed = False
+
+    def warm(self) -> None:
+        """Have a process ready for the next job."""
+        if self._spare is None and not self._closed:
+            self._spare = asyncio.create_task(Process.spawn(MODULE))
+
+    async def close(self) -> None:
+        """End every process."""
+        self._closed = True
+        for task in list(self._running.values()):
+            task.cancel()
+        await asyncio.gather(*self._running.values(), return_exceptions=True)
+        if self._spare is not None:
+            await (await self._spare).kill()
+
+    # what the page asks for
+
+    def add(self, session: str, spec: dict[str, Any], finished: Finished) -> Job:
+        """A job at the end of the queue; RefusedError where the same is there already."""
+        for other in self.of(session):
+            same = (other.kind, other.pads) == (spec["kind"], spec["pads"])
+            if same and not other.over:
+                raise refused(409, f"a {other.kind} of this is there already", "wait or cancel it")
+        job = Job(f"j{next(self._numbers[session])}", session, spec)
+        self._jobs[f"{session}/{job.id}"] = job
+        self._finished[f"{session}/{job.id}"] = finished
+        over = [one for one in self.of(session) if one.over]
+        for old in over[: max(0, len(over) - _LISTED)]:
+            self._forget(old)
+        self._start_next()
+        self._tell_waiting()
+        return job
+
+    def get(self, session: str, number: str) -> Job:
+        """Of that id; RefusedError where there is none."""
+        key = f"{session}/{number}"
+        if key not in self._jobs:
+            raise refused(404, f"there is no job {number}", "ask for the session's state")
+        return self._jobs[key]
+
+    def of(self, session: str) -> list[Job]:
+        """Of one session."""
+        return [job for job in self._jobs.values() if job.session == session]
+
+    async def cancel(self, job: Job) -> None:
+        """End a job, its process at once; forget one that is over."""
+        if job.over:
+            self._forget(job)
+            return
+        job.state = "cancelled"
+        if (task := self._running.get(_key(job))) is not None:
+            task.cancel()
+            await asyncio.gather(task, return_exceptions=True)
+        else:
+            self._end(job)
+
+    async def cancel_all(self, session: str) -> None:
+        """Of one session."""
+        for job in self.of(session):
+            await self.cancel(job)
+            if _key(job) in self._jobs:
+                self._forget(job)
+
+    def shown(self, job: Job) -> dict[str, Any]:
+        """As the page gets it."""
+        return {
+            "id": job.id,
+            "kind": job.kind,
+            "pad": job.pads[0] if job.pads else None,
+            "pads": job.pads,
+            "state": job.state,
+            "place": self._waiting.index(job) + 1 if job in self._waiting else 0,
+            "text": job.text,
+            "done": job.done,
+            "total": job.total,
+            "left_s": job.left_s,
+            "elapsed_s": job.elapsed_s,
+            "error": job.error,
+        }
+
+    async def run(self, spec: dict[str, Any]) -> dict[str, Any]:
+        """Something short in a process of its own, outside the queue; its result.
+
+        Raises RefusedError as the process says.
+        """
+        job = Job("", "", {"pads": [], **spec})
+        process = await self._take()
+        try:
+            await self._follow(job, process)
+        finally:
+            await process.kill()
+            self.warm()
+        return job.result
+
+    # the queue
+
+    @property
+    def _waiting(self) -> list[Job]:
+        return [job for job in self._jobs.values() if job.state == "waiting"]
+
+    def _start_next(self) -> None:
+        for job in self._waiting:
+            if len(self._running) >= AT_ONCE or self._closed:
+                return
+            job.state = "running"
+            self._running[_key(job)] = asyncio.create_task(self._run(job))
+
+    async def _run(self, job: Job) -> None:
+        process: Process | None = None
+        try:
+            job.text = "starting"
+            self._tell(job)
+            process = await self._take()
+            await self._follow(job, process)
+            await self._finished[_key(job)](job)
+            job.state = "done"
+        except RefusedError as error:
+            job.state, job.error = "failed", error.told
+        except asyncio.CancelledError:
+            job.state = "cancelled"
+        finally:
+            if process is not None:
+                await asyncio.shield(_gone(process, job))
+            self._running.pop(_key(job), None)
+            self._end(job)
+            self._start_next()
+            self._tell_waiting()
+            self.warm()
+
+    async def _follow(self, job: Job, process: Process) -> None:
+        """Hand the job over, and listen until it is over."""
+        with contextlib.suppress(ConnectionError):
+            await process.write(job.spec)
+        while (line := await process.read()) is not None:
+            if "error" in line:
+                raise RefusedError(422, line["error"])
+            if "result" in line:
+                job.result = line["result"]
+                return
+            if "standing" in line:
+                job.standing = line["standing"]
+                self._events.tell(job.session, "ranking", job.standing)
+                continue
+            job.text, job.elapsed_s = line["text"], line["elapsed_s"]
+            job.done, job.total, job.left_s = line["done"], line["total"], line["left_s"]
+            if job.session:
+                self._tell(job)
+        status = await process.wait()
+        message = f"the process that computed this has died (status {status})"
+        raise RefusedError(500, told(message, "start it again: it goes on where it was"))
+
+    async def _take(self) -> Process:
+        """The spare process, or a new one."""
+        self.warm()
+        if self._spare is None:
+            raise refused(503, "the server is ending", "start it again")
+        spare, self._spare = self._spare, None
+        return await spare
+
+    def _end(self, job: Job) -> None:
+        job.left_s = None
+        job.ended.set()
+        self._tell(job)
+
+    def _forget(self, job: Job) -> None:
+        self._jobs.pop(_key(job), None)
+        self._finished.pop(_key(job), None)
+
+    def _tell(self, job: Job) -> None:
+        self._events.tell(job.session, "job", self.shown(job))
+
+    def _tell_waiting(self) -> None:
+        """Their places have changed."""
+        for job in self._waiting:
+            self._tell(job)
+
+
+def _key(job: Job) -> str:
+    return f"{job.session}/{job.id}"
+
+
+async def _gone(process: Process, job: Job) -> None:
+    """End a process, and remove what it had half written."""
+    await process.kill()
+    for name in job.pads:
+        for part in (Path(job.spec["out"]) / name).glob("*.part"):
+            part.unlink(missing_ok=True)

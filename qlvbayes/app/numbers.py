@@ -1,0 +1,345 @@
+"""What the worker can be asked: names of calls, and answers as they go to the page."""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from qlvbayes.app.intake import opened, read_in
+from qlvbayes.app.tables import constants_csv, residuals_csv
+from qlvbayes.bench.bench import Bench
+from qlvbayes.bench.model import ByHand
+from qlvbayes.checks import InputError
+from qlvbayes.choices import Choices
+from qlvbayes.curves import Curves
+from qlvbayes.data import Study, read_study
+from qlvbayes.diagnosis.protocol import protocol_of
+from qlvbayes.diagnosis.result import CellError
+from qlvbayes.experiment import prepare
+from qlvbayes.runtime import forget_compiled
+from qlvbayes.summary import FitSummary
+
+_STUDIES = 4  # kept
+_BENCHES = 6  # kept: some ten MB each
+_DIGITS = 6  # significant, of a curve's numbers
+_SMALL = 0.5  # of the error: a mean error below it does not tell which way
+
+Answer = dict[str, Any]
+
+
+class Kept:
+    """Studies and benches that were used last."""
+
+    def __init__(self) -> None:
+        self._studies: OrderedDict[tuple[str, int], Study] = OrderedDict()
+        self._benches: OrderedDict[tuple[str, int, str, str | None], Bench] = OrderedDict()
+
+    def study(self, data: str) -> Study:
+        """The measurements in a file."""
+        key = _version(data)
+        if key not in self._studies:
+            self._studies[key] = read_study(data)
+        self._studies.move_to_end(key)
+        while len(self._studies) > _STUDIES:
+            self._studies.popitem(last=False)
+        return self._studies[key]
+
+    def bench(self, data: str, pad: str, effects_file: str | None) -> Bench:
+        """One pad of them, laid on the bench."""
+        key = (*_version(data), pad, effects_file)
+        if key not in self._benches:
+            study = self.study(data)
+            choices = Choices(bonded=study.units.bonded_default, effects_file=effects_file)
+            forget_compiled()
+            self._benches[key] = Bench.of(prepare(study.pad(pad)), choices)
+        self._benches.move_to_end(key)
+        while len(self._benches) > _BENCHES:
+            self._benches.popitem(last=False)
+        return self._benches[key]
+
+
+def _version(data: str) -> tuple[str, int]:
+    return data, Path(data).stat().st_mtime_ns
+
+
+_KEPT = Kept()
+_bench = _KEPT.bench
+
+
+def model_of(model: Answer) -> ByHand:
+    """A model as the page writes it; InputError where it is none."""
+    try:
+        return msgspec.convert(model, _Model).by_hand()
+    except msgspec.ValidationError as error:
+        raise InputError(f"this is no model ({error})", remedy="see docs/app_api.md") from error
+
+
+class _Model(msgspec.Struct):
+    elastic: str
+    relaxation: str
+    effects: list[str] = []
+    values: dict[str, float] = {}
+
+    def by_hand(self) -> ByHand:
+        return ByHand(self.elastic, self.relaxation, tuple(self.effects), self.values)
+
+
+def _written(model: ByHand) -> Answer:
+    return {
+        "elastic": model.elastic,
+        "relaxation": model.relaxation,
+        "effects": list(model.effects),
+        "values": dict(model.values),
+    }
+
+
+def read(folder: str, uploads: list[str], answers: dict[str, str]) -> Answer:
+    """Uploaded files into a session's folder, as one tidy file; or what they leave open."""
+    return read_in(Path(folder), [Path(one) for one in uploads], answers)
+
+
+def unpack(folder: str, archive: str) -> Answer:
+    """A saved session into a folder."""
+    return opened(Path(folder), Path(archive))
+
+
+def pads(data: str) -> Answer:
+    """The pads of a file, and what was noticed in it."""
+    study = _KEPT.study(data)
+    return {"pads": [pad.name for pad in study.pads], "notices": list(study.notices)}
+
+
+def lay(data: str, pad: str, effects_file: str | None, first: bool) -> Answer:
+    """Lay a pad on the bench: what is known of it, and the usual model fitted if ``first``."""
+    bench = _bench(data, pad, effects_file)
+    experiment, units = bench.experiment, bench.experiment.units
+    found: Answer = {
+        "units": {
+            "force": units.force,
+            "displacement": units.displacement,
+            "speed": units.speed,
+            "time": "s",
+            "names": {"force": units.force_name, "displacement": units.displacement_name},
+        },
+        "noise": bench.noise,
+        "peak": experiment.scales.force,
+        "tests": [
+            {"name": t.name, "role": t.role, "rate": _real(t.rate), "start_s": t.test.start_s}
+            for t in experiment.trials
+        ],
+        "notices": [f"pad {pad}: {text}" for text in experiment.floor.notices],
+    }
+    if first:
+        model = bench.first()
+        found["model"] = _written(model)
+        found["curves"] = _look(bench, model)
+    return found
+
+
+def warm(data: str, pad: str, effects_file: str | None) -> Iterator[Any]:
+    """Compile what most effects need, when nothing else is asked."""
+    _bench(data, pad, effects_file).warm()
+    yield {}
+
+
+def measured(data: str, pad: str, effects_file: str | None) -> Answer:
+    """The samples that are looked at."""
+    samples = _bench(data, pad, effects_file).samples
+    tests = []
+    for k, (trial, rows) in enumerate(zip(samples.trials, samples.rows, strict=True)):
+        tests.append(
+            {
+                "name": trial.name,
+                "role": trial.role,
+                "rate": _real(trial.rate),
+                "phases": [
+                    {"kind": p.kind, "start": float(p.start), "stop": float(p.stop)}
+                    for p in trial.phases
+                ],
+                "time": [round(t, 6) for t in trial.test.time[rows].tolist()],
+                "phase": samples.phases(k).tolist(),
+                "displacement": _short(trial.test.displacement[rows]),
+                "force": _short(trial.test.force[rows]),
+            }
+        )
+    return {"tests": tests}
+
+
+def catalogue(data: str, pad: str, effects_file: str | None) -> Answer:
+    """Laws and effects that can be chosen."""
+    bench = _bench(data, pad, effects_file)
+    space = bench.space
+    protocol = protocol_of(bench.experiment, bonded=bench.choices.bonded)
+    listed = {kind.name for kind in bench.choices.candidates}
+    return {
+        "elastic": [_law(name, law) for name, law in space.elastic.items()],
+        "relaxation": [_law(name, law) for name, law in space.relaxation.items()],
+        "effects": [
+            {
+                **_law(name, effect),
+                "seen": effect.seen,
+                "family": effect.family(),
+                "listed": name in listed,
+                "blind": type(effect).blind(protocol),
+            }
+            for name, effect in sorted(space.effects.items(), key=lambda x: x[0] not in listed)
+        ],
+    }
+
+
+def _law(name: str, law: Any) -> Answer:
+    return {"name": name, "law": law.law, "reference": law.reference}
+
+
+def parameters(data: str, pad: str, effects_file: str | None, model: Answer) -> Answer:
+    """A model's sliders."""
+    found = _bench(data, pad, effects_file).sliders(model_of(model))
+    return {"parameters": [msgspec.to_builtins(one) for one in found]}
+
+
+def curves(
+    data: str, pad: str, effects_file: str | None, model: Answer, tab: str | None = None
+) -> Answer:
+    """A model's force and errors; ``tab``: whose later calls overtake this one."""
+    bench = _bench(data, pad, effects_file)
+    return _look(bench, model_of(model))
+
+
+def signature(data: str, pad: str, effects_file: str | None, model: Answer, effect: str) -> Answer:
+    """What an effect would look like."""
+    found = _bench(data, pad, effects_file).signature(model_of(model), effect)
+    trials = _bench(data, pad, effects_file).samples.trials
+    return {
+        "effect": found.effect,
+        "amplitude": {"name": found.amplitude, "value": found.size, "unit": found.unit},
+        "takes": _real(found.takes),
+        "rmse": _real(found.error),
+        "tests": [
+            {"name": trial.name, "alone": _short(alone), "with_constants": _short(moved)}
+            for trial, alone, moved in zip(trials, found.alone, found.with_constants, strict=True)
+        ],
+    }
+
+
+def change(
+    data: str, pad: str, effects_file: str | None, model: Answer, how: str, name: str = ""
+) -> Answer:
+    """A model changed as a page asks for it, and fitted unless it is only to be kept."""
+    bench, given = _bench(data, pad, effects_file), model_of(model)
+    changes: dict[str, Callable[[], ByHand]] = {
+        "keep": lambda: ByHand(
+            given.elastic, given.relaxation, given.effects, bench.look(given).values
+        ),
+        "fit": lambda: bench.fit(given),
+        "add": lambda: bench.add(given, name),
+        "remove": lambda: bench.remove(given, name),
+        "elastic": lambda: bench.rebase(given, elastic=name),
+        "relaxation": lambda: bench.rebase(given, relaxation=name),
+    }
+    found = changes[how]()
+    return {"model": _written(found), "curves": _look(bench, found)}
+
+
+def held_out(data: str, pad: str, effects_file: str | None, model: Answer) -> Iterator[Any]:
+    """The error on what is left out, in pieces."""
+    bench = _bench(data, pad, effects_file)
+    for error in bench.held_out(model_of(model)):
+        yield None if error is None else {"heldout": _real(error)}
+
+
+def bands(data: str, pad: str, effects_file: str | None, folder: str) -> Answer:
+    """Of a sampled fit: its bands at the samples looked at, and its summary."""
+    samples = _bench(data, pad, effects_file).samples
+    found = {test.test: test for test in Curves.read(Path(folder) / "curves.json").tests}
+    summary = FitSummary.read(Path(folder) / "summary.json")
+    tests = []
+    for trial, rows in zip(samples.trials, samples.rows, strict=True):
+        own = found[trial.name]
+        places = np.searchsorted(np.array(own.time), trial.test.time[rows] - 5e-7)
+        places = np.minimum(places, len(own.time) - 1)
+        tests.append(
+            {"name": trial.name}
+            | {
+                key: [values[k] for k in places]
+                for key, values in (("mean", own.mean), ("low", own.low), ("high", own.high))
+            }
+        )
+    return {"converged": summary.converged, "summary": summary.as_dict(), "tests": tests}
+
+
+def residuals(data: str, pad: str, effects_file: str | None, model: Answer) -> str:
+    """Every sample looked at, as CSV."""
+    bench = _bench(data, pad, effects_file)
+    return residuals_csv(bench, bench.look(model_of(model)))
+
+
+def constants(
+    data: str, pad: str, effects_file: str | None, model: Answer, begun: dict[str, float]
+) -> str:
+    """A model's constants as CSV; begun: those that its fit began from."""
+    return constants_csv(_bench(data, pad, effects_file), model_of(model), begun)
+
+
+CALLS: dict[str, Callable[..., Any]] = {
+    function.__name__: function
+    for function in (
+        read, unpack, pads, lay, warm, measured, catalogue, parameters, curves, signature, change,
+        held_out, bands, residuals, constants,
+    )
+}  # fmt: skip
+"""What can be asked, by name."""
+
+
+def _look(bench: Bench, model: ByHand) -> Answer:
+    found = bench.look(model)
+    return {
+        "values": found.values,
+        "rmse": _real(found.error),
+        "tests": [
+            {"name": trial.name, "model": _short(force)}
+            for trial, force in zip(bench.samples.trials, found.forces, strict=True)
+        ],
+        "cells": [_cell(bench, cell) for cell in found.cells],
+    }
+
+
+def _cell(bench: Bench, cell: CellError) -> Answer:
+    over = cell.rmse / bench.noise
+    return {
+        "test": cell.test,
+        "phase": cell.phase,
+        "n": cell.n,
+        "rmse": _real(cell.rmse),
+        "bias": _real(cell.bias),
+        "over_noise": _real(over),
+        "fails": not cell.rmse <= bench.limits[cell.test, cell.phase],
+        "words": _words(cell, over, bench.experiment.units.force),
+    }
+
+
+def _words(cell: CellError, over: float, unit: str) -> str:
+    """What is wrong in a cell."""
+    place = f"in the {cell.phase} of {cell.test}"
+    if not math.isfinite(over):
+        return f"The model's force is no number {place}."
+    size = f"{cell.rmse:.2g} {unit} off, {over:.2g} times the noise"
+    if abs(cell.bias) < _SMALL * cell.rmse:
+        return f"The model is {size}, {place}, now too low and now too high."
+    way = "low" if cell.bias > 0.0 else "high"
+    return f"The model is {size}, {place}: {abs(cell.bias):.2g} {unit} too {way} on average."
+
+
+def _short(values: NDArray[np.float64] | Sequence[float]) -> list[float | None]:
+    """To six digits; None for what is no number."""
+    return [_real(float(f"{x:.{_DIGITS}g}")) for x in np.asarray(values).tolist()]
+
+
+def _real(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None

@@ -1,0 +1,66 @@
+// A file that does not say all: its first rows, its curves, and a field for each thing that is open.
+import { at, el } from "./element.js";
+import { post } from "./api.js";
+import { report } from "./report.js";
+import { Loops } from "./loops.js";
+import { TimeChart } from "./timechart.js";
+import { plain } from "./numbers.js";
+
+export function ask(session) {
+  const { questions } = session.store.now, host = at("#asking");
+  const wrong = el("p", { class: "wrong", role: "alert", hidden: true });
+  const fields = questions.ask.map((one) => field(one));
+  const send = async (event) => {
+    event.preventDefault();
+    wrong.hidden = true;
+    try {
+      await post(`${session.path}/answers`, { answers: answersOf(host, questions.ask) });
+      await session.refresh();
+    } catch (refusal) {
+      if (!refusal.told) throw refusal;
+      wrong.textContent = refusal.message;
+      wrong.hidden = false;
+    }
+  };
+  const curves = el("div", { class: "asked-curves" });
+  host.replaceChildren(
+    el("h2", {}, `What is what in ${questions.file}?`),
+    el("p", {}, questions.text),
+    el("form", { onsubmit: send }, el("div", { class: "fields" }, fields), wrong,
+      el("div", { class: "controls" }, el("button", { type: "submit", class: "main" }, "Read it so"), el("a", { href: "/" }, "Open something else"))),
+    table(questions.rows), curves);
+  if (questions.curves) draw(curves, questions.curves);
+  fields[0]?.querySelector("select, input")?.focus();
+}
+
+function field({ name, text, choices, value, optional }) {
+  const id = `ask-${name}`, required = !optional;
+  const input = choices
+    ? el("select", { id, name, required }, el("option", { value: "" }, optional ? "none" : "choose …"), choices.map((choice) => el("option", { value: choice, selected: choice === value }, choice)))
+    : el("input", { id, name, required, value: value ?? "", autocomplete: "off" });
+  const label = text || plain(name);
+  return el("div", {}, el("label", { for: id }, label[0].toUpperCase() + label.slice(1)), input);
+}
+
+function answersOf(host, asked) {
+  const given = asked.map(({ name }) => [name, at(`#ask-${CSS.escape(name)}`, host).value.trim()]);
+  return Object.fromEntries(given.filter(([, value]) => value !== ""));
+}
+
+function table(rows) {
+  if (!rows?.length) return "";
+  const [head, ...body] = rows;
+  return el("div", { class: "wide", tabindex: "0" }, el("table", {}, el("caption", {}, "The first rows of the file"),
+    el("thead", {}, el("tr", {}, head.map((cell) => el("th", { scope: "col" }, cell)))),
+    el("tbody", {}, body.map((row) => el("tr", {}, row.map((cell) => el("td", {}, cell)))))));
+}
+
+/** Force against time and against displacement, in the file's own numbers. */
+function draw(host, { time, displacement, force }) {
+  const [left, right] = ["Force against time, as in the file", "Force against displacement, as in the file"].map((label) => el("div", { class: "chart", role: "img", "aria-label": label }));
+  host.replaceChildren(left, right);
+  const idle = { zoomed: () => {}, pointed: () => {} };
+  const view = { x: time, samples: time, many: false, time: null, whole: () => [Math.min(...time), Math.max(...time)], moment: (place) => [0, place], axis: (along) => ({ ...along, label: "time (as in the file)" }), drawBorders: () => {} };
+  new TimeChart(left, 220, idle).show(view, { series: [report.line("time"), report.line("force", report.INK)], values: [time, force], bands: [], label: "force (as in the file)" });
+  new Loops(right, 220, idle).show({ depth: displacement, observed: force, mean: force }, ["displacement (as in the file)", "force (as in the file)"]);
+}

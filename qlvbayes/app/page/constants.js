@@ -1,0 +1,103 @@
+// A slider a constant, with its number, unit and prior; every move is redrawn at once.
+import { at, el, refill } from "./element.js";
+import { running } from "./jobs.js";
+import { digits, withUnit } from "./numbers.js";
+
+const STEPS = 1000; // of a slider
+const DIGITS = 4;
+
+export class Constants {
+  /** does: { move(model), fit(), keep(), undo(), sample() }. */
+  constructor(store, does) {
+    Object.assign(this, { store, does, rows: new Map() });
+    store.on(["parameters"], () => this.build());
+    store.on(["shown", "hand"], () => this.follow());
+    store.on(["moved", "busy", "jobs"], () => this.offer());
+  }
+
+  build() {
+    const { parameters, hand } = this.store.now;
+    if (!parameters) return;
+    this.rows.clear();
+    const rows = parameters.map((parameter) => this.row(parameter, hand.values[parameter.name] ?? parameter.value));
+    at("#sliders").replaceChildren(...rows);
+    this.offer();
+  }
+
+  row(parameter, value) {
+    const { name, unit, meaning, prior, low, high, derived, owner } = parameter;
+    const id = `constant-${name}`, about = `${id}-about`, text = withUnit(value, unit, DIGITS);
+    const box = el("input", { type: "text", inputmode: "decimal", class: "number", id: `${id}-number`, value: digits(value, DIGITS), readonly: derived, "aria-label": `${name} in ${unit}`, "aria-describedby": about, onchange: (event) => this.typed(parameter, event.target), "data-act": "number" });
+    const slider = derived ? null : el("input", { type: "range", id, min: 0, max: STEPS, step: 1, value: toSlider(parameter, value), "aria-label": `${name}, ${meaning}`, "aria-valuetext": text, "data-act": "slide", oninput: (event) => this.slid(parameter, event.target) });
+    const wrong = el("p", { class: "wrong", role: "alert", hidden: true });
+    this.rows.set(name, { parameter, box, slider, wrong });
+    const share = (edge) => `${(100 * toSlider(parameter, edge)) / STEPS}%`;
+    const told = derived ? "follows from the others" : `prior ${digits(prior[0], 2)} to ${digits(prior[1], 2)}`;
+    return el("div", { class: "constant", "data-key": name },
+      el("label", { for: derived ? box.id : id, class: name.includes(".") ? "long" : null, title: `${meaning} (${owner})` }, el("b", {}, breakable(name)), " ", el("small", {}, meaning)),
+      el("span", { class: "entry" }, box, " ", el("span", { class: "unit" }, unit === "1" ? "" : unit)),
+      slider ? el("span", { class: "track", "--from": share(prior[0]), "--to": share(prior[1]), title: `slider: ${digits(low, 3)} to ${withUnit(high, unit)}` }, slider) : el("span"),
+      el("small", { id: about, title: derived ? null : `90 % of the prior, in ${unit === "1" ? "parts of one" : unit}` }, told), wrong);
+  }
+
+  slid(parameter, slider) {
+    this.move(parameter, fromSlider(parameter, +slider.value));
+  }
+
+  typed(parameter, box) {
+    const { wrong } = this.rows.get(parameter.name), { name, unit, low, high } = parameter;
+    const value = Number(box.value.trim().replace("−", "-").replace(",", "."));
+    const bad = box.value.trim() === "" || !Number.isFinite(value) ? `${name}: write a number.`
+      : value < low || value > high ? `${name} goes from ${digits(low, 3)} to ${withUnit(high, unit)}.` : "";
+    wrong.textContent = bad;
+    wrong.hidden = !bad;
+    box.setAttribute("aria-invalid", String(Boolean(bad)));
+    if (!bad) this.move(parameter, value);
+  }
+
+  move({ name }, value) {
+    const { hand, parameters } = this.store.now;
+    const free = parameters.filter((one) => !one.derived).map((one) => [one.name, hand.values[one.name] ?? one.value]);
+    this.does.move({ ...hand, values: { ...Object.fromEntries(free), [name]: value } });
+  }
+
+  /** Numbers and sliders go where the model in hand is, and what is derived where the last answer says. */
+  follow() {
+    const { hand, shown } = this.store.now;
+    if (!hand) return;
+    for (const [name, { parameter, box, slider, wrong }] of this.rows) {
+      const value = (parameter.derived ? shown?.values?.[name] : hand.values[name]) ?? parameter.value;
+      if (box.getAttribute("aria-invalid") === "true" && box === document.activeElement) continue;
+      box.value = digits(value, DIGITS);
+      box.removeAttribute("aria-invalid");
+      wrong.hidden = true;
+      if (!slider) continue;
+      if (fromSlider(parameter, +slider.value) !== value) slider.value = toSlider(parameter, value);
+      slider.setAttribute("aria-valuetext", withUnit(value, parameter.unit, DIGITS));
+    }
+  }
+
+  offer() {
+    const { moved, busy, parameters } = this.store.now;
+    if (!parameters) return;
+    const act = (key, label, does, off, title) => el("button", { type: "button", "data-key": key, disabled: Boolean(busy) || off, title, onclick: does }, label);
+    refill(at("#acts"), [
+      act("fit", "Fit from here", () => this.does.fit(), false, "Least squares from where the sliders are"),
+      act("keep", "Keep as it is", () => this.does.keep(), !moved, "Note this model among the errors, without a fit"),
+      act("undo", "Put back", () => this.does.undo(), !moved, "The constants as they were before the sliders moved"),
+      act("sample", "Sample", () => this.does.sample(), running("sample", this.store.now), "All constants with their uncertainty, by emcee; the band appears when it is good")]);
+  }
+}
+
+/** A long name may go on in the next line after its dots and underscores. */
+function breakable(name) { return name.includes(".") ? name.split(/(?<=[._])/).flatMap((part, k) => (k ? [el("wbr"), part] : [part])) : [name]; }
+
+function toSlider({ low, high, log }, value) {
+  const share = log ? Math.log(value / low) / Math.log(high / low) : (value - low) / (high - low);
+  return Math.round(STEPS * Math.min(Math.max(share, 0), 1));
+}
+
+function fromSlider({ low, high, log }, place) {
+  const share = place / STEPS;
+  return log ? low * (high / low) ** share : low + share * (high - low);
+}

@@ -1,0 +1,124 @@
+// Pane (c): what may be missing, with probabilities; draw what each would look like, add it, take it out.
+import { at, el, refill } from "./element.js";
+import { RULE } from "./session.js";
+import { running } from "./jobs.js";
+import { percent, plain, withUnit } from "./numbers.js";
+
+const NOTHING = "none"; // the ranking's name for "nothing is missing"
+
+export class Hypotheses {
+  /** does: { add(effect), remove(effect), law(kind, name), draw(effect), diagnose() }. */
+  constructor(store, does) {
+    Object.assign(this, { store, does, all: false });
+    this.hosts = ["search", "laws", "effects"].map((name) => el("div", { class: `part-${name}` }));
+    this.drawn = {};
+    at("#hypotheses").replaceChildren(...this.hosts);
+    store.on(["catalogue", "entry", "hand", "signatures", "guess", "busy", "jobs"], () => this.show());
+  }
+
+  show() {
+    const { catalogue, hand, entry, busy, guess, signatures, pad } = this.store.now;
+    if (!catalogue || !hand || !entry) return;
+    const open = !(guess && !guess.given);
+    this.part(0, [pad, open, this.searching(), entry.diagnosis, Boolean(entry.ranking), busy], () => this.search(open));
+    this.part(1, [pad, hand.elastic, hand.relaxation, busy, JSON.stringify(lawChances(entry))], () => this.laws());
+    this.part(2, [pad, hand.elastic, hand.relaxation, hand.effects, entry.ranking, entry.history, open, signatures, busy, this.all], () => this.effects());
+  }
+
+  /** Draws a part again only if something that it shows has changed: an open list stays open. */
+  part(k, facts, draw) {
+    if (this.drawn[k] && facts.every((fact, n) => fact === this.drawn[k][n])) return;
+    this.drawn[k] = facts;
+    refill(this.hosts[k], [draw()].filter(Boolean));
+  }
+
+  searching() { return running("diagnose", this.store.now); }
+
+  /** Whether the probabilities are there, and how to get them. */
+  search(open) {
+    const { entry, busy } = this.store.now;
+    if (!open) return null;
+    if (this.searching()) return el("p", { class: "hint" }, "Probabilities follow as the search goes on.");
+    if (entry.diagnosis) return this.verdict(entry.diagnosis);
+    return el("p", { class: "hint", "data-key": "search" }, "No probabilities yet. ",
+      el("button", { type: "button", "data-act": "diagnose", disabled: Boolean(busy), onclick: () => this.does.diagnose() }, "Search all hypotheses"));
+  }
+
+  verdict(diagnosis) {
+    const words = diagnosis.text || [];
+    return el("details", { class: "words", "data-key": "verdict" }, el("summary", {}, el("b", {}, `Verdict: ${plain(diagnosis.verdict)}`), diagnosis.effects?.length ? ` (${diagnosis.effects.map(plain).join(", ")})` : ""),
+      words.map((text) => el("p", { class: "small" }, text)));
+  }
+
+  laws() {
+    const { catalogue, hand, busy } = this.store.now;
+    const one = (kind) => el("label", {}, `${RULE[kind]} `,
+      el("select", { "data-key": kind, "data-act": "choose", disabled: Boolean(busy), onchange: (event) => this.does.law(kind, event.target.value) },
+        catalogue[kind].map((law) => el("option", { value: law.name, selected: law.name === hand[kind], title: law.law }, `${law.name}${this.chance(kind, law.name)}`))));
+    const about = ["elastic", "relaxation"].map((kind) => catalogue[kind].find((law) => law.name === hand[kind])?.law).filter(Boolean);
+    return el("div", { class: "laws" }, one("elastic"), one("relaxation"), el("p", { class: "hint" }, about.join("; ")));
+  }
+
+  chance(kind, name) {
+    const share = lawChances(this.store.now.entry)[kind]?.[name];
+    return share == null ? "" : `, ${percent(share)}`;
+  }
+
+  effects() {
+    const { catalogue, hand } = this.store.now, ranking = this.ranking();
+    const shown = catalogue.effects.filter((effect) => effect.listed || this.all || hand.effects.includes(effect.name));
+    const order = (effect) => [hand.effects.includes(effect.name) ? 1 : 0, effect.blind ? -1 : 0, ranking.get(effect.name)?.probability ?? 0];
+    const sorted = shown.toSorted((a, b) => compare(order(b), order(a)));
+    const none = ranking.get(NOTHING);
+    return el("div", {},
+      none ? el("p", { class: "hint" }, `Nothing is missing: probability ${percent(none.probability)}.`) : null,
+      el("ul", { class: "effects", "aria-label": "Effects" }, sorted.map((effect) => this.effect(effect, ranking.get(effect.name)))),
+      el("button", { type: "button", class: "quiet", "data-key": "forms", "aria-pressed": String(this.all), onclick: () => { this.all = !this.all; this.show(); } }, this.all ? "Only the list" : "Other forms too"));
+  }
+
+  ranking() {
+    const { entry, guess } = this.store.now;
+    if (guess && !guess.given) return new Map();
+    return new Map((entry.ranking || []).map((ranked) => [ranked.effect, ranked]));
+  }
+
+  effect(effect, ranked) {
+    const { hand, signatures, busy, entry } = this.store.now;
+    const has = hand.effects.includes(effect.name), drawn = signatures.find((one) => one.effect === effect.name);
+    const heldout = ranked?.heldout ?? tried(effect.name, hand, entry.history), name = plain(effect.name);
+    const act = (label, does, more) => el("button", { type: "button", "data-act": label, "aria-label": `${label} ${name}`, disabled: Boolean(busy), onclick: does, ...more }, label);
+    return el("li", { "data-key": effect.name, class: [has && "has", effect.blind && "blind"].filter(Boolean).join(" ") },
+      el("div", { class: "head" },
+        el("b", { title: effect.law }, name), has ? el("span", { class: "tag" }, "in the model") : null,
+        ranked ? el("span", { class: "chance", "--share": String(ranked.probability), role: "img", "aria-label": `probability ${percent(ranked.probability)}` }, percent(ranked.probability)) : null),
+      el("p", { class: "small" }, effect.seen, "."),
+      heldout == null ? null : el("p", { class: "small" }, `Error on tests left out with it: ${withUnit(heldout, entry.units.force)}.`),
+      effect.blind ? el("p", { class: "small" }, el("i", {}, `These tests cannot show it: ${effect.blind}.`)) : null,
+      drawn ? el("p", { class: "small drawn", "--colour": drawn.colour }, drawn.words) : null,
+      el("div", { class: "acts" },
+        has ? act("Remove", () => this.does.remove(effect.name)) : act("Add", () => this.does.add(effect.name)),
+        has || effect.blind ? null : act("Draw it", () => this.does.draw(effect.name), { "aria-pressed": String(Boolean(drawn)) })));
+  }
+}
+
+/** The held-out error of the last model that was the one in hand with this effect. */
+function tried(effect, { elastic, relaxation, effects }, history) {
+  const wanted = [...new Set([...effects, effect])].sort().join();
+  const found = history.findLast((state) => state.heldout != null && state.elastic === elastic && state.relaxation === relaxation && [...state.effects].sort().join() === wanted);
+  return found?.heldout;
+}
+
+function compare(a, b) {
+  const k = a.findIndex((value, n) => value !== b[n]);
+  return k < 0 ? 0 : a[k] - b[k];
+}
+
+/** Probabilities of base laws: as told, or summed over the hypotheses that a diagnosis lists. */
+function lawChances({ laws, diagnosis }) {
+  if (laws) return Object.fromEntries(Object.entries(laws).map(([kind, all]) => [kind, Object.fromEntries(all.map((law) => [law.name, law.probability]))]));
+  const summed = { elastic: {}, relaxation: {} };
+  for (const { base, probability } of diagnosis?.alternatives || []) {
+    for (const kind of Object.keys(summed)) if (base?.[kind]) summed[kind][base[kind]] = (summed[kind][base[kind]] || 0) + probability;
+  }
+  return summed;
+}

@@ -1,0 +1,94 @@
+// Long work: what runs, how far it is, how long it takes, and how to stop it.
+import { at, el, refill } from "./element.js";
+import { get, post, remove } from "./api.js";
+import { plain, span } from "./numbers.js";
+import { say, trying } from "./say.js";
+
+const live = (job) => ["waiting", "running"].includes(job.state);
+
+/** Whether a job of this kind is on its way for a pad. */
+export const running = (kind, { jobs, pad }) => jobs.some((job) => job.kind === kind && live(job) && (!job.pad || job.pad === pad));
+
+const NAMES = { sample: "Sample", diagnose: "Search", compare: "Compare", report: "Report" };
+
+export class Jobs {
+  constructor(session) {
+    Object.assign(this, { session, store: session.store, told: new Map(), stages: new Map() });
+    this.store.on(["jobs"], ({ jobs }) => jobs.forEach((job) => { this.tell(job); this.note(job); }));
+    this.store.on(["jobs", "entry"], () => this.show());
+  }
+
+  async start(kind, more = {}) {
+    const job = await trying(() => post(`${this.session.path}/jobs`, { kind, ...more }));
+    if (job) this.session.heardJob(job);
+    return job;
+  }
+
+  sample() { const { pad, hand } = this.store.now; return this.start("sample", { pad, model: hand, all_tests: true }); }
+
+  diagnose() { return this.start("diagnose", { pad: this.store.now.pad }); }
+
+  async stop(id) {
+    const job = this.store.now.jobs.find((one) => one.id === id);
+    if (!job) return;
+    await trying(() => remove(`${this.session.path}/jobs/${encodeURIComponent(job.id)}`));
+    if (live(job)) await trying(async () => this.session.heardJob(await get(`${this.session.path}/jobs/${encodeURIComponent(job.id)}`)));
+    else this.store.set({ jobs: this.store.now.jobs.filter((one) => one.id !== job.id) });
+  }
+
+  show() {
+    const { jobs, entry } = this.store.now, searches = (job) => job.kind === "diagnose";
+    refill(at("#search-jobs"), jobs.filter(searches).map((job) => this.row(job)));
+    refill(at("#jobs"), [...jobs.filter((job) => !searches(job)).map((job) => this.row(job)), bandsLine(entry)].filter(Boolean));
+  }
+
+  row(job) {
+    const known = job.total ? job.done / job.total : null;
+    const bar = live(job) ? el("progress", known == null ? { "aria-label": NAMES[job.kind] } : { max: "1", value: known, "aria-label": NAMES[job.kind] }) : null;
+    return el("div", { class: `job ${job.state}`, "data-key": job.id },
+      el("div", { class: "head" }, el("b", {}, NAMES[job.kind] || job.kind), el("span", { class: "small" }, ` ${progressOf(job)}`),
+        el("button", { type: "button", class: "quiet", "data-act": "stop", "aria-label": `${live(job) ? "Cancel" : "Put away"}: ${NAMES[job.kind] || job.kind}`, onclick: () => this.stop(job.id) }, live(job) ? "Cancel" : "✕")),
+      bar, this.passed(job), job.error ? el("p", { class: "wrong", role: "alert" }, job.error.text || job.error.message) : null);
+  }
+
+  /** The stages that a search went through, oldest first. */
+  passed(job) {
+    const stages = (this.stages.get(job.id) || []).slice(0, live(job) ? -1 : undefined);
+    if (job.kind !== "diagnose" || !stages.length) return null;
+    return el("details", { class: "small" }, el("summary", {}, `Stages${live(job) ? " so far" : ""}: ${stages.length}`), el("ol", {}, stages.map((text) => el("li", {}, text))));
+  }
+
+  note(job) {
+    const stages = this.stages.get(job.id) || [], text = stageOf(job);
+    if (text && stages[stages.length - 1] !== text) this.stages.set(job.id, [...stages, text]);
+  }
+
+  /** Says once when a job begins, ends or fails, not at every step. */
+  tell(job) {
+    const before = this.told.get(job.id);
+    this.told.set(job.id, job.state);
+    if (before !== job.state && (before || live(job))) say(`${NAMES[job.kind] || job.kind}: ${progressOf(job)}`);
+  }
+}
+
+/** What is being done; of one pad the page need not say of which. */
+const stageOf = (job) => plain(job.text || "").replace(job.pad ? `pad ${job.pad}: ` : "", "");
+
+function progressOf(job) {
+  if (job.state === "waiting") return job.place > 0 ? `waiting, place ${job.place} in the queue` : "waiting";
+  if (job.state === "running") {
+    const left = job.left_s == null ? (job.elapsed_s == null ? "" : `, ${span(job.elapsed_s)} so far`) : `, ${span(job.left_s)} left`;
+    return `${stageOf(job) || "running"}${left}`;
+  }
+  return { done: `done after ${span(job.elapsed_s ?? 1)}`, failed: "failed", cancelled: "cancelled" }[job.state] || job.state;
+}
+
+/** Whether the bands that are drawn are good, and why none is. */
+function bandsLine(entry) {
+  const bands = entry?.bands;
+  if (!bands) return null;
+  if (!bands.converged) return el("p", { class: "warning small" }, `The sampling has not converged, so no band is drawn. ${(bands.summary?.troubles || []).join("; ")}`);
+  if (bands.state == null) return el("p", { class: "hint" }, "These constants were sampled by a command. Sample here to see the band.");
+  if (bands.state !== entry.current) return el("p", { class: "hint" }, "The sampled band belongs to an earlier model; go back to it to see it.");
+  return el("p", { class: "hint" }, "Blue band: 90 % of what the sampled model predicts.");
+}

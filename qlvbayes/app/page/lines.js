@@ -1,0 +1,42 @@
+// Which lines the charts hold: measured, the model in hand, the one before, the sampled band, drawn signatures.
+import { report } from "./report.js";
+import { plain } from "./numbers.js";
+
+const { forceChart, residualChart, line } = report;
+const PALE = "rgba(213, 94, 0, 0.6)"; // does not hide what it lies on
+const BAND = 1.645; // sds on either side that hold 90 % of normal noise
+
+/** Columns a sample of all that is drawn; a missing one is null. */
+export function columnsOf(now, view) {
+  const { shown, before, entry, moved } = now;
+  const band = !moved && entry.bands?.converged && entry.bands.state === entry.current ? entry.bands : null;
+  const ends = band && Object.fromEntries(band.tests.map((test) => [test.name, test]));
+  return {
+    depth: view.gather((test) => test.d),
+    observed: view.gather((test) => test.observed),
+    mean: view.gather((test) => shown.model[test.name]),
+    before: before && view.gather((test) => before.model[test.name]),
+    low: view.gather((test) => ends?.[test.name]?.low),
+    high: view.gather((test) => ends?.[test.name]?.high),
+    signatures: now.signatures.map((drawn) => view.gather((test) => drawn.curves[test.name])),
+  };
+}
+
+export function linesOf(now, view, columns) {
+  const { names, force } = namesOf(now.entry.units);
+  const data = { name: names.force, unit: force, noise: BAND * now.entry.noise, model: now.moved ? "model in hand" : "model", before: "before" };
+  const test = { t: view.x, observed: columns.observed, mean: columns.mean, low: columns.low, high: columns.high, plain: columns.before };
+  const residual = residualChart(data, test);
+  residual.series[3].label = "residual";
+  if (columns.before) Object.assign(residual.series[4], { label: "residual before", stroke: PALE, mark: report.ORANGE, width: 1 });
+  now.signatures.forEach((drawn, k) => {
+    residual.series.push(line(plain(drawn.effect), drawn.colour, { width: 2.5, dash: drawn.dash }));
+    residual.values.push(columns.signatures[k]);
+  });
+  return { force: forceChart(data, test), residual };
+}
+
+/** Names of the axes' quantities with their units. */
+export function namesOf(units) { return { names: { force: "force", displacement: "displacement", ...units.names }, ...units }; }
+
+export function axisLabel(units, quantity) { return report.unitOf(namesOf(units).names[quantity], units[quantity]); }

@@ -1,0 +1,97 @@
+// Puts the page together: which view is shown, and what each pane may do.
+import { at, el, refill } from "./element.js";
+import { Store } from "./store.js";
+import { Session } from "./session.js";
+import { Redraw } from "./redraw.js";
+import { Measured } from "./measured.js";
+import { ResidualMap } from "./map.js";
+import { Hypotheses } from "./hypotheses.js";
+import { Signatures } from "./signatures.js";
+import { Constants } from "./constants.js";
+import { Errors } from "./errors.js";
+import { Jobs } from "./jobs.js";
+import { Guess } from "./guess.js";
+import { ComparisonView } from "./comparison.js";
+import { downloads } from "./downloads.js";
+import { start } from "./start.js";
+import { ask } from "./asking.js";
+import { waitFor } from "./wait.js";
+import { firstVisit, tour } from "./tour.js";
+import { plain } from "./numbers.js";
+import { say, trying } from "./say.js";
+
+const VIEWS = { bench: "#panes", compare: "#comparison" };
+
+const id = decodeURIComponent((location.pathname.match(/^\/s\/([^/]+)$/) || [])[1] || "");
+if (id) bench(new Session(id, new Store({ stage: "opening", view: "bench", jobs: [], signatures: [], pads: [], guess: null, busy: null, moved: false })));
+else start();
+
+function bench(session) {
+  const { store } = session;
+  const redraw = new Redraw(session), jobs = new Jobs(session), signatures = new Signatures(session);
+  const hand = () => store.now.hand;
+  const told = async (work, words) => { const made = await work; if (made) say(words(made.state)); };
+  const measured = new Measured(store);
+  new ResidualMap(store);
+  new Hypotheses(store, {
+    add: (effect) => told(session.make({ add: effect, model: hand() }, `Adding ${plain(effect)} …`), () => `${plain(effect)} is in the model.`),
+    remove: (effect) => told(session.make({ remove: effect, model: hand() }, `Taking out ${plain(effect)} …`), () => `${plain(effect)} is out of the model.`),
+    law: (kind, name) => session.make({ [kind]: name, model: hand() }, `Fitting with ${name} …`),
+    draw: (effect) => signatures.toggle(effect),
+    diagnose: () => jobs.diagnose(),
+  });
+  new Constants(store, {
+    move: (model) => redraw.want(model),
+    fit: () => told(session.make({ fit: hand() }, "Fitting …"), () => "Fitted."),
+    keep: () => session.make({ keep: hand() }, "Keeping …"),
+    undo: () => session.goTo(store.now.entry.current),
+    sample: () => jobs.sample(),
+  });
+  new Errors(store, { goTo: (state) => session.goTo(state) });
+  new Guess(session);
+  const comparison = new ComparisonView(session, jobs);
+  header(session, jobs);
+  globalThis.bench = { store, measured }; // to look at from the console
+  store.on(["stage", "view", "hand", "questions", "error", "worker"], () => arrange(session, comparison));
+  store.on(["notices"], ({ notices }) => at("#notices").replaceChildren(...notices.map((text) => el("p", { class: "warning small" }, text))));
+  store.on(["busy", "worker"], ({ busy, worker }) => {
+    document.body.setAttribute("aria-busy", String(Boolean(busy)));
+    at("#busy").textContent = worker === "restarting" ? "The worker stopped and is starting anew; nothing is lost …" : busy || "";
+  });
+  arrange(session, comparison);
+  session.begin().catch((refusal) => {
+    if (!refusal.told) throw refusal;
+    store.set({ stage: "failed", error: refusal.told });
+  });
+}
+
+function header(session, jobs) {
+  const { store } = session;
+  const save = downloads(session, jobs), guide = el("button", { type: "button", onclick: (event) => { store.set({ view: "bench" }); tour(event.target); } }, "Tour");
+  at("#tools").replaceChildren(el("span", { id: "busy", role: "status" }), save, el("a", { href: "/", class: "button" }, "Open …"), guide);
+  const ready = ({ hand }) => { for (const one of [save, guide]) one.hidden = !hand; };
+  store.on(["hand"], ready);
+  ready(store.now);
+  store.on(["name", "pad"], ({ name, pad }) => { at("#name").textContent = name || ""; document.title = [pad && `Pad ${pad}`, name, "qlvbayes"].filter(Boolean).join(" · "); });
+  store.on(["pads", "pad", "view"], ({ pads, pad, view }) => {
+    const tab = (text, on, go) => el("button", { type: "button", "data-key": text, "aria-pressed": String(on), onclick: go }, text);
+    refill(at("#views"), [...pads.map((one) => tab(`Pad ${one}`, view === "bench" && one === pad, () => {
+      history.replaceState(null, "", `#pad=${encodeURIComponent(one)}`);
+      store.set({ view: "bench" });
+      if (one !== store.now.pad) trying(() => session.choose(one));
+    })), ...(pads.length > 1 ? [tab("Compare pads", view === "compare", () => store.set({ view: "compare" }))] : [])]);
+  });
+}
+
+/** Shows the one part of the page that belongs to what the session is doing. */
+function arrange(session, comparison) {
+  const { store } = session, { stage, view, hand } = store.now;
+  const shown = stage === "asking" ? "#asking" : stage === "ready" && (hand || view === "compare") ? VIEWS[view] : "#wait";
+  const changed = at(shown).hidden;
+  for (const part of ["#wait", "#asking", "#panes", "#comparison"]) at(part).hidden = part !== shown;
+  if (shown === "#wait") waitFor(store.now);
+  if (!changed) return;
+  if (shown === "#asking") ask(session);
+  if (shown === "#comparison") comparison.open();
+  if (shown === "#panes" && firstVisit()) tour(null);
+}

@@ -1,0 +1,147 @@
+// One session: what the server knows of it, kept up to date by its events.
+import { get, post } from "./api.js";
+import { say, trouble, trying, calm } from "./say.js";
+
+export const RULE = { elastic: "elastic law", relaxation: "relaxation" };
+const modelOf = ({ elastic, relaxation, effects, values }) => ({ elastic, relaxation, effects, values });
+
+export class Session {
+  constructor(id, store) {
+    Object.assign(this, { id, store, path: `/api/s/${encodeURIComponent(id)}`, epoch: 0 });
+  }
+
+  padPath(pad = this.store.now.pad) { return `${this.path}/pads/${encodeURIComponent(pad)}`; }
+
+  async begin() {
+    await this.refresh();
+    this.listen();
+  }
+
+  /** Asks for the whole state, and loads the pad if it has become ready. */
+  async refresh() {
+    const state = await get(this.path);
+    const { name, stage, error, questions, pads, notices, guess, jobs, pad } = state;
+    this.store.set({ name, error, questions, pads, notices, guess, jobs, entries: pad, stage });
+    if (stage !== "ready") return;
+    const wanted = this.store.now.pad;
+    if (wanted && pad[wanted]) this.store.set({ entry: { ...pad[wanted], current: this.store.now.entry?.current ?? pad[wanted].current } });
+    else await (this.loading ??= this.choose(this.first(pads)).finally(() => { this.loading = null; }));
+  }
+
+  first(pads) {
+    const asked = decodeURIComponent((location.hash.match(/^#pad=(.+)$/) || [])[1] || "");
+    return pads.includes(asked) ? asked : pads[0];
+  }
+
+  /** What is needed to draw a pad: its entry, samples, catalogue. */
+  async load(pad) {
+    const entry = this.store.now.entries[pad] || (await post(`${this.padPath(pad)}/open`));
+    this.store.now.entries[pad] = entry;
+    const [measured, catalogue] = await Promise.all([get(`${this.padPath(pad)}/measured`), get(`${this.padPath(pad)}/catalogue`)]);
+    return { entry, tests: bySpeed(measured.tests), catalogue };
+  }
+
+  async choose(pad) {
+    this.epoch += 1;
+    this.store.set({ busy: `Opening pad ${pad} …` });
+    try {
+      const { entry, tests, catalogue } = await this.load(pad);
+      const state = entry.history.find((one) => one.id === entry.current);
+      const curves = await post(`${this.padPath(pad)}/curves`, modelOf(state));
+      this.store.set({ pad, entry, catalogue, tests, signatures: [], shown: null, hand: null, before: null });
+      await this.take(state, curves);
+    } finally { this.store.set({ busy: null }); }
+  }
+
+  /** Makes a state the one in hand. */
+  async take(state, curves) {
+    this.epoch += 1;
+    const { entry, entries, pad } = this.store.now, hand = { ...modelOf(state), values: { ...state.values, ...curves.values } };
+    const known = entry.history.some((one) => one.id === state.id);
+    const history = known ? entry.history.map((one) => (one.id === state.id ? { ...one, ...state } : one)) : [...entry.history, state];
+    const mark = this.epoch, path = this.padPath();
+    const [{ parameters }, before] = await Promise.all([post(`${path}/parameters`, hand), this.curvesBefore(state, history)]);
+    if (mark !== this.epoch) return;
+    const taken = { ...entry, history, current: state.id };
+    this.store.set({ entry: taken, entries: { ...entries, [pad]: taken }, hand, parameters, moved: false, shown: byTest(curves), before });
+  }
+
+  /** The curves of the state that this one came from, to see what changed. */
+  async curvesBefore(state, history) {
+    const parent = history.find((one) => one.id === state.parent);
+    if (!parent) return null;
+    return { id: parent.id, ...byTest(await post(`${this.padPath()}/curves`, modelOf(parent))) };
+  }
+
+  /** Asks for a new state: { fit }, { add, model }, { remove, model }, { keep }, { elastic, model }, ... */
+  async make(body, doing) { return this.change(doing, () => post(`${this.padPath()}/states`, body)); }
+
+  async goTo(id) { return this.change("Going back …", () => post(`${this.padPath()}/current`, { state: id })); }
+
+  async change(doing, ask) {
+    if (this.store.now.busy) return null;
+    this.epoch += 1;
+    calm();
+    this.store.set({ busy: doing });
+    const made = await trying(ask);
+    if (made) await trying(() => this.take(made.state, made.curves));
+    this.store.set({ busy: null });
+    return made;
+  }
+
+  listen() {
+    const events = new EventSource(`${this.path}/events`);
+    const on = (name, tell) => events.addEventListener(name, (event) => tell(JSON.parse(event.data || "{}")));
+    const again = () => trying(() => this.refresh());
+    on("hello", () => { if (this.lost) { this.lost = false; calm(); } again(); });
+    on("session", again);
+    on("result", again);
+    on("job", (job) => this.heardJob(job));
+    on("state", ({ pad, state }) => this.heardState(pad, state));
+    on("ranking", ({ pad, ranking, laws }) => this.amend(pad, laws ? { ranking, laws } : { ranking }));
+    on("worker", ({ worker }) => this.heardWorker(worker));
+    events.addEventListener("error", () => {
+      if (this.lost) return;
+      this.lost = true;
+      trouble(new Error("The server does not answer. Nothing is lost: the page goes on by itself once qlvbayes app runs again."));
+    });
+    addEventListener("pagehide", () => events.close());
+  }
+
+  heardJob(job) {
+    const jobs = this.store.now.jobs.filter((one) => one.id !== job.id);
+    this.store.set({ jobs: [...jobs, job].sort((a, b) => a.id.localeCompare(b.id, "en", { numeric: true })) });
+  }
+
+  heardState(pad, state) {
+    const entry = pad === this.store.now.pad ? this.store.now.entry : this.store.now.entries[pad];
+    if (!entry) return;
+    const known = entry.history.some((one) => one.id === state.id);
+    this.amend(pad, { history: known ? entry.history.map((one) => (one.id === state.id ? state : one)) : [...entry.history, state] });
+  }
+
+  amend(pad, changes) {
+    const { entries, entry } = this.store.now;
+    if (!entries?.[pad]) return;
+    const amended = { ...(pad === this.store.now.pad ? entry : entries[pad]), ...changes };
+    this.store.set({ entries: { ...entries, [pad]: amended }, ...(pad === this.store.now.pad ? { entry: amended } : {}) });
+  }
+
+  heardWorker(worker) {
+    this.store.set({ worker });
+    say(worker === "ready" ? "The worker is ready." : "The worker is starting anew; nothing is lost.");
+  }
+}
+
+/** Slowest first, as in the figures; tests without a rate last. */
+function bySpeed(tests) {
+  const rate = (test) => test.rate ?? Infinity;
+  return tests
+    .map((test) => ({ ...test, t: test.time, d: test.displacement, observed: test.force, phases: test.phases.map(({ kind, start, stop }) => [kind, start, stop]) }))
+    .sort((a, b) => (rate(a) === rate(b) ? 0 : rate(a) - rate(b)));
+}
+
+/** Curves of the server, with the model by name of the test. */
+export function byTest({ rmse, tests, cells, values }) {
+  return { rmse, cells, values, model: Object.fromEntries(tests.map((test) => [test.name, test.model])) };
+}

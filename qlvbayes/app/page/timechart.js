@@ -1,0 +1,91 @@
+// One chart against time: force, or residual. Knows nothing of what else is on the page.
+import { report } from "./report.js";
+
+const { Plot, axes, short } = report;
+const KEY = "bench"; // one cursor in all charts against time
+const MARK = "rgba(230, 159, 0, 0.22)";
+
+export class TimeChart {
+  /** hooks: { zoomed(min, max, chart), pointed(index or null, chart) }. */
+  constructor(host, height, hooks) {
+    Object.assign(this, { host, height, hooks, plot: null, marked: null });
+    new ResizeObserver(() => this.fit()).observe(host);
+  }
+
+  /** Draws afresh; lines = { series, values, bands, label } as the report makes them, time first. */
+  show(view, lines) {
+    const span = this.view === view && this.span ? this.span : view.whole();
+    this.view = view;
+    this.span = span;
+    this.names = namesOf(lines);
+    this.plot?.destroy();
+    lines.series[0].value = (u, place) => (place == null ? "–" : short(view.moment(place)[1]));
+    const [along, across] = axes(lines.label, view.many ? null : view.time);
+    this.plot = new Plot({
+      width: this.width(), height: this.height, bands: lines.bands, series: lines.series, axes: [view.axis(along), across],
+      scales: { x: { time: false, range: (u, min, max) => [min, max] } },
+      legend: { live: true, markers: { width: 0, fill: (chart, k) => lines.series[k].mark || lines.series[k].stroke } },
+      cursor: { drag: { x: true, y: false }, y: false, sync: { key: KEY } },
+      hooks: {
+        setScale: [(chart, key) => key === "x" && this.scaled(chart)],
+        setCursor: [(chart) => this.hooks.pointed(chart.cursor.left >= 0 ? chart.cursor.idx : null, this)],
+        drawClear: [(chart) => this.drawMarked(chart)],
+        draw: [(chart) => view.drawBorders(chart)],
+      },
+    }, lines.values, this.host);
+    this.plot.root.querySelectorAll(".u-series").forEach((row, k) => { row.hidden = !lines.series[k].label; });
+    this.plot.over.addEventListener("dblclick", () => this.zoom(...view.whole()));
+    this.zoom(...span);
+  }
+
+  /** New numbers for the same lines, or other lines; the zoom stays. */
+  update(view, lines) {
+    if (this.view !== view || this.names !== namesOf(lines)) return this.show(view, lines);
+    this.plot.setData(lines.values, false);
+    this.zoom(...this.span);
+  }
+
+  zoom(min, max) { this.plot?.setScale("x", { min, max }); }
+
+  scaled(chart) {
+    const { min, max } = chart.scales.x;
+    if (min == null || chart !== this.plot || (this.span && this.span[0] === min && this.span[1] === max)) return;
+    this.span = [min, max];
+    this.hooks.zoomed(min, max, this);
+  }
+
+  /** Puts the cursor on a sample, or takes it away. */
+  point(index) {
+    if (!this.plot) return;
+    const left = index == null ? -10 : this.plot.valToPos(this.view.x[index], "x");
+    this.plot.setCursor({ left, top: index == null ? -10 : 0.5 * this.plot.over.clientHeight });
+  }
+
+  /** Which samples are marked by a stretch of colour: a test of their index, or null. */
+  mark(marked) { this.marked = marked; this.plot?.redraw(false); }
+
+  drawMarked(chart) {
+    if (!this.marked) return;
+    const { ctx, bbox } = chart, { x, samples } = this.view;
+    ctx.save();
+    ctx.fillStyle = MARK;
+    const fill = (first, last) => {
+      const [left, right] = [first, last].map((k) => Math.min(Math.max(chart.valToPos(x[k], "x", true), bbox.left), bbox.left + bbox.width));
+      ctx.fillRect(left, bbox.top, Math.max(right - left, 1), bbox.height);
+    };
+    let first = null;
+    samples.forEach((sample, k) => {
+      const inside = sample && this.marked(k);
+      if (inside && first == null) first = k;
+      if (!inside && first != null) { fill(first, k - 1); first = null; }
+    });
+    if (first != null) fill(first, samples.length - 1);
+    ctx.restore();
+  }
+
+  width() { return Math.max(240, Math.floor(this.host.clientWidth)); }
+
+  fit() { if (this.plot && this.host.clientWidth && this.plot.width !== this.width()) this.plot.setSize({ width: this.width(), height: this.height }); }
+}
+
+const namesOf = (lines) => lines.series.map((series) => series.label).join("|");

@@ -1,0 +1,173 @@
+"""Who may ask, and what the browser may do with the answer.
+
+A page of another site can make the browser ask this server. It cannot read the token, set a header
+of its own without being allowed to, or hide where it comes from: so all three are looked at.
+"""
+
+from __future__ import annotations
+
+import secrets
+import socket
+from dataclasses import dataclass
+from http.cookies import CookieError, SimpleCookie
+from urllib.parse import parse_qsl, urlencode, urlsplit
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.responses import JSONResponse, RedirectResponse, Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+CHANGING = "x-qlvbayes"
+"""Header of requests that change something: no form sends it."""
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
+    "connect-src 'self'; font-src 'self'; form-action 'none'; base-uri 'none'; "
+    "frame-ancestors 'none'"
+)
+UPLOAD_LIMIT = 64 * 2**20  # bytes of an upload: an hour of three columns at 1 kHz as text
+BODY_LIMIT = 2**20  # bytes of any other request
+_HEADERS = {
+    "content-security-policy": POLICY,
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "no-referrer",
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+    "cache-control": "no-store",
+}
+_SAFE = ("GET", "HEAD")
+_HERE = {"localhost", "127.0.0.1"}
+_EVERYWHERE = {"0.0.0.0", "::"}
+
+
+class TooLargeError(Exception):
+    """A request is longer than it may be."""
+
+
+@dataclass(frozen=True)
+class Address:
+    """Where the server is reached: the Host headers and origins that are its own, and the cookie.
+
+    secure: whether it is reached by https only, through a proxy.
+    """
+
+    hosts: frozenset[str]
+    origins: frozenset[str]
+    cookie: str
+    secure: bool = False
+
+    @classmethod
+    def of(cls, host: str, port: int, behind: str | None = None) -> Address:
+        """Of a bound host and port, or of the address of a proxy before it."""
+        if behind is not None:
+            place = urlsplit(behind)
+            origin = f"{place.scheme}://{place.netloc}"
+            secure = place.scheme == "https"
+            return cls(frozenset({place.netloc}), frozenset({origin}), f"qlvbayes-{port}", secure)
+        names = {host}
+        if host in _HERE:
+            names |= _HERE
+        elif host in _EVERYWHERE:
+            names |= _HERE | _own_names()
+        hosts = frozenset(f"[{name}]:{port}" if ":" in name else f"{name}:{port}" for name in names)
+        return cls(hosts, frozenset(f"http://{one}" for one in hosts), f"qlvbayes-{port}")
+
+
+class Guard:
+    """Lets pass what has the token and comes from the server's own page; adds the headers."""
+
+    def __init__(self, app: ASGIApp, *, token: str, address: Address) -> None:
+        self.app = app
+        self.token = token
+        self.address = address
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """One request."""
+        if scope["type"] == "lifespan":
+            await self.app(scope, receive, send)
+            return
+        if scope["type"] != "http":
+            raise RuntimeError("only http is served")
+
+        async def answered(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                headers = MutableHeaders(scope=message)
+                for name, value in _HEADERS.items():
+                    headers[name] = value
+            await send(message)
+
+        refused = self._refused(scope)
+        if refused is not None:
+            await refused(scope, receive, answered)
+            return
+        limit = UPLOAD_LIMIT if scope["path"] == "/api/upload" else BODY_LIMIT
+        await self.app(scope, _limited(receive, limit), answered)
+
+    def _refused(self, scope: Scope) -> Response | None:
+        headers = Headers(scope=scope)
+        if headers.get("host", "") not in self.address.hosts:
+            return _refusal("this server is not called so", "use the address that it printed")
+        origin = headers.get("origin")
+        if origin is not None and origin not in self.address.origins:
+            return _refusal("the request comes from another page", "use the page itself")
+        if scope["method"] not in _SAFE and headers.get(CHANGING) != "1":
+            return _refusal("the request lacks its header", f"send {CHANGING}: 1")
+        query = dict(parse_qsl(scope["query_string"].decode("latin-1")))
+        given = query.pop("token", None)
+        if given is not None and scope["method"] == "GET" and self._right(given):
+            return self._entered(scope["path"], query)
+        if self._right(self._shown(headers)):
+            return None
+        return _refusal("the token is missing or wrong", "open the address that the server printed")
+
+    def _right(self, token: str) -> bool:
+        return secrets.compare_digest(token.encode(), self.token.encode())
+
+    def _shown(self, headers: Headers) -> str:
+        word, _, token = headers.get("authorization", "").partition(" ")
+        if word == "Bearer":
+            return token
+        try:
+            cookie = SimpleCookie(headers.get("cookie", "")).get(self.address.cookie)
+        except CookieError:
+            return ""
+        return "" if cookie is None else cookie.value
+
+    def _entered(self, path: str, query: dict[str, str]) -> Response:
+        """To the same address without the token, which neither the bar nor the history keeps."""
+        # one slash: two would name another host
+        target = "/" + path.lstrip("/\\") + (f"?{urlencode(query)}" if query else "")
+        answer = RedirectResponse(target, status_code=303)
+        answer.set_cookie(
+            self.address.cookie, self.token, httponly=True, samesite="strict",
+            secure=self.address.secure,
+        )  # fmt: skip
+        return answer
+
+
+def _own_names() -> set[str]:
+    """Names and addresses of this machine, as it knows them itself."""
+    name = socket.gethostname()
+    try:
+        _, aliases, addresses = socket.gethostbyname_ex(name)
+    except OSError:
+        aliases, addresses = [], []
+    return {name, socket.getfqdn(), *aliases, *addresses}
+
+
+def _limited(receive: Receive, limit: int) -> Receive:
+    taken = 0
+
+    async def limited() -> Message:
+        nonlocal taken
+        message = await receive()
+        taken += len(message.get("body", b""))
+        if taken > limit:
+            raise TooLargeError
+        return message
+
+    return limited
+
+
+def _refusal(message: str, remedy: str) -> Response:
+    content = {"message": message, "file": None, "line": None, "remedy": remedy}
+    content["text"] = f"{message}; {remedy}"
+    return JSONResponse({"error": content}, status_code=403)

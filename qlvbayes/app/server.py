@@ -1,0 +1,196 @@
+"""The server: its parts put together, its life, and what it prints."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+import sys
+import webbrowser
+from collections.abc import AsyncIterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NoReturn
+
+import uvicorn
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
+from starlette.formparsers import MultiPartException
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+
+from qlvbayes.app.calls import Calls
+from qlvbayes.app.desk import Desk
+from qlvbayes.app.events import Events
+from qlvbayes.app.failures import RefusedError, Told, told
+from qlvbayes.app.jobs import Jobs
+from qlvbayes.app.routes import Routes
+from qlvbayes.app.security import UPLOAD_LIMIT, Address, Guard, TooLargeError
+from qlvbayes.app.sessions import Session, Sessions
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to serve.
+
+    token: what whoever asks must know; sessions: their folder; open: what to show at first, a file
+    of measurements, a folder of results or a saved session; behind: the address of a proxy through
+    which the server is reached.
+    """
+
+    token: str
+    sessions: str
+    host: str = "127.0.0.1"
+    port: int = 0
+    open: str | None = None
+    browser: bool = True
+    effects_file: str | None = None
+    behind: str | None = None
+
+
+def _error(status: int, content: Told) -> Response:
+    return JSONResponse({"error": content}, status_code=status)
+
+
+async def _refused(request: Request, error: Exception) -> Response:
+    assert isinstance(error, RefusedError)
+    return _error(error.status, error.told)
+
+
+async def _http(request: Request, error: Exception) -> Response:
+    assert isinstance(error, HTTPException)
+    return _error(error.status_code, told(str(error.detail).lower()))
+
+
+async def _too_large(request: Request, error: Exception) -> Response:
+    limit = f"{UPLOAD_LIMIT // 2**20} MB"
+    return _error(413, told("the upload is too large", f"send less than {limit}, or .csv.gz"))
+
+
+async def _malformed(request: Request, error: Exception) -> Response:
+    return _error(422, told("the upload is malformed", "send the file again"))
+
+
+async def _failed(request: Request, error: Exception) -> Response:
+    return _error(500, told(f"internal error ({type(error).__name__})", "report it"))
+
+
+def application(options: Options, address: Address) -> Starlette:
+    """The whole server; its life begins and ends the processes."""
+    events = Events()
+    calls = Calls(lambda status: events.tell_all("worker", {"worker": status}))
+    jobs = Jobs(events)
+    desk = Desk(Sessions(Path(options.sessions)), calls, jobs, events, options.effects_file)
+
+    @contextlib.asynccontextmanager
+    async def life(app: Starlette) -> AsyncIterator[None]:
+        calls.start()
+        app.state.warming = asyncio.create_task(_warm(calls, jobs))
+        yield
+        app.state.warming.cancel()
+        desk.close()
+        events.close()
+        await jobs.close()
+        await calls.close()
+
+    app = Starlette(
+        routes=Routes(desk).all(),
+        lifespan=life,
+        exception_handlers={
+            RefusedError: _refused,
+            HTTPException: _http,
+            TooLargeError: _too_large,
+            MultiPartException: _malformed,
+            Exception: _failed,
+        },
+    )
+    app.add_middleware(Guard, token=options.token, address=address)
+    app.state.desk = desk
+    return app
+
+
+async def _warm(calls: Calls, jobs: Jobs) -> None:
+    """The spare process, once the worker no longer needs the cores to start."""
+    while calls.status != "ready":
+        await asyncio.sleep(0.2)
+    jobs.warm()
+
+
+def serve(options: Options) -> None:
+    """Serve until interrupted; prints the address, and opens it in the browser if wanted."""
+    try:
+        Path(options.sessions).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        _stop(f"{options.sessions}: {error.strerror}; choose another folder with --sessions")
+    listening = _bound(options.host, options.port)
+    port = int(listening.getsockname()[1])
+    address = Address.of(options.host, port, options.behind)
+    app = application(options, address)
+    base = options.behind or f"http://{_in_url(options.host)}:{port}"
+    config = uvicorn.Config(
+        app, log_level="warning", access_log=False, server_header=False, proxy_headers=False,
+        timeout_graceful_shutdown=1,
+    )  # fmt: skip
+    server = _Server(config, app, options, base.rstrip("/"))
+    server.run(sockets=[listening])
+
+
+class _Server(uvicorn.Server):
+    """Tells its address once it can be asked."""
+
+    def __init__(self, config: uvicorn.Config, app: Starlette, options: Options, base: str) -> None:
+        super().__init__(config)
+        self._app = app
+        self._options = options
+        self._base = base
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """As always; then open what was asked for, and tell."""
+        await super().startup(sockets=sockets)
+        path = "/"
+        if self._options.open is not None:
+            path = f"/s/{_opened(self._app.state.desk, Path(self._options.open)).id}"
+        url = f"{self._base}{path}?token={self._options.token}"
+        print(f"the bench is at {url}\nCtrl-C ends it", flush=True)
+        if self._options.browser:
+            await run_in_threadpool(webbrowser.open, url)
+
+    def handle_exit(self, sig: int, frame: Any) -> None:
+        """The streams of events are ended first: they never end by themselves."""
+        self._app.state.desk.events.close()
+        super().handle_exit(sig, frame)
+
+
+def _opened(desk: Desk, path: Path) -> Session:
+    """A session of a file or folder that the command line names."""
+    if path.is_dir():
+        return desk.open_results(path)
+    session = desk.sessions.new(path.name)
+    desk.begin(session, [path])
+    return session
+
+
+def _bound(host: str, port: int) -> socket.socket:
+    """A socket that listens; one plain line where it cannot."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    listening = socket.socket(family, socket.SOCK_STREAM)
+    listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listening.bind((host, port))
+    except OSError as error:
+        reason = error.strerror or str(error)
+        _stop(f"cannot listen at {host} port {port} ({reason}); choose another --port")
+    return listening
+
+
+def _stop(text: str) -> NoReturn:
+    """One plain line, as every command ends."""
+    print(f"qlvbayes: {text}", file=sys.stderr)
+    raise SystemExit(2)
+
+
+def _in_url(host: str) -> str:
+    if host in ("0.0.0.0", "::"):
+        return socket.gethostname()
+    return f"[{host}]" if ":" in host else host

@@ -1,0 +1,260 @@
+"""Sessions: a folder each, an ordinary OUT of the commands, with ``bench.json`` beside.
+
+What stands in ``bench.json`` is all that a session remembers: who opens it anew finds every state.
+"""
+
+from __future__ import annotations
+
+import datetime
+import json
+import secrets
+import shutil
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from qlvbayes.app.failures import Told, refused
+from qlvbayes.files import write_json
+
+BENCH = "bench.json"
+_PRIVATE = ".private"  # uploads, and truths that are not to be told yet
+
+
+@dataclass
+class State:
+    """A model by hand in the history: an entry as in docs/app_api.md.
+
+    begun: the constants that its fit began from.
+    """
+
+    id: int
+    parent: int | None
+    how: str
+    elastic: str
+    relaxation: str
+    effects: list[str]
+    values: dict[str, float]
+    rmse: float | None
+    heldout: float | None = None
+    begun: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def model(self) -> dict[str, Any]:
+        """As in the body of a request."""
+        return {
+            "elastic": self.elastic,
+            "relaxation": self.relaxation,
+            "effects": self.effects,
+            "values": self.values,
+        }
+
+
+@dataclass
+class OnBench:
+    """A pad of a session: facts (units, noise, tests) and the history of its states.
+
+    sampled: the state whose model was sampled last; bands: of that, as they go to the page.
+    """
+
+    facts: dict[str, Any] = field(default_factory=dict)
+    history: list[State] = field(default_factory=list)
+    current: int = 0
+    sampled: int | None = None
+    bands: dict[str, Any] | None = None
+
+    def add(self, how: str, model: dict[str, Any], rmse: float | None, begun: Any) -> State:
+        """A new state, which is current from now on."""
+        number = max((state.id for state in self.history), default=-1) + 1
+        parent = self.current if self.history else None
+        state = State(number, parent, how, rmse=rmse, begun=begun or {}, **model)
+        self.history.append(state)
+        self.current = number
+        return state
+
+    def state(self, number: int) -> State:
+        """Of that number; RefusedError where there is none."""
+        for state in self.history:
+            if state.id == number:
+                return state
+        raise refused(404, f"no state {number}", "ask for the session's state")
+
+
+@dataclass
+class Session:
+    """One session. stage, error, questions, guess: as in docs/app_api.md; data: the tidy file."""
+
+    id: str
+    folder: Path
+    private: Path
+    name: str
+    stage: str = "reading"
+    error: Told | None = None
+    questions: dict[str, Any] | None = None
+    notices: list[str] = field(default_factory=list)
+    pads: list[str] = field(default_factory=list)
+    data: str = ""
+    guess: dict[str, Any] | None = None
+    bench: dict[str, OnBench] = field(default_factory=dict)
+    deal: int | None = None
+    uploads: list[str] = field(default_factory=list)
+
+    @property
+    def hides(self) -> bool:
+        """Whether a guess is owed, so that nothing may be told."""
+        return self.guess is not None and self.guess["given"] is None
+
+    @property
+    def truth(self) -> Path:
+        """Where what was hidden is kept, if anything was."""
+        return self.private / "truth.json"
+
+    def pad(self, name: str) -> OnBench:
+        """A pad that lies on the bench; RefusedError where it does not."""
+        if name not in self.bench:
+            raise refused(404, f"the pad {name!r} is not open", "open it first")
+        return self.bench[name]
+
+    def shown(self) -> dict[str, Any]:
+        """What the page shows of it, but for the jobs."""
+        return {
+            "id": self.id,
+            "name": self.name,
+            "stage": self.stage,
+            "error": self.error,
+            "questions": self.questions,
+            "pads": self.pads,
+            "notices": self.notices,
+            "guess": self.guess,
+            "pad": {name: self._pad(name, own) for name, own in self.bench.items()},
+        }
+
+    def _pad(self, name: str, own: OnBench) -> dict[str, Any]:
+        diagnosis = None if self.hides else self._diagnosis(name)
+        return {
+            **own.facts,
+            "current": own.current,
+            "history": [entry(state) for state in own.history],
+            "ranking": None if diagnosis is None else ranking(diagnosis),
+            "diagnosis": diagnosis,
+            "bands": own.bands,
+        }
+
+    def _diagnosis(self, pad: str) -> dict[str, Any] | None:
+        """What a diagnosis left in the pad's folder, if there was one."""
+        file = self.folder / pad / "diagnosis.json"
+        try:
+            found: dict[str, Any] = json.loads(file.read_text())
+            text = file.with_suffix(".txt").read_text()
+        except (OSError, ValueError):
+            return None
+        return found | {"text": [one for one in text.split("\n\n") if one.strip()]}
+
+    def save(self) -> None:
+        """Write ``bench.json``."""
+        pads = {
+            name: {
+                "current": own.current,
+                "sampled": own.sampled,
+                "facts": own.facts,
+                "history": [asdict(state) for state in own.history],
+            }
+            for name, own in self.bench.items()
+        }
+        content = {"schema": 1, "name": self.name, "data": Path(self.data).name}
+        content |= {"notices": self.notices, "guess": self.guess, "pads": pads}
+        self.folder.mkdir(parents=True, exist_ok=True)
+        write_json(self.folder / BENCH, content)
+
+    def load(self) -> None:
+        """What ``bench.json`` remembers; nothing where there is none, or it is no JSON of ours."""
+        try:
+            content = json.loads((self.folder / BENCH).read_text())
+            pads = {
+                name: OnBench(
+                    own["facts"],
+                    [State(**state) for state in own["history"]],
+                    own["current"],
+                    own["sampled"],
+                )
+                for name, own in content["pads"].items()
+            }
+            self.name, self.guess = str(content["name"]), content["guess"]
+            self.notices, name = list(content["notices"]), str(content["data"])
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            return
+        self.bench = pads
+        if name and "/" not in name and "\\" not in name and (self.folder / name).is_file():
+            self.data = str(self.folder / name)
+
+
+def entry(state: State) -> dict[str, Any]:
+    """As in the history."""
+    found = asdict(state)
+    del found["begun"]
+    return found
+
+
+def ranking(diagnosis: dict[str, Any]) -> list[dict[str, Any]]:
+    """Effects with their probabilities of being in the model, as a diagnosis has them."""
+    return [
+        {"effect": one["effect"], "probability": one.get("inclusion"), "heldout": None}
+        for one in diagnosis.get("ranking", [])
+    ]
+
+
+class Sessions:
+    """All sessions of a server, below one folder, and folders of results opened in place."""
+
+    def __init__(self, root: Path) -> None:
+        self._root = root
+        self._open: dict[str, Session] = {}
+
+    def new(self, name: str, folder: Path | None = None) -> Session:
+        """An empty one; folder: of results that are there already."""
+        number = secrets.token_urlsafe(9)
+        where = self._root / number if folder is None else folder
+        session = Session(number, where, self._root / _PRIVATE / number, name)
+        self._open[number] = session
+        return session
+
+    def get(self, number: str) -> Session:
+        """The session of that id; RefusedError where there is none."""
+        if number not in self._open:
+            folder = self._root / number
+            if not _is_id(number) or not (folder / BENCH).is_file():
+                raise refused(404, "there is no such session", "open the measurements again")
+            session = Session(number, folder, self._root / _PRIVATE / number, number, "closed")
+            session.load()
+            self._open[number] = session
+        return self._open[number]
+
+    def known(self) -> list[dict[str, str]]:
+        """Of all that lie below the folder, the last first."""
+        found = []
+        for file in sorted(self._root.glob(f"*/{BENCH}"), key=_changed, reverse=True):
+            try:
+                name = str(json.loads(file.read_text())["name"])
+            except (OSError, ValueError, KeyError, TypeError):
+                continue
+            when = datetime.datetime.fromtimestamp(_changed(file), datetime.UTC)
+            text = when.isoformat(timespec="seconds").replace("+00:00", "Z")
+            found.append({"id": file.parent.name, "name": name, "changed": text})
+        return found
+
+    def forget(self, session: Session) -> None:
+        """Remove it, and its folder where that is the server's own."""
+        self._open.pop(session.id, None)
+        shutil.rmtree(session.private, ignore_errors=True)
+        if session.folder.parent == self._root:
+            shutil.rmtree(session.folder, ignore_errors=True)
+
+
+def _is_id(text: str) -> bool:
+    return bool(text) and all(c.isalnum() or c in "-_" for c in text) and text.isascii()
+
+
+def _changed(file: Path) -> float:
+    try:
+        return file.stat().st_mtime
+    except OSError:
+        return 0.0

@@ -1,0 +1,62 @@
+"""Tables that a session gives away: residuals by sample, and the constants with their fit."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping
+
+from qlvbayes.bench.bench import Bench, Look
+from qlvbayes.bench.model import ByHand
+from qlvbayes.units import column_name
+
+
+def residuals_csv(bench: Bench, look: Look) -> str:
+    """A row per sample looked at: measured, modelled, what is left."""
+    units, samples = bench.experiment.units, bench.samples
+    way = column_name(units.displacement_name, "" if units.dimensionless else units.displacement)
+    force = column_name(units.force_name, units.force)
+    out = io.StringIO()
+    rows = csv.writer(out, lineterminator="\n")
+    rows.writerow(
+        ["pad", "test", "phase", "time_s", way, force, f"model_{units.force}",
+         f"residual_{units.force}"]
+    )  # fmt: skip
+    for k, trial in enumerate(samples.trials):
+        own = samples.rows[k]
+        columns = zip(
+            samples.phases(k).tolist(),
+            trial.test.time[own].tolist(),
+            trial.test.displacement[own].tolist(),
+            trial.test.force[own].tolist(),
+            look.forces[k].tolist(),
+            strict=True,
+        )
+        for phase, time, depth, measured, modelled in columns:
+            rows.writerow(
+                [bench.experiment.pad, trial.name, phase, f"{time:.6f}", f"{depth:.8g}",
+                 f"{measured:.8g}", f"{modelled:.8g}", f"{measured - modelled:.8g}"]
+            )  # fmt: skip
+    return out.getvalue()
+
+
+def constants_csv(bench: Bench, model: ByHand, begun: Mapping[str, float]) -> str:
+    """A row per constant: value, unit, where its fit began, prior, and what was fitted."""
+    trials = bench.samples.trials
+    tests = " ".join(trial.name for trial in trials)
+    first = min(float(trial.test.time[0]) for trial in trials)
+    last = max(float(trial.test.time[-1]) for trial in trials)
+    out = io.StringIO()
+    rows = csv.writer(out, lineterminator="\n")
+    rows.writerow(
+        ["pad", "parameter", "value", "unit", "initial", "prior_low", "prior_high", "belongs_to",
+         "fitted_tests", "fitted_from_s", "fitted_to_s"]
+    )  # fmt: skip
+    for one in bench.sliders(model):
+        initial = begun.get(one.name)
+        rows.writerow(
+            [bench.experiment.pad, one.name, f"{one.value:.8g}", one.unit,
+             "" if initial is None else f"{initial:.8g}", f"{one.prior[0]:.4g}",
+             f"{one.prior[1]:.4g}", one.owner, tests, f"{first:.6g}", f"{last:.6g}"]
+        )  # fmt: skip
+    return out.getvalue()

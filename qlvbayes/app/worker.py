@@ -1,0 +1,111 @@
+"""The worker: one warm process that computes what the page asks for, one call after another.
+
+What takes long (errors on what is left out) goes on between the calls, a piece at a time. Of
+several waiting calls for curves from one tab only the last is computed.
+"""
+
+from __future__ import annotations
+
+import json
+import queue
+from collections import deque
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from qlvbayes.app.childpipes import Parent
+from qlvbayes.app.failures import RefusedError, refused, told_of
+from qlvbayes.app.numbers import CALLS
+from qlvbayes.checks import InputError
+from qlvbayes.runtime import one_blas_thread
+
+Request = dict[str, Any]
+Pieces = Iterator[Any]
+"""A computation in pieces: None while there is more, at last its answer."""
+
+
+class Worker:
+    """A queue of requests, and work in pieces beside it."""
+
+    def __init__(self, parent: Parent, calls: dict[str, Callable[..., Any]]) -> None:
+        self._parent = parent
+        self._calls = calls
+        self._heard: queue.SimpleQueue[Request] = queue.SimpleQueue()
+        self._waiting: deque[Request] = deque()
+        self._pieces: deque[tuple[Request, Pieces]] = deque()
+
+    def run(self) -> None:
+        """Until the server has gone."""
+        self._parent.listen(self._heard.put)
+        self._parent.tell({"ready": True})
+        while True:
+            self._gather(block=not self._waiting and not self._pieces)
+            if self._waiting:
+                self._answer(self._waiting.popleft())
+            elif self._pieces:
+                self._go_on(*self._pieces.popleft())
+
+    def _gather(self, *, block: bool) -> None:
+        """All that was heard meanwhile."""
+        while True:
+            try:
+                self._waiting.append(self._heard.get(block=block))
+            except queue.Empty:
+                return
+            block = False
+
+    def _answer(self, request: Request) -> None:
+        if self._overtaken(request):
+            self._fail(request, refused(409, "overtaken"))
+            return
+        try:
+            answer = self._calls[request["call"]](**request["arguments"])
+        except Exception as error:  # one bad call must not end the worker
+            self._fail(request, error)
+            return
+        if isinstance(answer, Iterator):
+            self._pieces.append((request, answer))
+        else:
+            self._succeed(request, answer)
+
+    def _go_on(self, request: Request, pieces: Pieces) -> None:
+        try:
+            answer = next(pieces)
+        except Exception as error:
+            self._fail(request, error)
+            return
+        if answer is None:
+            self._pieces.append((request, pieces))
+        else:
+            self._succeed(request, answer)
+
+    def _overtaken(self, request: Request) -> bool:
+        """Whether a later call of the same tab for curves waits."""
+        tab = request["arguments"].get("tab")
+        return bool(tab) and any(
+            other["call"] == request["call"] and other["arguments"].get("tab") == tab
+            for other in self._waiting
+        )
+
+    def _succeed(self, request: Request, answer: Any) -> None:
+        payload = json.dumps(answer, allow_nan=False, separators=(",", ":")).encode()
+        self._parent.tell({"number": request["number"], "bytes": len(payload)}, payload)
+
+    def _fail(self, request: Request, error: Exception) -> None:
+        line = {"number": request["number"], "bytes": 0, "status": 500}
+        if isinstance(error, RefusedError):
+            line |= {"status": error.status, "error": error.told}
+        else:
+            status = 422 if isinstance(error, InputError) else 500
+            line |= {"status": status, "error": told_of(error)}
+        self._parent.tell(line)
+
+
+def main() -> None:
+    """Answer until the server has gone."""
+    parent = Parent()
+    with one_blas_thread():
+        Worker(parent, CALLS).run()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""A model laid over the measurements by hand: sliders, signatures, refits, errors left out."""

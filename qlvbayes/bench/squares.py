@@ -1,0 +1,100 @@
+r"""Least squares from where the sliders stand.
+
+Of block means with residual r and slopes J, weighed by the measured noise of each as if blocks were
+independent, what is minimised is
+
+.. math:: \ell = \tfrac12 r^T r - \ln \pi(\theta),
+
+by damped Gauss-Newton steps within the priors' bounds; the priors \pi keep in place what the tests
+do not tell.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qlvbayes.inference.density import Density, Point, Terms
+from qlvbayes.inference.modes import bounded_step, promised
+from qlvbayes.inference.space import Hypothesis
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_STEPS = 60  # tried at most
+_ENOUGH = 1e-3  # relative fall of the sum of squares that a step must promise
+_DAMPING = (1e-3, 1e-7, 1e9)  # first, least, most
+
+
+@dataclass(frozen=True, eq=False)
+class Squares:
+    """The sum of squares of a density's block means; weights (n,): one over a block's sd (1/N)."""
+
+    density: Density
+    weights: Array
+    _force: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        force = np.asarray(self.density.space.record.blocks.force)
+        object.__setattr__(self, "_force", force[self.density.space.real])
+
+    @classmethod
+    def of(cls, density: Density, white: float, correlated: float) -> Squares:
+        """Under noise of these sds (N) of a reading: the one averages out in a block."""
+        blocks = density.space.record.blocks
+        count, weight = (np.asarray(x)[density.space.real] for x in (blocks.count, blocks.weight))
+        return cls(density, 1.0 / np.hypot(white * weight / np.sqrt(count), correlated))
+
+    def without(self, left_out: Mask) -> Squares:
+        """With some of the n block means left out."""
+        return Squares(self.density, np.where(left_out, 0.0, self.weights))
+
+    def weighed(self, force: Array) -> Array:
+        """(..., n) of a force (..., T, B): its block means over their noise."""
+        return np.asarray(force[..., self.density.space.real] * self.weights)
+
+    def residual(self, point: Point) -> Array:
+        """(n,) measured less modelled, over the noise."""
+        return (self._force - point.predicted[self.density.space.real]) * self.weights
+
+    def terms(self, point: Point) -> Terms:
+        """Loss, gradient and curvature at a place."""
+        residual, slopes = self.residual(point), self.weighed(point.responses)
+        return Terms(
+            0.5 * float(residual @ residual) + point.prior.loss,
+            point.prior.gradient - slopes @ residual,
+            point.prior.curvature + slopes @ slopes.T,
+        )
+
+    def costs(self, hypothesis: Hypothesis, thetas: Array) -> Array:
+        """(K,) sums of squares of thetas (K, F); infinite where a force is."""
+        own = self.density.space.parameters(hypothesis)
+        force = self.density.space.forces(hypothesis, own.constants(thetas))
+        apart = (self._force - force[:, self.density.space.real]) * self.weights
+        with np.errstate(over="ignore"):
+            return np.nan_to_num(np.sum(apart**2, axis=1), nan=np.inf)
+
+    def least(self, hypothesis: Hypothesis, theta: Array) -> Point | None:
+        """The place of least loss reached from theta (F,); None where its force is not finite."""
+        point = self.density.at(hypothesis, theta)
+        if point is None:
+            return None
+        here, (damping, least, most) = self.terms(point), _DAMPING
+        for _ in range(_STEPS):
+            step = bounded_step(here, damping, point)
+            promise = promised(here, step)
+            if promise < _ENOUGH * max(abs(here.loss), 1.0) and damping <= 1.0:
+                break
+            found = self.density.at(hypothesis, point.own.within(point.theta + step))
+            after = self.terms(found) if found is not None else None
+            if found is None or after is None or not after.loss < here.loss:
+                damping *= 10.0
+                if damping > most:
+                    break
+                continue
+            gain = (here.loss - after.loss) / max(promise, 1e-300)
+            damping = max(damping * (0.1 if gain > 0.5 else 1.0 if gain > 0.1 else 4.0), least)
+            point, here = found, after
+        return point

@@ -1,0 +1,91 @@
+"""``qlvbayes app``: the bench in the browser."""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import qlvbayes.app
+from qlvbayes.checks import InputError
+from qlvbayes.cli.options import EffectsFile
+from qlvbayes.effects.userfile import load
+
+_NEEDED = ("starlette", "uvicorn", "python_multipart")
+
+
+def app_command(
+    file: Annotated[
+        Path | None,
+        typer.Argument(
+            help="Measurements, a folder of results, or a saved session (.zip).",
+            show_default=False,
+        ),
+    ] = None,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port; 0 takes a free one.")] = 0,
+    host: Annotated[
+        str,
+        typer.Option(
+            help="Address to listen at. Any but 127.0.0.1 lets other machines in: whoever has the "
+            "token sees all sessions and uses this machine, and nothing is encrypted.",
+        ),
+    ] = "127.0.0.1",
+    behind: Annotated[
+        str | None,
+        typer.Option(
+            help="Address of a proxy that encrypts, as https://bench.lab.example: the one under "
+            "which the page is then reached.",
+            show_default=False,
+        ),
+    ] = None,
+    sessions: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder of the sessions. Default: qlvbayes/sessions in the user's data folder.",
+            show_default=False,
+        ),
+    ] = None,
+    browser: Annotated[
+        bool, typer.Option("--browser/--no-browser", help="Open the browser.")
+    ] = True,
+    effects_file: EffectsFile = None,
+) -> None:
+    """Open the bench in the browser: curves, sliders, effects to add and to take out, jobs.
+
+    Serves one page at an address of this machine, with a token that only this terminal shows.
+    """
+    if missing := [name for name in _NEEDED if find_spec(name) is None]:
+        raise InputError(
+            f"the bench needs {', '.join(missing)}", remedy="pip install 'qlvbayes[app]'"
+        )
+    if file is not None and not file.exists():
+        raise InputError("no such file", file=file, remedy="check the path")
+    if behind is not None and not behind.startswith(("http://", "https://")):
+        raise InputError(f"no address {behind!r}", remedy="write https://NAME")
+    if effects_file is not None:
+        load(effects_file)
+    options = {
+        "token": secrets.token_urlsafe(32),
+        "sessions": str((sessions or _data_folder()).resolve()),
+        "host": host,
+        "port": port,
+        "behind": behind,
+        "open": None if file is None else str(file.resolve()),
+        "browser": browser,
+        "effects_file": None if effects_file is None else str(effects_file.resolve()),
+    }
+    # an interpreter without JAX takes this one's place
+    serve = Path(qlvbayes.app.__file__).with_name("serve.py")
+    sys.stdout.flush()
+    os.execv(sys.executable, [sys.executable, "-P", str(serve), json.dumps(options)])
+
+
+def _data_folder() -> Path:
+    base = os.environ.get("XDG_DATA_HOME") or str(Path.home() / ".local" / "share")
+    return Path(base) / "qlvbayes" / "sessions"

@@ -1,0 +1,313 @@
+"""The bench in a real browser: open, see, guess, add, watch the error fall, take out, save."""
+
+import os
+import re
+import shutil
+import signal
+import statistics
+import subprocess
+import zipfile
+from pathlib import Path
+
+import pytest
+from running_app import Visit, errors, now, running_app, until
+
+from qlvbayes.checks import InputError
+from qlvbayes.data import read_study
+
+sync_api = pytest.importorskip("playwright.sync_api", reason="no playwright: bench not opened")
+for needed in ("starlette", "uvicorn", "python_multipart"):
+    pytest.importorskip(needed, reason=f"no {needed}: bench not opened")
+expect = sync_api.expect
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+BROKEN = """test,time_s,displacement_mm,force_N
+a,0,0,0
+a,0.1,0.1,0.05
+a,0.05,0.2,0.10
+a,0.3,0.3,0.20
+"""
+UNCLEAR = "Time;Pos;Load\n" + "".join(
+    f"{0.01 * k:.2f};{min(0.01 * k, 1.0):.3f};{1000.0 * min(0.01 * k, 1.0) ** 1.5:.2f}\n"
+    for k in range(300)
+)
+NAMELESS = """all => all.filter(one => one.checkVisibility() && !(one.getAttribute("aria-label") ||
+    one.textContent.trim() || one.labels?.length || one.getAttribute("aria-labelledby")))
+    .map(one => one.outerHTML)"""
+PATIENCE = 300_000  # ms, as in the visit
+
+
+def chromium():
+    """A browser of this machine, or None; none is downloaded."""
+    return next(filter(None, map(shutil.which, BROWSERS)), None)
+
+
+@pytest.fixture(scope="module")
+def browser():
+    if (found := chromium()) is None:
+        pytest.skip(f"none of {', '.join(BROWSERS)} is installed: the bench was not opened in one")
+    expect.set_options(timeout=PATIENCE)
+    with sync_api.sync_playwright() as playwright:
+        running = playwright.chromium.launch(executable_path=found, args=["--no-sandbox"])
+        yield running
+        running.close()
+
+
+@pytest.fixture(scope="module")
+def app(tmp_path_factory):
+    with running_app(tmp_path_factory.mktemp("sessions")) as running:
+        yield running
+
+
+@pytest.fixture
+def visit(browser, app):
+    opened = Visit(browser, app)
+    yield opened
+    assert opened.elsewhere == []
+    opened.close()
+
+
+def drop(page, name, text):
+    """Let a file fall on the page, as from the desktop."""
+    files = page.evaluate_handle(
+        "([name, text]) => { const files = new DataTransfer();"
+        " files.items.add(new File([text], name, { type: 'text/csv' })); return files; }",
+        [name, text],
+    )
+    page.locator(".drop").dispatch_event("drop", {"dataTransfer": files})
+
+
+def cell(page, test, phase):
+    return page.locator("#map tr", has_text=test).get_by_role("button", name=f"{phase} of {test}")
+
+
+def takes(page, effect):
+    """Share of the squared residual that a drawn effect would take (%)."""
+    row = page.locator(".effects li", has=page.get_by_role("button", name=f"Draw it {effect}"))
+    row.get_by_role("button", name=f"Draw it {effect}", exact=True).click()
+    return float(re.search(r"take (?:[<>] )?(\d+) %", row.locator(".drawn").inner_text())[1])
+
+
+def test_the_first_page_shows_what_can_be_opened_and_says_no_word_on_the_console(visit):
+    page = visit.page
+    expect(page.get_by_role("button", name="Open hidden")).to_be_visible()
+    expect(page.get_by_role("button", name="Deal me a pad")).to_be_visible()
+    assert "token" not in page.url
+    assert page.locator("button, input, select, a").evaluate_all(NAMELESS) == []
+    assert visit.said == []
+
+
+def test_a_broken_file_that_is_dropped_is_refused_in_the_words_of_the_command(visit, tmp_path):
+    path = tmp_path / "broken.csv"
+    path.write_text(BROKEN)
+    with pytest.raises(InputError) as refused:
+        read_study(path)
+    expect(visit.page.locator(".drop")).to_be_visible()
+    drop(visit.page, "broken.csv", BROKEN)
+    line = visit.page.locator("#wait .wrong, #start .wrong").filter(has_text="broken.csv")
+    expect(line).to_contain_text("line 4")
+    assert str(refused.value).removeprefix(f"{tmp_path}/") in line.inner_text()
+    expect(visit.page.locator(".drop")).to_be_visible()  # for the file, once corrected
+
+
+def test_columns_that_are_not_clear_are_asked_for_with_the_first_rows_and_curves(visit):
+    page = visit.page
+    expect(page.locator(".drop")).to_be_visible()
+    drop(page, "unclear.csv", UNCLEAR)
+    asked = page.locator("#asking")
+    expect(asked.locator("thead th")).to_have_text(["Time", "Pos", "Load"])
+    expect(asked.locator("canvas")).to_have_count(2)
+    for name, unit in (("time", "s"), ("displacement", "mm"), ("force", "mN")):
+        page.locator(f"#ask-{name}_unit").select_option(unit)
+    assert asked.locator("input, select").evaluate_all(NAMELESS) == []
+    page.get_by_role("button", name="Read it so").click()
+    expect(asked).to_be_hidden()
+    assert visit.said == []
+
+
+@pytest.mark.slow
+def test_the_loop_by_hand(visit, tmp_path, browser):
+    """Hidden in the file is a squeeze film: it is seen, drawn, added, and takes the error down."""
+    page = visit.bundled("hidden")
+
+    # where it fails
+    cell(page, "C-100", "ramp").click()
+    expect(page.locator("#cell-words")).to_contain_text("too low on average")
+    expect(page.locator("#test")).to_have_value("C-100")
+    expect(page.get_by_role("button", name="ramp", exact=True)).to_have_attribute(
+        "aria-pressed", "true"
+    )
+    expect(cell(page, "C-100", "ramp")).to_have_accessible_name(re.compile("beyond noise"))
+
+    # what it may be
+    assert takes(page, "squeeze film") > 10.0 * takes(page, "friction")
+    expect(page.locator("#residual .u-legend")).to_contain_text("squeeze film")
+
+    # the right one
+    page.get_by_role("button", name="Add squeeze film", exact=True).click()
+    last = page.locator(".states li.current")
+    expect(last).to_contain_text("+ squeeze film")
+    expect(last).not_to_contain_text("being computed")
+    noise = now(page, "entry.noise")
+    plain, added = errors(page)
+    assert plain[2] > 1.3 * noise
+    assert added[2] < 1.1 * noise
+    expect(cell(page, "C-100", "ramp")).not_to_have_accessible_name(re.compile("beyond noise"))
+
+    # out again, and back to it
+    page.get_by_role("button", name="Remove squeeze film", exact=True).click()
+    expect(page.locator(".states li.current")).to_contain_text("− squeeze film")
+    assert errors(page)[2][1] == pytest.approx(plain[1], rel=0.02)
+    page.get_by_role("button", name=re.compile(r"^\+ squeeze film.*Go back")).click()
+    expect(page.get_by_role("button", name="Remove squeeze film", exact=True)).to_be_visible()
+    assert now(page, "shown.rmse") == pytest.approx(added[1], rel=1e-6)
+
+    # sample, and stop it
+    page.get_by_role("button", name="Sample", exact=True).click()
+    job = page.locator("#jobs .job")
+    expect(job.locator("progress")).to_be_visible()
+    page.get_by_role("button", name="Cancel: Sample").click()
+    expect(job).to_contain_text("cancelled")
+
+    # save, reload, open elsewhere
+    page.get_by_text("Save and export").click()
+    with page.expect_download() as saving:
+        page.get_by_role("link", name="Session", exact=True).click()
+    saved = tmp_path / "session.zip"
+    saving.value.save_as(saved)
+    assert any(Path(name).name == "bench.json" for name in zipfile.ZipFile(saved).namelist())
+    page.reload()
+    expect(page.locator(".states li")).to_have_count(3)
+    assert errors(page)[:2] == [plain, added]
+    assert visit.said == []
+    with running_app(tmp_path / "elsewhere", saved) as other:
+        again = Visit(browser, other)
+        expect(again.page.locator(".states li")).to_have_count(3)
+        assert [how for how, _, _ in errors(again.page)] == [
+            "start",
+            "add squeeze_film",
+            "remove squeeze_film",
+        ]
+        again.close()
+
+
+@pytest.mark.slow
+def test_a_slider_redraws_and_the_last_move_is_what_is_shown(visit, capsys):
+    page = visit.bundled("hidden")
+    slider = page.get_by_role("slider").first
+    slider.focus()
+    for _ in range(100):
+        page.keyboard.press("ArrowRight")
+    value = now(page, "hand.values.m")
+    expect(page.locator(".states .hand")).to_be_visible()
+    until(
+        page, "Math.abs(bench.store.now.shown.values.m / bench.store.now.hand.values.m - 1) < 1e-9"
+    )
+    assert now(page, "hand.values.m") == value
+    assert value > now(page, "entry.history")[0]["values"]["m"]
+    took = page.evaluate("performance.getEntriesByName('redraw').map(one => one.duration)")
+    with capsys.disabled():
+        print(f"\nslider to redraw: median {statistics.median(took):.0f} ms of {len(took)}")
+
+    # a number that is none, and one that is too large, are refused where they stand
+    box = page.get_by_role("textbox", name="m in N/mm")
+    for text, words in (("much", "write a number"), ("1e9", "goes from")):
+        box.fill(text)
+        box.press("Enter")
+        expect(page.locator(".constant .wrong:visible")).to_contain_text(words)
+    assert now(page, "hand.values.m") == value
+    page.get_by_role("button", name="Put back").click()
+    expect(page.locator(".states .hand")).to_have_count(0)
+    assert visit.said == []
+
+
+@pytest.mark.slow
+def test_what_is_meant_in_one_chart_is_marked_in_the_others(visit):
+    page = visit.bundled("hidden")
+    page.locator("#test").select_option("C-20")
+    page.get_by_role("button", name="hold", exact=True).click()
+    spans = "[bench.measured.force, bench.measured.residual].map(c => c.plot.scales.x.min)"
+    assert len(set(page.evaluate(spans))) == 1
+    marked = page.evaluate(
+        "bench.measured.view.samples.map((s, k) => s && bench.measured.loops.marked(k)"
+        " ? bench.measured.view.tests[0].phase[s[1]] : null)"
+    )
+    assert marked.count("hold") > 10
+    assert marked.count("recovery") == 0
+    chart = page.locator("#residual")
+    chart.focus()
+    for _ in range(30):
+        page.keyboard.press("ArrowRight")
+    expect(page.locator("#readout")).to_contain_text("C-20, hold")
+    meant = page.evaluate("bench.measured.loops.spot")
+    assert page.evaluate("bench.measured.force.plot.cursor.idx") == meant
+    assert page.evaluate("bench.measured.residual.plot.cursor.idx") == meant
+    expect(page.locator("#map .meant")).to_have_count(1)
+    page.keyboard.press("Escape")
+    expect(page.get_by_role("button", name="whole")).to_have_attribute("aria-pressed", "true")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [800, 1400])
+def test_everything_has_a_name_and_nothing_sticks_out(browser, app, width):
+    opened = Visit(browser, app, width, toured=False)
+    page = opened.bundled("pads")
+    tour = page.get_by_role("dialog")
+    for step in range(1, 6):
+        expect(tour).to_contain_text(f"{step} of 5")
+        tour.get_by_role("button").last.click()
+    expect(tour).to_have_count(0)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    assert page.locator("button, input, select, a, summary").evaluate_all(NAMELESS) == []
+    page.get_by_role("button", name="Compare pads").click()
+    expect(page.locator("#comparison canvas")).to_be_visible()
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    assert opened.said == []
+    assert opened.elsewhere == []
+    opened.close()
+
+
+@pytest.mark.slow
+def test_a_guess_comes_before_the_ranking(visit):
+    page = visit.page
+    page.get_by_label(re.compile("guess first")).check()
+    page.get_by_role("button", name="Open hidden").click()
+    page.locator("#guess-one").select_option("friction")
+    expect(page.get_by_role("button", name="Search all hypotheses")).to_have_count(0)
+    page.locator("#guess-words").fill("something that stays")
+    page.get_by_role("button", name="Write it down").click()
+    expect(page.locator(".guessed")).to_contain_text("You guessed: friction")
+    expect(page.get_by_role("button", name="Search all hypotheses")).to_be_visible()
+
+
+@pytest.mark.slow
+def test_two_tabs_do_not_mix(visit):
+    first = visit.bundled("hidden")
+    second = visit.bundled("hidden", visit.open(visit.home))
+    value = now(second, "hand.values.m")
+    first.get_by_role("slider").first.press("PageUp")
+    expect(first.locator(".states .hand")).to_be_visible()
+    second.get_by_role("button", name="Add viscous drag", exact=True).click()
+    expect(second.locator(".states li.current")).to_contain_text("viscous drag")
+    assert now(first, "hand.effects") == []
+    assert len(errors(first)) == 1
+    assert now(first, "hand.values.m") != value
+    same = visit.open(second.url)  # the same session twice: what one adds, the other lists
+    expect(same.locator(".states li")).to_have_count(2)
+    same.get_by_role("button", name="Remove viscous drag", exact=True).click()
+    expect(second.locator(".states li")).to_have_count(3)
+
+
+@pytest.mark.slow
+def test_a_worker_that_is_killed_comes_back(visit, app):
+    page = visit.bundled("hidden")
+    asked = ["pgrep", "-P", str(app.process), "-f", "qlvbayes.app.worker"]
+    workers = subprocess.run(asked, capture_output=True, text=True, check=True).stdout.split()
+    for number in workers:
+        os.kill(int(number), signal.SIGKILL)
+    page.get_by_role("slider").first.press("PageUp")
+    shown = page.locator(".states .hand")
+    expect(shown).to_be_visible()
+    moved = now(page, "hand.values.m")
+    page.get_by_role("button", name="Keep as it is").click()
+    expect(page.locator(".states li.current")).to_contain_text("kept by hand")
+    assert now(page, "entry.history")[1]["values"]["m"] == pytest.approx(moved)

@@ -1,0 +1,154 @@
+"""What is dropped onto the bench: files of any kind, and sessions saved before."""
+
+import json
+import zipfile
+
+import pytest
+
+from qlvbayes.app.dealing import deal
+from qlvbayes.app.intake import opened, read_in
+from qlvbayes.checks import InputError
+from qlvbayes.cli.main import run
+from qlvbayes.data import read_study
+
+UNCLEAR = "# a rig's own\nZeit;Weg (um);Last\n" + "".join(
+    f"{0.01 * k:.2f};{min(10.0 * k, 1000.0):.1f};{min(0.01 * k, 1.0) ** 1.5:.4f}\n"
+    for k in range(300)
+)
+TIDY = "pad,test,time_s,displacement_mm,force_N\n" + "".join(
+    f"B,slow,{0.01 * k:.2f},{min(0.01 * k, 1.0):.3f},{0.5 * min(0.01 * k, 1.0):.4f}\n"
+    for k in range(300)
+)
+ANSWERS = {
+    "time": "Zeit", "displacement": "Weg (um)", "force": "Last",
+    "time_unit": "s", "displacement_unit": "um", "force_unit": "mN",
+}  # fmt: skip
+
+
+def test_a_tidy_file_is_taken_as_it_is(tmp_path):
+    file = tmp_path / "tidy.csv"
+    file.write_text(TIDY)
+    found = read_in(tmp_path / "session", [file], {})
+    with open(found["data"]) as data:
+        assert data.read() == TIDY
+
+
+def test_several_tidy_files_become_one(tmp_path):
+    files = [tmp_path / "one.csv", tmp_path / "two.csv"]
+    files[0].write_text(TIDY)
+    files[1].write_text(TIDY.replace("B,slow", "B,fast"))
+    study = read_study(read_in(tmp_path / "session", files, {})["data"])
+    assert [test.name for test in study.pad("B").tests] == ["slow", "fast"]
+    assert (study.pad("B").tests[1].force == study.pad("B").tests[0].force).all()
+
+
+def test_unknown_columns_are_asked_for_and_then_read(tmp_path):
+    file = tmp_path / "unclear.csv"
+    file.write_text(UNCLEAR)
+    asked = read_in(tmp_path / "session", [file], {})["questions"]
+    assert asked["rows"][0] == ["Zeit", "Weg (um)", "Last"]
+    values = {one["name"]: one["value"] for one in asked["ask"]}
+    assert values["time"] == "Zeit"
+    assert (values["displacement"], values["displacement_unit"]) == ("Weg (um)", "um")
+    assert values["force"] is None
+    assert "line 2" in asked["text"]
+    study = read_study(read_in(tmp_path / "session", [file], ANSWERS)["data"])
+    (test,) = study.pads[0].tests
+    assert (study.units.displacement, study.units.force) == ("um", "mN")
+    assert len(test.time) == 300
+    assert test.displacement.max() == 1000.0
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"force": ""}, "no column is said to be the force"),
+        ({"force": "Zeit"}, "said to be two things"),
+        ({"force_unit": "lb"}, "unit of force"),
+    ],
+)
+def test_answers_that_are_none_are_told(tmp_path, change, told):
+    file = tmp_path / "unclear.csv"
+    file.write_text(UNCLEAR)
+    with pytest.raises(InputError, match=told):
+        read_in(tmp_path / "session", [file], {**ANSWERS, **change})
+
+
+def test_a_bad_row_under_unknown_columns_keeps_its_line_and_its_files_name(tmp_path):
+    file = tmp_path / "unclear.csv"
+    lines = UNCLEAR.split("\n")
+    lines[50] = lines[50].replace("0.48", "0.01")
+    file.write_text("\n".join(lines))
+    with pytest.raises(InputError, match=r"^unclear.csv, line 51: "):
+        read_in(tmp_path / "session", [file], ANSWERS)
+    assert not (tmp_path / "session" / "data.csv").exists()
+
+
+@pytest.mark.parametrize("content", [b"", b"\x7fELF\0\0\0\0", b"nothing\nhere\n"])
+def test_what_holds_no_table_is_told(tmp_path, content):
+    file = tmp_path / "other.csv"
+    file.write_bytes(content)
+    with pytest.raises(InputError, match=r"^other\.csv"):
+        read_in(tmp_path / "session", [file], {})
+
+
+def packed(path, **files):
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, content in files.items():
+            archive.writestr(name, content)
+    return path
+
+
+def test_a_saved_session_is_unpacked_and_nothing_beside_it(tmp_path):
+    files = {
+        "bench.json": "{}", "data.csv": TIDY, "C/summary.json": "{}",
+        "../outside.json": "{}", "/tmp/absolute.json": "{}", "run.py": "1/0", "C/..\\x.json": "{}",
+    }  # fmt: skip
+    archive = packed(tmp_path / "saved.zip", **files)
+    found = opened(tmp_path / "inner" / "session", archive)
+    there = {p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*") if p.is_file()}
+    inner = {f"inner/session/{name}" for name in ("bench.json", "data.csv", "C/summary.json")}
+    assert there == {"saved.zip", *inner}
+    assert found["data"].endswith("data.csv")
+
+
+def test_what_is_no_saved_session_is_told(tmp_path):
+    with pytest.raises(InputError, match="no saved session"):
+        opened(tmp_path / "session", packed(tmp_path / "other.zip", **{"data.csv": TIDY}))
+    with pytest.raises(InputError, match="no measurements"):
+        opened(tmp_path / "session", packed(tmp_path / "empty.zip", **{"bench.json": "{}"}))
+    whole = packed(tmp_path / "cut.zip", **{"bench.json": "{}", "data.csv": TIDY}).read_bytes()
+    (tmp_path / "cut.zip").write_bytes(whole[:-30])
+    with pytest.raises(InputError, match="damaged"):
+        opened(tmp_path / "session", tmp_path / "cut.zip")
+
+
+def test_a_dealt_pad_repeats_and_does_not_tell(tmp_path):
+    texts = []
+    for name in ("one", "two"):
+        deal(tmp_path / name / "data.csv", tmp_path / name / "truth.json", 5)
+        texts.append((tmp_path / name / "data.csv").read_text())
+    truth = json.loads((tmp_path / "one" / "truth.json").read_text())
+    assert texts[0] == texts[1]
+    assert all(effect["effect"] not in texts[0] for effect in truth["effects"])
+    assert len(read_study(tmp_path / "one" / "data.csv").pad("pad").tests) == 6
+
+
+def test_without_the_extra_one_line_says_how_to_get_it(monkeypatch, capsys):
+    monkeypatch.setattr("qlvbayes.cli.app._NEEDED", ("no_such_package",))
+    monkeypatch.setattr("sys.argv", ["qlvbayes", "app"])
+    with pytest.raises(SystemExit) as stopped:
+        run()
+    assert stopped.value.code == 2
+    line = capsys.readouterr().err
+    assert line.count("\n") == 1
+    assert "pip install 'qlvbayes[app]'" in line
+
+
+def test_a_file_that_is_not_there_is_told_before_anything_starts(monkeypatch, capsys):
+    monkeypatch.setattr("qlvbayes.cli.app._NEEDED", ())
+    monkeypatch.setattr("sys.argv", ["qlvbayes", "app", "none.csv"])
+    with pytest.raises(SystemExit) as stopped:
+        run()
+    assert stopped.value.code == 2
+    assert "none.csv: no such file" in capsys.readouterr().err

@@ -1,0 +1,354 @@
+"""The bench's server as a process of its own, asked over HTTP; no browser is needed."""
+
+import contextlib
+import io
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+import zipfile
+from pathlib import Path
+from urllib.parse import parse_qs, urlsplit
+
+import numpy as np
+import pytest
+
+for needed in ("starlette", "uvicorn", "python_multipart"):
+    pytest.importorskip(needed, reason=f"no {needed}: bench not served")
+httpx = pytest.importorskip("httpx", reason="no httpx: bench not asked")
+
+from two_tests import two_tests  # noqa: E402
+
+import qlvbayes as q  # noqa: E402
+from qlvbayes.app.sessions import Sessions  # noqa: E402
+
+RUN = [sys.executable, "-c", "from qlvbayes.cli.main import run; run()"]
+PATIENCE = 300.0  # s that a step may take on a machine that does other work too
+PLAIN = {"elastic": "exponential", "relaxation": "prony:2", "effects": []}
+BROKEN = "time_s,displacement_mm,force_N\n0,0,0\n0.1,0.1,0.1\n0.05,0.2,0.2\n0.3,0.3,0.3\n"
+PROC = Path("/proc")
+LINUX = pytest.mark.skipif(not PROC.is_dir(), reason="looks into /proc")
+
+
+class Served:
+    """A server that runs as the command, and a client with its token."""
+
+    def __init__(self, process, address):
+        place = urlsplit(address)
+        self.process = process
+        self.token = parse_qs(place.query)["token"][0]
+        self.base = f"http://{place.netloc}"
+        headers = {"Authorization": f"Bearer {self.token}", "X-Qlvbayes": "1"}
+        self.client = httpx.Client(base_url=self.base, headers=headers, timeout=PATIENCE)
+
+    def get(self, path):
+        return self.client.get(path).raise_for_status().json()
+
+    def post(self, path, content):
+        return self.client.post(path, json=content).raise_for_status().json()
+
+    def upload(self, *files):
+        """(name, content) of each: the new session's id."""
+        parts = [("file", file) for file in files]
+        answer = self.client.post("/api/upload", files=parts)
+        return answer.raise_for_status().json()["id"]
+
+    def until(self, session, *stages):
+        """The session's state, once it has come to one of some stages."""
+        return wait_for(
+            lambda: self.get(f"/api/s/{session}"), lambda state: state["stage"] in stages
+        )
+
+    def children(self):
+        """Process ids of what the server runs, by module."""
+        task = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children")
+        found = {}
+        for number in task.read_text().split():
+            with contextlib.suppress(OSError):
+                words = Path(f"/proc/{number}/cmdline").read_bytes().split(b"\0")
+                found.setdefault(words[-2].decode(), set()).add(int(number))
+        return found
+
+
+def wait_for(ask, enough):
+    """The first answer that is enough."""
+    end = time.monotonic() + PATIENCE
+    while time.monotonic() < end:
+        answer = ask()
+        if enough(answer):
+            return answer
+        time.sleep(0.1)
+    raise AssertionError(f"still {answer}")
+
+
+@pytest.fixture(scope="module")
+def served(tmp_path_factory):
+    sessions = tmp_path_factory.mktemp("sessions")
+    line = [*RUN, "app", "--no-browser", "--sessions", str(sessions)]
+    environment = os.environ | {"PYTHONUNBUFFERED": "1"}
+    with subprocess.Popen(line, stdout=subprocess.PIPE, text=True, env=environment) as process:
+        address = next(filter(None, (re.search(r"http\S+", text) for text in process.stdout)))[0]
+        running = Served(process, address)
+        yield running
+        running.client.close()
+        started = set().union(*running.children().values()) if PROC.is_dir() else set()
+        process.terminate()
+        process.communicate(timeout=PATIENCE)
+        assert not any((PROC / str(number)).exists() for number in started)
+
+
+@pytest.fixture(scope="module")
+def two(tmp_path_factory):
+    return two_tests(tmp_path_factory.mktemp("data") / "two.csv")
+
+
+@pytest.fixture(scope="module")
+def opened(served, two):
+    """A session of two tests, ready."""
+    session = served.upload(("two.csv", two.read_bytes()))
+    state = served.until(session, "ready", "failed")
+    assert state["error"] is None
+    return session
+
+
+# who may ask
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ({}, 200),
+        ({"Authorization": "Bearer wrong"}, 403),
+        ({"Authorization": ""}, 403),
+        ({"Host": "bench.example"}, 403),
+        ({"Origin": "http://other.example"}, 403),
+    ],
+)
+def test_only_who_has_the_token_and_comes_from_the_page_is_answered(served, headers, status):
+    answer = served.client.get("/api/start", headers=headers)
+    assert answer.status_code == status
+    assert (status == 403) == ("error" in answer.json())
+
+
+def test_what_changes_something_needs_a_header_that_no_form_sends(served):
+    content = {"open": "hidden"}
+    with httpx.Client(
+        base_url=served.base, headers={"Authorization": f"Bearer {served.token}"}
+    ) as c:
+        assert c.post("/api/sessions", json=content).status_code == 403
+        assert c.delete("/api/s/anything").status_code == 403
+
+
+def test_the_token_in_the_address_becomes_a_cookie(served):
+    with httpx.Client(base_url=served.base) as visitor:
+        assert visitor.get("/").status_code == 403
+        assert visitor.get("/?token=wrong").status_code == 403
+        entered = visitor.get("/", params={"token": served.token})
+        assert entered.status_code == 303
+        assert entered.headers["location"] == "/"
+        words = entered.headers["set-cookie"].lower()
+        assert "httponly" in words
+        assert "samesite=strict" in words
+        page = visitor.get("/")
+        assert page.status_code == 200
+        policy = page.headers["content-security-policy"]
+        assert "unsafe" not in policy
+        assert "default-src 'none'" in policy
+        assert not re.search(r"<script(?![^>]*\bsrc=)|<style|\sstyle=|\son\w+=", page.text)
+
+
+@pytest.mark.parametrize("name", ["..%2Fserver.py", "%2Fetc%2Fpasswd", "..%5Cserver.py", "none.js"])
+def test_only_files_of_the_page_are_served(served, name):
+    assert served.client.get(f"/static/{name}").status_code == 404
+
+
+def test_a_request_that_is_too_long_is_refused(served):
+    answer = served.client.post("/api/sessions", content=b" " * 2_000_000)
+    assert answer.status_code == 413
+    assert "too large" in answer.json()["error"]["text"]
+
+
+@pytest.mark.parametrize("content", [b"", b"[]", b"{", b"\xff"])
+def test_what_is_no_json_object_is_refused(served, content):
+    answer = served.client.post("/api/sessions", content=content)
+    assert answer.status_code == 422
+
+
+def test_what_is_not_there_is_told(served, opened):
+    for path in ("/api/s/none", "/api/s/..%2F..", "/nowhere", f"/api/s/{opened}/pads/Z/measured"):
+        answer = served.client.get(path)
+        assert answer.status_code == 404
+        assert answer.json()["error"]["text"]
+
+
+# files
+
+
+def test_a_broken_file_is_told_as_on_the_command_line(served, tmp_path):
+    file = tmp_path / "broken.csv"
+    file.write_text(BROKEN)
+    with pytest.raises(q.InputError) as told:
+        q.read_study(file)
+    session = served.upload(("broken.csv", BROKEN.encode()))
+    error = served.until(session, "failed")["error"]
+    assert error["text"] == str(told.value).replace(str(file), "broken.csv")
+    assert (error["file"], error["line"]) == ("broken.csv", 4)
+
+
+def test_a_name_is_never_a_path(served, tmp_path):
+    session = served.upload(("../../../evil.csv", BROKEN.encode()))
+    assert served.until(session, "failed")["name"] == "evil.csv"
+
+
+# the model by hand
+
+
+def test_curves_are_those_of_the_public_api(served, opened, two):
+    state = served.get(f"/api/s/{opened}")["pad"]["C"]
+    begun = state["history"][0]
+    model = {key: begun[key] for key in ("elastic", "relaxation", "effects", "values")}
+    pad = f"/api/s/{opened}/pads/C"
+    found, measured = served.post(f"{pad}/curves", model), served.get(f"{pad}/measured")
+    bench = q.Bench.of(q.prepare(q.read_study(two).pad("C")))
+    look = bench.look(q.ByHand(values=begun["values"]))
+    assert found["rmse"] == pytest.approx(look.error, rel=1e-9)
+    assert found["rmse"] == pytest.approx(begun["rmse"], rel=1e-9)
+    for k, test in enumerate(found["tests"]):
+        np.testing.assert_allclose(test["model"], look.forces[k], rtol=1e-5)
+        force = np.array(measured["tests"][k]["force"])
+        np.testing.assert_allclose(force, bench.samples.observed[k], rtol=1e-5, atol=1e-12)
+    assert {cell["phase"] for cell in found["cells"]} == {"ramp", "hold", "unload", "recovery"}
+    assert all(cell["words"].startswith("The model is") for cell in found["cells"])
+
+
+def test_an_effect_goes_in_and_out_and_every_state_stays(served, two):
+    """In a session of its own, which leaves another as it was."""
+    first = served.upload(("two.csv", two.read_bytes()))
+    second = served.upload(("two.csv", two.read_bytes()))
+    for session in (first, second):
+        served.until(session, "ready")
+    pad = f"/api/s/{first}/pads/C"
+    start = served.get(f"/api/s/{first}")["pad"]["C"]["history"][0]
+    model = {key: start[key] for key in ("elastic", "relaxation", "effects", "values")}
+    added = served.post(f"{pad}/states", {"add": "squeeze_film", "model": model})["state"]
+    assert added["rmse"] < start["rmse"]
+    assert (added["parent"], added["effects"]) == (0, ["squeeze_film"])
+    with_it = {key: added[key] for key in ("elastic", "relaxation", "effects", "values")}
+    out = served.post(f"{pad}/states", {"remove": "squeeze_film", "model": with_it})["state"]
+    assert out["rmse"] == pytest.approx(start["rmse"], rel=0.02)
+    back = served.post(f"{pad}/current", {"state": 1})
+    assert back["state"]["id"] == 1
+    assert back["curves"]["rmse"] == pytest.approx(added["rmse"], rel=1e-9)
+    history = wait_for(
+        lambda: served.get(f"/api/s/{first}")["pad"]["C"]["history"],
+        lambda states: all(state["heldout"] is not None for state in states),
+    )
+    assert [state["how"] for state in history] == [
+        "start",
+        "add squeeze_film",
+        "remove squeeze_film",
+    ]
+    assert history[1]["heldout"] < history[0]["heldout"]
+    assert len(served.get(f"/api/s/{second}")["pad"]["C"]["history"]) == 1
+
+    script = served.client.get(f"{pad}/repeat.py").text
+    assert "bench.add(model, 'squeeze_film')" in script
+    compile(script, "repeat.py", "exec")
+    assert "--add squeeze_film" in served.client.get(f"{pad}/repeat.sh").text
+    table = served.client.get(f"{pad}/constants.csv").text.splitlines()
+    assert [row.split(",")[1] for row in table[1:]] == list(added["values"])
+    rows = served.client.get(f"{pad}/residuals.csv").text.splitlines()
+    left = np.array([float(row.split(",")[-1]) for row in rows[1:]])
+    assert np.sqrt(np.mean(left**2)) == pytest.approx(added["rmse"], rel=1e-4)
+
+    archive = served.client.get(f"/api/s/{first}/session.zip").content
+    names = zipfile.ZipFile(io.BytesIO(archive)).namelist()
+    assert {"bench.json", "data.csv"} <= set(names)
+    again = served.upload(("saved.zip", archive))
+    state = served.until(again, "ready", "failed")["pad"]["C"]
+    assert state["history"] == history
+    assert state["current"] == 1
+
+
+def test_a_model_that_is_none_is_told(served, opened):
+    path = f"/api/s/{opened}/pads/C/curves"
+    for model in ({}, {**PLAIN, "elastic": "steel"}, {**PLAIN, "values": {"m": "much"}}):
+        answer = served.client.post(path, json=model)
+        assert answer.status_code == 422
+        assert answer.json()["error"]["text"]
+
+
+# processes
+
+
+@LINUX
+def test_the_server_itself_never_loads_jax(served, opened):
+    assert "jax" not in Path(f"/proc/{served.process.pid}/maps").read_text()
+    (worker,) = served.children()["qlvbayes.app.worker"]
+    assert "jaxlib" in Path(f"/proc/{worker}/maps").read_text()
+
+
+@LINUX
+def test_a_cancelled_job_leaves_no_process_and_others_go_on(served, opened):
+    def jobs():
+        return served.children().get("qlvbayes.app.job", set())
+
+    ordered = served.post(f"/api/s/{opened}/jobs", {"kind": "sample", "pad": "C"})
+    path = f"/api/s/{opened}/jobs/{ordered['id']}"
+    again = served.client.post(f"/api/s/{opened}/jobs", json={"kind": "sample", "pad": "C"})
+    assert again.status_code == 409
+    running = wait_for(lambda: served.get(path), lambda job: job["elapsed_s"] > 0.0)
+    assert running["state"] == "running"
+    before = jobs()
+    assert served.post(f"/api/s/{opened}/pads/C/curves", PLAIN)["rmse"] > 0.0
+    assert served.client.delete(path).json()["state"] == "cancelled"
+    gone = before - jobs()
+    assert gone
+    assert not any(Path(f"/proc/{number}").exists() for number in gone)
+    assert served.get(path)["state"] == "cancelled"
+    assert not [*Path(served.get(f"/api/s/{opened}")["id"]).glob("**/*.part")]
+
+
+@LINUX
+def test_the_worker_is_killed_and_the_page_goes_on(served, opened):
+    path = f"/api/s/{opened}/pads/C/curves"
+    before = served.post(path, PLAIN)
+    (worker,) = served.children()["qlvbayes.app.worker"]
+    os.kill(worker, signal.SIGKILL)
+    answer = wait_for(
+        lambda: served.client.post(path, json=PLAIN), lambda answer: answer.status_code != 503
+    )
+    assert answer.json() == before
+    (other,) = served.children()["qlvbayes.app.worker"]
+    assert other != worker
+
+
+# guessing
+
+
+def test_nothing_is_told_before_a_guess_is_written_down(served):
+    session = served.post("/api/sessions", {"open": "hidden", "guess": True})["id"]
+    served.until(session, "preparing", "ready")
+    assert served.get(f"/api/s/{session}")["guess"] == {"given": None}
+    refused = served.client.post(f"/api/s/{session}/jobs", json={"kind": "diagnose", "pad": "C"})
+    assert refused.status_code == 409
+    guess = {"effects": ["friction"], "words": "it stays in the hold"}
+    found = served.post(f"/api/s/{session}/guess", guess)["guess"]
+    assert found["given"] == guess
+    assert found["truth"]["effects"] == ["squeeze_film"]
+    served.client.delete(f"/api/s/{session}").raise_for_status()
+    assert served.client.get(f"/api/s/{session}").status_code == 404
+
+
+def test_a_session_is_found_again_in_its_folder(tmp_path):
+    sessions = Sessions(tmp_path)
+    session = sessions.new("mine.csv")
+    session.save()
+    again = Sessions(tmp_path).get(session.id)
+    assert (again.name, again.stage) == ("mine.csv", "closed")
+    assert [one["id"] for one in Sessions(tmp_path).known()] == [session.id]
+    (session.folder / "bench.json").write_text(json.dumps({"schema": 1}))
+    assert Sessions(tmp_path).get(session.id).bench == {}

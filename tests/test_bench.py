@@ -1,0 +1,179 @@
+"""A model laid over a pad's tests by hand: its force, its fits, what effects would look like."""
+
+import numpy as np
+import pytest
+from two_tests import TESTS, two_tests
+
+import qlvbayes as q
+from qlvbayes.checks import InputError
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    study = q.read_study(two_tests(tmp_path_factory.mktemp("bench") / "two.csv"))
+    return q.Bench.of(q.prepare(study.pad("C")))
+
+
+@pytest.fixture(scope="module")
+def first(bench):
+    return bench.first()
+
+
+@pytest.fixture(scope="module")
+def dragged(bench, first):
+    return bench.add(first, "squeeze_film")
+
+
+def rms(values):
+    return float(np.sqrt(np.mean(np.concatenate(values) ** 2)))
+
+
+def test_the_force_is_that_of_predict(bench, dragged):
+    """On its own grid, whose straight lines may make a tenth of the noise."""
+    choices = q.Choices(noise="white", effects=("squeeze_film",))
+    constants = {name: np.array([value]) for name, value in dragged.values.items()}
+    constants["noise.white"] = np.array([bench.noise])
+    trials = bench.experiment.trials
+    forces = bench.look(dragged).forces
+    for k, found in enumerate(q.predict(bench.experiment, choices, constants, trials)):
+        time = bench.samples.trials[k].test.time[bench.samples.rows[k]]
+        places = np.searchsorted(found.time, time)
+        np.testing.assert_array_equal(found.time[places], time)
+        assert np.abs(forces[k] - found.mean[places]).max() < 0.1 * bench.noise
+
+
+def test_the_error_is_that_of_the_samples(bench, first):
+    look = bench.look(first)
+    left = [y - f for y, f in zip(bench.samples.observed, look.forces, strict=True)]
+    assert look.error == pytest.approx(rms(left))
+    squares = sum(cell.n * cell.rmse**2 for cell in look.cells)
+    assert squares == pytest.approx(look.error**2 * sum(cell.n for cell in look.cells))
+
+
+def test_what_is_hidden_takes_the_error_to_the_noise(bench, first, dragged):
+    """And what is added can be taken out again."""
+    before, after = bench.look(first).error, bench.look(dragged).error
+    assert after < 1.2 * bench.noise < before
+    without = bench.remove(dragged, "squeeze_film")
+    assert bench.look(without).error == pytest.approx(before, rel=0.02)
+    assert not any(name.startswith("squeeze_film") for name in without.values)
+
+
+def test_the_error_left_out_falls_with_what_is_hidden(bench, first, dragged):
+    *steps, before = bench.held_out(first)
+    assert steps == [None] * len(TESTS)
+    *_, after = bench.held_out(dragged)
+    assert after < before
+
+
+def test_no_near_constants_fit_better(bench, dragged):
+    """The fit is the least of its sum of squares along every constant."""
+
+    def cost(values):
+        model = q.ByHand(dragged.elastic, dragged.relaxation, dragged.effects, values)
+        point = bench._point(model)
+        return bench.squares.terms(point).loss
+
+    least = cost(dragged.values)
+    for name in ("m", "b", "v[1]", "squeeze_film.eta"):
+        for factor in (0.98, 1.02):
+            moved = {**dragged.values, name: factor * dragged.values[name]}
+            assert cost(moved) > least
+
+
+def test_a_signature_is_the_effects_force(bench, first):
+    """What it promises is what adding the effect brings, as a drag is linear in its size."""
+    found = bench.signature(first, "viscous_drag")
+    assert found.amplitude == "viscous_drag.eta"
+    assert found.unit == "N s/mm"
+    values = {**first.values, "viscous_drag.eta": found.size}
+    with_it = bench.look(q.ByHand(first.elastic, first.relaxation, ("viscous_drag",), values))
+    plain = bench.look(first)
+    for alone, two, one in zip(found.alone, with_it.forces, plain.forces, strict=True):
+        np.testing.assert_allclose(alone, two - one, atol=1e-9)
+    added = bench.look(bench.add(first, "viscous_drag"))
+    assert added.error == pytest.approx(found.error, rel=0.1)
+    assert found.takes == pytest.approx(1.0 - (found.error / plain.error) ** 2)
+
+
+def test_the_right_signature_takes_most(bench, first):
+    names = ("squeeze_film", "force_offset", "stress_softening", "fluid_leak")
+    takes = {name: bench.signature(first, name).takes for name in names}
+    assert max(takes, key=takes.get) == "squeeze_film"
+    assert all(-0.05 < share < 1.0 for share in takes.values())
+
+
+def test_another_law_begins_near_the_first(bench, first):
+    """A polynomial of the third order follows the exponential closely at these depths."""
+    other = bench.rebase(first, elastic="polynomial:3")
+    assert other.elastic == "polynomial:3"
+    assert bench.look(other).error < 1.2 * bench.look(first).error
+
+
+def test_sliders_say_what_they_move(bench, dragged):
+    sliders = {one.name: one for one in bench.sliders(dragged)}
+    assert list(sliders) == list(dragged.values)
+    assert sliders["m"].unit == "N/mm"
+    assert sliders["v[1]"].unit == "1/s"
+    assert sliders["squeeze_film.eta"].owner == "squeeze_film"
+    assert [name for name, one in sliders.items() if one.derived] == ["c[0]"]
+    for one in sliders.values():
+        assert one.low <= one.value <= one.high
+        assert one.prior[0] < one.prior[1]
+
+
+def test_shares_sum_to_one_and_rates_are_in_order_wherever_the_sliders_stand(bench):
+    values = {"c[1]": 0.9, "c[2]": 0.6, "v[1]": 0.1, "v[2]": 5.0}
+    found = bench.look(q.ByHand(values=values)).values
+    assert found["c[0]"] + found["c[1]"] + found["c[2]"] == pytest.approx(1.0)
+    assert found["c[0]"] >= 0.0
+    assert (found["v[1]"], found["v[2]"]) == (5.0, 0.1)
+
+
+@pytest.mark.parametrize(
+    ("model", "told"),
+    [
+        (q.ByHand(elastic="steel"), "no elastic law 'steel'"),
+        (q.ByHand(relaxation="never"), "no relaxation 'never'"),
+        (q.ByHand(effects=("magic",)), "no effect 'magic'"),
+        (q.ByHand(effects=("friction", "pressure_friction")), "forms of one effect"),
+        (q.ByHand(values={"m": float("nan")}), "m is no number"),
+    ],
+)
+def test_what_is_no_model_is_refused(bench, model, told):
+    with pytest.raises(InputError, match=told):
+        bench.look(model)
+
+
+def test_an_effect_is_added_once(bench, dragged):
+    with pytest.raises(InputError, match="in the model already"):
+        bench.add(dragged, "squeeze_film")
+    with pytest.raises(InputError, match="not in the model"):
+        bench.remove(dragged, "friction")
+
+
+def test_noise_alone_hardly_exceeds_a_cells_limit(bench):
+    """Realisations of the floor, by its definition: white, and correlated over its time."""
+    floor, samples, rng = bench.experiment.floor, bench.samples, np.random.default_rng(4)
+    beyond = np.zeros(1000, dtype=bool)
+    for k, trial in enumerate(samples.trials):
+        time = trial.test.time[samples.rows[k]]
+        apart = np.abs(time[:, None] - time)
+        root = np.linalg.cholesky(np.exp(-apart / floor.memory) + 1e-9 * np.eye(time.size))
+        noise = floor.ou * root @ rng.standard_normal((time.size, beyond.size))
+        noise += floor.white * rng.standard_normal(noise.shape)
+        for kind in set(samples.phases(k)):
+            error = np.sqrt(np.mean(noise[samples.phases(k) == kind] ** 2, axis=0))
+            beyond |= error > bench.limits[trial.name, kind]
+    assert 0.002 < beyond.mean() < 0.025  # 1 %, but for chance and the approximation
+
+
+def test_cells_fail_where_the_model_is_wrong_and_not_where_it_is_right(bench, dragged):
+    def failing(model):
+        cells = bench.look(model).cells
+        return {c.phase for c in cells if c.rmse > bench.limits[c.test, c.phase]}
+
+    assert not failing(dragged)
+    stiff = {**dragged.values, "m": 1.2 * dragged.values["m"]}
+    stiffer = q.ByHand(dragged.elastic, dragged.relaxation, dragged.effects, stiff)
+    assert failing(stiffer) == {"ramp", "hold", "unload", "recovery"}
