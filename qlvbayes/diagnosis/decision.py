@@ -71,16 +71,14 @@ class Decision:
     """The verdict and what it is made of.
 
     effects: named, the surest first; group: one of which is there, the likeliest first; inclusion:
-    of every effect; form: of every effect the likeliest, the listed law or another of its family;
-    base: probability of every base; outside: that something unlisted is there; told: place of the
-    hypothesis that stands for the answer, the likeliest with just these effects.
+    of every effect; base: probability of every base; outside: that something unlisted is there;
+    told: place of the hypothesis that stands for the answer, the likeliest with just these effects.
     """
 
     verdict: str
     effects: tuple[str, ...]
     group: tuple[str, ...]
     inclusion: dict[str, float]
-    form: dict[str, str]
     base: dict[tuple[str, str], float]
     outside: float
     told: int
@@ -97,7 +95,6 @@ def decide(weights: Sequence[Weight], settings: Settings | None = None) -> Decis
     shares = probabilities(weights).mean(axis=0)
     pairs = list(zip(weights, shares.tolist(), strict=True))
     inclusion = _summed((name, p) for w, p in pairs for name in w.effects)
-    form = _forms(pairs)
     base = _summed((w.base, p) for w, p in pairs)
     outside = sum(p * (w.outside if w.listed else 1.0) for w, p in pairs)
     named = tuple(name for name, p in inclusion.items() if p >= settings.named)
@@ -110,7 +107,7 @@ def decide(weights: Sequence[Weight], settings: Settings | None = None) -> Decis
     told = _told(weights, {*named, *group[:1]})
     if verdict == "unexplained":
         told = int(np.argmax(shares))
-    return Decision(verdict, named, group, inclusion, form, base, outside, told)
+    return Decision(verdict, named, group, inclusion, base, outside, told)
 
 
 def probabilities(weights: Sequence[Weight]) -> Array:
@@ -165,15 +162,6 @@ def _summed(pairs: Iterable[tuple[Key, float]]) -> dict[Key, float]:
     for key, share in pairs:
         found[key] = found.get(key, 0.0) + share
     return dict(sorted(found.items(), key=lambda item: -item[1]))
-
-
-def _forms(pairs: Sequence[tuple[Weight, float]]) -> dict[str, str]:
-    """The likeliest form of every effect."""
-    found = _summed(((name, w.forms.get(name, name)), p) for w, p in pairs for name in w.effects)
-    likeliest: dict[str, str] = {}
-    for family, form in found:
-        likeliest.setdefault(family, form)
-    return likeliest
 
 
 def _group(

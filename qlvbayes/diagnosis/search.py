@@ -246,21 +246,27 @@ class Search:
         if self.best != best:
             for name in self.listed:
                 self.see_plain(replace(self.best, elastic=name))
+        self._see_near(self.usual)  # its best mode should not be one that its starts happened on
         for name in sorted(self.density.space.relaxing & set(self.families.listed)):
             self._see_spectrum(replace(self.best, relaxation=self.usual.relaxation), name)
+
+    def _see_near(self, hypothesis: Hypothesis) -> None:
+        """From where its laws come nearest to the likeliest ones."""
+        known = self.modes[self.best][0].point
+        if known.own.hypothesis == hypothesis:
+            return
+        nothing = np.zeros(self.density.space.parameters(hypothesis).size)
+        start = self._with_carried(known, hypothesis, nothing)
+        near = projected(self.density.space, known, hypothesis, start)
+        self._keep(hypothesis, self._optimised(hypothesis, [near]))
 
     def _see_spectrum(self, bare: Hypothesis, effect: str) -> None:
         """The chosen relaxation with what acts on it alone, as near as it comes to the best one.
 
         One mode more may be all that it lacks, and yet promise nothing beside a mode without it.
         """
-        hypothesis, known = bare.plus(effect), self.modes[self.best][0].point
-        if bare not in self.modes or effect in self.usual.effects or known.own.hypothesis == bare:
-            return
-        nothing = np.zeros(self.density.space.parameters(hypothesis).size)
-        start = self._with_carried(known, hypothesis, nothing)
-        near = projected(self.density.space, known, hypothesis, start)
-        self._keep(hypothesis, self._optimised(hypothesis, [near]))
+        if bare in self.modes and effect not in self.usual.effects and self.best != bare:
+            self._see_near(bare.plus(effect))
 
     def simpler(self, grown: set[Hypothesis]) -> list[Hypothesis]:
         """On other laws, with fewer effects than the best, those that more may bring up to it."""
