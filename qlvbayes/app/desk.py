@@ -166,8 +166,7 @@ class Desk:
 
     async def lay(self, session: Session, pad: str) -> OnBench:
         """Lay a pad on the bench, the usual model fitted if it is there for the first time."""
-        if pad not in session.pads:
-            raise refused(404, f"there is no pad {pad!r}", f"use one of {', '.join(session.pads)}")
+        session.known(pad)
         async with self._laying.setdefault((session.id, pad), asyncio.Lock()):
             own = session.bench.get(pad) or OnBench()
             if (session.id, pad) in self._laid:
@@ -257,8 +256,8 @@ class Desk:
         """A job as the page asks for it."""
         kind = body.get("kind")
         pads = body.get("pads") or ([body["pad"]] if body.get("pad") else [])
-        if not all(isinstance(name, str) and name in session.pads for name in pads):
-            raise refused(404, "there is no such pad", f"use one of {', '.join(session.pads)}")
+        for name in pads:
+            session.known(str(name))
         wanted = {"diagnose": 1, "sample": 1, "compare": 2, "report": 0}
         if kind not in wanted:
             raise refused(422, f"no job {kind!r}", f"use one of {', '.join(wanted)}")

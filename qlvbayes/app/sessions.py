@@ -108,8 +108,16 @@ class Session:
         """Where what was hidden is kept, if anything was."""
         return self.private / "truth.json"
 
+    def known(self, name: str) -> None:
+        """RefusedError where there is no such pad, or none is known yet."""
+        if not self.pads and self.stage != "failed":
+            raise refused(409, "the measurements are still being read", "wait until it is ready")
+        if name not in self.pads:
+            raise refused(404, f"there is no pad {name!r}", f"use one of {', '.join(self.pads)}")
+
     def pad(self, name: str) -> OnBench:
         """A pad that lies on the bench; RefusedError where it does not."""
+        self.known(name)
         if name not in self.bench:
             raise refused(404, f"the pad {name!r} is not open", "open it first")
         return self.bench[name]

@@ -29,7 +29,8 @@ def batch(records: Sequence[Record], like: Record | None = None) -> Record:
     if any(r.motion.ago is not None for r in (*records, *([like] if like else []))):
         records = [_with_ago(record) for record in records]
     padded = [_pad(record, points, blocks) for record in records]
-    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *padded)
+    # by numpy, here and below: JAX would compile each step for every length anew
+    return jax.tree.map(lambda *leaves: jnp.asarray(np.stack(leaves)), *padded)
 
 
 def _rounded(size: int) -> int:
@@ -53,10 +54,10 @@ def _pad(record: Record, points: int, blocks: int) -> Record:
     )
     size = record.blocks.force.shape[0]
     full = Blocks(*(_extend(x, blocks) for x in jax.tree.leaves(record.blocks)))
-    real = jnp.asarray(np.arange(blocks) < size)
+    real = np.arange(blocks) < size
     # one sample, of no duration: the noise model's closed forms stay finite in padding
-    count = jnp.where(real, full.count, 1.0)
-    single = replace(full, count=count, real=real)
+    count = jnp.asarray(np.where(real, full.count, 1.0))
+    single = replace(full, count=count, real=jnp.asarray(real))
     return Record(motion, _extend(record.nodes, blocks), single)
 
 
@@ -65,7 +66,7 @@ def _with_ago(record: Record) -> Record:
     motion = record.motion
     if motion.ago is not None:
         return record
-    alone = replace(motion, ago=jnp.zeros(motion.time.shape, int))
+    alone = replace(motion, ago=jnp.asarray(np.zeros(motion.time.shape, int)))
     return Record(alone, record.nodes, record.blocks)
 
 

@@ -151,7 +151,10 @@ def reduce_test(
         edges = np.unique(np.concatenate([edges, *map(np.array, doubtful)]))
         begin = _beginnings(test.time, edges)
         kept = clear_of_kinks(test.time, trajectory, phases)[begin]
-    averaged = jax.tree.map(lambda x: x[kept], _average(test, begin, sd_scale))
+    # by numpy: JAX would compile the choice for every length anew
+    averaged = jax.tree.map(
+        lambda x: jnp.asarray(np.asarray(x)[kept]), _average(test, begin, sd_scale)
+    )
     centre, half = (x[kept] for x in _nodes(test.time, begin))
     nodes = np.stack([centre - half, centre + half])
     if care is not None:
@@ -191,15 +194,15 @@ def _remembering(motion: Motion, past: Past) -> Motion:
     """The motion with the earlier tests before it, at rest between their points."""
     first = np.nextafter(float(motion.time[0]), -np.inf)
     time = jnp.asarray(np.minimum(past.time, first))
-    still = jnp.zeros(time.shape)
-    join = lambda x, y: jnp.concatenate([x, y])  # noqa: E731
+    still = np.zeros(time.shape)
+    join = lambda x, y: jnp.asarray(np.concatenate([x, y]))  # noqa: E731
     return Motion(
         join(time, motion.time),
-        join(jnp.asarray(past.displacement), motion.displacement),
+        join(past.displacement, motion.displacement),
         join(still, motion.velocity),
         join(still, motion.acceleration),
         motion.start,
-        join(jnp.asarray(past.ago), jnp.zeros(motion.time.shape, past.ago.dtype)),
+        join(past.ago, np.zeros(motion.time.shape, past.ago.dtype)),
     )
 
 

@@ -23,6 +23,8 @@ export class Hypotheses {
     this.part(0, [pad, open, this.searching(), entry.diagnosis, Boolean(entry.ranking), busy], () => this.search(open));
     this.part(1, [pad, hand.elastic, hand.relaxation, busy, JSON.stringify(lawChances(entry))], () => this.laws());
     this.part(2, [pad, hand.elastic, hand.relaxation, hand.effects, entry.ranking, entry.history, open, signatures, busy, this.all], () => this.effects());
+    if (this.had !== hand.effects.join()) at(".effects", this.hosts[2]).scrollTop = 0; // what was added stands first
+    this.had = hand.effects.join();
   }
 
   /** Draws a part again only if something that it shows has changed: an open list stays open. */
