@@ -160,7 +160,8 @@ def _window(
     reach = max(20, (stop - first) // 4)
     i = first if before is None else first - min(reach, (before.stop - before.first) // 2)
     j = stop if after is None else stop + min(reach, (after.stop - after.first) // 2)
-    between = float(np.median(np.diff(t[first:stop]))) * np.arange(1.0, reach + 1.0)
+    spaced = t[first:stop] if stop - first > 1 else t[max(first - 1, 0) : stop + 1]
+    between = float(np.median(np.diff(spaced))) * np.arange(1.0, reach + 1.0)
     early = _unread(t[i:first], t[first - 1] - between) if first > i else t[:0]
     late = _unread(t[stop:j], t[min(stop, t.size - 1)] + between) if j > stop else t[:0]
     levels = [0.0 if rest is None else rest.level for rest in (before, after)]
