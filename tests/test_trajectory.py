@@ -279,3 +279,10 @@ def test_the_cost_grows_with_the_number_of_readings():
 def test_unusable_records_are_refused(t, x):
     with pytest.raises(InputError):
         smooth(t, x)
+
+
+@pytest.mark.parametrize("between", [(), (0.5,), (0.3, 0.6)])
+def test_few_readings_between_two_rests_are_met(between):
+    place = np.concatenate([np.zeros(60), between, np.ones(60)])
+    time = 0.01 * np.arange(place.size)
+    assert np.allclose(smooth(time, place).displacement(time), place, atol=1e-9)
