@@ -1,5 +1,8 @@
 """Simulated tests of a pad with effects hidden in it, made ready for a diagnosis."""
 
+import json
+
+import pytest
 from msgspec.structs import replace
 
 from qlvbayes import Choices, prepare
@@ -8,6 +11,7 @@ from qlvbayes.diagnosis.verdict import Diagnosis
 from qlvbayes.experiment import Experiment
 from qlvbayes.fit import build_posterior
 from qlvbayes.inference.subset import Ensemble, with_every_effect
+from qlvbayes.laws.catalogue import LAWS
 from qlvbayes.synthetic import (
     NOISES,
     TABLE_1,
@@ -18,6 +22,7 @@ from qlvbayes.synthetic import (
 )
 
 _ROWS = 300  # a test
+_LAWS_KNOWN = {law.name for law in LAWS.elastic}
 
 
 def hidden_pad(
@@ -38,3 +43,15 @@ def ensemble_of(experiment: Experiment, *kinds) -> Ensemble:
     """The plain model of all tests with every effect of these kinds, each at its null."""
     posterior = build_posterior(experiment, Choices(noise="correlated"), experiment.trials)
     return with_every_effect(posterior, tuple(kind.default(experiment.scales) for kind in kinds))
+
+
+def keeps_diagnosis_contract(found: Diagnosis):
+    content = json.loads(json.dumps(found.result.as_dict(), allow_nan=False))
+    assert content["schema"] == 1
+    assert content["steps"][0]["effects"] == []
+    assert "none" in [entry["effect"] for entry in content["ranking"]]
+    assert sum(entry["probability"] for entry in content["ranking"]) == pytest.approx(1.0)
+    assert all(e["probability"] <= e["inclusion"] + 1e-9 <= 1.0 + 2e-9 for e in content["ranking"])
+    assert content["base"]["elastic"] in _LAWS_KNOWN
+    assert sum(entry["probability"] for entry in content["bases"]) == pytest.approx(1.0, abs=0.1)
+    assert content["worst"]["phase"] in ("ramp", "hold", "unload", "recovery")

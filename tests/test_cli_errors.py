@@ -207,7 +207,7 @@ def test_json_refuses_what_is_not_finite(tmp_path):
 def test_a_stopped_fit_resumes_and_ends_as_if_never_stopped(tmp_path):
     """Killed outright, then Ctrl-C, then left alone: the numbers of one uninterrupted run."""
     words = ["fit", str(PADS), "-o", str(tmp_path / "out"), "--pads", "B", "--seed", "8"]
-    words += ["--max-steps", "800"]  # four stretches
+    words += ["--noise", "white", "--max-steps", "600"]  # three stretches
     chain = tmp_path / "out" / "B" / "chain"
 
     killed = _stopped(words, chain / "stretch-00000.npz", signal.SIGKILL)

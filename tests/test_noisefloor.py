@@ -66,6 +66,7 @@ def thinned():
     return np.unique(np.concatenate([burst, spread, 30_000 + spread]))
 
 
+@pytest.mark.slow
 def test_white_and_correlated_noise_are_told_apart():
     white, ou, tau, total = draws(16, 1).T
     assert_centred(white, WHITE, 0.03)
@@ -90,6 +91,7 @@ def test_drift_of_the_force_is_no_noise():
     assert drifting.total == pytest.approx(still.total, rel=1e-2)
 
 
+@pytest.mark.slow
 def test_thinned_records():
     white, _, _, total = draws(20, 4, rows=thinned()).T
     assert_centred(white, WHITE, 0.03)
@@ -178,6 +180,7 @@ def coverage(floors, name, truth):
     return inside / len(floors)
 
 
+@pytest.mark.slow
 def test_the_draws_hold_the_truth_as_often_as_they_say():
     rng = np.random.default_rng(9)
     floors = [measure(*pad(rng, rows=thinned(), tests=3)) for _ in range(25)]

@@ -130,7 +130,19 @@ CASES = {
     ),
 }  # fmt: skip
 every_case = pytest.mark.parametrize("case", CASES)
-every_width = pytest.mark.parametrize("width", [85.0, 180.0])
+FULLEST = ("one effect", "twelve tests, four effects")
+every_case_and_width = pytest.mark.parametrize(
+    ("case", "width"),
+    [
+        pytest.param(
+            case,
+            width,
+            marks=pytest.mark.slow if width == 85.0 and case not in FULLEST else (),
+        )
+        for case in CASES
+        for width in (85.0, 180.0)
+    ],
+)
 
 
 @cache
@@ -154,8 +166,7 @@ def words(figure):
     return "\n".join(t.get_text() for t in texts(figure))
 
 
-@every_width
-@every_case
+@every_case_and_width
 def test_nothing_leaves_the_page_and_type_can_be_read(case, width):
     for figure, renderer in pages(case, width):
         ink, page = figure.get_tightbbox(renderer).extents, figure.bbox_inches.extents
@@ -165,8 +176,7 @@ def test_nothing_leaves_the_page_and_type_can_be_read(case, width):
         assert min(t.get_fontsize() for t in texts(figure)) >= 7.0
 
 
-@every_width
-@every_case
+@every_case_and_width
 def test_titles_legends_and_notes_do_not_overlap(case, width):
     for figure, renderer in pages(case, width):
         inside = [axis.get_tightbbox(renderer) for axis in figure.axes]
@@ -179,7 +189,7 @@ def test_titles_legends_and_notes_do_not_overlap(case, width):
                 assert not box.padded(-1.0).overlaps(other)
 
 
-@pytest.mark.parametrize("case", ["one effect", "twelve tests, four effects"])
+@pytest.mark.parametrize("case", FULLEST)
 def test_no_text_of_a_narrow_figure_runs_into_another(case):
     for figure, _ in (pages(case, 85.0)[k] for k in (0, 2, 3)):
         assert collisions(figure) == []

@@ -76,6 +76,7 @@ def test_muscles_measured_sds_weigh_its_samples():
     assert 1.0 < weight.max() / weight.min() <= ratio * (1.0 + 1e-9)
 
 
+@pytest.mark.slow
 def test_adhesive_converges_with_the_pads_units(adhesive):
     summary, checked = adhesive
     assert summary["converged"] is True
@@ -84,6 +85,7 @@ def test_adhesive_converges_with_the_pads_units(adhesive):
     assert {c["role"] for c in checked["cells"]} == {"fit"}
 
 
+@pytest.mark.slow
 def test_adhesive_is_fitted_to_a_few_per_cent(adhesive):
     """Two exponentials leave 2 % of the peak in the staircase (root mean square)."""
     _, checked = adhesive

@@ -2,18 +2,21 @@
 
 import numpy as np
 import pytest
-from hidden_pads import hidden_pad
+from hidden_pads import hidden_pad, keeps_diagnosis_contract
 
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.discrepancy import discrepancy
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.words import paragraphs
+from qlvbayes.effects.catalogue import EFFECTS, find
 from qlvbayes.effects.force_drift import ForceDrift
 from qlvbayes.effects.force_offset import ForceOffset
 from qlvbayes.synthetic import HIDDEN, OUTSIDE, PAPER_RATES
 
 LEVEL = 1.1  # N, where the amplifier clips: 80 % of the largest force
 SHIFTS = (ForceDrift, ForceOffset)
+SOME = tuple(map(find, ("viscous_drag", "friction", "stress_softening", "force_offset")))
+RATES = (0.1, 1.0, 20.0, 100.0)
 
 
 @pytest.fixture(scope="module")
@@ -40,14 +43,15 @@ def test_a_steady_drift_is_one():
     assert found.outside < 0.5
 
 
-@pytest.fixture(scope="module")
-def clipped():
+@pytest.fixture(scope="module", params=["some", pytest.param("all", marks=pytest.mark.slow)])
+def clipped(request):
     """An amplifier that cannot read large forces: no effect of the list does that."""
-    clipping = OUTSIDE["amplifier_clipping"](level=LEVEL)
-    return diagnose(hidden_pad(clipping, rates=(0.1, 1.0, 20.0, 100.0)))
+    pad = hidden_pad(OUTSIDE["amplifier_clipping"](level=LEVEL), rates=RATES)
+    return diagnose(pad, kinds=SOME if request.param == "some" else EFFECTS)
 
 
 def test_what_is_not_on_the_list_is_left(clipped):
+    keeps_diagnosis_contract(clipped)
     assert clipped.result.verdict in ("unexplained", "partly_explained")
     assert clipped.result.outside > 0.5
     assert clipped.result.stages[-1].p_value < Settings().false_alarms
@@ -57,6 +61,11 @@ def test_its_size_and_place_are_told(clipped):
     left = clipped.result.remainder
     assert not left.small
     said = " ".join(paragraphs(clipped))
+    told = {
+        "unexplained": "No effect is named",
+        "partly_explained": "no effect of the list explains",
+    }
+    assert told[clipped.result.verdict] in said
     assert left.test in said
     assert "of the peak force" in said
 

@@ -90,11 +90,12 @@ def _read(folder: Path, exact: bool) -> dict:
 def page(before: dict, after: dict) -> str:
     """Markdown: one line a row of the table, what each of the two trees said."""
     lines = ["| given | hidden | before | after |", "|---|---|---|---|"]
+    every = before | after
     rows: dict[str, list[str]] = {}
-    for name, found in before.items():
+    for name, found in every.items():
         rows.setdefault(found["row"], []).append(name)
     for row, names in rows.items():
-        hidden = sorted({" + ".join(before[name]["hidden"]) or "nothing" for name in names})
+        hidden = sorted({" + ".join(every[name]["hidden"]) or "nothing" for name in names})
         said = [_said([tree[n] for n in names if n in tree]) for tree in (before, after)]
         lines.append(f"| {row} ({len(names)}) | {', '.join(hidden)} | {said[0]} | {said[1]} |")
     return "\n".join(lines) + "\n"
@@ -107,6 +108,8 @@ def _said(answers: Sequence[dict]) -> str:
 
 
 def _one(answer: dict) -> str:
+    if answer["status"] is None:
+        return str(answer["error"])
     if "verdict" not in answer:
         return f"status {answer['status']}: {answer['error']}"
     laws = _laws(answer.get("base"))

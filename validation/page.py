@@ -68,15 +68,30 @@ _AWAY = """
 ## Away from the paper's rig
 
 What was hidden in pads of another motion, law, history or noise, and what `diagnose` named with
-its default settings, at commit 6804cf2 and now ({commit}). Each pad counts; *(wrong)*: another set
-of effects than the hidden one. Two to seven pads a row show faults, no rates. A law that is not the
-default one (Hertz, power law) is still taken for effects, or for none of them: base laws do not
-compete yet. Made with `validation/ground.py --make`, `--run` and `--page`; all answers:
-ground_before.json, ground_after.json.
+its default settings (`fit` on the record without noise, `--bonded` in air). Each pad counts;
+*(wrong)*: another set of effects than the hidden one. One to seven pads a row show faults, no
+rates. *Before* is commit 6804cf2. *After* is commit f6f986a in the last four rows, and 3fb4bc7,
+before base laws competed with effects, in the others, which were not run again: a law that is not
+the default one (Hertz, power law) was then taken for effects, or for none of them. A dash: not run;
+of the pads with two effects two of four were, of those in air one of two.
+Made with `validation/ground.py --make`, `--run` and `--page`; all answers: ground_before.json,
+ground_after.json.
 
-{table}"""
+{table}
+What is wrong there, and the likely cause:
 
-_AWAY_COMMIT = "3fb4bc7"  # whose answers are in ground_after.json
+- *Cycles, friction*: without rests the floor lacks the noise's correlated part, and small effects
+  are named for it.
+- *Power-law relaxation*: the law was no hypothesis of that commit.
+- *Noise all correlated, one effect*: a soft frame (6 % of the peak) is told as permanent_set or
+  strain_dependent_strength; frame_compliance itself has 0.11. It bends the constants rather than
+  the curve, of which 0.7 % of the peak is left.
+- *Exact record*: the failure once reported at 6804cf2 came with a record of another simulator; this
+  one was fitted there too.
+- *Machine in air*: six jerk-limited moves of 5 mm, 10 um steps, readings 2.5 to 7.5 ms apart, a
+  mass of 0.65 kg. The search did not end within an hour on a machine shared with others (more than
+  355 s of a core). Nothing is pressed, so that no law can be told from another, and each is tried.
+"""
 
 _LIMITS = """## Limits
 
@@ -139,7 +154,7 @@ def away(folder: Path) -> str:
     if not all(file.is_file() for file in files):
         return ""
     before, after = (json.loads(file.read_text(encoding="utf-8")) for file in files)
-    return _AWAY.format(commit=_AWAY_COMMIT, table=ground.page(before, after))
+    return _AWAY.format(table=ground.page(before, after))
 
 
 def _verdict(results: Mapping[Setting, Sequence[dict]]) -> str:
