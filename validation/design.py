@@ -56,6 +56,14 @@ standard **{standard:.2f}**, ratio of each pad's two: **{ratio:.1f}**.
 ## The cause
 
 {cause}
+
+## How to read it
+
+Few pads say whether the machinery works, not how well. Realised bits come out above the promise where
+the posterior of one test is not normal, and below where the tests more lead to another mode of the
+rates. Tests are ranked by bits per minute, so that a quick test that tells a part beats a longer one
+that tells all; and base laws count as explanations too, so that bits for the cause may be spent on
+them.
 """
 
 

@@ -117,7 +117,7 @@ def constants_case(index: int, seed: int) -> dict:
     options = {"proposed": series.tests[0].design, "standard": recovery.before(STANDARD)}
     some = drawn(rig, recovery, 60.0 * MINUTES, 64, 1000 + index)
     for k, place in enumerate(rng.integers(len(some), size=RANDOM)):
-        options[f"random-{k + 1}"] = some[place]
+        options[f"random"] = some[place]
     designs = list(options.values())
     products, _ = screened(belief, designs, rig, errors, scales.clock)
     promised = bits_for_constants(belief, products, belief.base_names)
