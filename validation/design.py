@@ -59,11 +59,10 @@ standard **{standard:.2f}**, ratio of each pad's two: **{ratio:.1f}**.
 
 ## How to read it
 
-Few pads say whether the machinery works, not how well. Realised bits come out above the promise where
-the posterior of one test is not normal, and below where the tests more lead to another mode of the
-rates. Tests are ranked by bits per minute, so that a quick test that tells a part beats a longer one
-that tells all; and base laws count as explanations too, so that bits for the cause may be spent on
-them.
+Few pads say whether the machinery works, not how well. Where promised and realised bits are far
+apart, why has not been looked into. Tests are ranked by bits per minute, so that a quick test that
+tells a part of the cause beats a longer one that tells all of it; and base laws count as
+explanations too, so that bits for the cause may be spent on them.
 """
 
 

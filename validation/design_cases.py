@@ -40,7 +40,6 @@ from qlvbayes.units import PAD
 
 ROWS = 500  # a test, as its logger keeps
 STANDARD = Design(1.6, 20.0, 1000.0, hold=30.0, share=0.5, rest=30.0)
-RANDOM = 1  # design of every pad, besides the proposed one and the standard one
 MINUTES = 10.0
 SCREENED = 512
 RATES = (0.1, 1.0, 20.0, 100.0)  # mm/s, of the pads whose cause is asked
@@ -116,8 +115,7 @@ def constants_case(index: int, seed: int) -> dict:
     recovery = belief.recovery
     options = {"proposed": series.tests[0].design, "standard": recovery.before(STANDARD)}
     some = drawn(rig, recovery, 60.0 * MINUTES, 64, 1000 + index)
-    for k, place in enumerate(rng.integers(len(some), size=RANDOM)):
-        options[f"random"] = some[place]
+    options["random"] = some[int(rng.integers(len(some)))]
     designs = list(options.values())
     products, _ = screened(belief, designs, rig, errors, scales.clock)
     promised = bits_for_constants(belief, products, belief.base_names)
