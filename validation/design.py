@@ -56,6 +56,13 @@ standard **{standard:.2f}**, ratio of each pad's two: **{ratio:.1f}**.
 ## The cause
 
 {cause}
+
+## How to read it
+
+Few pads say whether the machinery works, not how well. Where promised and realised bits are far
+apart, why has not been looked into. Tests are ranked by bits per minute, so that a quick test that
+tells a part of the cause beats a longer one that tells all of it; and base laws count as
+explanations too, so that bits for the cause may be spent on them.
 """
 
 
@@ -132,7 +139,9 @@ def _cause(cases: list[dict]) -> str:
     said = [
         f"Of {len(cases)} pads with a drag that grows as the 0.8th to 0.95th power of the speed, "
         f"tested at 0.1, 1, 20 and 100 mm/s, the diagnosis called {len(judged)} ambiguous. "
-        "The explanations that it left were weighed again with one test more; resolved means that "
+        "The explanations that it left were weighed without and with one test more, and what that "
+        "adds to the evidence of each was multiplied into the diagnosis's probability; resolved "
+        "means that "
         f"the hidden one has a probability of {SURE:g} or more."
     ]
     for name in ("proposed", "random"):
@@ -141,11 +150,15 @@ def _cause(cases: list[dict]) -> str:
         said.append(
             f"{name.capitalize()} test: {right} of {len(rows)} resolved rightly, {wrong} wrongly."
         )
-    table = ["| pad | bits missing | promised | test | minutes | probability of the hidden one |",
-             "|---|---|---|---|---|---|"]  # fmt: skip
+    table = [
+        "| pad | bits missing | promised | test | minutes | probability of the hidden one before "
+        "| after |",
+        "|---|---|---|---|---|---|---|",
+    ]
     table += [
         f"| {case['index']} | {case['entropy']:.2f} | {case['promised'][0]:.2f} | "
-        f"{row['test']}: {row['words']} | {row['minutes']:.2f} | {row['right']:.3f} |"
+        f"{row['test']}: {row['words']} | {row['minutes']:.2f} | "
+        f"{case['before']:.3f} | {row['right']:.3f} |"
         for case in judged
         for row in case["rows"]
     ]
