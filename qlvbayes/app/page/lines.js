@@ -23,7 +23,7 @@ export function columnsOf(now, view) {
 }
 
 export function linesOf(now, view, columns) {
-  const { names, force } = namesOf(now.entry.units);
+  const { names, force } = now.entry.units;
   const data = { name: names.force, unit: force, noise: BAND * now.entry.noise, model: now.moved ? "model in hand" : "model", before: "before" };
   const test = { t: view.x, observed: columns.observed, mean: columns.mean, low: columns.low, high: columns.high, plain: columns.before };
   const residual = residualChart(data, test);
@@ -36,7 +36,5 @@ export function linesOf(now, view, columns) {
   return { force: forceChart(data, test), residual };
 }
 
-/** Names of the axes' quantities with their units. */
-export function namesOf(units) { return { names: { force: "force", displacement: "displacement", ...units.names }, ...units }; }
-
-export function axisLabel(units, quantity) { return report.unitOf(namesOf(units).names[quantity], units[quantity]); }
+/** A quantity's name with its unit, for an axis. */
+export function axisLabel(units, quantity) { return report.unitOf(units.names[quantity], units[quantity]); }

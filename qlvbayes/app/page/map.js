@@ -5,7 +5,6 @@ import { digits, times, withUnit } from "./numbers.js";
 
 const { NAMES } = report;
 const DARKEST = 5; // times the noise, from where on a cell is as dark as can be, as in the report
-const BEYOND = 1.5; // times the noise: a failing cell where the server does not say so itself
 
 export class ResidualMap {
   constructor(store) {
@@ -30,7 +29,7 @@ export class ResidualMap {
 
   cell(one, chosen, spot) {
     if (!one) return el("td", { class: "c" }, "–");
-    const fails = failing(one), same = (other) => other && other.test === one.test && other.phase === one.phase;
+    const { fails } = one, same = (other) => other && other.test === one.test && other.phase === one.phase;
     const shade = Math.min(Math.max((one.over_noise - 1) / (DARKEST - 1), 0), 1);
     const name = `${NAMES[one.phase]} of ${one.test}: ${times(one.over_noise)} times the noise${fails ? ", beyond noise" : ""}`;
     const button = el("button", { type: "button", "aria-label": name, "aria-pressed": String(Boolean(same(chosen))), onclick: () => this.store.set({ cell: { test: one.test, phase: one.phase } }) },
@@ -46,10 +45,8 @@ export class ResidualMap {
   }
 }
 
-export function failing(cell) { return cell.fails ?? cell.over_noise > BEYOND; }
-
 function summary(cells) {
-  const many = cells.filter(failing).length;
+  const many = cells.filter((one) => one.fails).length;
   if (!many) return "No cell is beyond noise.";
   return `${many} of ${cells.length} cells ${many === 1 ? "is" : "are"} beyond noise. Choose one to see what is wrong there.`;
 }
