@@ -44,6 +44,12 @@ class Calls:
         if self._process is not None:
             await self._process.close()
 
+    def give_up(self) -> None:
+        """Answer all calls that wait: there is nobody to do it."""
+        for future in self._waiting.values():
+            if not future.done():
+                future.set_exception(_gone())
+
     @property
     def pid(self) -> int | None:
         """Of the worker, while there is one."""
@@ -84,9 +90,7 @@ class Calls:
             self._up.clear()
             self._process = None
             self._set("restarting")
-            for future in self._waiting.values():
-                if not future.done():
-                    future.set_exception(_gone())
+            self.give_up()
             if loop.time() - begun < _QUICKLY:
                 await asyncio.sleep(_PAUSE)
 

@@ -157,8 +157,9 @@ class _Server(uvicorn.Server):
             await run_in_threadpool(webbrowser.open, url)
 
     def handle_exit(self, sig: int, frame: Any) -> None:
-        """The streams of events are ended first: they never end by themselves."""
+        """Streams of events are ended first, and calls that wait: none would end by itself."""
         self._app.state.desk.events.close()
+        self._app.state.desk.calls.give_up()
         super().handle_exit(sig, frame)
 
 
