@@ -43,7 +43,7 @@ def test_a_search_tells_the_probabilities_so_far(told):
     watcher, lines = told
     base = {("hertz", "prony:2"): 0.6, ("hertz", "fung"): 0.3, ("linear", "fung"): 0.1}
     inclusion = {"friction": 0.2, "viscous_drag": 0.7}
-    decision = Decision("ambiguous", (), (), inclusion, {}, base, 0.0, 0)
+    decision = Decision("ambiguous", (), (), inclusion, base, 0.0, 0)
     best = Hypothesis("hertz", "prony:2")
     watcher.searched("B", Standing("effects", 3, best, decision))
     found = next(line["standing"] for line in lines if "standing" in line)

@@ -13,6 +13,7 @@ from qlvbayes.curves import Curves
 from qlvbayes.diagnosis.result import Base, DiagnosisResult
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.effects.catalogue import EVERY
+from qlvbayes.prescribed.hypotheses import Hypotheses
 from qlvbayes.residuals import CheckResult
 from qlvbayes.runs import Runs
 from qlvbayes.study.run import _on_laws
@@ -88,11 +89,13 @@ def test_study_leaves_every_file(study):
 
 def test_every_file_is_read_back_and_written_again_byte_for_byte(study):
     files = sorted(study[0].parent.rglob("*.json"))
-    assert {file.stem for file in files} == {"summary", "check", "curves", "diagnosis", "run"}
+    kinds = KINDS | {"hypotheses": Hypotheses}
+    assert {file.stem for file in files} == set(kinds) - {"compare"}
     for file in files:
-        found = KINDS[file.stem].read(file)
+        found = kinds[file.stem].read(file)
         assert found.to_json().encode() == file.read_bytes()
-        assert KINDS[file.stem].from_json(found.to_json()) == found
+        if file.stem != "hypotheses":  # holds arrays, which have no equality of their own
+            assert kinds[file.stem].from_json(found.to_json()) == found
 
 
 def test_what_was_tried_travels_in_the_verdict(study):

@@ -317,8 +317,9 @@ def fitted(tmp_path_factory):
 
 def test_the_command_leaves_a_plan_that_can_be_run(fitted):
     status, out, _ = call(
-        "design", fitted, "--pad", "B", "--for", "m,b", "--minutes", 3, "--tests", 1, "--json"
-    )
+        "design", fitted, "--pad", "B", "--for", "m,b", "--minutes", 3, "--tests", 1, "--json",
+        drawn=True,
+    )  # fmt: skip
     assert status == 0
     (found,) = json.loads(out)
     assert found == json.loads((fitted / "B" / "design.json").read_text())

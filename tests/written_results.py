@@ -133,6 +133,7 @@ def diagnosis(pad, verdict="missing_effect", named=("viscous_drag",)):
             "log_bayes_factor": 300.0 - 40.0 * k,
             "rmse_N": 0.0101 + 0.002 * k,
             "parameters": {"eta": {"unit": "N s/mm", "mean": 0.003, "sd": 1e-4}},
+            "inclusion_error": 0.001,
         }
         for k, effect in enumerate([*(named or ["friction"]), "inertia", "none"])
     ]
@@ -149,7 +150,15 @@ def diagnosis(pad, verdict="missing_effect", named=("viscous_drag",)):
         "base": LAWS | {"probability": 0.98},
         "bases": [LAWS | {"probability": 0.98}],
         "outside": 0.9 if verdict in ("partly_explained", "unexplained") else 0.01,
-        "alternatives": [{"base": LAWS, "effects": effects, "probability": 0.9}],
+        "alternatives": [
+            {
+                "base": LAWS,
+                "effects": effects,
+                "probability": 0.9,
+                "log_evidence": 6650.0,
+                "log_evidence_error": 0.1,
+            }
+        ],
         "not_ruled_out": [{"effects": effects, "probability": 0.9}],
         "steps": steps,
         "ranking": ranking,

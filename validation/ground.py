@@ -108,7 +108,7 @@ def _said(answers: Sequence[dict]) -> str:
 
 
 def _one(answer: dict) -> str:
-    if answer["status"] is None:
+    if answer.get("status", 0) is None:
         return str(answer["error"])
     if "verdict" not in answer:
         return f"status {answer['status']}: {answer['error']}"
