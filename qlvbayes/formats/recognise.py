@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import re
 import zlib
 from collections.abc import Sequence
 from pathlib import Path
@@ -63,6 +64,10 @@ def recognised(path: Path, kinds: Sequence[type[AbstractFormat]]) -> type[Abstra
     whole, nearest, sight = matching(head, kinds)
     if len(whole) == 1:
         return whole[0]
+    if _is_tidy(head):
+        raise InputError(
+            "the file is tidy already", file=path, remedy="give it to fit, diagnose or study"
+        )
     if whole:
         names = joined([kind.name for kind in whole])
         raise InputError(
@@ -80,4 +85,16 @@ def recognised(path: Path, kinds: Sequence[type[AbstractFormat]]) -> type[Abstra
         f"but not {joined(list(sight.missing))}",
         file=path,
         remedy="export it again, or describe the layout with --formats-file",
+    )
+
+
+_MEASURED = (("displacement", "force"), ("strain", "stress"))
+
+
+def _is_tidy(head: bytes) -> bool:
+    """Whether the first line names the columns of a tidy file, as in ``time_s``."""
+    first = head.partition(b"\n")[0].decode("utf-8-sig", "replace")
+    columns = {name.strip(' "').partition("_")[0] for name in re.split("[,;\t]", first)}
+    return "time" in columns and (
+        {"displacement", "force"} <= columns or {"strain", "stress"} <= columns
     )
