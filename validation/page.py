@@ -90,7 +90,8 @@ What is wrong there, and the likely cause:
   one was fitted there too.
 - *Machine in air*: six jerk-limited moves of 5 mm, 10 um steps, readings 2.5 to 7.5 ms apart, a
   mass of 0.65 kg. The search did not end within an hour on a machine shared with others, nor
-  within 1 200 s of a core where it ends after 150 hypotheses. Nothing is pressed, so that no law can be told from another, and each is tried.
+  within 1 200 s of a core where it ends after 150 hypotheses. Nothing is pressed, so that no law
+  can be told from another, and each is tried.
 """
 
 _LIMITS = """## Limits
