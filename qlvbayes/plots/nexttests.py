@@ -58,13 +58,17 @@ def plot_next_tests(
             clock += design.wait + design.duration
         units = found.units
         force = quantity(units.force_name, units.force)
-        labels = [quantity(units.displacement_name, units.displacement), force, f"less\n{force}"]
+        labels = [
+            quantity(units.displacement_name, units.displacement),
+            force,
+            f"less the likeliest\n{force}",
+        ]
         for axis, label in zip(axes[:, 0], labels, strict=True):
             axis.set_ylabel(label)
             axis.yaxis.set_major_locator(MaxNLocator(4))
         figure.align_ylabels(axes[:, 0])
         figure.suptitle(f"{shortened(found.pad)}: the next tests")
-        handles, names = axes[1, 0].get_legend_handles_labels()
+        handles, names = axes[2, 0].get_legend_handles_labels()
         figure.legend(handles, names, loc="outside lower center", ncols=1 if narrow(width) else 2)
     return list(axes.flat)
 
@@ -90,5 +94,6 @@ def _draw(
         for axis, zero in ((force, 0.0), (less, usual)):
             axis.fill_between(time, low - zero, high - zero, color=colour, alpha=0.25, linewidth=0)
             axis.plot(time, forces[0] - zero, color=colour, linestyle=line, label=label)
-    less.axhspan(-noise, noise, color=BLACK, alpha=0.1, linewidth=0)
+    label = "one sd of a reading's noise"
+    less.axhspan(-noise, noise, color=BLACK, alpha=0.1, linewidth=0, label=label)
     less.set_xlabel("time (s)")
