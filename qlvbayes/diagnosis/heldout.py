@@ -21,7 +21,7 @@ from scipy.special import softmax
 
 from qlvbayes.diagnosis.samples import Samples, rmse
 from qlvbayes.diagnosis.search import Weighed
-from qlvbayes.inference.density import Density
+from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.evidence import evidence
 from qlvbayes.inference.modes import find_mode
 from qlvbayes.kinematics.phases import phase_index
@@ -39,10 +39,16 @@ class Part(NamedTuple):
 
 
 class Predicted(NamedTuple):
-    """Of a part left out: force (n,) that a hypothesis predicts, and its evidence from the rest."""
+    """Of a part left out: force (n,) that a hypothesis predicts, fitted to the rest at a point."""
 
     force: Array
-    log_evidence: float
+    density: Density
+    point: Point
+
+    @property
+    def log_evidence(self) -> float:
+        """From the rest."""
+        return evidence(self.density, self.point).log
 
 
 @dataclass(frozen=True)
@@ -65,21 +71,23 @@ class HeldOut:
 
 def held_out(density: Density, samples: Samples, found: Weighed) -> HeldOut:
     """Refit with each test (or phase) left out in turn, from the mode of all."""
-    return errors(samples, leave_out(density, samples), [found])
+    parts = leave_out(density, samples)
+    return errors(samples, parts, [predictions(samples, parts, found)])
 
 
 def errors(
     samples: Samples,
     parts: Sequence[Part],
-    found: Sequence[Weighed],
-    log_prior: Sequence[float] = (0.0,),
+    predicted: Sequence[Sequence[Predicted]],
+    log_prior: Sequence[float] = (),
 ) -> HeldOut:
-    """Of what hypotheses predict together; log_prior: of each, up to a constant."""
+    """Of what hypotheses predict of each part, together; log_prior: of each, where several do."""
     residuals = []
-    for part in parts:
-        each = [_predicted(samples, part, one) for one in found]
-        logs = [p.log_evidence + log for p, log in zip(each, log_prior, strict=True)]
-        weights = softmax(logs) if len(each) > 1 else np.ones(1)
+    for part, *each in zip(parts, *predicted, strict=True):
+        weights = np.ones(1)
+        if len(each) > 1:
+            logs = [p.log_evidence + log for p, log in zip(each, log_prior, strict=True)]
+            weights = softmax(logs)
         mean = weights @ np.array([p.force for p in each])
         residuals.append(samples.observed[part.test][part.rows] - mean)
     return HeldOut.of(residuals)
@@ -90,11 +98,16 @@ def leave_out(density: Density, samples: Samples) -> list[Part]:
     return [Part(density.without(out), k, rows) for out, k, rows in _parts(density, samples)]
 
 
+def predictions(samples: Samples, parts: Sequence[Part], found: Weighed) -> list[Predicted]:
+    """Of each part, from the mode of all."""
+    return [_predicted(samples, part, found) for part in parts]
+
+
 def _predicted(samples: Samples, part: Part, found: Weighed) -> Predicted:
     mode = find_mode(part.density, found.hypothesis, found.point.theta)
     point = mode.point if mode is not None else found.point
     force = samples.predict(found.hypothesis, point.constants[None])[part.test][0][part.rows]
-    return Predicted(force, evidence(part.density, point).log)
+    return Predicted(force, part.density, point)
 
 
 def _parts(density: Density, samples: Samples) -> Iterator[tuple[Mask, int, Mask]]:

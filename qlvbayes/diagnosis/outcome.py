@@ -13,7 +13,7 @@ from scipy.special import logsumexp
 from qlvbayes.diagnosis.adequacy import Adequacy, adequacy
 from qlvbayes.diagnosis.averaging import averaged
 from qlvbayes.diagnosis.decision import probabilities
-from qlvbayes.diagnosis.heldout import Part, errors, leave_out
+from qlvbayes.diagnosis.heldout import Part, Predicted, errors, leave_out, predictions
 from qlvbayes.diagnosis.prior import log_odds_of_effect
 from qlvbayes.diagnosis.remainder import Remainder, remainder
 from qlvbayes.diagnosis.result import (
@@ -50,15 +50,13 @@ class Outcome:
         self.weights = weights_of(search)
         self.draws = probabilities(self.weights)
         self.shares = self.draws.mean(axis=0)
-        self._heldout: dict[Hypothesis, float] = {}
+        self._predictions: dict[Hypothesis, list[Predicted]] = {}
         self._residuals: dict[Hypothesis, list[Array]] = {}
         self._tested: dict[Hypothesis, Adequacy] = {}
 
     def heldout(self, found: Weighed) -> float:
         """Error on tests left out (N)."""
-        if found.hypothesis not in self._heldout:
-            self._heldout[found.hypothesis] = errors(self.samples, self._parts, [found]).rmse
-        return self._heldout[found.hypothesis]
+        return errors(self.samples, self._parts, [self._predicted(found)]).rmse
 
     @cached_property
     def _parts(self) -> list[Part]:
@@ -72,7 +70,15 @@ class Outcome:
         if len(found) < 2:
             return None
         prior = [self.search.log_prior(one.hypothesis) for one in found]
-        return _finite(errors(self.samples, self._parts, found, prior).rmse)
+        predicted = [self._predicted(one) for one in found]
+        return _finite(errors(self.samples, self._parts, predicted, prior).rmse)
+
+    def _predicted(self, found: Weighed) -> list[Predicted]:
+        """What a hypothesis predicts of each part left out, refitted once."""
+        if found.hypothesis not in self._predictions:
+            predicted = predictions(self.samples, self._parts, found)
+            self._predictions[found.hypothesis] = predicted
+        return self._predictions[found.hypothesis]
 
     def residuals(self, found: Weighed) -> list[Array]:
         """Measured minus predicted force of each trial's samples (N)."""

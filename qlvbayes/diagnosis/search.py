@@ -256,9 +256,17 @@ class Search:
         if known.own.hypothesis == hypothesis:
             return
         nothing = np.zeros(self.density.space.parameters(hypothesis).size)
-        start = self._with_carried(known, hypothesis, nothing)
+        self._see_from(known, hypothesis, nothing)
+
+    def _see_from(self, known: Point, hypothesis: Hypothesis, others: Array) -> Array:
+        """From a point's numbers, others (F,), and laws as like its own as they can be.
+
+        Returns the start (F,) without that likeness.
+        """
+        start = self._with_carried(known, hypothesis, others)
         near = projected(self.density.space, known, hypothesis, start)
         self._keep(hypothesis, self._optimised(hypothesis, [near]))
+        return start
 
     def _see_spectrum(self, bare: Hypothesis, effect: str) -> None:
         """The chosen relaxation with what acts on it alone, as near as it comes to the best one.
@@ -353,9 +361,7 @@ class Search:
         bare = [one for one in self.modes if one.effects == hypothesis.effects]
         same = [one for one in bare if one.relaxation == hypothesis.relaxation]
         known = self.modes[max(same or bare, key=self.log_posterior)][0].point
-        start = self._with_carried(known, hypothesis, middle)
-        near = projected(self.density.space, known, hypothesis, start)
-        self._keep(hypothesis, self._optimised(hypothesis, [near]))
+        start = self._see_from(known, hypothesis, middle)
         if self._is_near(hypothesis):
             self._keep(hypothesis, modes(self.density, hypothesis, [start], self._lowest))
 
@@ -407,9 +413,7 @@ class Search:
         if hypothesis == bare or bare not in self.modes:
             return
         found, nothing = self.modes[base][0].point, self._without_effects(hypothesis)
-        carried = self._with_carried(found, hypothesis, nothing)
-        near = projected(self.density.space, found, hypothesis, carried)
-        self._keep(hypothesis, self._optimised(hypothesis, [near]))
+        self._see_from(found, hypothesis, nothing)
         if self._is_near(hypothesis):
             self._keep(hypothesis, self._optimised(hypothesis, [nothing]))
 

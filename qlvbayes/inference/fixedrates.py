@@ -53,9 +53,13 @@ class FixedRates:
 
     def fractions(self, fractions: Array, rates: Array) -> Array:
         """(K, L + 1) of spectra of other fractions (K, R + 1) and rates (K, R)."""
-        decays = np.exp(-rates[:, :, None] * self.times)
-        relaxation = fractions[:, :1] + np.einsum("kr,krn->kn", fractions[:, 1:], decays)
-        return np.asarray(relaxation @ self.matrix.T)
+        return np.asarray(relaxation_of(fractions, rates, self.times) @ self.matrix.T)
+
+
+def relaxation_of(fractions: Array, rates: Array, times: Array) -> Array:
+    """(K, N) relaxation function at times (N,) of fractions (K, R + 1) and rates (K, R)."""
+    decays = np.exp(-rates[:, :, None] * times)
+    return np.asarray(fractions[:, :1] + np.einsum("kr,krn->kn", fractions[:, 1:], decays))
 
 
 @lru_cache(maxsize=16)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.inference.engine import FEW, Engine, filled_up
-from qlvbayes.inference.fixedrates import FixedRates
+from qlvbayes.inference.fixedrates import FixedRates, relaxation_of
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
 from qlvbayes.model import Model
@@ -315,9 +315,7 @@ class Space:
             return np.asarray(forces)[: len(constants)]
         name = hypothesis.relaxation
         fractions, rates = _spectra(self._structures[name], self._shapes[name], full[:, count:])
-        decays = np.exp(-rates[:, :, None] * self.places[1])
-        found = fractions[:, :1] + np.einsum("kl,klt->kt", fractions[:, 1:], decays)
-        found = np.asarray(found)[: len(constants)]
+        found = relaxation_of(fractions, rates, self.places[1])[: len(constants)]
         for effect, own in self._on_relaxation(hypothesis, constants):
             found = np.asarray(
                 effect(*own).relaxed(jnp.asarray(found), jnp.asarray(self.places[1]))
