@@ -1,5 +1,7 @@
 r"""The hereditary integral in O(N), exact for displacement that is piecewise linear in time.
 
+A smooth motion may be told by how far it bows between the points, which counts to first order.
+
 .. math:: F(t) = \int_0^t g(t - s)\, K(\delta(s))\, \dot\delta(s)\, ds
              = c_0 F_e(\delta(t)) + \sum_i c_i q_i(t)
 
@@ -20,6 +22,9 @@ from jaxtyping import Array
 
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
+
+
+_NEAR = 0.03  # below this the series is right to 1e-9, and what it stands for loses digits
 
 
 class Relaxing(eqx.Module):
@@ -59,9 +64,18 @@ def hereditary_step(
 
 @jax.jit  # an effect may ask for it several times: it is traced once
 def hereditary_force(
-    elastic: AbstractElastic, relaxation: AbstractRelaxation, time: Array, depth: Array
+    elastic: AbstractElastic,
+    relaxation: AbstractRelaxation,
+    time: Array,
+    depth: Array,
+    bow: Array | None = None,
 ) -> Array:
-    """Force (N,) of one test at the grid points ``time`` (s) and ``depth`` (mm), both (N,).
+    r"""Force (N,) of one test at the grid points ``time`` (s) and ``depth`` (mm), both (N,).
+
+    bow (N,): how far (mm) the middle of the step that ends at a point is off the straight line. As
+    a parabola it changes a mode's step by
+
+    .. math:: -v \int_0^h K\, 4 B x (1 - x)\, e^{-v (h - s)} ds, \quad x = s/h.
 
     Differentiable in every argument, also under jit and vmap; O(N) in time and memory.
     """
@@ -69,26 +83,46 @@ def hereditary_force(
     times, start_time = _chunks(time, length, time[0])
     depths, start_depth = _chunks(depth, length, jnp.zeros((), depth.dtype))
     instant = elastic.force(depths)
+    bowed = jnp.zeros_like(depth) if bow is None else bow * _mean_stiffness(elastic, depth)
+    bows, _ = _chunks(bowed, length, bowed[0])
     fractions, rates = relaxation.spectrum()
     rates = rates[:, None]
 
     def advance(state: tuple[Array, ...], point: tuple[Array, ...]) -> tuple:
         part, time_before, depth_before, instant_before = state
-        time_now, depth_now, instant_now = point
+        time_now, depth_now, instant_now, bow_now = point
         decay = rates * (time_now - time_before)
         step = elastic.relaxed_step(depth_before, depth_now, instant_before, instant_now, decay)
-        part = jnp.exp(-decay) * part + step
+        survival = jnp.exp(-decay)
+        part = survival * part + step
+        if bow is not None:
+            part = part - bow_now * _bow_factor(decay, survival)
         local = jnp.sum(fractions[1:, None] * part, axis=0)
         return (part, time_now, depth_now, instant_now), local
 
     lanes = (rates.shape[0], times.shape[1])
     first = (jnp.zeros(lanes), start_time, start_depth, elastic.force(start_depth))
     local: Array
-    (part, *_), local = jax.lax.scan(advance, first, (times, depths, instant))
+    (part, *_), local = jax.lax.scan(advance, first, (times, depths, instant, bows))
     left = jnp.exp(-rates * (times - start_time)[:, None])
     carried = fractions[1:, None] * _carry(left[-1], part)
     force = fractions[0] * instant + local + jnp.sum(left * carried, axis=1)
     return force.T.reshape(-1)[: time.shape[0]]
+
+
+def _mean_stiffness(elastic: AbstractElastic, depth: Array) -> Array:
+    """K (N,) on the average over the step that ends at a point."""
+    stiffness = elastic.stiffness(depth)
+    return 0.5 * (stiffness + jnp.concatenate([stiffness[:1], stiffness[:-1]]))
+
+
+def _bow_factor(decay: Array, survival: Array) -> Array:
+    r"""4 a \int_0^1 x (1 - x) e^{-a (1 - x)} dx at a = decay; survival is e^{-a}."""
+    near = decay < _NEAR
+    far = jnp.where(near, 1.0, decay)
+    close = jnp.where(near, decay, 0.0)
+    series = close * (1.0 / 6.0 + close * (-1.0 / 12.0 + close * (1.0 / 40.0 - close / 180.0)))
+    return 4.0 * jnp.where(near, series, (decay - 2.0 + (decay + 2.0) * survival) / far**2)
 
 
 def _chunk_length(points: int) -> int:

@@ -49,7 +49,8 @@ class Law(eqx.Module):
         """Force (N,) in N; every constant must be a number."""
         if self.layers:
             return self.layers[-1].force(self._below, motion)
-        return hereditary_force(self.elastic, self.relaxation, motion.time, motion.displacement)
+        path = motion.time, motion.displacement, motion.bow
+        return hereditary_force(self.elastic, self.relaxation, *path)
 
     def begin(self, displacement: Array) -> State:
         """The state at the first point of a motion, at ``displacement`` (mm)."""
@@ -111,6 +112,7 @@ def at_depth(motion: Motion, displacement: Array) -> Motion:
         jnp.where(contact, motion.acceleration, 0.0),
         motion.start,
         motion.ago,
+        None if motion.bow is None else jnp.where(contact, motion.bow, 0.0),
     )
 
 

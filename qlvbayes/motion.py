@@ -21,12 +21,14 @@ class Line(eqx.Module):
 
 
 class Motion(eqx.Module):
-    """Displacement, taken as linear in time between the grid's points.
+    """Displacement, linear in time between the grid's points, or bowed as ``bow`` says.
 
     The first four have shape (N,) for one test (a leading axis is a batch of tests): time (s, never
     decreasing; repeated points are allowed and do nothing), displacement (mm), velocity (mm/s),
     acceleration (mm/s2). start: the pad's clock at time 0 (s), which is 0 in its first test. Before
     the first point the specimen is at rest at zero displacement; a first point elsewhere is a step.
+    bow: (N,) how far the middle of the step that ends at a point is off its straight line (mm), for
+    the memory of the material, where an error of one sign would add up; None for straight lines.
     ago: (N,) in which test a point lies, 0 in the test itself, k in the k-th before it with the
     pause that follows (there velocity and acceleration are not told, but 0); None where no earlier
     test is carried along.
@@ -38,6 +40,7 @@ class Motion(eqx.Module):
     acceleration: Array
     start: Array
     ago: Array | None
+    bow: Array | None
 
     def __init__(
         self,
@@ -47,11 +50,12 @@ class Motion(eqx.Module):
         acceleration: Array,
         start: ArrayLike = 0.0,
         ago: Array | None = None,
+        bow: Array | None = None,
     ) -> None:
         self.time, self.displacement = time, displacement
         self.velocity, self.acceleration = velocity, acceleration
         self.start = jnp.asarray(start, dtype=float)
-        self.ago = ago
+        self.ago, self.bow = ago, bow
 
     @property
     def clock(self) -> Array:
@@ -75,4 +79,5 @@ class Motion(eqx.Module):
             held(self.velocity),
             held(self.acceleration),
             self.start,
+            bow=None if self.bow is None else jnp.where(own, self.bow, 0.0),
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, ClassVar, Self
 
 import equinox as eqx
@@ -129,25 +130,42 @@ def joined_with(motion: Motion, late: Array) -> tuple[Motion, Array]:
     )
     # of equal times the delayed one comes first, as it does for any delay above 0
     order = jnp.argsort(jax.lax.stop_gradient(joined.time))
-    return jax.tree.map(lambda x: x[order] if x.ndim else x, joined), order
+    joined = jax.tree.map(lambda x: x[order] if x.ndim else x, joined)
+    if joined.bow is None:
+        return joined, order
+    # a part of a step bows less, by the square of its share
+    step = jnp.diff(motion.time, prepend=motion.time[:1])
+    whole = jnp.concatenate([step[_after(motion, late)], step])[order]
+    share = jnp.diff(joined.time, prepend=joined.time[:1]) / jnp.where(whole > 0.0, whole, 1.0)
+    return replace(joined, bow=joined.bow * share**2), order
+
+
+def _after(motion: Motion, time: Array) -> Array:
+    """Places of the points at which the steps end that times lie in."""
+    return jnp.clip(jnp.searchsorted(motion.time, time), 1, motion.time.shape[0] - 1)
 
 
 def _at(motion: Motion, time: Array) -> Motion:
-    """The motion at other times, all from time[0] to time[-1]: straight lines, as the grid's are.
+    """The motion at other times, all from time[0] to time[-1]: on its lines, or their bows.
 
     Velocity and acceleration are those just after a point, as on the grid.
     """
-    after = jnp.clip(jnp.searchsorted(motion.time, time), 1, motion.time.shape[0] - 1)
+    after = _after(motion, time)
     step = motion.time[after] - motion.time[after - 1]
     travel = motion.displacement[after] - motion.displacement[after - 1]
     slope = travel / jnp.where(step > 0.0, step, 1.0)
     here = jnp.where(time < motion.time[after], after - 1, after)
     elapsed = time - motion.time[here]
+    place = motion.displacement[after] + slope * (time - motion.time[after])
+    if motion.bow is not None:
+        share = (motion.time[after] - time) / jnp.where(step > 0.0, step, 1.0)
+        place = place + 4.0 * motion.bow[after] * share * (1.0 - share)
     return Motion(
         time,
-        motion.displacement[after] + slope * (time - motion.time[after]),
+        place,
         motion.velocity[here] + motion.acceleration[here] * elapsed,
         motion.acceleration[here],
         motion.start,
         None if motion.ago is None else jnp.zeros_like(motion.ago),
+        None if motion.bow is None else motion.bow[after],
     )

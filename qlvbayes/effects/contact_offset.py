@@ -62,4 +62,5 @@ def rested(motion: Motion) -> Motion:
         jnp.concatenate([jnp.zeros(1), motion.acceleration]),
         motion.start,
         None if motion.ago is None else jnp.concatenate([motion.ago[:1], motion.ago]),
+        None if motion.bow is None else jnp.concatenate([jnp.zeros(1), motion.bow]),
     )

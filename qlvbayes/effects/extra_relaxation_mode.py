@@ -41,7 +41,9 @@ class ExtraRelaxationMode(AbstractEffect):
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Mix in the mode."""
-        extra = hereditary_force(below.elastic, self._mode, motion.time, motion.displacement)
+        extra = hereditary_force(
+            below.elastic, self._mode, motion.time, motion.displacement, motion.bow
+        )
         return (1.0 - self.c) * below.force(motion) + self.c * extra
 
     def relaxed(self, relaxation: Array, time: Array) -> Array:

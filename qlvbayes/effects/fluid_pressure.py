@@ -51,7 +51,8 @@ class FluidPressure(AbstractEffect):
         own = motion.alone
         xi = material_time(own.time, own.displacement, -self.a)
         depth = own.displacement - own.displacement[0]
-        return below.force(motion) + hereditary_force(Linear(self.k), self._drainage, xi, depth)
+        pressure = hereditary_force(Linear(self.k), self._drainage, xi, depth, own.bow)
+        return below.force(motion) + pressure
 
     def begin(self, below: Law, displacement: Array) -> State:
         """Beside the law's state the pressure, none."""

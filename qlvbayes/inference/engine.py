@@ -129,7 +129,7 @@ class Engine:
     elastic: tuple[AbstractElastic, ...]
     effects: tuple[AbstractEffect, ...]
     bonded: bool
-    _models: dict[tuple[int, frozenset[str]], Callable[..., JaxArray]] = field(default_factory=dict)
+    _models: dict[Any, Callable[..., JaxArray]] = field(default_factory=dict)
     _compiled: set[Any] = field(default_factory=set)
 
     @cached_property
@@ -159,7 +159,8 @@ class Engine:
         costly = [e.name for e in self.effects if e.costly]
         every = [e.name for e in self.effects]
         cheap = [e.name for e in self.effects if not e.costly]
-        sets = [[], light, *([*light, one] for one in costly), cheap, every]
+        with_one = [[*some, one] for some in (light, cheap) for one in costly]
+        sets = [[], light, *with_one[: len(costly)], cheap, *with_one[len(costly) :], every]
         return [frozenset(names) for names in sets]
 
     def forces(
@@ -174,30 +175,31 @@ class Engine:
         start = self.width + 2 * lanes + 1
         columns = [start + k for effect in kept for k in self.slots[effect.name]]
         own = filled_up(rows[:, [*range(start), *columns]])
-        if (lanes, names) not in self._models:
+        shape = jax.tree.structure(record.motion)
+        if (lanes, names, shape) not in self._models:
             leaves, structure = jax.tree.flatten(self._model(lanes, kept))
             sizes = tuple(int(np.size(leaf)) for leaf in leaves[1:])  # the first is the law's
-            self._models[lanes, names] = _forces_of(structure, sizes)
-        force = self._models[lanes, names]
-        motions = _motions(record)
+            self._models[lanes, names, shape] = _forces_of(structure, sizes, shape)
+        force = self._models[lanes, names, shape]
+        motions, nodes = _motions(record), np.asarray(record.nodes)
         parts = np.split(own, range(TOGETHER, len(own), TOGETHER))
         tasks = [(part, motion) for motion in motions for part in parts]
 
         def run(task: tuple[Array, tuple[Array, ...]]) -> Array:
             return np.asarray(force(which, task[0], *task[1]))
 
-        kind = (lanes, names, len(motions[0]), motions[0][0].shape)
-        if kind in self._compiled:
-            found = list(_AT_ONCE.map(run, tasks))
-        else:  # at first by one thread only: each would compile it for itself
-            found = [run(task) for task in tasks]
-            self._compiled.add(kind)
-        grid = np.reshape(found, (len(motions), len(own), -1))[:, : len(rows)]
-        nodes = np.asarray(record.nodes)
+        for motion in motions:  # by one thread only: each would compile it for itself
+            kind = (lanes, names, shape, motion[0].shape)
+            if kind not in self._compiled:
+                run((parts[0], motion))
+                self._compiled.add(kind)
+        found = list(_AT_ONCE.map(run, tasks))
+        per_test = [found[k : k + len(parts)] for k in range(0, len(found), len(parts))]
         of_blocks = [
-            0.5 * (f[:, n[:, 0]] + f[:, n[:, 1]]) for f, n in zip(grid, nodes, strict=True)
+            0.5 * (f[:, n[:, 0]] + f[:, n[:, 1]])
+            for f, n in zip(map(np.concatenate, per_test), nodes, strict=True)
         ]
-        return np.stack(of_blocks, axis=1)
+        return np.stack(of_blocks, axis=1)[: len(rows)]
 
     def _model(self, lanes: int, effects: Sequence[AbstractEffect]) -> Model:
         """With empty numbers."""
@@ -214,23 +216,33 @@ def filled_up(rows: Array) -> Array:
 
 
 def _motions(record: Record) -> list[tuple[Array, ...]]:
-    """Of each test, its motion's arrays: what is compiled then knows no number of tests."""
+    """Of each test, its motion's arrays: what is compiled then knows no number of tests.
+
+    Each as long as its own points ask for: the longest test may have many times as many.
+    """
     leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(record.motion)]
-    return [tuple(leaf[k] for leaf in leaves) for k in range(len(leaves[0]))]
+    found = []
+    for k, last in enumerate(np.max(np.asarray(record.nodes), axis=(1, 2)).tolist()):
+        size = leaves[0].shape[1]
+        while size % 2 == 0 and size // 2 > last:  # by halves: few sizes are compiled
+            size //= 2
+        found.append(tuple(leaf[k][:size] if leaf.ndim > 1 else leaf[k] for leaf in leaves))
+    return found
 
 
 @cache
-def _forces_of(structure: Any, sizes: tuple[int, ...]) -> Callable[..., JaxArray]:
+def _forces_of(structure: Any, sizes: tuple[int, ...], of_motion: Any) -> Callable[..., JaxArray]:
     """Compiled force (4, N) of one test, of which law, rows of constants and a motion's arrays.
 
-    structure, sizes: of a model, and of its leaves beside the law's number; 1 is a scalar.
+    structure, sizes: of a model, and of its leaves beside the law's number; 1 is a scalar;
+    of_motion: the motion's structure.
     Arguments are plain arrays: to take modules apart at every call would cost as much as the force.
     """
     ends = np.cumsum(sizes)[:-1].tolist()
 
     @compiled
     def forces(which: JaxArray, rows: JaxArray, *arrays: JaxArray) -> JaxArray:
-        motion = Motion(*arrays)
+        motion: Motion = jax.tree.unflatten(of_motion, arrays)
 
         def one(row: JaxArray) -> JaxArray:
             parts = jnp.split(row, ends)

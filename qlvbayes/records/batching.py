@@ -51,6 +51,7 @@ def _pad(record: Record, points: int, blocks: int) -> Record:
         _extend(seen.acceleration, points),
         seen.start,
         None if seen.ago is None else _extend(seen.ago, points),
+        None if seen.bow is None else _extend(seen.bow, points),
     )
     size = record.blocks.force.shape[0]
     full = Blocks(*(_extend(x, blocks) for x in jax.tree.leaves(record.blocks)))

@@ -33,9 +33,9 @@ like this leaves e^-3 = 5 %, and of quicker ones less.
 """
 
 ROUNDED = 0.01  # s, by which a declared clock may be rounded
-_FAITHFUL = 3e-7  # of the stroke: bound of a straight line's error, see above
+_FAITHFUL = 2e-5  # of the stroke: bound of a straight line's error, see above; a fifth of a grid's
 _MOST = 64  # points of an earlier test
-_STEPS = 12  # points of a stroke, for effects that bend its line
+_STEPS = 6  # points of a stroke, for effects that bend its line
 _STAND = 0.02  # of a test: shorter lines are not split
 _AFTER_STOP = np.geomspace(0.004, 0.7, 8)  # places of points in a longer one, for the same reason
 _STAYED = 0.02  # of the stroke: depths of an end and a beginning that are one
@@ -125,7 +125,7 @@ def _stays(before: Test, path: Trajectory, after: Test, next_path: Trajectory) -
 
 def _lines(test: Test, path: Trajectory, until: float) -> tuple[np.ndarray, np.ndarray]:
     """Times and depths of a test, as few as are faithful enough for a test that begins later."""
-    time = grid_times(path, test.time[-1:], float(test.time[0]))
+    time = grid_times(path, test.time[-1:], float(test.time[0]), bowed=False)
     depth = path_at(path, time, float(test.time[0]))
     kept = _thinned(time, depth, until)
     split = _split(time[kept], depth[kept])

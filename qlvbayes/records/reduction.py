@@ -180,6 +180,9 @@ def planned_record(
 
 def _motion(trajectory: Trajectory, grid: np.ndarray, first: float, start: float) -> Motion:
     displacement = path_at(trajectory, grid, first)
+    middle = trajectory.displacement(0.5 * (grid[1:] + grid[:-1]))
+    off = middle - 0.5 * (displacement[1:] + displacement[:-1])
+    bow = np.append(0.0, np.where(grid[:-1] < first, 0.0, off))
     velocity, acceleration = trajectory.velocity(grid), trajectory.acceleration(grid)
     return Motion(
         jnp.asarray(grid),
@@ -187,6 +190,7 @@ def _motion(trajectory: Trajectory, grid: np.ndarray, first: float, start: float
         jnp.asarray(velocity),
         jnp.asarray(acceleration),
         start,
+        bow=jnp.asarray(bow),
     )
 
 
@@ -203,6 +207,7 @@ def _remembering(motion: Motion, past: Past) -> Motion:
         join(still, motion.acceleration),
         motion.start,
         join(past.ago, np.zeros(motion.time.shape, past.ago.dtype)),
+        None if motion.bow is None else join(still, motion.bow),
     )
 
 
