@@ -23,7 +23,6 @@ from jaxtyping import Array
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
 
-
 _NEAR = 0.03  # below this the series is right to 1e-9, and what it stands for loses digits
 
 
