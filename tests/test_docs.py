@@ -117,10 +117,10 @@ def test_every_command_stands_on_the_page_of_commands(site, building):
         assert f"qlvbayes {command.name}" in text
 
 
-def test_the_theory_quotes_the_thresholds_of_the_code(site):
+def test_the_computation_quotes_the_thresholds_of_the_code(site):
     from qlvbayes.diagnosis.settings import Settings
 
-    text = re.sub(r"<[^>]+>", "", (site / "theory.html").read_text(encoding="utf-8"))
+    text = re.sub(r"<[^>]+>", "", (site / "computation.html").read_text(encoding="utf-8"))
     for name, value in vars(Settings()).items():
         assert re.search(rf"{name}\s+{re.escape(str(value))}", text), name
 
