@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array
 
 from qlvbayes.motion import Motion
-from qlvbayes.records.record import Blocks, Record
+from qlvbayes.records.record import Blocks, Record, held
 
 _LEAST = 32  # points or blocks
 
@@ -29,7 +29,6 @@ def batch(records: Sequence[Record], like: Record | None = None) -> Record:
     if any(r.motion.ago is not None for r in (*records, *([like] if like else []))):
         records = [_with_ago(record) for record in records]
     padded = [_pad(record, points, blocks) for record in records]
-    # by numpy, here and below: JAX would compile each step for every length anew
     return jax.tree.map(lambda *leaves: jnp.asarray(np.stack(leaves)), *padded)
 
 
@@ -57,8 +56,8 @@ def _pad(record: Record, points: int, blocks: int) -> Record:
     full = Blocks(*(_extend(x, blocks) for x in jax.tree.leaves(record.blocks)))
     real = np.arange(blocks) < size
     # one sample, of no duration: the noise model's closed forms stay finite in padding
-    count = jnp.asarray(np.where(real, full.count, 1.0))
-    single = replace(full, count=count, real=jnp.asarray(real))
+    count = held(np.where(real, full.count, 1.0))
+    single = replace(full, count=count, real=held(real))
     return Record(motion, _extend(record.nodes, blocks), single)
 
 
@@ -67,10 +66,10 @@ def _with_ago(record: Record) -> Record:
     motion = record.motion
     if motion.ago is not None:
         return record
-    alone = replace(motion, ago=jnp.asarray(np.zeros(motion.time.shape, int)))
+    alone = replace(motion, ago=held(np.zeros(motion.time.shape, int)))
     return Record(alone, record.nodes, record.blocks)
 
 
 def _extend(values: Array, size: int) -> Array:
     missing = [(0, size - values.shape[0])] + [(0, 0)] * (values.ndim - 1)
-    return jnp.asarray(np.pad(np.asarray(values), missing, mode="edge"))
+    return held(np.pad(np.asarray(values), missing, mode="edge"))

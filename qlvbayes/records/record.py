@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any, cast
+
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
 from qlvbayes.motion import Motion
+
+held = cast("Callable[[Any], Array]", np.asarray)
+"""Arrays of one test stay numpy's: JAX would compile a copy for every length."""
 
 
 class Blocks(eqx.Module):
@@ -33,7 +38,7 @@ class Blocks(eqx.Module):
         """Every sample its own block."""
         one = np.ones(time.shape)
         fields = (force, one, time, time, weight, one, np.zeros_like(one), one > 0.0)
-        return cls(*map(jnp.asarray, fields))
+        return cls(*map(held, fields))
 
 
 class Record(eqx.Module):

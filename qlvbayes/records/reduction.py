@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from qlvbayes.data import Test
@@ -21,7 +20,7 @@ from qlvbayes.motion import Motion
 from qlvbayes.noisefloor import NoiseFloor
 from qlvbayes.records.grid import grid_times, path_at
 from qlvbayes.records.past import Past
-from qlvbayes.records.record import Blocks, Record
+from qlvbayes.records.record import Blocks, Record, held
 
 GROWTH = 0.2  # a block's width over the time since its phase began
 MOVING_BLOCKS = 20  # at least so many in a ramp or unloading,
@@ -151,10 +150,7 @@ def reduce_test(
         edges = np.unique(np.concatenate([edges, *map(np.array, doubtful)]))
         begin = _beginnings(test.time, edges)
         kept = clear_of_kinks(test.time, trajectory, phases)[begin]
-    # by numpy: JAX would compile the choice for every length anew
-    averaged = jax.tree.map(
-        lambda x: jnp.asarray(np.asarray(x)[kept]), _average(test, begin, sd_scale)
-    )
+    averaged = jax.tree.map(lambda x: held(np.asarray(x)[kept]), _average(test, begin, sd_scale))
     centre, half = (x[kept] for x in _nodes(test.time, begin))
     nodes = np.stack([centre - half, centre + half])
     if care is not None:
@@ -167,7 +163,7 @@ def reduce_test(
     places = np.searchsorted(grid, nodes).T
     if past is not None:
         motion, places = _remembering(motion, past), places + past.time.size
-    return Record(motion, jnp.asarray(places), averaged)
+    return Record(motion, held(places), averaged)
 
 
 def planned_record(
@@ -185,21 +181,21 @@ def _motion(trajectory: Trajectory, grid: np.ndarray, first: float, start: float
     bow = np.append(0.0, np.where(grid[:-1] < first, 0.0, off))
     velocity, acceleration = trajectory.velocity(grid), trajectory.acceleration(grid)
     return Motion(
-        jnp.asarray(grid),
-        jnp.asarray(displacement),
-        jnp.asarray(velocity),
-        jnp.asarray(acceleration),
+        held(grid),
+        held(displacement),
+        held(velocity),
+        held(acceleration),
         start,
-        bow=jnp.asarray(bow),
+        bow=held(bow),
     )
 
 
 def _remembering(motion: Motion, past: Past) -> Motion:
     """The motion with the earlier tests before it, at rest between their points."""
     first = np.nextafter(float(motion.time[0]), -np.inf)
-    time = jnp.asarray(np.minimum(past.time, first))
+    time = held(np.minimum(past.time, first))
     still = np.zeros(time.shape)
-    join = lambda x, y: jnp.asarray(np.concatenate([x, y]))  # noqa: E731
+    join = lambda x, y: held(np.concatenate([x, y]))  # noqa: E731
     return Motion(
         join(time, motion.time),
         join(past.displacement, motion.displacement),
@@ -220,7 +216,7 @@ def _average(test: Test, begin: np.ndarray, sd_scale: float) -> Blocks:
         weight = np.sqrt(np.add.reduceat((test.force_sd / sd_scale) ** 2, begin) / count)
     times = test.time[begin], test.time[last]
     fields = (force, count, *times, weight, np.ones_like(count), 0.0 * count, count > 0.0)
-    return Blocks(*map(jnp.asarray, fields))
+    return Blocks(*map(held, fields))
 
 
 def _with_care(blocks: Blocks, trajectory: Trajectory, centre: np.ndarray, care: Care) -> Blocks:
@@ -236,7 +232,7 @@ def _with_care(blocks: Blocks, trajectory: Trajectory, centre: np.ndarray, care:
         sure = np.maximum(way**2, np.maximum(_SURE * sd, 1e-9 * np.ptp(depth) + 1e-100) ** 2)
         stiffness = np.abs(rise * way) / sure
     extra = np.minimum(stiffness, care.stiffness) * sd
-    return replace(blocks, scale=jnp.asarray(care.floor.scale(force)), extra=jnp.asarray(extra))
+    return replace(blocks, scale=held(care.floor.scale(force)), extra=held(extra))
 
 
 def _nodes(time: np.ndarray, begin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
