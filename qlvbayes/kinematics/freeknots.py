@@ -21,6 +21,7 @@ Flags = NDArray[np.bool_]
 _STIFFNESS = 1e-9  # keeps a piece without samples straight
 _FEW = 10  # knots that are moved one by one;
 _APART = 6  # of more, every sixth is nudged at once
+_GAIN = 1e-4  # share of the squares: of a few hundred readings 0.02 in the log likelihood
 _STEPS = (25, 10)  # of the search, with few knots and with many
 _MOST_MOVED = 200  # knots that are moved at all
 _MOST_PER_PIECE = 400
@@ -208,7 +209,7 @@ def optimise(joints: Joints, window: Window) -> Joints:
                 joints, best, damping = trial, error, 0.2 * damping
                 break
             damping *= 8.0
-        if gained <= 1e-6 * float(best @ best):
+        if gained <= _GAIN * float(best @ best):
             break
     return joints
 

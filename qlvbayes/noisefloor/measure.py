@@ -167,7 +167,7 @@ def _mode(
     start = min(starts, key=lambda at: found.loss(np.array(at)))
     best = minimize(
         found.loss, np.array(start), method="L-BFGS-B", bounds=Bounds(*bounds),
-        options={"maxiter": 15, "ftol": 1e-7},
+        options={"maxiter": 15, "ftol": 1e-6},
     )  # fmt: skip
     ratio, tau = map(float, best.x)
     gain = pool.likelihood(ratio, tau, smooth)[0]
