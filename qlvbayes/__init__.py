@@ -8,8 +8,8 @@ from qlvbayes.bench.bench import Bench
 from qlvbayes.bench.model import ByHand
 from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
-from qlvbayes.compare.compare import compare
-from qlvbayes.compare.contrast import Comparison, Contrast, Interval
+from qlvbayes.comparison.compare import compare
+from qlvbayes.comparison.contrast import Comparison, Contrast, Interval
 from qlvbayes.data import Pad, Study, Test, read_study
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.result import DiagnosisResult
@@ -21,7 +21,7 @@ from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.effects.conformance import check_effect
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.experiment import Experiment, prepare
-from qlvbayes.export.write import export
+from qlvbayes.exports.write import export
 from qlvbayes.fit import Fit, fit_pad
 from qlvbayes.formats.conformance import check_format
 from qlvbayes.inference.ensemble import Settings
@@ -45,7 +45,7 @@ from qlvbayes.laws.relaxation.stretched import StretchedExponential
 from qlvbayes.model import Model
 from qlvbayes.motion import Motion
 from qlvbayes.noise import Correlated, StudentT, White
-from qlvbayes.predict import Prediction, predict
+from qlvbayes.prediction import Prediction, predict
 from qlvbayes.prescribed.forecast import predict_program
 from qlvbayes.prescribed.hypotheses import Hypotheses
 from qlvbayes.priors import (

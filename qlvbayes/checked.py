@@ -9,7 +9,7 @@ from qlvbayes.conversion import factors
 from qlvbayes.data import Pad
 from qlvbayes.elsewhere import has_noise
 from qlvbayes.experiment import Experiment, prepare
-from qlvbayes.predict import Prediction, predict
+from qlvbayes.prediction import Prediction, predict
 from qlvbayes.pulling import pull_notices
 from qlvbayes.residuals import CheckResult, check
 from qlvbayes.results import Saved

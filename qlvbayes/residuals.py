@@ -10,7 +10,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from qlvbayes.kinematics.phases import KINDS, phase_index
-from qlvbayes.predict import Prediction
+from qlvbayes.prediction import Prediction
 from qlvbayes.resultfile import Part, Result
 from qlvbayes.units import PAD, UnitSystem
 

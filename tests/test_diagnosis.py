@@ -20,7 +20,7 @@ from qlvbayes.diagnosis.words import paragraphs
 from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.effects.catalogue import find
 from qlvbayes.inference.modes import find_mode
-from qlvbayes.predict import single_samples
+from qlvbayes.prediction import single_samples
 from qlvbayes.synthetic import (
     HIDDEN,
     TABLE_1,

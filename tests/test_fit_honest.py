@@ -16,7 +16,7 @@ from qlvbayes.fit import build_posterior, fit_pad
 from qlvbayes.inference.ensemble import Settings
 from qlvbayes.inference.least_squares import least_squares, without_noise
 from qlvbayes.parameters import names
-from qlvbayes.predict import predict
+from qlvbayes.prediction import predict
 
 ROOT = Path(__file__).parents[1]
 sys.path.append(str(ROOT / "validation"))

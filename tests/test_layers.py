@@ -42,9 +42,9 @@ LAYERS = [
     ["inference"],
     ["nexttest"],
     ["fit", "recovery"],
-    ["summary", "predict"],
+    ["summary", "prediction"],
     ["results", "residuals", "diagnosis", "constants_table"],
-    ["checked", "compare"],
+    ["checked", "comparison"],
     ["curves"],
     # models laid over the tests by hand
     ["bench"],
@@ -52,7 +52,7 @@ LAYERS = [
     ["stepper"],
     ["prescribed"],
     # what other programs get of a fit
-    ["export"],
+    ["exports"],
     # a rig of its own, which shares nothing with the model
     ["synthetic"],
     # how well the diagnosis does on what that rig hides

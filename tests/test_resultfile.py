@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from written_results import write_study
 
 from qlvbayes import InputError
-from qlvbayes.compare.contrast import Comparison
+from qlvbayes.comparison.contrast import Comparison
 from qlvbayes.curves import Curves
 from qlvbayes.diagnosis.result import DiagnosisResult, Estimate
 from qlvbayes.diagnosis.settings import Settings

@@ -9,9 +9,9 @@ import numpy as np
 from simulated_fits import MOST_STEPS, measured, true_values
 
 from qlvbayes import Choices, Comparison, Fit, Settings, compare, fit_pad, prepare, summarise
-from qlvbayes.compare.readings import read, readings
-from qlvbayes.compare.settings import choose
-from qlvbayes.compare.side import side_of
+from qlvbayes.comparison.readings import read, readings
+from qlvbayes.comparison.settings import choose
+from qlvbayes.comparison.side import side_of
 from qlvbayes.drawn import described_model, drawn_models
 from qlvbayes.synthetic import NOISES, PAPER_RATES, Constants, draw_constants, simulate_study
 from qlvbayes.units import PAD

@@ -11,12 +11,12 @@ from typing import Any
 SECTIONS = {
     "measurements": ("data", "experiment", "checks", "units", "formats"),
     "model": ("model", "motion", "laws", "law", "noise", "scales", "priors"),
-    "fitting": ("choices", "fit", "inference", "summary", "predict", "residuals", "results"),
+    "fitting": ("choices", "fit", "inference", "summary", "prediction", "residuals", "results"),
     "diagnosis": ("diagnosis", "bench"),
     "prediction": ("dual", "stepper", "prescribed"),
     "effects": ("effects", "recovery"),
-    "comparison": ("compare", "constants_table"),
-    "study": ("study", "report", "export"),
+    "comparison": ("comparison", "constants_table"),
+    "study": ("study", "report", "exports"),
     "other": (),
 }
 LAST = "other"

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array
 
 from qlvbayes.checks import InputError
-from qlvbayes.compare.side import Side, Source, side_of
+from qlvbayes.comparison.side import Side, Source, side_of
 from qlvbayes.dual import check_inverse, displacement_from_force
 from qlvbayes.model import Model
 from qlvbayes.motion import Motion

@@ -8,9 +8,9 @@ from itertools import combinations
 from pathlib import Path
 
 from qlvbayes.checks import InputError
-from qlvbayes.compare.compare import REGION, compare
-from qlvbayes.compare.contrast import Comparison
-from qlvbayes.compare.writing import write_comparison
+from qlvbayes.comparison.compare import REGION, compare
+from qlvbayes.comparison.contrast import Comparison
+from qlvbayes.comparison.writing import write_comparison
 from qlvbayes.covered import covered
 from qlvbayes.data import Study, read_study
 from qlvbayes.experiment import prepare

@@ -8,16 +8,16 @@ import numpy as np
 from msgspec.structs import replace
 
 from qlvbayes.checks import InputError
-from qlvbayes.compare.contrast import BY_CHANCE, Comparison, Contrast, Omnibus
-from qlvbayes.compare.hierarchy import DRAWS, fluid_draws
-from qlvbayes.compare.joint import joint_test, smallest_tail
-from qlvbayes.compare.judging import contrast
-from qlvbayes.compare.notices import notices
-from qlvbayes.compare.readings import Reading, readings
-from qlvbayes.compare.settings import Settings, choose
-from qlvbayes.compare.shared import shared_constants
-from qlvbayes.compare.side import Side, Source, side_of
-from qlvbayes.compare.words import paragraphs
+from qlvbayes.comparison.contrast import BY_CHANCE, Comparison, Contrast, Omnibus
+from qlvbayes.comparison.hierarchy import DRAWS, fluid_draws
+from qlvbayes.comparison.joint import joint_test, smallest_tail
+from qlvbayes.comparison.judging import contrast
+from qlvbayes.comparison.notices import notices
+from qlvbayes.comparison.readings import Reading, readings
+from qlvbayes.comparison.settings import Settings, choose
+from qlvbayes.comparison.shared import shared_constants
+from qlvbayes.comparison.side import Side, Source, side_of
+from qlvbayes.comparison.words import paragraphs
 from qlvbayes.fit import Fit
 from qlvbayes.results import Saved
 from qlvbayes.units import UnitSystem

@@ -6,9 +6,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from qlvbayes.checks import InputError
-from qlvbayes.export.catalogue import find
-from qlvbayes.export.pad import read_pad
-from qlvbayes.export.target import Specimen
+from qlvbayes.exports.catalogue import find
+from qlvbayes.exports.pad import read_pad
+from qlvbayes.exports.target import Specimen
 from qlvbayes.files import results_folder, write_whole
 
 DRAWS = 64  # of the table: a 90 % interval from them is off by a few per cent of the draws

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from qlvbayes.compare.contrast import DECIDED, EQUAL, SHARE, Contrast, Interval
-from qlvbayes.compare.readings import Reading
+from qlvbayes.comparison.contrast import DECIDED, EQUAL, SHARE, Contrast, Interval
+from qlvbayes.comparison.readings import Reading
 
 
 def contrast(reading: Reading, first: np.ndarray, second: np.ndarray, region: float) -> Contrast:

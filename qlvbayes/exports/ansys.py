@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from qlvbayes.export.card import card, commented
-from qlvbayes.export.material import CANNOT, POISSON, moduli, structure
-from qlvbayes.export.pad import ExportedPad
-from qlvbayes.export.target import AbstractTarget, Specimen
+from qlvbayes.exports.card import card, commented
+from qlvbayes.exports.material import CANNOT, POISSON, moduli, structure
+from qlvbayes.exports.pad import ExportedPad
+from qlvbayes.exports.target import AbstractTarget, Specimen
 
 _CONSTANTS = 6  # that one TBDATA takes
 _MATERIAL = 1  # its number

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from qlvbayes.compare.contrast import Contrast
-from qlvbayes.compare.readings import Reading
-from qlvbayes.compare.settings import Settings
-from qlvbayes.compare.shared import fixed_constants
-from qlvbayes.compare.side import Side
+from qlvbayes.comparison.contrast import Contrast
+from qlvbayes.comparison.readings import Reading
+from qlvbayes.comparison.settings import Settings
+from qlvbayes.comparison.shared import fixed_constants
+from qlvbayes.comparison.side import Side
 
 
 def notices(

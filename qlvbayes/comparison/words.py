@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from math import log
 
-from qlvbayes.compare.contrast import BY_CHANCE, Comparison, Contrast
-from qlvbayes.compare.joint import FALSE_ALARMS
-from qlvbayes.compare.numbers import with_interval, written
+from qlvbayes.comparison.contrast import BY_CHANCE, Comparison, Contrast
+from qlvbayes.comparison.joint import FALSE_ALARMS
+from qlvbayes.comparison.numbers import with_interval, written
 
 _FRACTION = "1"
 _TESTS = {

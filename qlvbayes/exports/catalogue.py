@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from qlvbayes.checks import InputError
-from qlvbayes.export.abaqus import Abaqus
-from qlvbayes.export.ansys import Ansys
-from qlvbayes.export.c_header import CHeader
-from qlvbayes.export.comsol import Comsol
-from qlvbayes.export.drake import Drake
-from qlvbayes.export.febio import FEBio
-from qlvbayes.export.fmu import Fmu
-from qlvbayes.export.json_file import JsonFile
-from qlvbayes.export.matlab import Matlab
-from qlvbayes.export.mujoco import MuJoCo
-from qlvbayes.export.target import AbstractTarget
+from qlvbayes.exports.abaqus import Abaqus
+from qlvbayes.exports.ansys import Ansys
+from qlvbayes.exports.c_header import CHeader
+from qlvbayes.exports.comsol import Comsol
+from qlvbayes.exports.drake import Drake
+from qlvbayes.exports.febio import FEBio
+from qlvbayes.exports.fmu import Fmu
+from qlvbayes.exports.json_file import JsonFile
+from qlvbayes.exports.matlab import Matlab
+from qlvbayes.exports.mujoco import MuJoCo
+from qlvbayes.exports.target import AbstractTarget
 
 TARGETS: tuple[type[AbstractTarget], ...] = (
     CHeader,

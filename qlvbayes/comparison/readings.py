@@ -12,8 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from qlvbayes.compare import programmes
-from qlvbayes.compare.settings import Settings
+from qlvbayes.comparison import programmes
+from qlvbayes.comparison.settings import Settings
 from qlvbayes.model import Model
 from qlvbayes.motion import Motion
 from qlvbayes.units import UnitSystem

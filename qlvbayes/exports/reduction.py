@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from qlvbayes.checks import InputError
-from qlvbayes.export.pad import ExportedPad
+from qlvbayes.exports.pad import ExportedPad
 from qlvbayes.hereditary import hereditary_force
 from qlvbayes.units import unit_system
 

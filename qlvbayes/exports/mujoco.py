@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from qlvbayes.export.c_header import c_files
-from qlvbayes.export.card import card, in_comment, template
-from qlvbayes.export.pad import ExportedPad
-from qlvbayes.export.reduction import SI, fitted, miss, pressing
-from qlvbayes.export.target import AbstractTarget, Specimen
+from qlvbayes.exports.c_header import c_files
+from qlvbayes.exports.card import card, in_comment, template
+from qlvbayes.exports.pad import ExportedPad
+from qlvbayes.exports.reduction import SI, fitted, miss, pressing
+from qlvbayes.exports.target import AbstractTarget, Specimen
 
 
 class MuJoCo(AbstractTarget):

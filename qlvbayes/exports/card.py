@@ -8,8 +8,8 @@ from collections.abc import Iterable
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 import qlvbayes
-from qlvbayes.export.pad import ExportedPad, Interval
-from qlvbayes.export.target import AbstractTarget
+from qlvbayes.exports.pad import ExportedPad, Interval
+from qlvbayes.exports.target import AbstractTarget
 
 # solvers read ASCII only
 _PLAIN = str.maketrans(
@@ -55,7 +55,7 @@ def in_comment(lines: Iterable[str]) -> list[str]:
 def template(file: str, /, **values: object) -> str:
     """A file of ``templates/`` filled in."""
     environment = Environment(
-        loader=PackageLoader("qlvbayes.export"),
+        loader=PackageLoader("qlvbayes.exports"),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,

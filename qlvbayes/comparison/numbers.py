@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import floor, log10
 
-from qlvbayes.compare.contrast import Interval
+from qlvbayes.comparison.contrast import Interval
 
 _SMALL = 1e-4
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from qlvbayes.checks import InputError
-from qlvbayes.export.card import card, in_comment, template
-from qlvbayes.export.material import CANNOT, POISSON, moduli, structure
-from qlvbayes.export.pad import ExportedPad
-from qlvbayes.export.target import AbstractTarget, Specimen
+from qlvbayes.exports.card import card, in_comment, template
+from qlvbayes.exports.material import CANNOT, POISSON, moduli, structure
+from qlvbayes.exports.pad import ExportedPad
+from qlvbayes.exports.target import AbstractTarget, Specimen
 from qlvbayes.laws.relaxation.fung import Fung
 from qlvbayes.laws.relaxation.power_law import PowerLaw
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from qlvbayes.checks import InputError
-from qlvbayes.export.card import card, in_comment, template
-from qlvbayes.export.formulas import FORMULAS, Formulas
-from qlvbayes.export.pad import Draws, ExportedPad
-from qlvbayes.export.target import AbstractTarget, Specimen
-from qlvbayes.export.translation import Language, functions_of, needs
+from qlvbayes.exports.card import card, in_comment, template
+from qlvbayes.exports.formulas import FORMULAS, Formulas
+from qlvbayes.exports.pad import Draws, ExportedPad
+from qlvbayes.exports.target import AbstractTarget, Specimen
+from qlvbayes.exports.translation import Language, functions_of, needs
 
 
 class CHeader(AbstractTarget):

@@ -9,8 +9,8 @@ import numpy as np
 
 from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
-from qlvbayes.compare.readings import read
-from qlvbayes.compare.settings import Settings
+from qlvbayes.comparison.readings import read
+from qlvbayes.comparison.settings import Settings
 from qlvbayes.conversion import factors
 from qlvbayes.covered import Covered, covered
 from qlvbayes.drawn import described_model, drawn_models, pad_alone, rig_effects

@@ -13,10 +13,10 @@ import zipfile
 from pathlib import Path
 
 import qlvbayes
-from qlvbayes.export.c_header import c_files
-from qlvbayes.export.card import card, in_comment, template
-from qlvbayes.export.pad import ExportedPad
-from qlvbayes.export.target import AbstractTarget, Specimen
+from qlvbayes.exports.c_header import c_files
+from qlvbayes.exports.card import card, in_comment, template
+from qlvbayes.exports.pad import ExportedPad
+from qlvbayes.exports.target import AbstractTarget, Specimen
 
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest date of a zip file: the same pad gives the same bytes
 _COMPILE_S = 120.0  # after which a compiler is given up

@@ -7,8 +7,8 @@ import inspect
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 
-from qlvbayes.export import formulas
-from qlvbayes.export.formulas import Formulas, Function
+from qlvbayes.exports import formulas
+from qlvbayes.exports.formulas import Formulas, Function
 
 _OPERATORS: dict[type, str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}
 _COMPARISONS: dict[type, str] = {

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from qlvbayes.checks import InputError
-from qlvbayes.compare.contrast import ReadAt
+from qlvbayes.comparison.contrast import ReadAt
 from qlvbayes.covered import Covered
 
 _ROUND = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from qlvbayes.export.c_header import formulas_of, rows_of
-from qlvbayes.export.card import ONE_DRAW, card, template
-from qlvbayes.export.pad import ExportedPad
-from qlvbayes.export.target import AbstractTarget, Specimen
-from qlvbayes.export.translation import Language, functions_of
+from qlvbayes.exports.c_header import formulas_of, rows_of
+from qlvbayes.exports.card import ONE_DRAW, card, template
+from qlvbayes.exports.pad import ExportedPad
+from qlvbayes.exports.target import AbstractTarget, Specimen
+from qlvbayes.exports.translation import Language, functions_of
 
 
 class Matlab(AbstractTarget):

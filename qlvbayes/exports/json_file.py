@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from dataclasses import asdict
 
-from qlvbayes.export.card import card
-from qlvbayes.export.pad import Draws, ExportedPad
-from qlvbayes.export.target import AbstractTarget, Specimen
+from qlvbayes.exports.card import card
+from qlvbayes.exports.pad import Draws, ExportedPad
+from qlvbayes.exports.target import AbstractTarget, Specimen
 
 
 class JsonFile(AbstractTarget):

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.stats import chi2
 
-from qlvbayes.compare.contrast import Contrast, Omnibus
+from qlvbayes.comparison.contrast import Contrast, Omnibus
 
 FALSE_ALARMS = 0.01  # share of equal pairs that are called different
 _LEAST = 1e-6  # fraction below which its logarithm is cut

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from qlvbayes.checks import InputError
-from qlvbayes.export.card import NO_CONTACT, ONE_DRAW
-from qlvbayes.export.pad import ExportedPad
-from qlvbayes.export.target import Specimen
+from qlvbayes.exports.card import NO_CONTACT, ONE_DRAW
+from qlvbayes.exports.pad import ExportedPad
+from qlvbayes.exports.target import Specimen
 from qlvbayes.units import PAD, STRAIN
 
 POISSON = 0.495  # wet soft solids hardly change volume; what ordinary elements still solve

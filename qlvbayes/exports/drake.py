@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from qlvbayes.export.card import ONE_DRAW, card, in_comment, template
-from qlvbayes.export.pad import ExportedPad
-from qlvbayes.export.reduction import fitted, miss, pressing
-from qlvbayes.export.target import AbstractTarget, Specimen
+from qlvbayes.exports.card import ONE_DRAW, card, in_comment, template
+from qlvbayes.exports.pad import ExportedPad
+from qlvbayes.exports.reduction import fitted, miss, pressing
+from qlvbayes.exports.target import AbstractTarget, Specimen
 
 
 class Drake(AbstractTarget):

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
 
-from qlvbayes.export.pad import ExportedPad
+from qlvbayes.exports.pad import ExportedPad
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from qlvbayes.compare.readings import Reading
-from qlvbayes.compare.side import Side
+from qlvbayes.comparison.readings import Reading
+from qlvbayes.comparison.side import Side
 from qlvbayes.laws.catalogue import find_elastic
 
 

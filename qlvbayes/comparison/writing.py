@@ -6,8 +6,8 @@ import csv
 import io
 from pathlib import Path
 
-from qlvbayes.compare.contrast import Comparison, Contrast, Interval
-from qlvbayes.compare.numbers import written
+from qlvbayes.comparison.contrast import Comparison, Contrast, Interval
+from qlvbayes.comparison.numbers import written
 from qlvbayes.files import results_folder, write_whole
 
 _TEX = str.maketrans(
