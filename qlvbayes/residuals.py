@@ -9,8 +9,11 @@ import msgspec
 import numpy as np
 from scipy.stats import chi2
 
+from qlvbayes.choices import Choices
+from qlvbayes.experiment import Experiment
 from qlvbayes.kinematics.phases import KINDS, phase_index
 from qlvbayes.prediction import Prediction
+from qlvbayes.pulling import pull_notices
 from qlvbayes.resultfile import Part, Result
 from qlvbayes.units import PAD, UnitSystem
 
@@ -102,6 +105,23 @@ def check(
         cells=tuple(_cell(*place, FALSE_ALARMS / len(places)) for place in places),
         cycles=tuple(cycle for prediction in predictions for cycle in _cycles(prediction)),
         notices=tuple(notices),
+    )
+
+
+def check_experiment(
+    experiment: Experiment, choices: Choices, predictions: Sequence[Prediction]
+) -> CheckResult:
+    """`check` with all that is known of the pad, and what one should know of its tests."""
+    bonded, effects = choices.bonded, choices.effects
+    pulling = pull_notices(experiment, bonded=bonded, effects=effects)
+    of_noise = [f"pad {experiment.pad}: {text}" for text in experiment.floor.notices]
+    return check(
+        experiment.pad,
+        experiment.floor.total,
+        predictions,
+        effects,
+        units=experiment.units,
+        notices=(*pulling, *of_noise),
     )
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
-from qlvbayes.data import Study
+from qlvbayes.data import Measurements
 from qlvbayes.resultfile import Part, Result
 
 _LIBRARIES = (
@@ -49,7 +49,7 @@ class Runs(Result, frozen=True, kw_only=True):
 
 
 def record_run(
-    out: Path, step: str, command: str, study: Study, choices: Choices, seed: int
+    out: Path, step: str, command: str, study: Measurements, choices: Choices, seed: int
 ) -> None:
     """Note in ``out/run.json`` by which command a step was made; ``study`` replaces all others."""
     path = out / "run.json"

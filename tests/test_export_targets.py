@@ -24,11 +24,11 @@ from qlvbayes.exports.febio import FEBio
 from qlvbayes.exports.json_file import JsonFile
 from qlvbayes.exports.material import POISSON
 from qlvbayes.exports.reduction import pressing
-from qlvbayes.exports.target import Specimen
+from qlvbayes.exports.target import Geometry
 from qlvbayes.units import unit_system
 
 EXACT = 1e-12
-BLOCK = Specimen(height=10.0, area=200.0)
+BLOCK = Geometry(height=10.0, area=200.0)
 YOUNG = 10.0 / 200.0  # MPa, of a stiffness of 1 N/mm
 TIMES = np.concatenate([[0.0], np.geomspace(1e-4, 1e3, 60)])
 NUMBER = r"[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?"

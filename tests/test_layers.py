@@ -41,10 +41,11 @@ LAYERS = [
     # inference and what is made of it
     ["inference"],
     ["nexttest"],
-    ["fit", "recovery"],
     ["summary", "prediction"],
-    ["results", "residuals", "diagnosis", "constants_table"],
-    ["checked", "comparison"],
+    ["residuals"],
+    ["fit", "recovery"],
+    ["results", "diagnosis", "constants_table"],
+    ["checked", "comparison", "specimen"],
     ["curves"],
     # models laid over the tests by hand
     ["bench"],

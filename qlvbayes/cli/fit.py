@@ -31,7 +31,7 @@ from qlvbayes.cli.options import (
     model_choices,
 )
 from qlvbayes.cli.terminal import Terminal
-from qlvbayes.data import read_study
+from qlvbayes.data import read_measurements
 from qlvbayes.fit import METHODS
 from qlvbayes.inference.ensemble import Settings
 from qlvbayes.runs import record_run
@@ -70,7 +70,7 @@ def fit(
     An interrupted run resumes when the same command is given again.
     """
     with waiting("reading"):
-        study = read_study(file)
+        study = read_measurements(file)
     choices = model_choices(
         study,
         elastic,

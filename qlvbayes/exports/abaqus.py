@@ -5,7 +5,7 @@ from __future__ import annotations
 from qlvbayes.exports.card import card, commented
 from qlvbayes.exports.material import CANNOT, POISSON, moduli, structure
 from qlvbayes.exports.pad import ExportedPad
-from qlvbayes.exports.target import AbstractTarget, Specimen
+from qlvbayes.exports.target import AbstractTarget, Geometry
 
 
 class Abaqus(AbstractTarget):
@@ -21,7 +21,7 @@ class Abaqus(AbstractTarget):
     what = "*ELASTIC or *HYPERELASTIC with *VISCOELASTIC, TIME=PRONY (N, mm, s, MPa)"
     cannot = CANNOT
 
-    def files(self, pad: ExportedPad, specimen: Specimen | None) -> dict[str, bytes]:
+    def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
         """``pad_B.inp``."""
         found = moduli(pad, specimen)
         head = commented(card(pad, type(self), structure(pad)), "**")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from qlvbayes.exports.card import card, commented
 from qlvbayes.exports.material import CANNOT, POISSON, moduli, structure
 from qlvbayes.exports.pad import ExportedPad
-from qlvbayes.exports.target import AbstractTarget, Specimen
+from qlvbayes.exports.target import AbstractTarget, Geometry
 
 _CONSTANTS = 6  # that one TBDATA takes
 _MATERIAL = 1  # its number
@@ -23,7 +23,7 @@ class Ansys(AbstractTarget):
     what = "MP,EX and TB,PRONY,1,1,N,SHEAR with TBDATA (N, mm, s, MPa)"
     cannot = CANNOT
 
-    def files(self, pad: ExportedPad, specimen: Specimen | None) -> dict[str, bytes]:
+    def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
         """``pad_B.mac``."""
         found = moduli(pad, specimen)
         head = commented(card(pad, type(self), structure(pad)), "!")

@@ -8,7 +8,7 @@ from qlvbayes.checks import InputError
 from qlvbayes.exports.card import card, in_comment, template
 from qlvbayes.exports.formulas import FORMULAS, Formulas
 from qlvbayes.exports.pad import Draws, ExportedPad
-from qlvbayes.exports.target import AbstractTarget, Specimen
+from qlvbayes.exports.target import AbstractTarget, Geometry
 from qlvbayes.exports.translation import Language, functions_of, needs
 
 
@@ -18,7 +18,7 @@ class CHeader(AbstractTarget):
     name = "c"
     what = "a C99 header, and the posterior's draws as a table beside it"
 
-    def files(self, pad: ExportedPad, specimen: Specimen | None) -> dict[str, bytes]:
+    def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
         """``pad_B.h`` and ``pad_B_draws.h``."""
         return c_files(pad, type(self))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from qlvbayes.exports.card import card, commented
 from qlvbayes.exports.material import CANNOT, POISSON, moduli, structure
 from qlvbayes.exports.pad import ExportedPad
-from qlvbayes.exports.target import AbstractTarget, Specimen
+from qlvbayes.exports.target import AbstractTarget, Geometry
 
 _PASCAL = 1e6  # of a MPa
 
@@ -22,7 +22,7 @@ class Comsol(AbstractTarget):
     what = "a table of branch, shear modulus (Pa) and time (s), with the long-term parent"
     cannot = CANNOT
 
-    def files(self, pad: ExportedPad, specimen: Specimen | None) -> dict[str, bytes]:
+    def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
         """``pad_B_branches.txt`` and ``pad_B_parent.txt``, a list of parameters."""
         found = moduli(pad, specimen)
         said = card(pad, type(self), structure(pad))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from qlvbayes.exports.card import ONE_DRAW, card, in_comment, template
 from qlvbayes.exports.pad import ExportedPad
 from qlvbayes.exports.reduction import fitted, miss, pressing
-from qlvbayes.exports.target import AbstractTarget, Specimen
+from qlvbayes.exports.target import AbstractTarget, Geometry
 
 
 class Drake(AbstractTarget):
@@ -27,7 +27,7 @@ class Drake(AbstractTarget):
         ONE_DRAW,
     )
 
-    def files(self, pad: ExportedPad, specimen: Specimen | None) -> dict[str, bytes]:
+    def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
         """``pad_B.sdf``: paste its properties into a collision."""
         pressed = pressing(pad)
         spring = pressed.depth

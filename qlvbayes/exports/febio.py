@@ -8,7 +8,7 @@ from qlvbayes.checks import InputError
 from qlvbayes.exports.card import card, in_comment, template
 from qlvbayes.exports.material import CANNOT, POISSON, moduli, structure
 from qlvbayes.exports.pad import ExportedPad
-from qlvbayes.exports.target import AbstractTarget, Specimen
+from qlvbayes.exports.target import AbstractTarget, Geometry
 from qlvbayes.laws.relaxation.fung import Fung
 from qlvbayes.laws.relaxation.power_law import PowerLaw
 
@@ -30,7 +30,7 @@ class FEBio(AbstractTarget):
     what = "a <material> of type viscoelastic, or reactive viscoelastic (N, mm, s, MPa)"
     cannot = CANNOT
 
-    def files(self, pad: ExportedPad, specimen: Specimen | None) -> dict[str, bytes]:
+    def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
         """``pad_B.feb``: paste its material into a model."""
         young = moduli(pad, specimen).young
         law, said = pad.relaxation, card(pad, type(self), structure(pad))

@@ -16,7 +16,7 @@ import qlvbayes
 from qlvbayes.exports.c_header import c_files
 from qlvbayes.exports.card import card, in_comment, template
 from qlvbayes.exports.pad import ExportedPad
-from qlvbayes.exports.target import AbstractTarget, Specimen
+from qlvbayes.exports.target import AbstractTarget, Geometry
 
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest date of a zip file: the same pad gives the same bytes
 _COMPILE_S = 120.0  # after which a compiler is given up
@@ -35,7 +35,7 @@ class Fmu(AbstractTarget):
     name = "fmu"
     what = "an FMI 2.0 co-simulation unit: C sources, and a linux64 binary where there is gcc"
 
-    def files(self, pad: ExportedPad, specimen: Specimen | None) -> dict[str, bytes]:
+    def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
         """``pad_B.fmu``."""
         name = pad.identifier
         values = {

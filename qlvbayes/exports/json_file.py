@@ -7,7 +7,7 @@ from dataclasses import asdict
 
 from qlvbayes.exports.card import card
 from qlvbayes.exports.pad import Draws, ExportedPad
-from qlvbayes.exports.target import AbstractTarget, Specimen
+from qlvbayes.exports.target import AbstractTarget, Geometry
 
 
 class JsonFile(AbstractTarget):
@@ -16,7 +16,7 @@ class JsonFile(AbstractTarget):
     name = "json"
     what = "laws, spectrum, intervals, tested range and draws, without loss"
 
-    def files(self, pad: ExportedPad, specimen: Specimen | None) -> dict[str, bytes]:
+    def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
         """``pad_B.json``."""
         content = {
             "schema": 1,

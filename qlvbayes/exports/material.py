@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from qlvbayes.checks import InputError
 from qlvbayes.exports.card import NO_CONTACT, ONE_DRAW
 from qlvbayes.exports.pad import ExportedPad
-from qlvbayes.exports.target import Specimen
+from qlvbayes.exports.target import Geometry
 from qlvbayes.units import PAD, STRAIN
 
 POISSON = 0.495  # wet soft solids hardly change volume; what ordinary elements still solve
@@ -42,7 +42,7 @@ class Moduli:
         return self.young / (3.0 * (1.0 - 2.0 * POISSON))
 
 
-def moduli(pad: ExportedPad, specimen: Specimen | None) -> Moduli:
+def moduli(pad: ExportedPad, specimen: Geometry | None) -> Moduli:
     """E = K(0) of stress over strain, or K(0) height/area of force over displacement.
 
     Uniaxial and at small strain. Raises InputError where the specimen's shape is wanted, or the law

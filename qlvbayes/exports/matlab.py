@@ -5,7 +5,7 @@ from __future__ import annotations
 from qlvbayes.exports.c_header import formulas_of, rows_of
 from qlvbayes.exports.card import ONE_DRAW, card, template
 from qlvbayes.exports.pad import ExportedPad
-from qlvbayes.exports.target import AbstractTarget, Specimen
+from qlvbayes.exports.target import AbstractTarget, Geometry
 from qlvbayes.exports.translation import Language, functions_of
 
 
@@ -16,7 +16,7 @@ class Matlab(AbstractTarget):
     what = "a function for MATLAB and GNU Octave"
     cannot = (ONE_DRAW,)
 
-    def files(self, pad: ExportedPad, specimen: Specimen | None) -> dict[str, bytes]:
+    def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
         """``pad_B.m``."""
         text = template(
             "pad.m.j2",

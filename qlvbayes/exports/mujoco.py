@@ -6,7 +6,7 @@ from qlvbayes.exports.c_header import c_files
 from qlvbayes.exports.card import card, in_comment, template
 from qlvbayes.exports.pad import ExportedPad
 from qlvbayes.exports.reduction import SI, fitted, miss, pressing
-from qlvbayes.exports.target import AbstractTarget, Specimen
+from qlvbayes.exports.target import AbstractTarget, Geometry
 
 
 class MuJoCo(AbstractTarget):
@@ -25,7 +25,7 @@ class MuJoCo(AbstractTarget):
         "in the polynomial: relaxation, loss of contact, the posterior (the plugin has all three)",
     )
 
-    def files(self, pad: ExportedPad, specimen: Specimen | None) -> dict[str, bytes]:
+    def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
         """``pad_B.xml``, ``pad_B_plugin.c``, and the header that it calls."""
         pressed = pressing(pad)
         x = pressed.depth

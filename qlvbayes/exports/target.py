@@ -10,7 +10,7 @@ from qlvbayes.exports.pad import ExportedPad
 
 
 @dataclass(frozen=True)
-class Specimen:
+class Geometry:
     """The shape of a homogeneous specimen: height (mm) and cross-section (mm2)."""
 
     height: float
@@ -29,7 +29,7 @@ class AbstractTarget(ABC):
     cannot: ClassVar[tuple[str, ...]] = ()
 
     @abstractmethod
-    def files(self, pad: ExportedPad, specimen: Specimen | None) -> dict[str, bytes]:
+    def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
         """Content by file name.
 
         specimen: where the user told one. Raises InputError where this pad cannot go there.

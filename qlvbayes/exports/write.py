@@ -8,7 +8,7 @@ from pathlib import Path
 from qlvbayes.checks import InputError
 from qlvbayes.exports.catalogue import find
 from qlvbayes.exports.pad import read_pad
-from qlvbayes.exports.target import Specimen
+from qlvbayes.exports.target import Geometry
 from qlvbayes.files import results_folder, write_whole
 
 DRAWS = 64  # of the table: a 90 % interval from them is off by a few per cent of the draws
@@ -43,11 +43,11 @@ def export(
     return [folder / name for name in content]
 
 
-def _specimen(height: float | None, area: float | None) -> Specimen | None:
+def _specimen(height: float | None, area: float | None) -> Geometry | None:
     if height is None and area is None:
         return None
     if height is None or area is None:
         raise InputError("a specimen has a height and an area", remedy="give both, in mm and mm2")
     if not (0.0 < height < float("inf") and 0.0 < area < float("inf")):
         raise InputError("height and area must be above 0", remedy="give them in mm and mm2")
-    return Specimen(height, area)
+    return Geometry(height, area)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from qlvbayes.checked import CheckedPad
 from qlvbayes.choices import Choices
-from qlvbayes.data import Pad, Study, read_study
+from qlvbayes.data import Measurements, Pad, read_measurements
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.settings import Settings as Thresholds
 from qlvbayes.diagnosis.verdict import Diagnosis
@@ -28,7 +28,7 @@ _MOST_PAIRS = 6  # compared unasked
 
 
 def run_study(
-    file: str | Path | Study,
+    file: str | Path | Measurements,
     out: str | Path,
     *,
     pads: Sequence[str] = (),
@@ -54,7 +54,7 @@ def run_study(
     the constants, by default paper_table1.csv beside the measurements, if it is there. Raises
     InputError on measurements, choices or references that cannot be used.
     """
-    study = file if isinstance(file, Study) else read_study(file)
+    study = file if isinstance(file, Measurements) else read_measurements(file)
     out, watcher, settings = Path(out), watcher or Watcher(), settings or Settings()
     choices = choices or Choices(bonded=study.units.bonded_default)
     wanted = [study.pad(name) for name in pads] or list(study.pads)
@@ -86,13 +86,13 @@ def _compare(pads: list[Saved], out: Path, settings: Settings, watcher: Watcher)
         compare_into(out, first, second, seed=settings.seed, watcher=watcher)
 
 
-def _call(study: Study, out: Path) -> str:
+def _call(study: Measurements, out: Path) -> str:
     return f"qlvbayes.run_study({Path(study.source).name!r}, {out.name!r}, ...)"
 
 
 def _one(
     pad: Pad,
-    study: Study,
+    study: Measurements,
     choices: Choices,
     settings: Settings,
     thresholds: Thresholds | None,
@@ -146,7 +146,7 @@ def _constant(setting: str) -> str:
 
 def _fit_and_check(
     pad: Pad,
-    study: Study,
+    study: Measurements,
     choices: Choices,
     settings: Settings,
     folder: Path,
