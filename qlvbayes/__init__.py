@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from qlvbayes.motion import Motion
     from qlvbayes.prediction import Prediction
     from qlvbayes.prescribed.forecast import predict_program
+    from qlvbayes.prescribed.hypotheses import Hypotheses
     from qlvbayes.report.write import write_report
     from qlvbayes.residuals import CheckResult
     from qlvbayes.results import load as load_results
@@ -57,6 +58,7 @@ _HOMES = {
     "Experiment": "experiment.Experiment",
     "Fit": "fit.Fit",
     "FitSummary": "summary.FitSummary",
+    "Hypotheses": "prescribed.hypotheses.Hypotheses",
     "InputError": "checks.InputError",
     "Model": "model.Model",
     "Motion": "motion.Motion",
@@ -89,6 +91,7 @@ __all__ = [
     "Experiment",
     "Fit",
     "FitSummary",
+    "Hypotheses",
     "InputError",
     "Model",
     "Motion",

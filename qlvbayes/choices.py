@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -15,10 +16,28 @@ from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.userfile import load as load_laws
 from qlvbayes.model import Model
 from qlvbayes.noise import AbstractNoise, Floor
-from qlvbayes.overrides import override, parse
+from qlvbayes.overrides import in_words, override, parse
 from qlvbayes.parameters import fields_of
 from qlvbayes.posterior import is_prior
+from qlvbayes.priors import AbstractPrior
 from qlvbayes.scales import Scales
+
+Given = Sequence[str] | Mapping[str, AbstractPrior | float | str]
+
+
+class _Settings:
+    """A field of settings of single constants, in any form given, kept in words."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    def __get__(self, instance: object, owner: type) -> tuple[str, ...]:
+        return () if instance is None else instance.__dict__[self._name]
+
+    def __set__(self, instance: object, given: Given) -> None:
+        if isinstance(given, Mapping):
+            given = [f"{name}={in_words(value)}" for name, value in given.items()]
+        instance.__dict__[self._name] = (given,) if isinstance(given, str) else tuple(given)
 
 
 @dataclass(frozen=True)
@@ -26,8 +45,10 @@ class Choices:
     """A model's description in words and numbers, as kept in the results.
 
     law: elastic law; modes: r of a Prony series, of no account to other relaxations; bonded:
-    whether the specimen can pull; noise: kind of noise; priors, fixed: ``name=prior`` and
-    ``name=number``, applied in this order; effects: names of the effects in the model;
+    whether the specimen can pull; noise: kind of noise; priors, fixed: of single constants, applied
+    in this order, by name (``{"v[1]": LogNormal(1.8, 0.5)}`` or ``{"v[1]": "lognormal(1.8,0.5)"}``,
+    ``{"v[2]": 0.14}``) or as on the command line (``["v[2]=0.14"]``), as which they are kept;
+    effects: names of the effects in the model;
     effects_file: a user's own effects; rested: whether every test begins with a pad at rest,
     whatever came before it; relaxation: its law; laws_file: a user's own laws.
     """
@@ -36,8 +57,8 @@ class Choices:
     modes: int = 2
     bonded: bool = False
     noise: str = "floor"
-    priors: tuple[str, ...] = ()
-    fixed: tuple[str, ...] = ()
+    priors: _Settings = _Settings()
+    fixed: _Settings = _Settings()
     effects: tuple[str, ...] = ()
     effects_file: str | None = None
     rested: bool = False

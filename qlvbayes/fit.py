@@ -39,12 +39,14 @@ class Fit:
     """Draws of every constant of one pad.
 
     theta (chains, draws, D) and constants (chains, draws, P) named by ``names``; ``every`` holds
-    the constants of the chain before thinning, from which means and diagnostics are computed.
+    the constants of the chain before thinning, from which means and diagnostics are computed;
+    settings: of the sampler, of which least squares heed the seed alone.
     """
 
     pad: str
     method: str
     choices: Choices
+    settings: Settings
     experiment: Experiment
     trials: tuple[Trial, ...]
     posterior: Posterior
@@ -82,6 +84,7 @@ class Fit:
             converged=not troubles,
             troubles=troubles,
             notices=tuple(_notices(self)),
+            settings=self.settings,
             parameters={
                 name: constant_of(self.every[..., k], unit, k, judged)
                 for k, (name, unit) in enumerate(zip(self.names, self.units, strict=True))
@@ -140,7 +143,7 @@ def fit_pad(
     rng = np.random.default_rng(settings.seed)
     route = one_step if method == "least-squares" else two_step
     found = route(experiment, posterior, rng)
-    return _approximated(experiment, white, trials, method, found, rng)
+    return _approximated(experiment, white, settings, trials, method, found, rng)
 
 
 def _sampled(
@@ -172,6 +175,7 @@ def _sampled(
         experiment.pad,
         "emcee",
         choices,
+        settings,
         experiment,
         trials,
         posterior,
@@ -186,6 +190,7 @@ def _sampled(
 def _approximated(
     experiment: Experiment,
     choices: Choices,
+    settings: Settings,
     trials: tuple[Trial, ...],
     method: str,
     found: LeastSquaresFit,
@@ -199,6 +204,7 @@ def _approximated(
         experiment.pad,
         method,
         choices,
+        settings,
         experiment,
         trials,
         found.posterior,

@@ -58,8 +58,9 @@ class Cycle(Part, frozen=True, rename={"rmse": "rmse_N", "bias": "bias_N"}):
 class CheckResult(Result, frozen=True, kw_only=True, rename={"noise": "noise_N"}):
     """All cells of one pad and the noise floor (sd, in the unit of force): ``check.json``.
 
-    cycles: the phases of tests that have several of a kind, one by one; notices: about the
-    measurements and their noise.
+    false_alarms: probability that any cell of a right model is called failing; cycles: the phases
+    of tests that have several of a kind, one by one; notices: about the measurements and their
+    noise.
     """
 
     pad: str
@@ -69,6 +70,7 @@ class CheckResult(Result, frozen=True, kw_only=True, rename={"noise": "noise_N"}
     cells: Annotated[tuple[Cell, ...], msgspec.Meta(min_length=1)]
     cycles: tuple[Cycle, ...] = ()
     notices: tuple[str, ...] = ()
+    false_alarms: float = FALSE_ALARMS
 
     @property
     def failing(self) -> list[Cell]:

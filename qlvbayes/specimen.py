@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -14,6 +14,7 @@ from qlvbayes.diagnosis.search import Tell
 from qlvbayes.diagnosis.settings import Settings as Thresholds
 from qlvbayes.diagnosis.standing import Standing
 from qlvbayes.diagnosis.verdict import Diagnosis
+from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.experiment import Experiment, prepare
 from qlvbayes.fit import Fit, fit_pad
 from qlvbayes.inference.ensemble import Progress, Settings
@@ -86,6 +87,7 @@ class Specimen:
         self,
         choices: Choices | None = None,
         *,
+        kinds: Sequence[type[AbstractEffect]] | None = None,
         thresholds: Thresholds | None = None,
         evidence: str = "laplace",
         seed: int = 0,
@@ -97,7 +99,9 @@ class Specimen:
         Parameters
         ----------
         choices
-            The model to start from; effects and laws of its files are looked for too.
+            The model to start from.
+        kinds
+            Effects that are looked for: by default the list, and those of the choices' own file.
         thresholds
             Prior probabilities, and how sure the verdict must be.
         evidence
@@ -119,7 +123,7 @@ class Specimen:
         return diagnose(
             self.experiment,
             choices,
-            kinds=choices.candidates,
+            kinds=choices.candidates if kinds is None else kinds,
             settings=thresholds,
             evidence=evidence,
             seed=seed,

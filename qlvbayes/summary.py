@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from qlvbayes.inference.diagnostics import Diagnostics, highest_density
+from qlvbayes.inference.ensemble import Settings
 from qlvbayes.resultfile import Part, Result
 from qlvbayes.units import PAD, UnitSystem
 
@@ -33,8 +34,8 @@ class FitSummary(Result, frozen=True, kw_only=True):
     """All constants of one pad, and whether the sampling can be trusted: ``summary.json``.
 
     sampler: the method; converged: no R-hat, effective sample size or autocorrelation time speaks
-    against it; troubles: what does; notices: what one should know of the tests; parameters: the
-    constants by name.
+    against it; troubles: what does; notices: what one should know of the tests; settings: of the
+    sampler; parameters: the constants by name.
     """
 
     pad: str
@@ -44,6 +45,7 @@ class FitSummary(Result, frozen=True, kw_only=True):
     converged: bool
     troubles: tuple[str, ...] = ()
     notices: tuple[str, ...] = ()
+    settings: Settings | None = None
     parameters: dict[str, Constant]
 
     def __getitem__(self, name: str) -> Constant:

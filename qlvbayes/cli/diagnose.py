@@ -101,7 +101,8 @@ def diagnose_command(
         )
         for pad in chosen_pads(study, pads)
     ]
-    record_run(output, "diagnose", command_line(), study, choices, seed)
+    told = {"evidence": evidence, "thresholds": settings}
+    record_run(output, "diagnose", command_line(), study, choices, seed, told)
     if as_json:
         print(json.dumps([diagnosis.result.as_dict() for diagnosis in found], allow_nan=False))
     else:

@@ -108,7 +108,8 @@ def fit(
     ]
     with waiting("figures of all pads"):
         draw_constants(output, known)
-    record_run(output, "fit", command_line(), study, choices, seed)
+    told = {"method": method, "all_tests": all_tests, "sampler": settings}
+    record_run(output, "fit", command_line(), study, choices, seed, told)
     if as_json:
         print(json.dumps([summary.as_dict() for summary in summaries], allow_nan=False))
     else:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from math import log
 
 from qlvbayes.comparison.contrast import BY_CHANCE, Comparison, Contrast
-from qlvbayes.comparison.joint import FALSE_ALARMS
 from qlvbayes.comparison.numbers import with_interval, written
 
 _FRACTION = "1"
@@ -48,9 +47,8 @@ def _test(found: Comparison) -> str:
     omnibus = found.omnibus
     assert omnibus is not None
     p_value = f"p = {omnibus.p_value:.2g}" if omnibus.p_value >= 1e-4 else "p < 0.0001"
-    return (
-        f"{_TESTS[found.between]}, {p_value}; equals fail it in {100 * FALSE_ALARMS:g} % of cases"
-    )
+    level = 100 * omnibus.false_alarms
+    return f"{_TESTS[found.between]}, {p_value}; equals fail it in {level:g} % of cases"
 
 
 def _most(found: Comparison, region: str) -> str:

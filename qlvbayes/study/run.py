@@ -56,6 +56,7 @@ def run_study(
     """
     study = file if isinstance(file, Measurements) else read_measurements(file)
     out, watcher, settings = Path(out), watcher or Watcher(), settings or Settings()
+    thresholds = thresholds or Thresholds()
     choices = choices or Choices(bonded=study.units.bonded_default)
     wanted = [study.pad(name) for name in pads] or list(study.pads)
     known = references_of(study, None if references is None else Path(references))
@@ -67,7 +68,8 @@ def run_study(
         draw_forces_at_rates(out, [checked for _, checked in done])
     _compare([load(out / pad.name / "posterior.nc") for pad in wanted], out, settings, watcher)
     call = command or _call(study, out)
-    record_run(out, "study", call, study, choices, settings.seed)
+    told = {"sampler": settings, "thresholds": thresholds}
+    record_run(out, "study", call, study, choices, settings.seed, told)
     with watcher.doing("report"):
         write_report(out)
     return [found for found, _ in done]
@@ -95,7 +97,7 @@ def _one(
     study: Measurements,
     choices: Choices,
     settings: Settings,
-    thresholds: Thresholds | None,
+    thresholds: Thresholds,
     folder: Path,
     watcher: Watcher,
 ) -> tuple[Diagnosis, CheckedPad]:
