@@ -94,13 +94,24 @@ class Fit:
     def predict(self, trials: Sequence[Trial] | None = None, *, seed: int = 0) -> list[Prediction]:
         """Predict tests sample by sample, with noise; all of the pad's where none are named.
 
-        trials: of ``experiment.trials``, or others of the same units; seed: of the draws.
+        Parameters
+        ----------
+        trials
+            Of ``experiment.trials``, or others in the same units.
+        seed
+            Of the draws that are picked, and of the noise.
         """
         chosen = self.experiment.trials if trials is None else trials
         return predict(self.experiment, self.choices, self.draws, chosen, seed=seed)
 
     def check(self, *, seed: int = 0) -> CheckResult:
-        """Where the model fails, test by test and phase by phase, of all the pad's tests."""
+        """Where the model fails, test by test and phase by phase, of all the pad's tests.
+
+        Parameters
+        ----------
+        seed
+            Of the draws that are picked, and of the noise.
+        """
         return check_experiment(self.experiment, self.choices, self.predict(seed=seed))
 
 

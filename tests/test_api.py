@@ -2,6 +2,8 @@
 
 import ast
 import importlib
+import inspect
+import itertools
 import pkgutil
 import subprocess
 import sys
@@ -101,3 +103,31 @@ def test_a_specimen_of_strain_and_stress_is_bonded_unless_it_is_said(tmp_path, s
     assert fit.choices.bonded
     assert len(fit.trials) == 2
     assert not pad.fit(q.Choices(), method="least-squares").choices.bonded
+
+
+def told(function):
+    """Names in the section Parameters of a docstring (numpydoc)."""
+    text = inspect.getdoc(function).partition("Parameters\n----------\n")[2]
+    lines = itertools.takewhile(lambda line: not line.startswith("---"), text.splitlines())
+    heads = [line for line in lines if line and not line.startswith(" ")]
+    return [name for head in heads for name in head.split(", ") if name.islower()]
+
+
+def public_functions():
+    """Those at the top and in the parts, and the verbs of what they return."""
+    for module in (q, *PARTS):
+        for name in module.__all__:
+            if inspect.isfunction(value := getattr(module, name)):
+                yield value
+    for kind in (q.Specimen, q.Fit):
+        for name, value in vars(kind).items():
+            if inspect.isfunction(value) and not name.startswith("_"):
+                yield value
+
+
+def test_public_functions_name_their_parameters():
+    found = {function.__qualname__: function for function in public_functions()}
+    assert {"compare", "read_study", "check_effect", "Specimen.fit", "Fit.predict"} <= set(found)
+    for name, function in found.items():
+        wanted = [name for name in inspect.signature(function).parameters if name != "self"]
+        assert told(function) == wanted, name

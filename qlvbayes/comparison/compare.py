@@ -39,15 +39,31 @@ def compare(
 ) -> Comparison:
     """Set two pads, or two groups of specimens, against each other.
 
-    first, second: a `Fit`, a results file (`load_results`) or a dict of draws by the constants'
-    names; or a sequence of these, the specimens of one fluid. names: what to call them; region: of
-    practical equivalence, as a share of the smaller one; depth,
-    rates (in the first one's units, to which the others are converted), frequencies (Hz): where
-    quantities are read, by default where both pads' tests reach.
-
     The draws of two pads are independent and are paired at random. With two specimens or more of
     each, their spread is estimated with the fluids' own values (normal, in the logarithm of what is
-    positive). Raises InputError where the two cannot be compared or a number is not positive.
+    positive).
+
+    Parameters
+    ----------
+    first, second
+        A `Fit`, a results file (`load_results`) or a dict of draws by the constants' names; or a
+        sequence of these, the specimens of one fluid.
+    names
+        What to call them.
+    region
+        Of practical equivalence, as a share of the smaller one.
+    depth, rates
+        Where quantities are read (mm, mm/s, or in the first one's units, to which the others are
+        converted); by default where both pads' tests reach.
+    frequencies
+        The same (Hz).
+    seed
+        Of the pairing.
+
+    Raises
+    ------
+    InputError
+        The two cannot be compared, or a number is not positive.
     """
     if not (np.isfinite(region) and region > 0.0):
         raise InputError(f"region {region:g} is not above 0", remedy="give a share such as 0.1")

@@ -23,12 +23,34 @@ def export(
     height: float | None = None,
     area: float | None = None,
 ) -> list[Path]:
-    """Write a fitted pad as files of another program into ``out/<pad>/export/<to>``; their paths.
+    """Write a fitted pad as files of another program into ``out/<pad>/export/<to>``.
 
-    to: a target, as after ``--to``; draws: of the posterior, where the target takes more than one;
-    height (mm), area (mm2): of a homogeneous specimen, which makes a modulus of a stiffness. All
-    files or none: nothing is written until every one is there. Raises InputError where the results
-    cannot be read or the pad cannot go there.
+    All files or none: nothing is written until every one is there.
+
+    Parameters
+    ----------
+    out
+        The folder of results.
+    pad
+        Its name.
+    to
+        A target, as after ``--to``.
+    draws
+        How many of the posterior, where the target takes more than one.
+    height
+        Of a homogeneous specimen (mm), which makes a modulus of a stiffness.
+    area
+        Its cross-section (mm2).
+
+    Returns
+    -------
+    list of Path
+        What was written.
+
+    Raises
+    ------
+    InputError
+        The results cannot be read, or the pad cannot go there.
     """
     specimen = _specimen(height, area)
     target = find(to)()

@@ -47,12 +47,33 @@ def run_study(
     them, in ``compare``; constants (PNG, PDF, CSV, LaTeX) and, for two pads or more,
     forces_at_rates of all; ``run.json`` and ``report.html``.
 
-    choices: the model to start from, by default the plain one, bonded where the file holds strain
-    and stress; settings: of the sampler; thresholds: of the diagnosis, its ``tolerance`` among
-    them; watcher: is told of each step; command: noted as what
-    repeats the study; references: a CSV file (pad,parameter,value,unit) of values to show beside
-    the constants, by default paper_table1.csv beside the measurements, if it is there. Raises
-    InputError on measurements, choices or references that cannot be used.
+    Parameters
+    ----------
+    file
+        Measurements, or the file of them.
+    out
+        The folder of results.
+    pads
+        Names of the pads.
+    choices
+        The model to start from, by default the plain one, bonded where the file holds strain and
+        stress.
+    settings
+        Of the sampler.
+    thresholds
+        Of the diagnosis, its ``tolerance`` among them.
+    watcher
+        Is told of each step.
+    command
+        Noted as what repeats the study.
+    references
+        A CSV file (pad,parameter,value,unit) of values to show beside the constants, by default
+        paper_table1.csv beside the measurements, if it is there.
+
+    Raises
+    ------
+    InputError
+        Measurements, choices or references cannot be used.
     """
     study = file if isinstance(file, Measurements) else read_measurements(file)
     out, watcher, settings = Path(out), watcher or Watcher(), settings or Settings()
