@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from qlvbayes.checks import InputError
 from qlvbayes.defaults import NOISES, default_model, default_noise
@@ -25,19 +26,14 @@ from qlvbayes.scales import Scales
 Given = Sequence[str] | Mapping[str, AbstractPrior | float | str]
 
 
-class _Settings:
-    """A field of settings of single constants, in any form given, kept in words."""
+if TYPE_CHECKING:
 
-    def __set_name__(self, owner: type, name: str) -> None:
-        self._name = name
+    class _Settings:
+        """A field to which more may be given than it holds."""
 
-    def __get__(self, instance: object, owner: type) -> tuple[str, ...]:
-        return () if instance is None else instance.__dict__[self._name]
+        def __get__(self, instance: object, owner: type) -> tuple[str, ...]: ...
 
-    def __set__(self, instance: object, given: Given) -> None:
-        if isinstance(given, Mapping):
-            given = [f"{name}={in_words(value)}" for name, value in given.items()]
-        instance.__dict__[self._name] = (given,) if isinstance(given, str) else tuple(given)
+        def __set__(self, instance: object, given: Given) -> None: ...
 
 
 @dataclass(frozen=True)
@@ -57,8 +53,12 @@ class Choices:
     modes: int = 2
     bonded: bool = False
     noise: str = "floor"
-    priors: _Settings = _Settings()
-    fixed: _Settings = _Settings()
+    if TYPE_CHECKING:
+        priors: _Settings = _Settings()
+        fixed: _Settings = _Settings()
+    else:
+        priors: tuple[str, ...] = ()
+        fixed: tuple[str, ...] = ()
     effects: tuple[str, ...] = ()
     effects_file: str | None = None
     rested: bool = False
@@ -66,6 +66,8 @@ class Choices:
     laws_file: str | None = None
 
     def __post_init__(self) -> None:
+        for name in ("priors", "fixed"):
+            object.__setattr__(self, name, _settings_in_words(getattr(self, name)))
         find_elastic(self.law, self.laws)
         find_relaxation(self.relaxation, self.laws)
         _one_of("noise model", self.noise, NOISES)
@@ -149,6 +151,13 @@ class Choices:
         """The inverse of ``as_dict``; results that do not say so are of tests from rest."""
         lists = {key: tuple(values.get(key, ())) for key in ("priors", "fixed", "effects")}
         return cls(**{"rested": True, **values, **lists})
+
+
+def _settings_in_words(given: Given) -> tuple[str, ...]:
+    """``name=prior`` and ``name=number``, of whatever form."""
+    if isinstance(given, Mapping):
+        return tuple(f"{name}={in_words(value)}" for name, value in given.items())
+    return (given,) if isinstance(given, str) else tuple(given)
 
 
 def _one_of(what: str, value: str, known: tuple[str, ...]) -> None:

@@ -17,6 +17,7 @@ from written_results import write_study
 
 import qlvbayes
 from qlvbayes import InputError
+from qlvbayes.choices import Choices
 from qlvbayes.comparison.contrast import Comparison
 from qlvbayes.curves import Curves
 from qlvbayes.diagnosis.result import DiagnosisResult, Estimate
@@ -24,6 +25,7 @@ from qlvbayes.diagnosis.settings import Settings as Thresholds
 from qlvbayes.inference.ensemble import Settings as Sampler
 from qlvbayes.nexttest.result import NextTests
 from qlvbayes.prescribed.hypotheses import Hypotheses
+from qlvbayes.priors import Normal
 from qlvbayes.report.methods import _THRESHOLDS
 from qlvbayes.residuals import CheckResult
 from qlvbayes.resultfile import Result
@@ -90,6 +92,9 @@ PLAIN = {
     UnitSystem: lambda rng: (PAD, STRAIN)[rng.integers(2)],
     Sampler: lambda rng: Sampler(*map(int, rng.integers(1, 2**31, 5))),
     Thresholds: lambda rng: Thresholds(*rng.uniform(0.0, 0.5, 7)),
+    Choices: lambda rng: Choices(
+        law=str(rng.choice(["hertz", "spline"])), priors={"m": Normal(rng.normal(), 0.1)}
+    ),
     Any: lambda rng: (None, True, 0.5, "x", 3)[rng.integers(5)],
 }
 
@@ -97,7 +102,7 @@ PLAIN = {
 @pytest.mark.parametrize("kind", EVERY, ids=lambda kind: kind.__name__)
 def test_every_record_comes_back_as_the_same_object(kind):
     rng = np.random.default_rng(0)
-    for _ in range(50):
+    for _ in range(20):
         found = any_of(kind, rng)
         text = found.to_json()
         again = kind.from_json(text)
