@@ -5,7 +5,7 @@ import json
 import pkgutil
 from dataclasses import fields
 from types import UnionType
-from typing import Annotated, Any, Union, get_args, get_origin
+from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 import msgspec
 import numpy as np
@@ -80,7 +80,9 @@ def any_of(kind, rng):
     if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
         fields = msgspec.structs.fields(kind)
         return kind(**{field.name: any_of(field.type, rng) for field in fields})
-    return PLAIN[kind](rng)
+    if kind in PLAIN:
+        return PLAIN[kind](rng)
+    return kind(**{name: any_of(part, rng) for name, part in get_type_hints(kind).items()})
 
 
 PLAIN = {
