@@ -15,7 +15,7 @@ from pathlib import Path
 import arviz_base
 import numpy as np
 
-from qlvbayes.export.write import export
+from qlvbayes.exports.write import export
 from qlvbayes.synthetic import TABLE_1
 
 REPEATS = 5  # of which the fastest counts, in processor time: what else runs here only adds

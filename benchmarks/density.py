@@ -5,7 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 from timing import call_ms
 
-from qlvbayes import Choices, prepare, read_study
+from qlvbayes import Choices, read_study
+from qlvbayes.experiment import prepare
 from qlvbayes.fit import build_posterior
 from qlvbayes.inference import compiled
 from qlvbayes.inference.starting import starting_point

@@ -35,7 +35,7 @@ def in_process(file="data/hidden.csv"):
     pad = q.read_study(file).pads[0]
     marks = [(name, _diagnosed_s(pad)) for name in ("first in a process", "once compiled")]
     profile = cProfile.Profile()
-    profile.runcall(lambda: q.diagnose(q.prepare(pad)))
+    profile.runcall(lambda: q.Specimen(pad).diagnose())
     found = pstats.Stats(profile).stats
     for function, part in PARTS.items():
         seconds = sum(v[3] for k, v in found.items() if k[2] == function and "qlvbayes" in k[0])
@@ -58,7 +58,7 @@ def _diagnosed_s(pad):
     import qlvbayes as q
 
     start = time.perf_counter()
-    q.diagnose(q.prepare(pad))
+    q.Specimen(pad).diagnose()
     return time.perf_counter() - start
 
 

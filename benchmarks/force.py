@@ -8,7 +8,8 @@ import numpy as np
 from rivals import lfilter_force
 from timing import call_ms, in_new_process, peak_mb
 
-from qlvbayes import Exponential, Model, Motion, Prony
+from qlvbayes import Model, Motion
+from qlvbayes.laws import Exponential, Prony
 from qlvbayes.synthetic import PAPER_RATES, TABLE_1, Platen, paper_protocol
 
 LENGTHS = (10_000, 100_000, 1_000_000, 10_000_000)

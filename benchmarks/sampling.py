@@ -6,7 +6,8 @@ import emcee
 import numpy as np
 from rivals import NumpyPosterior
 
-from qlvbayes import Choices, Settings, prepare, read_study
+from qlvbayes import Choices, Settings, read_study
+from qlvbayes.experiment import prepare
 from qlvbayes.fit import build_posterior
 from qlvbayes.inference import compiled
 from qlvbayes.inference.ensemble import autocorrelation_time, sample

@@ -21,6 +21,7 @@ def where_time_goes():
     import numpy as np
 
     import qlvbayes as q
+    from qlvbayes.experiment import prepare
     from qlvbayes.fit import build_posterior
     from qlvbayes.inference.ensemble import Settings, sample
     from qlvbayes.inference.starting import starting_point
@@ -34,7 +35,7 @@ def where_time_goes():
         return value
 
     study = mark("reading the file", q.read_study, "data/pads.csv")
-    experiment = mark("motion, phases, noise floor", q.prepare, study.pad("B"))
+    experiment = mark("motion, phases, noise floor", prepare, study.pad("B"))
     trials = experiment.with_role("fit")
     posterior = mark("reduction, priors", build_posterior, experiment, q.Choices(), trials)
     rng = np.random.default_rng(0)

@@ -9,9 +9,8 @@ from qlvbayes.conversion import factors
 from qlvbayes.data import Pad
 from qlvbayes.elsewhere import has_noise
 from qlvbayes.experiment import Experiment, prepare
-from qlvbayes.predict import Prediction, predict
-from qlvbayes.pulling import pull_notices
-from qlvbayes.residuals import CheckResult, check
+from qlvbayes.prediction import Prediction, predict
+from qlvbayes.residuals import CheckResult, check_experiment
 from qlvbayes.results import Saved
 
 
@@ -41,15 +40,5 @@ def check_pad(saved: Saved, pad: Pad, *, seed: int = 0) -> CheckedPad:
     by = factors(saved.choices, constants, saved.units, pad.units)
     constants = {name: by[name] * draws for name, draws in constants.items()}
     predictions = predict(experiment, saved.choices, constants, experiment.trials, seed=seed)
-    chosen, floor = saved.choices, experiment.floor
-    pulling = pull_notices(experiment, bonded=chosen.bonded, effects=chosen.effects)
-    of_noise = [f"pad {pad.name}: {text}" for text in floor.notices]
-    found = check(
-        pad.name,
-        floor.total,
-        predictions,
-        chosen.effects,
-        units=pad.units,
-        notices=(*pulling, *of_noise),
-    )
+    found = check_experiment(experiment, saved.choices, predictions)
     return CheckedPad(experiment, tuple(predictions), found)

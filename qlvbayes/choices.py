@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from qlvbayes.checks import InputError
 from qlvbayes.defaults import NOISES, default_model, default_noise
@@ -15,10 +17,23 @@ from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.userfile import load as load_laws
 from qlvbayes.model import Model
 from qlvbayes.noise import AbstractNoise, Floor
-from qlvbayes.overrides import override, parse
+from qlvbayes.overrides import in_words, override, parse
 from qlvbayes.parameters import fields_of
 from qlvbayes.posterior import is_prior
+from qlvbayes.priors import AbstractPrior
 from qlvbayes.scales import Scales
+
+Given = Sequence[str] | Mapping[str, AbstractPrior | float | str]
+
+
+if TYPE_CHECKING:
+
+    class _Settings:
+        """A field to which more may be given than it holds."""
+
+        def __get__(self, instance: object, owner: type) -> tuple[str, ...]: ...
+
+        def __set__(self, instance: object, given: Given) -> None: ...
 
 
 @dataclass(frozen=True)
@@ -26,8 +41,10 @@ class Choices:
     """A model's description in words and numbers, as kept in the results.
 
     law: elastic law; modes: r of a Prony series, of no account to other relaxations; bonded:
-    whether the specimen can pull; noise: kind of noise; priors, fixed: ``name=prior`` and
-    ``name=number``, applied in this order; effects: names of the effects in the model;
+    whether the specimen can pull; noise: kind of noise; priors, fixed: of single constants, applied
+    in this order, by name (``{"v[1]": LogNormal(1.8, 0.5)}`` or ``{"v[1]": "lognormal(1.8,0.5)"}``,
+    ``{"v[2]": 0.14}``) or as on the command line (``["v[2]=0.14"]``), as which they are kept;
+    effects: names of the effects in the model;
     effects_file: a user's own effects; rested: whether every test begins with a pad at rest,
     whatever came before it; relaxation: its law; laws_file: a user's own laws.
     """
@@ -36,8 +53,12 @@ class Choices:
     modes: int = 2
     bonded: bool = False
     noise: str = "floor"
-    priors: tuple[str, ...] = ()
-    fixed: tuple[str, ...] = ()
+    if TYPE_CHECKING:
+        priors: _Settings = _Settings()
+        fixed: _Settings = _Settings()
+    else:
+        priors: tuple[str, ...] = ()
+        fixed: tuple[str, ...] = ()
     effects: tuple[str, ...] = ()
     effects_file: str | None = None
     rested: bool = False
@@ -45,6 +66,8 @@ class Choices:
     laws_file: str | None = None
 
     def __post_init__(self) -> None:
+        for name in ("priors", "fixed"):
+            object.__setattr__(self, name, _settings_in_words(getattr(self, name)))
         find_elastic(self.law, self.laws)
         find_relaxation(self.relaxation, self.laws)
         _one_of("noise model", self.noise, NOISES)
@@ -128,6 +151,13 @@ class Choices:
         """The inverse of ``as_dict``; results that do not say so are of tests from rest."""
         lists = {key: tuple(values.get(key, ())) for key in ("priors", "fixed", "effects")}
         return cls(**{"rested": True, **values, **lists})
+
+
+def _settings_in_words(given: Given) -> tuple[str, ...]:
+    """``name=prior`` and ``name=number``, of whatever form."""
+    if isinstance(given, Mapping):
+        return tuple(f"{name}={in_words(value)}" for name, value in given.items())
+    return (given,) if isinstance(given, str) else tuple(given)
 
 
 def _one_of(what: str, value: str, known: tuple[str, ...]) -> None:

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from qlvbayes.checked import CheckedPad
-from qlvbayes.predict import Prediction
+from qlvbayes.prediction import Prediction
 from qlvbayes.resultfile import Part, Result
 from qlvbayes.units import PAD, UnitSystem
 

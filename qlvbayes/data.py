@@ -70,7 +70,7 @@ class Pad:
 
 
 @dataclass(frozen=True, eq=False)
-class Study:
+class Measurements:
     """All pads of one file, with where they came from and what was noticed on reading."""
 
     pads: tuple[Pad, ...]
@@ -88,7 +88,7 @@ class Study:
         raise InputError(f"no pad '{name}'", file=self.source, remedy=f"name one of: {known}")
 
 
-def read_study(path: str | Path) -> Study:
+def read_measurements(path: str | Path) -> Measurements:
     """Read a CSV or .csv.gz file, a row per sample.
 
     Columns `time_s`, `displacement_mm` and `force_N`, or `strain` and `stress_kPa` in place of
@@ -113,12 +113,14 @@ def read_study(path: str | Path) -> Study:
         except InputError as error:
             dialect = error
         if (found := machine_file(file, dialect)) is not None:
-            return Study(_converted(found), found.units, str(path), digest(file), found.notices)
+            return Measurements(
+                _converted(found), found.units, str(path), digest(file), found.notices
+            )
         if isinstance(dialect, InputError):
             raise dialect
         pads = _pads(file, dialect, read_table(file, dialect))
         sha256 = digest(file)
-    return Study(pads, dialect.columns.units, str(path), sha256, _notices(dialect))
+    return Measurements(pads, dialect.columns.units, str(path), sha256, _notices(dialect))
 
 
 def _converted(conversion: Conversion) -> tuple[Pad, ...]:

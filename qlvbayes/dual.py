@@ -13,15 +13,29 @@ from qlvbayes.stepping import begin_at_force, step_to_force, without_inverse, wi
 
 
 def displacement_from_force(model: Model, time: ArrayLike, force: ArrayLike) -> Array:
-    r"""Displacement (N,) in mm at which a specimen has ``force`` (N,) in N at ``time`` (N,) in s.
+    r"""Displacement at which a specimen has a force, point after point.
 
-    It solves :math:`F[\delta](t_k) = F_k` point after point, with the displacement linear between
+    It solves :math:`F[\delta](t_k) = F_k`, with the displacement linear between
     points, so that creep comes out to second order in the spacing, and `Model.force` of the answer
     gives the force back. Creep under a dead weight is a constant force. The specimen is at rest
     until the first point; a first force other than zero is put on at once. A loose specimen carries
     no force below zero: there the platen rests on its surface. Where no displacement has the force
     (a law that softens) it is not a number from there on. O(N); differentiable in model and force,
     also under jit and vmap (Findley, Lai & Onaran 1976, ch. 5, for the linear case).
+
+    Parameters
+    ----------
+    model
+        With a number for every constant.
+    time
+        (N,) in s, rising.
+    force
+        (N,) in N.
+
+    Returns
+    -------
+    Array
+        (N,) in mm.
 
     Raises
     ------

@@ -2,24 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
 
+from qlvbayes.carried import carried_notices, clock_notices
 from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
 from qlvbayes.experiment import Experiment, Trial
 from qlvbayes.inference import compiled
 from qlvbayes.inference.chainstore import ChainStore
-from qlvbayes.inference.ensemble import Progress, Settings, key_of, sample
+from qlvbayes.inference.diagnostics import diagnose_chain
+from qlvbayes.inference.ensemble import STEPS_PER_TIME, Progress, Settings, key_of, sample
 from qlvbayes.inference.marginal import floor_likelihood
 from qlvbayes.inference.routes import LeastSquaresFit, one_step, two_step
 from qlvbayes.inference.starting import starting_point
 from qlvbayes.noise import Floor
 from qlvbayes.parameters import names, unit_kinds
 from qlvbayes.posterior import Posterior
+from qlvbayes.prediction import Prediction, predict
+from qlvbayes.records.record import Record
+from qlvbayes.residuals import CheckResult, check_experiment
+from qlvbayes.summary import FitSummary, constant_of
+from qlvbayes.unresolved import unresolved_times
 
 METHODS = ("emcee", "least-squares", "two-step")
 _KEPT = 2000  # draws kept in the results, at most
@@ -31,12 +39,14 @@ class Fit:
     """Draws of every constant of one pad.
 
     theta (chains, draws, D) and constants (chains, draws, P) named by ``names``; ``every`` holds
-    the constants of the chain before thinning, from which means and diagnostics are computed.
+    the constants of the chain before thinning, from which means and diagnostics are computed;
+    settings: of the sampler, of which least squares heed the seed alone.
     """
 
     pad: str
     method: str
     choices: Choices
+    settings: Settings
     experiment: Experiment
     trials: tuple[Trial, ...]
     posterior: Posterior
@@ -55,6 +65,54 @@ class Fit:
     def units(self) -> list[str]:
         """Unit of each constant."""
         return [self.experiment.units.of(kind) for kind in unit_kinds(self.posterior)]
+
+    @property
+    def draws(self) -> dict[str, np.ndarray]:
+        """Draws (chains*draws,) of each constant by its name."""
+        columns = self.constants.reshape(-1, self.constants.shape[-1]).T
+        return dict(zip(self.names, columns, strict=True))
+
+    def summary(self) -> FitSummary:
+        """Means, sds, medians, intervals and diagnostics of every constant, before thinning."""
+        judged = diagnose_chain(self.every) if self.method == "emcee" else None
+        troubles = (*(judged.troubles if judged else ()), *_length_troubles(self))
+        return FitSummary(
+            pad=self.pad,
+            units=self.experiment.units,
+            effects=self.choices.effects,
+            sampler=self.method,
+            converged=not troubles,
+            troubles=troubles,
+            notices=tuple(_notices(self)),
+            settings=self.settings,
+            parameters={
+                name: constant_of(self.every[..., k], unit, k, judged)
+                for k, (name, unit) in enumerate(zip(self.names, self.units, strict=True))
+            },
+        )
+
+    def predict(self, trials: Sequence[Trial] | None = None, *, seed: int = 0) -> list[Prediction]:
+        """Predict tests sample by sample, with noise; all of the pad's where none are named.
+
+        Parameters
+        ----------
+        trials
+            Of ``experiment.trials``, or others in the same units.
+        seed
+            Of the draws that are picked, and of the noise.
+        """
+        chosen = self.experiment.trials if trials is None else trials
+        return predict(self.experiment, self.choices, self.draws, chosen, seed=seed)
+
+    def check(self, *, seed: int = 0) -> CheckResult:
+        """Where the model fails, test by test and phase by phase, of all the pad's tests.
+
+        Parameters
+        ----------
+        seed
+            Of the draws that are picked, and of the noise.
+        """
+        return check_experiment(self.experiment, self.choices, self.predict(seed=seed))
 
 
 def build_posterior(experiment: Experiment, choices: Choices, trials: Sequence[Trial]) -> Posterior:
@@ -96,7 +154,7 @@ def fit_pad(
     rng = np.random.default_rng(settings.seed)
     route = one_step if method == "least-squares" else two_step
     found = route(experiment, posterior, rng)
-    return _approximated(experiment, white, trials, method, found, rng)
+    return _approximated(experiment, white, settings, trials, method, found, rng)
 
 
 def _sampled(
@@ -128,6 +186,7 @@ def _sampled(
         experiment.pad,
         "emcee",
         choices,
+        settings,
         experiment,
         trials,
         posterior,
@@ -142,6 +201,7 @@ def _sampled(
 def _approximated(
     experiment: Experiment,
     choices: Choices,
+    settings: Settings,
     trials: tuple[Trial, ...],
     method: str,
     found: LeastSquaresFit,
@@ -155,6 +215,7 @@ def _approximated(
         experiment.pad,
         method,
         choices,
+        settings,
         experiment,
         trials,
         found.posterior,
@@ -164,6 +225,32 @@ def _approximated(
         found.agreeing > 1,
         facts,
     )
+
+
+def _notices(fit: Fit) -> Iterator[str]:
+    """What the tests have from each other and cannot say, by the median constants."""
+    constants = np.median(fit.constants.reshape(-1, fit.constants.shape[-1]), axis=0)
+
+    def predicted(record: Record) -> np.ndarray:
+        posterior = replace(fit.posterior, record=record)
+        return np.asarray(compiled.predictions(posterior, constants[None]))[0]
+
+    yield from carried_notices(fit.experiment, fit.trials, fit.posterior.record, predicted)
+    if not fit.choices.rested:
+        yield from clock_notices(fit.experiment)
+    model = fit.posterior.with_constants(jnp.asarray(constants))[0]
+    times = unresolved_times(model.relaxation, fit.experiment.scales)
+    for text in (*fit.experiment.floor.notices, *times):
+        yield f"pad {fit.pad}: {text}"
+
+
+def _length_troubles(fit: Fit) -> list[str]:
+    if fit.method != "emcee":
+        return [] if fit.enough else ["no two starts came to the same optimum"]
+    steps, time = fit.facts["kept_steps"], fit.facts["autocorrelation_steps"]
+    if steps >= STEPS_PER_TIME * time:
+        return []
+    return [f"{steps:.0f} steps are less than {STEPS_PER_TIME} autocorrelation times of {time:.0f}"]
 
 
 def _constants(posterior: Posterior, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:

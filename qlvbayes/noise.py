@@ -16,6 +16,8 @@ from jaxtyping import Array
 
 from qlvbayes.records.record import Blocks
 
+__all__ = ["AbstractNoise", "Correlated", "Floor", "StudentT", "White"]
+
 
 class AbstractNoise(eqx.Module):
     """What every noise model offers; ``units`` names the kind of unit of each constant."""

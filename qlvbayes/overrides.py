@@ -77,6 +77,27 @@ def parse_prior(text: str) -> AbstractPrior:
     return _checked(kind(*numbers), text.strip())
 
 
+def in_words(value: AbstractPrior | float | str) -> str:
+    """A prior or number as `parse` reads it, to the last digit; text stays as it is.
+
+    Raises InputError where a prior has no word on the command line.
+    """
+    if isinstance(value, str):
+        return value
+    if not isinstance(value, AbstractPrior):
+        return repr(float(value))
+    if isinstance(value, Dirichlet) and len(value.free) == value.alpha.shape[0]:
+        word, numbers = "dirichlet", list(value.alpha)
+    elif isinstance(value, AbstractScalarPrior) and WORDS.get(value.word) is type(value):
+        word, numbers = value.word, [getattr(value, field.name) for field in fields(value)]
+    else:
+        raise InputError(
+            f"{type(value).__name__} cannot be kept with the results",
+            remedy=f"use one of {', '.join([*WORDS, 'dirichlet'])}, and fixed for single fractions",
+        )
+    return f"{word}({','.join(repr(float(x)) for x in numbers)})"
+
+
 def _checked(prior: AbstractScalarPrior, text: str) -> AbstractScalarPrior:
     for name in ("sd", "log_sd"):
         if getattr(prior, name, 1.0) <= 0.0:

@@ -9,8 +9,11 @@ import msgspec
 import numpy as np
 from scipy.stats import chi2
 
+from qlvbayes.choices import Choices
+from qlvbayes.experiment import Experiment
 from qlvbayes.kinematics.phases import KINDS, phase_index
-from qlvbayes.predict import Prediction
+from qlvbayes.prediction import Prediction
+from qlvbayes.pulling import pull_notices
 from qlvbayes.resultfile import Part, Result
 from qlvbayes.units import PAD, UnitSystem
 
@@ -55,8 +58,9 @@ class Cycle(Part, frozen=True, rename={"rmse": "rmse_N", "bias": "bias_N"}):
 class CheckResult(Result, frozen=True, kw_only=True, rename={"noise": "noise_N"}):
     """All cells of one pad and the noise floor (sd, in the unit of force): ``check.json``.
 
-    cycles: the phases of tests that have several of a kind, one by one; notices: about the
-    measurements and their noise.
+    false_alarms: probability that any cell of a right model is called failing; cycles: the phases
+    of tests that have several of a kind, one by one; notices: about the measurements and their
+    noise.
     """
 
     pad: str
@@ -66,6 +70,7 @@ class CheckResult(Result, frozen=True, kw_only=True, rename={"noise": "noise_N"}
     cells: Annotated[tuple[Cell, ...], msgspec.Meta(min_length=1)]
     cycles: tuple[Cycle, ...] = ()
     notices: tuple[str, ...] = ()
+    false_alarms: float = FALSE_ALARMS
 
     @property
     def failing(self) -> list[Cell]:
@@ -102,6 +107,23 @@ def check(
         cells=tuple(_cell(*place, FALSE_ALARMS / len(places)) for place in places),
         cycles=tuple(cycle for prediction in predictions for cycle in _cycles(prediction)),
         notices=tuple(notices),
+    )
+
+
+def check_experiment(
+    experiment: Experiment, choices: Choices, predictions: Sequence[Prediction]
+) -> CheckResult:
+    """`check` with all that is known of the pad, and what one should know of its tests."""
+    bonded, effects = choices.bonded, choices.effects
+    pulling = pull_notices(experiment, bonded=bonded, effects=effects)
+    of_noise = [f"pad {experiment.pad}: {text}" for text in experiment.floor.notices]
+    return check(
+        experiment.pad,
+        experiment.floor.total,
+        predictions,
+        effects,
+        units=experiment.units,
+        notices=(*pulling, *of_noise),
     )
 
 

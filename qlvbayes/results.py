@@ -199,7 +199,15 @@ def save(tree: xarray.DataTree, path: Path) -> None:
 def load(path: Path) -> Saved:
     """Read a results file, or a posterior made elsewhere that has our names of the constants.
 
-    Raises InputError if it is neither, naming what is missing.
+    Parameters
+    ----------
+    path
+        An ArviZ file (NetCDF), as ``OUT/<pad>/posterior.nc``.
+
+    Raises
+    ------
+    InputError
+        It is neither; the error names what is missing.
     """
     try:
         # h5netcdf, given what is no HDF5 file, prints a traceback when it is swept up

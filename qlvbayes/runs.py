@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import platform
+from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from msgspec import field, to_builtins
+
 from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
-from qlvbayes.data import Study
+from qlvbayes.data import Measurements
 from qlvbayes.resultfile import Part, Result
 
 _LIBRARIES = (
@@ -31,7 +34,8 @@ _LIBRARIES = (
 class Run(Part, frozen=True):
     """One command: its data with their digest, its seed, the model's choices, versions used.
 
-    choices: as `Choices.as_dict` gives them, for a file of laws or effects may have gone since.
+    choices: as `Choices.as_dict` gives them, for a file of laws or effects may have gone since;
+    settings: what else the step was told, ``sampler`` and ``thresholds`` among it.
     """
 
     command: str
@@ -40,6 +44,7 @@ class Run(Part, frozen=True):
     seed: int
     choices: dict[str, Any]
     versions: dict[str, str]
+    settings: dict[str, Any] = field(default_factory=dict)
 
 
 class Runs(Result, frozen=True, kw_only=True):
@@ -49,12 +54,23 @@ class Runs(Result, frozen=True, kw_only=True):
 
 
 def record_run(
-    out: Path, step: str, command: str, study: Study, choices: Choices, seed: int
+    out: Path,
+    step: str,
+    command: str,
+    study: Measurements,
+    choices: Choices,
+    seed: int,
+    settings: Mapping[str, object] | None = None,
 ) -> None:
-    """Note in ``out/run.json`` by which command a step was made; ``study`` replaces all others."""
+    """Note in ``out/run.json`` by which command a step was made; ``study`` replaces all others.
+
+    settings: plain values and dataclasses.
+    """
     path = out / "run.json"
     runs = {} if step == "study" else _before(path)
-    runs[step] = Run(command, study.source, study.sha256, seed, choices.as_dict(), _versions())
+    told = to_builtins(dict(settings or {}))
+    chosen = choices.as_dict()
+    runs[step] = Run(command, study.source, study.sha256, seed, chosen, _versions(), told)
     Runs(runs=runs).write(path)
 
 

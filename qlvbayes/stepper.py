@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from qlvbayes.checks import InputError
-from qlvbayes.compare.side import Source, side_of
+from qlvbayes.comparison.side import Source, side_of
 from qlvbayes.dual import check_inverse, check_steps
 from qlvbayes.effects.channel_lag import LINES, ChannelLag
 from qlvbayes.model import Model

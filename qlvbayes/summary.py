@@ -2,21 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
-
-import jax.numpy as jnp
 import numpy as np
 
-from qlvbayes.carried import carried_notices, clock_notices
-from qlvbayes.fit import Fit
-from qlvbayes.inference import compiled
-from qlvbayes.inference.diagnostics import Diagnostics, diagnose_chain, highest_density
-from qlvbayes.inference.ensemble import STEPS_PER_TIME
-from qlvbayes.records.record import Record
+from qlvbayes.inference.diagnostics import Diagnostics, highest_density
+from qlvbayes.inference.ensemble import Settings
 from qlvbayes.resultfile import Part, Result
 from qlvbayes.units import PAD, UnitSystem
-from qlvbayes.unresolved import unresolved_times
 
 
 class Constant(Part, frozen=True):
@@ -43,8 +34,8 @@ class FitSummary(Result, frozen=True, kw_only=True):
     """All constants of one pad, and whether the sampling can be trusted: ``summary.json``.
 
     sampler: the method; converged: no R-hat, effective sample size or autocorrelation time speaks
-    against it; troubles: what does; notices: what one should know of the tests; parameters: the
-    constants by name.
+    against it; troubles: what does; notices: what one should know of the tests; settings: of the
+    sampler; parameters: the constants by name.
     """
 
     pad: str
@@ -54,30 +45,22 @@ class FitSummary(Result, frozen=True, kw_only=True):
     converged: bool
     troubles: tuple[str, ...] = ()
     notices: tuple[str, ...] = ()
+    settings: Settings | None = None
     parameters: dict[str, Constant]
 
     def __getitem__(self, name: str) -> Constant:
         """The constant of that name."""
         return self.parameters[name]
 
-
-def summarise(fit: Fit) -> FitSummary:
-    """Means, sds, medians, intervals and diagnostics of every constant, before thinning."""
-    judged = diagnose_chain(fit.every) if fit.method == "emcee" else None
-    troubles = (*(judged.troubles if judged else ()), *_length_troubles(fit))
-    return FitSummary(
-        pad=fit.pad,
-        units=fit.experiment.units,
-        effects=fit.choices.effects,
-        sampler=fit.method,
-        converged=not troubles,
-        troubles=troubles,
-        notices=tuple(_notices(fit)),
-        parameters={
-            name: constant_of(fit.every[..., k], unit, k, judged)
-            for k, (name, unit) in enumerate(zip(fit.names, fit.units, strict=True))
-        },
-    )
+    def __str__(self) -> str:
+        """A line a constant: median, 90 % interval and unit."""
+        wide = max(map(len, self.parameters), default=0)
+        lines = [
+            f"{name:{wide}}  {c.median:.4g} [{c.hdi90[0]:.4g}, {c.hdi90[1]:.4g}]"
+            f"{'' if c.unit == '1' else f' {c.unit}'}{' (fixed)' if c.fixed else ''}"
+            for name, c in self.parameters.items()
+        ]
+        return "\n".join([*lines, *(f"not converged: {text}" for text in self.troubles)])
 
 
 def constant_of(values: np.ndarray, unit: str, place: int, judged: Diagnostics | None) -> Constant:
@@ -94,31 +77,5 @@ def constant_of(values: np.ndarray, unit: str, place: int, judged: Diagnostics |
     )
 
 
-def _notices(fit: Fit) -> Iterator[str]:
-    """What the tests have from each other and cannot say, by the median constants."""
-    constants = np.median(fit.constants.reshape(-1, fit.constants.shape[-1]), axis=0)
-
-    def predict(record: Record) -> np.ndarray:
-        posterior = replace(fit.posterior, record=record)
-        return np.asarray(compiled.predictions(posterior, constants[None]))[0]
-
-    yield from carried_notices(fit.experiment, fit.trials, fit.posterior.record, predict)
-    if not fit.choices.rested:
-        yield from clock_notices(fit.experiment)
-    model = fit.posterior.with_constants(jnp.asarray(constants))[0]
-    times = unresolved_times(model.relaxation, fit.experiment.scales)
-    for text in (*fit.experiment.floor.notices, *times):
-        yield f"pad {fit.pad}: {text}"
-
-
 def _or_none(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
-
-
-def _length_troubles(fit: Fit) -> list[str]:
-    if fit.method != "emcee":
-        return [] if fit.enough else ["no two starts came to the same optimum"]
-    steps, time = fit.facts["kept_steps"], fit.facts["autocorrelation_steps"]
-    if steps >= STEPS_PER_TIME * time:
-        return []
-    return [f"{steps:.0f} steps are less than {STEPS_PER_TIME} autocorrelation times of {time:.0f}"]

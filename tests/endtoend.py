@@ -15,7 +15,7 @@ from PIL import Image
 
 from qlvbayes.choices import Choices
 from qlvbayes.cli.main import run
-from qlvbayes.data import read_study
+from qlvbayes.data import read_measurements
 from qlvbayes.experiment import prepare
 from qlvbayes.fit import fit_pad
 from qlvbayes.inference.ensemble import Settings
@@ -91,7 +91,7 @@ def undrawn():
 
 @functools.cache
 def study():
-    return read_study(PADS)
+    return read_measurements(PADS)
 
 
 @functools.cache

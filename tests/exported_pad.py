@@ -7,7 +7,7 @@ import xarray
 
 from qlvbayes.choices import Choices
 from qlvbayes.drawn import described_model
-from qlvbayes.export.pad import read_pad
+from qlvbayes.exports.pad import read_pad
 from qlvbayes.parameters import fields_of
 from qlvbayes.synthetic import TABLE_1
 

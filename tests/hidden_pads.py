@@ -5,10 +5,10 @@ import json
 import pytest
 from msgspec.structs import replace
 
-from qlvbayes import Choices, prepare
+from qlvbayes import Choices
 from qlvbayes.benchmark.study import measured
 from qlvbayes.diagnosis.verdict import Diagnosis
-from qlvbayes.experiment import Experiment
+from qlvbayes.experiment import Experiment, prepare
 from qlvbayes.fit import build_posterior
 from qlvbayes.inference.subset import Ensemble, with_every_effect
 from qlvbayes.laws.catalogue import LAWS

@@ -10,7 +10,6 @@ from qlvbayes.diagnosis.averaging import averaged
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.result import Estimate
 from qlvbayes.diagnosis.settings import Settings
-from qlvbayes.diagnosis.words import paragraphs
 from qlvbayes.prescribed.forecast import predict_program
 from qlvbayes.prescribed.hypotheses import drawn_hypotheses
 from qlvbayes.synthetic import HIDDEN
@@ -68,7 +67,7 @@ def test_constants_are_those_of_the_base_law_and_less_sure(either):
 
 
 def test_words_and_json_give_the_averaged_constants(either):
-    first = paragraphs(either)[0]
+    first = either.paragraphs()[0]
     m = either.result.constants["m"]
     assert f"Averaged over all that the tests do not rule out, m = {m}" in first
     assert either.result.as_dict()["constants"]["m"] == {"unit": "N/mm", "mean": m.mean, "sd": m.sd}
@@ -82,7 +81,7 @@ def test_what_is_not_ruled_out_is_told_beside_the_name(either):
     )
     assert sum(one.probability for one in listed) <= 1.0 + 1e-9
     beside = said_otherwise(either, verdict="missing_effect", effects=("viscous_drag",), group=())
-    said = " ".join(paragraphs(beside)).partition("do not rule out")[2]
+    said = " ".join(beside.paragraphs()).partition("do not rule out")[2]
     for one in listed:
         if one.effects not in ((), ("viscous_drag",)):
             assert f"{' and '.join(one.effects)} (" in said
@@ -92,9 +91,9 @@ def test_sets_beyond_those_listed_are_told_together(either):
     first, *_ = either.result.not_ruled_out
     beside = said_otherwise(either, verdict="missing_effect", group=(), effects=("friction",))
     alone = said_otherwise(beside, not_ruled_out=(changed(first, probability=0.83),))
-    assert "or others (17 % together)" in " ".join(paragraphs(alone))
+    assert "or others (17 % together)" in " ".join(alone.paragraphs())
     certain = said_otherwise(beside, not_ruled_out=(changed(first, probability=1.0),))
-    assert "others" not in " ".join(paragraphs(certain))
+    assert "others" not in " ".join(certain.paragraphs())
 
 
 @pytest.fixture(scope="module")

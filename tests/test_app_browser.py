@@ -13,7 +13,7 @@ import pytest
 from running_app import Visit, errors, now, running_app, until
 
 from qlvbayes.checks import InputError
-from qlvbayes.data import read_study
+from qlvbayes.data import read_measurements
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="no playwright: bench not opened")
 for needed in ("starlette", "uvicorn", "python_multipart"):
@@ -100,7 +100,7 @@ def test_a_broken_file_that_is_dropped_is_refused_in_the_words_of_the_command(vi
     path = tmp_path / "broken.csv"
     path.write_text(BROKEN)
     with pytest.raises(InputError) as refused:
-        read_study(path)
+        read_measurements(path)
     expect(visit.page.locator(".drop")).to_be_visible()
     drop(visit.page, "broken.csv", BROKEN)
     line = visit.page.locator("#wait .wrong, #start .wrong").filter(has_text="broken.csv")

@@ -9,7 +9,7 @@ from qlvbayes.app.dealing import deal
 from qlvbayes.app.intake import opened, read_in
 from qlvbayes.checks import InputError
 from qlvbayes.cli.main import run
-from qlvbayes.data import read_study
+from qlvbayes.data import read_measurements
 
 UNCLEAR = "# a rig's own\nZeit;Weg (um);Last\n" + "".join(
     f"{0.01 * k:.2f};{min(10.0 * k, 1000.0):.1f};{min(0.01 * k, 1.0) ** 1.5:.4f}\n"
@@ -37,7 +37,7 @@ def test_several_tidy_files_become_one(tmp_path):
     files = [tmp_path / "one.csv", tmp_path / "two.csv"]
     files[0].write_text(TIDY)
     files[1].write_text(TIDY.replace("B,slow", "B,fast"))
-    study = read_study(read_in(tmp_path / "session", files, {})["data"])
+    study = read_measurements(read_in(tmp_path / "session", files, {})["data"])
     assert [test.name for test in study.pad("B").tests] == ["slow", "fast"]
     assert (study.pad("B").tests[1].force == study.pad("B").tests[0].force).all()
 
@@ -52,7 +52,7 @@ def test_unknown_columns_are_asked_for_and_then_read(tmp_path):
     assert (values["displacement"], values["displacement_unit"]) == ("Weg (um)", "um")
     assert values["force"] is None
     assert "line 2" in asked["text"]
-    study = read_study(read_in(tmp_path / "session", [file], ANSWERS)["data"])
+    study = read_measurements(read_in(tmp_path / "session", [file], ANSWERS)["data"])
     (test,) = study.pads[0].tests
     assert (study.units.displacement, study.units.force) == ("um", "mN")
     assert len(test.time) == 300
@@ -131,7 +131,7 @@ def test_a_dealt_pad_repeats_and_does_not_tell(tmp_path):
     truth = json.loads((tmp_path / "one" / "truth.json").read_text())
     assert texts[0] == texts[1]
     assert all(effect["effect"] not in texts[0] for effect in truth["effects"])
-    assert len(read_study(tmp_path / "one" / "data.csv").pad("pad").tests) == 6
+    assert len(read_measurements(tmp_path / "one" / "data.csv").pad("pad").tests) == 6
 
 
 def test_without_the_extra_one_line_says_how_to_get_it(monkeypatch, capsys):

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from qlvbayes.checks import InputError
-from qlvbayes.data import read_study
+from qlvbayes.data import read_measurements
 from qlvbayes.reading.table import read_table
 
 HEADER = "time_s,displacement_mm,force_N"
@@ -43,7 +43,7 @@ def refused(tmp_path, content, line, problem, remedy, name="pads.csv"):
     path = tmp_path / name
     path.write_bytes(content.encode() if isinstance(content, str) else content)
     with pytest.raises(InputError) as caught:
-        read_study(path)
+        read_measurements(path)
     message = str(caught.value)
     assert "\n" not in message
     place = f"{path}, line {line}: " if line else f"{path}: "
@@ -56,12 +56,12 @@ def refused(tmp_path, content, line, problem, remedy, name="pads.csv"):
 def test_missing_file(tmp_path):
     path = tmp_path / "absent.csv"
     with pytest.raises(InputError, match=rf"^{re.escape(str(path))}: no such file; check the path"):
-        read_study(path)
+        read_measurements(path)
 
 
 def test_folder(tmp_path):
     with pytest.raises(InputError, match=rf"^{re.escape(str(tmp_path))}: .* folder; name the CSV"):
-        read_study(tmp_path)
+        read_measurements(tmp_path)
 
 
 ZIPPED = gzip.compress(text(*LINES).encode())
@@ -323,7 +323,7 @@ def test_a_file_written_to_while_it_is_read_says_so(tmp_path, monkeypatch):
 
     monkeypatch.setattr("qlvbayes.data.read_table", read_then_grow)
     with pytest.raises(InputError, match=r"pads\.csv: the file changed .* read; wait until"):
-        read_study(path)
+        read_measurements(path)
 
 
 FULL = each("A", "1", "fit", "20", "0", header="pad,test,role,rate_mm_s,start_s").encode()
@@ -349,7 +349,7 @@ def test_damage_gives_a_study_or_one_line_and_nothing_else(content, damages):
         path.write_bytes(content)
         message, pads = None, ()
         try:
-            pads = read_study(path).pads
+            pads = read_measurements(path).pads
         except InputError as error:
             message = str(error)
     if message is not None:

@@ -6,12 +6,13 @@ from two_tests import TESTS, two_tests
 
 import qlvbayes as q
 from qlvbayes.checks import InputError
+from qlvbayes.prediction import predict
 
 
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory):
     study = q.read_study(two_tests(tmp_path_factory.mktemp("bench") / "two.csv"))
-    return q.Bench.of(q.prepare(study.pad("C")))
+    return q.Bench.of(study["C"].experiment)
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +36,7 @@ def test_the_force_is_that_of_predict(bench, dragged):
     constants["noise.white"] = np.array([bench.noise])
     trials = bench.experiment.trials
     forces = bench.look(dragged).forces
-    for k, found in enumerate(q.predict(bench.experiment, choices, constants, trials)):
+    for k, found in enumerate(predict(bench.experiment, choices, constants, trials)):
         time = bench.samples.trials[k].test.time[bench.samples.rows[k]]
         places = np.searchsorted(found.time, time)
         np.testing.assert_array_equal(found.time[places], time)

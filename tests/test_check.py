@@ -17,7 +17,7 @@ from qlvbayes.hereditary import hereditary_force
 from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.noisefloor import NoiseFloor
-from qlvbayes.predict import predict
+from qlvbayes.prediction import predict
 from qlvbayes.residuals import FALSE_ALARMS, check
 from qlvbayes.results import Saved
 from qlvbayes.synthetic import NOISES, simulate_study

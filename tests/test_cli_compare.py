@@ -7,7 +7,7 @@ import pytest
 from endtoend import call, read_json
 from test_elsewhere import drawn, vectors, written
 
-from qlvbayes.compare.contrast import Comparison
+from qlvbayes.comparison.contrast import Comparison
 
 PLACES = ("--depth", 1, "--rates", "1", "--frequencies", "0.3")
 

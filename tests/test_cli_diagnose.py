@@ -194,7 +194,7 @@ def test_effects_lists_all_by_family():
 
 
 def test_the_worked_example_keeps_the_rules_and_competes(own_effects, study):
-    from qlvbayes import check_effect
+    from qlvbayes.effects import check_effect
     from qlvbayes.effects.userfile import load
 
     check_effect(load(own_effects)[0])

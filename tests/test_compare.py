@@ -10,13 +10,13 @@ from scipy.stats import kstest, norm
 
 import qlvbayes
 from qlvbayes.checks import InputError
-from qlvbayes.compare.compare import compare
-from qlvbayes.compare.contrast import Comparison
-from qlvbayes.compare.joint import FALSE_ALARMS, joint_test
-from qlvbayes.compare.judging import answer, contrast
-from qlvbayes.compare.readings import Reading
-from qlvbayes.compare.words import paragraphs
-from qlvbayes.compare.writing import as_csv, as_latex
+from qlvbayes.comparison.compare import compare
+from qlvbayes.comparison.contrast import Comparison
+from qlvbayes.comparison.joint import FALSE_ALARMS, joint_test
+from qlvbayes.comparison.judging import answer, contrast
+from qlvbayes.comparison.readings import Reading
+from qlvbayes.comparison.words import paragraphs
+from qlvbayes.comparison.writing import as_csv, as_latex
 from qlvbayes.synthetic import TABLE_1
 
 PLACES = {"depth": 1.0, "rates": [1.0], "frequencies": [0.3]}

@@ -7,9 +7,9 @@ from scipy.stats import halfcauchy, multivariate_normal
 from test_compare import PLACES, WIDTHS, posterior, table_1
 
 from qlvbayes.checks import InputError
-from qlvbayes.compare.compare import compare
-from qlvbayes.compare.hierarchy import SPREAD, Specimens, fluid_draws, spread_posterior
-from qlvbayes.compare.words import paragraphs
+from qlvbayes.comparison.compare import compare
+from qlvbayes.comparison.hierarchy import SPREAD, Specimens, fluid_draws, spread_posterior
+from qlvbayes.comparison.words import paragraphs
 
 MEANS = (np.array([1.0, 1.3, 0.9]), np.array([1.6, 1.7]))
 SDS = (np.array([0.1, 0.05, 0.2]), np.array([0.1, 0.3]))

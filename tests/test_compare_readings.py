@@ -9,8 +9,8 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from qlvbayes.choices import Choices
-from qlvbayes.compare.readings import read, readings
-from qlvbayes.compare.settings import Settings, choose
+from qlvbayes.comparison.readings import read, readings
+from qlvbayes.comparison.settings import Settings, choose
 from qlvbayes.covered import Covered
 from qlvbayes.drawn import described_model, drawn_models, pad_alone
 from qlvbayes.parameters import fields_of

@@ -12,7 +12,7 @@ from endtoend import COMMAND, call, environment
 from machine_files import Pressed, pressed
 
 from qlvbayes.checks import InputError
-from qlvbayes.data import read_study
+from qlvbayes.data import read_measurements
 from qlvbayes.experiment import prepare
 from qlvbayes.formats.answers import Answers
 from qlvbayes.formats.conversion import convert
@@ -58,7 +58,7 @@ def test_what_was_found_is_told_and_drawn_and_the_study_can_be_read(instron, tmp
     ):
         assert words in said
     assert (tmp_path / "tidy.png").stat().st_size > 10_000
-    (pad,) = read_study(out).pads
+    (pad,) = read_measurements(out).pads
     (test,) = pad.tests
     assert (pad.name, test.name) == ("B", "pad B")
     ramp = prepare(pad).trials[0]
@@ -75,8 +75,8 @@ def test_a_machine_s_file_is_read_unasked_like_its_conversion(make, tmp_path):
     source, out = tmp_path / "a.csv", tmp_path / "tidy.csv"
     source.write_bytes(make(TEST))
     assert call("convert", source, "-o", out)[0] == 0
-    unasked = read_study(source)
-    same(unasked, read_study(out))
+    unasked = read_measurements(source)
+    same(unasked, read_measurements(out))
     assert any("is a file of" in notice for notice in unasked.notices)
 
 
@@ -91,7 +91,7 @@ def test_what_is_in_doubt_is_refused_in_a_pipe(tmp_path):
     with pytest.raises(
         InputError, match=rf"say it to qlvbayes convert {source} -o tidy.csv --sign"
     ):
-        read_study(source)
+        read_measurements(source)
 
 
 def test_what_is_in_doubt_is_asked_on_a_terminal(tmp_path):
@@ -113,7 +113,9 @@ def test_what_is_in_doubt_is_asked_on_a_terminal(tmp_path):
     assert process.wait(timeout=900) == 0
     assert b"which columns are to be turned over" in shown
     assert b"sign kept as written, as said" in shown
-    np.testing.assert_allclose(read_study(out).pads[0].tests[0].force, CYCLES.load, atol=1e-6)
+    np.testing.assert_allclose(
+        read_measurements(out).pads[0].tests[0].force, CYCLES.load, atol=1e-6
+    )
 
 
 def test_json_is_whole_and_finite(instron, tmp_path):
@@ -134,12 +136,12 @@ def test_several_files_several_pads_and_their_clock(tmp_path):
         files[-1].write_bytes(text.replace(b"pad 7", name.encode()))
     out = tmp_path / "tidy.csv.gz"
     assert call("convert", *files, "-o", out, "--test", "a,b,c")[0] == 0
-    (pad,) = read_study(out).pads
+    (pad,) = read_measurements(out).pads
     assert [test.name for test in pad.tests] == ["a", "b", "c"]
     assert [test.start_s for test in pad.tests] == pytest.approx([0.0, 300.0, 600.0])
     assert all(test.start_known for test in pad.tests)
     assert call("convert", *files, "-o", out, "--pad", "A,B,C")[0] == 0
-    assert [pad.name for pad in read_study(out).pads] == ["A", "B", "C"]
+    assert [pad.name for pad in read_measurements(out).pads] == ["A", "B", "C"]
 
 
 @pytest.mark.parametrize(

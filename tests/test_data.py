@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from qlvbayes.checks import InputError
-from qlvbayes.data import read_study
+from qlvbayes.data import read_measurements
 from qlvbayes.reading.csvtext import blocks
 from qlvbayes.reading.testchecks import wrong_signs
 from qlvbayes.units import PAD, SAME, STRAIN, SUFFIXES, UnitSystem, column_name
@@ -61,7 +61,7 @@ def same_as_plain(study):
 
 def test_three_columns_are_enough(tmp_path):
     path = write(tmp_path, PLAIN)
-    study = read_study(path)
+    study = read_measurements(path)
     test = only_test(study)
     same_as_plain(study)
     assert (test.pad, test.name, test.role, test.rate, test.start_s) == (
@@ -80,12 +80,12 @@ def test_values_are_the_nearest_floats_to_the_text(tmp_path):
     # Differences in the last place would not average out over a million samples.
     values = np.random.default_rng(1).random((500, 2))
     text = "".join(f"{i},{a!r},{b!r}\n" for i, (a, b) in enumerate(values.tolist()))
-    test = only_test(read_study(write(tmp_path, f"{HEADER}\n{text}")))
+    test = only_test(read_measurements(write(tmp_path, f"{HEADER}\n{text}")))
     np.testing.assert_allclose(test.force, values[:, 1], rtol=3e-16, atol=0)
 
 
 def test_arrays_are_read_only(tmp_path):
-    test = only_test(read_study(write(tmp_path, PLAIN)))
+    test = only_test(read_measurements(write(tmp_path, PLAIN)))
     with pytest.raises(ValueError, match="read-only"):
         test.force[0] = 1.0
 
@@ -119,7 +119,7 @@ def test_arrays_are_read_only(tmp_path):
     ],
 )
 def test_ways_of_writing_the_same_rows(tmp_path, content):
-    study = read_study(write(tmp_path, content))
+    study = read_measurements(write(tmp_path, content))
     same_as_plain(study)
     assert study.notices == ()
 
@@ -141,19 +141,19 @@ def test_ways_of_writing_the_same_rows(tmp_path, content):
     ],
 )
 def test_other_dialects_are_read_right_and_noticed(tmp_path, content, notice):
-    study = read_study(write(tmp_path, content.replace("#", ",")))
+    study = read_measurements(write(tmp_path, content.replace("#", ",")))
     same_as_plain(study)
     assert study.notices == (f"read as {notice}",)
 
 
 def test_gzip_gives_the_same_study(tmp_path):
     path = write(tmp_path, gzip.compress(PLAIN.encode()), "pads.csv.gz")
-    same_as_plain(read_study(path))
+    same_as_plain(read_measurements(path))
 
 
 def test_extra_columns_are_named_once_and_may_hold_anything(tmp_path):
     text = f"{HEADER},operator,temperature_C,force_raw\n" + rows(suffix=",Zoë,,n/a")
-    study = read_study(write(tmp_path, text))
+    study = read_measurements(write(tmp_path, text))
     same_as_plain(study)
     assert study.notices == ("columns not used: operator, temperature_C, force_raw",)
 
@@ -162,7 +162,7 @@ def test_pads_and_tests_keep_the_order_of_the_file(tmp_path):
     names = [("B", "fast"), ("A", "slow"), ("B", "slow"), ("A", "fast")]
     text = "pad,test,time_s,displacement_mm,force_N\n"
     text += "".join(rows(f"{pad},{test},") for pad, test in names)
-    study = read_study(write(tmp_path, text))
+    study = read_measurements(write(tmp_path, text))
     assert [(pad.name, [test.name for test in pad.tests]) for pad in study.pads] == [
         ("B", ["fast", "slow"]),
         ("A", ["slow", "fast"]),
@@ -172,25 +172,25 @@ def test_pads_and_tests_keep_the_order_of_the_file(tmp_path):
 
 def test_numeric_names_stay_as_written(tmp_path):
     text = f"pad,test,{HEADER}\n" + rows("007,1,") + rows("007,01,") + rows("7,1.0,")
-    study = read_study(write(tmp_path, text))
+    study = read_measurements(write(tmp_path, text))
     assert [pad.name for pad in study.pads] == ["007", "7"]
     assert [test.name for test in study.pad("007").tests] == ["1", "01"]
 
 
 def test_quoted_names_may_hold_separators(tmp_path):
-    study = read_study(write(tmp_path, f"pad,{HEADER}\n" + rows('"gel, 5 ""wt"" %",')))
+    study = read_measurements(write(tmp_path, f"pad,{HEADER}\n" + rows('"gel, 5 ""wt"" %",')))
     assert study.pads[0].name == 'gel, 5 "wt" %'
 
 
 def test_an_unknown_pad_is_refused_with_the_known_ones(tmp_path):
-    study = read_study(write(tmp_path, f"pad,{HEADER}\n" + rows("oil,") + rows("glycerin,")))
+    study = read_measurements(write(tmp_path, f"pad,{HEADER}\n" + rows("oil,") + rows("glycerin,")))
     with pytest.raises(InputError, match=r"pads\.csv: no pad 'air'; name one of: oil, glycerin"):
         study.pad("air")
 
 
 def test_without_start_tests_of_a_pad_follow_one_another(tmp_path):
     text = f"pad,test,{HEADER}\n" + rows("A,1,") + rows("B,1,") + rows("A,2,", n=40) + rows("A,3,")
-    study = read_study(write(tmp_path, text))
+    study = read_measurements(write(tmp_path, text))
     starts = [test.start_s for test in study.pad("A").tests]
     np.testing.assert_allclose(starts, [0.0, 0.95, 0.95 + 1.95], rtol=1e-15)
     assert study.pad("B").tests[0].start_s == 0.0
@@ -198,14 +198,14 @@ def test_without_start_tests_of_a_pad_follow_one_another(tmp_path):
 
 def test_declared_start_is_kept_and_the_next_test_follows_it(tmp_path):
     text = f"test,start_min,{HEADER}\n" + rows("a,2,") + rows("b,,") + rows("c,10,")
-    tests = read_study(write(tmp_path, text)).pads[0].tests
+    tests = read_measurements(write(tmp_path, text)).pads[0].tests
     np.testing.assert_allclose([test.start_s for test in tests], [120.0, 120.95, 600.0])
 
 
 def test_role_and_rate_are_read_and_may_be_empty(tmp_path):
     text = f"test,role,rate_mm_s,{HEADER}\n"
     text += rows("a,fit,20,") + rows("b,validate,0.1,") + rows("c,,,")
-    tests = read_study(write(tmp_path, text)).pads[0].tests
+    tests = read_measurements(write(tmp_path, text)).pads[0].tests
     assert [(test.role, test.rate) for test in tests] == [
         ("fit", 20.0),
         ("validate", 0.1),
@@ -216,14 +216,14 @@ def test_role_and_rate_are_read_and_may_be_empty(tmp_path):
 def test_declared_numbers_take_the_decimal_comma_too(tmp_path):
     text = f"rate_mm_s,start_s,{HEADER}\n".replace(",", ";")
     text += rows("0.5;1.5;", sep=";").replace(".", ",")
-    test = only_test(read_study(write(tmp_path, text)))
+    test = only_test(read_measurements(write(tmp_path, text)))
     assert (test.rate, test.start_s) == (0.5, 1.5)
 
 
 def test_a_test_in_two_places_is_one_if_its_time_goes_on(tmp_path):
     lines = rows().splitlines(keepends=True)
     text = f"pad,{HEADER}\n" + "".join(f"A,{line}B,{line}" for line in lines)
-    study = read_study(write(tmp_path, text))
+    study = read_measurements(write(tmp_path, text))
     for pad in study.pads:
         np.testing.assert_allclose(pad.tests[0].time, ramp()[0], atol=1e-6)
         np.testing.assert_allclose(pad.tests[0].force, ramp()[2], atol=1e-6)
@@ -231,7 +231,7 @@ def test_a_test_in_two_places_is_one_if_its_time_goes_on(tmp_path):
 
 def test_strain_and_stress_have_their_own_units(tmp_path):
     text = "time_ms,strain,stress_Pa,stress_sd_Pa,rate_1_s\n" + rows(suffix=",50,0.2")
-    study = read_study(write(tmp_path, text))
+    study = read_measurements(write(tmp_path, text))
     test = only_test(study)
     assert study.units == study.pads[0].units == UnitSystem("1", "Pa")
     np.testing.assert_allclose(test.time, ramp()[0] / 1e3, atol=1e-9)
@@ -241,14 +241,14 @@ def test_strain_and_stress_have_their_own_units(tmp_path):
 
 
 def test_micro_may_be_written_in_greek(tmp_path):
-    study = read_study(write(tmp_path, PLAIN.replace("displacement_mm", "displacement_µm")))
+    study = read_measurements(write(tmp_path, PLAIN.replace("displacement_mm", "displacement_µm")))
     assert study.units.displacement == "um"
     np.testing.assert_allclose(only_test(study).displacement, ramp()[1], atol=1e-6)
 
 
 def test_columns_of_other_units_are_converted_to_that_of_displacement_or_force(tmp_path):
     header = "time_s,displacement_um,force_mN,force_sd_N,rate_mm_s"
-    study = read_study(write(tmp_path, f"{header}\n{rows(suffix=',0.002,0.5')}"))
+    study = read_measurements(write(tmp_path, f"{header}\n{rows(suffix=',0.002,0.5')}"))
     test = only_test(study)
     assert asdict(study.units) == {"displacement": "um", "force": "mN"}
     np.testing.assert_allclose(test.force, ramp()[2], atol=1e-6)
@@ -260,7 +260,7 @@ def test_force_may_be_negative_where_the_pad_is_pulled_or_untared(tmp_path):
     time, displacement, force = ramp(200)
     for tested in (force - 5.0, np.where(time > 5.0, force - 1.5 * force.max(), force)):
         text = "".join(f"{t},{d},{f}\n" for t, d, f in zip(time, displacement, tested, strict=True))
-        assert only_test(read_study(write(tmp_path, f"{HEADER}\n{text}"))).force.min() < 0
+        assert only_test(read_measurements(write(tmp_path, f"{HEADER}\n{text}"))).force.min() < 0
 
 
 def test_signs_in_doubt_pass():
@@ -278,7 +278,7 @@ def test_signs_in_doubt_pass():
 
 @pytest.mark.skipif(not REAL.is_dir(), reason="the measurements are not here")
 def test_adhesive_in_shear():
-    study = read_study(REAL / "adhesive_shear.csv")
+    study = read_measurements(REAL / "adhesive_shear.csv")
     sizes = {pad.name: [test.time.size for test in pad.tests] for pad in study.pads}
     assert sizes == {"stairs": [432, 370, 370, 370], "updown": [590]}
     assert [test.role for test in study.pad("stairs").tests] == [
@@ -293,7 +293,7 @@ def test_adhesive_in_shear():
 
 @pytest.mark.skipif(not REAL.is_dir(), reason="the measurements are not here")
 def test_muscle_with_measured_standard_deviation():
-    study = read_study(REAL / "muscle_ramps.csv")
+    study = read_measurements(REAL / "muscle_ramps.csv")
     assert [pad.name for pad in study.pads] == ["relaxed", "calcium", "mavacamten-calcium"]
     assert [sum(test.time.size for test in pad.tests) for pad in study.pads] == [416, 400, 400]
     assert study.units == STRAIN
@@ -351,7 +351,7 @@ def columns_of_a_test(draw):
 def test_what_is_written_in_any_unit_is_read_back(case):
     text, wanted = case
     with tempfile.TemporaryDirectory() as folder:
-        study = read_study(write(Path(folder), text))
+        study = read_measurements(write(Path(folder), text))
     tests = {(test.pad, test.name): test for pad in study.pads for test in pad.tests}
     assert tests.keys() == wanted.keys()
     for key, columns in wanted.items():
@@ -374,29 +374,29 @@ def big_text(n):
 def test_blocks_do_not_show(tmp_path, monkeypatch):
     text = big_text(5000).replace("\nP2", "\n# remark\n\nP2")
     path = write(tmp_path, text)
-    whole = read_study(path)
+    whole = read_measurements(path)
     monkeypatch.setattr(blocks, "__defaults__", (1000,))
-    for ours, theirs in zip(whole.pads, read_study(path).pads, strict=True):
+    for ours, theirs in zip(whole.pads, read_measurements(path).pads, strict=True):
         assert ours.name == theirs.name
         np.testing.assert_array_equal(ours.tests[0].time, theirs.tests[0].time)
         np.testing.assert_array_equal(ours.tests[0].force, theirs.tests[0].force)
     bad = write(tmp_path, text.replace("P3,4.321,", "P3,4.32l,"), "bad.csv")
     line = 1 + bad.read_text().split("4.32l")[0].count("\n")
     with pytest.raises(InputError, match=rf"bad\.csv, line {line}: time_s"):
-        read_study(bad)
+        read_measurements(bad)
     back = write(tmp_path, text.replace("P3,4.321,", "P3,4.319,"), "back.csv")
     with pytest.raises(InputError, match=rf"back\.csv, line {line}: time_s runs backwards"):
-        read_study(back)
+        read_measurements(back)
 
 
 MEASURE = """
 import resource, sys
 from qlvbayes.reading.csvtext import blocks
-from qlvbayes.data import read_study
+from qlvbayes.data import read_measurements
 peak = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
-read_study(sys.argv[1])
+read_measurements(sys.argv[1])
 before = peak()
-study = read_study(sys.argv[2])
+study = read_measurements(sys.argv[2])
 print(peak() - before, sum(test.time.size for pad in study.pads for test in pad.tests))
 """
 

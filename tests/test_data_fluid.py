@@ -3,7 +3,7 @@
 import pytest
 
 from qlvbayes.checks import InputError
-from qlvbayes.data import read_study
+from qlvbayes.data import read_measurements
 from qlvbayes.experiment import prepare
 
 ROWS = [f"{k / 100:.2f},{min(k, 12) / 10:.2f},{min(k, 12) / 20:.5f}" for k in range(20)]
@@ -21,7 +21,7 @@ def file(folder, *parts, header="pad,test,fluid"):
 @pytest.mark.parametrize("name", ["fluid", "group", "Fluid", "GROUP"])
 def test_a_column_names_the_fluid_of_each_pad(tmp_path, name):
     path = file(tmp_path, "B1,x,oil", "B2,x,oil", "C,x,glycerin", header=f"pad,test,{name}")
-    study = read_study(path)
+    study = read_measurements(path)
     assert [(pad.name, pad.fluid) for pad in study.pads] == [
         ("B1", "oil"), ("B2", "oil"), ("C", "glycerin")
     ]  # fmt: skip
@@ -29,13 +29,13 @@ def test_a_column_names_the_fluid_of_each_pad(tmp_path, name):
 
 
 def test_without_the_column_or_with_an_empty_cell_there_is_none(tmp_path):
-    assert read_study(file(tmp_path, "B,x", header="pad,test")).pad("B").fluid is None
-    study = read_study(file(tmp_path, "B,x,", "C,x,oil"))
+    assert read_measurements(file(tmp_path, "B,x", header="pad,test")).pad("B").fluid is None
+    study = read_measurements(file(tmp_path, "B,x,", "C,x,oil"))
     assert [pad.fluid for pad in study.pads] == [None, "oil"]
 
 
 def test_it_travels_to_the_experiment(tmp_path):
-    pad = read_study(file(tmp_path, "B,x,oil")).pad("B")
+    pad = read_measurements(file(tmp_path, "B,x,oil")).pad("B")
     assert prepare(pad).fluid == "oil"
 
 
@@ -50,7 +50,7 @@ def test_it_travels_to_the_experiment(tmp_path):
 def test_a_pad_has_one_fluid(tmp_path, parts, line, problem, remedy):
     path = file(tmp_path, *parts)
     with pytest.raises(InputError) as caught:
-        read_study(path)
+        read_measurements(path)
     text = str(caught.value)
     assert text.startswith(f"{path}, line {line}: {problem}")
     assert remedy in text
@@ -62,10 +62,10 @@ def test_a_fluid_does_not_change_within_a_test(tmp_path):
     lines[15:] = [line.replace("oil", "water") for line in lines[15:]]
     path.write_text("\n".join(lines) + "\n")
     with pytest.raises(InputError, match="line 16: fluid changes from 'oil' to 'water'"):
-        read_study(path)
+        read_measurements(path)
 
 
 def test_fluid_and_group_are_one_too_many(tmp_path):
     path = file(tmp_path, "B,x,oil,1", header="pad,test,fluid,group")
     with pytest.raises(InputError, match="two columns for fluid: 'fluid' and 'group'"):
-        read_study(path)
+        read_measurements(path)

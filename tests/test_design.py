@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from qlvbayes import prepare
 from qlvbayes.benchmark.study import measured
 from qlvbayes.choices import Choices
 from qlvbayes.data import Pad
@@ -14,6 +13,7 @@ from qlvbayes.diagnosis.search import weigh
 from qlvbayes.diagnosis.workbench import as_chosen, search_of
 from qlvbayes.effects.force_drift import ForceDrift
 from qlvbayes.effects.force_offset import ForceOffset
+from qlvbayes.experiment import prepare
 from qlvbayes.inference.modes import find_mode
 from qlvbayes.nexttest.design import Design
 from qlvbayes.synthetic import (

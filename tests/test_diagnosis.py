@@ -8,7 +8,7 @@ import pytest
 from hidden_pads import hidden_pad, keeps_diagnosis_contract, said_otherwise
 from msgspec.structs import replace as changed
 
-from qlvbayes import Choices, Enough, InputError
+from qlvbayes import Choices, InputError
 from qlvbayes.diagnosis.adequacy import adequacy
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.heldout import held_out
@@ -16,11 +16,11 @@ from qlvbayes.diagnosis.protocol import protocol_of
 from qlvbayes.diagnosis.result import Bend
 from qlvbayes.diagnosis.samples import Samples
 from qlvbayes.diagnosis.sensitivity import responses, unseen
-from qlvbayes.diagnosis.words import paragraphs
+from qlvbayes.diagnosis.standing import Enough
 from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.effects.catalogue import find
 from qlvbayes.inference.modes import find_mode
-from qlvbayes.predict import single_samples
+from qlvbayes.prediction import single_samples
 from qlvbayes.synthetic import (
     HIDDEN,
     TABLE_1,
@@ -114,26 +114,26 @@ def test_the_json_keeps_the_contract(name, request):
 
 
 def test_the_words_say_verdict_place_and_size(drag, plain):
-    said = " ".join(paragraphs(drag))
+    said = " ".join(drag.paragraphs())
     assert "viscous_drag (eta = " in said
     assert "N s/mm" in said
     assert "Where the plain model fails worst: the ramp of B-" in said
     assert "Next of the list" in said
-    assert "nothing is missing that these tests can show" in paragraphs(plain)[0]
+    assert "nothing is missing that these tests can show" in plain.paragraphs()[0]
 
 
 def test_the_words_do_not_call_a_doubtful_nothing_sure(plain):
     told = plain.result.ranking
     ranking = [changed(r, inclusion=0.3) if r.effect == "none" else r for r in told]
     doubtful = said_otherwise(plain, ranking=tuple(ranking))
-    assert "although something may be missing" in paragraphs(doubtful)[0]
+    assert "although something may be missing" in doubtful.paragraphs()[0]
 
 
 def test_an_error_that_rose_is_not_said_to_fall(drag):
     first, *others = drag.result.stages
     nearer = changed(first, heldout_rmse=0.5 * others[-1].heldout_rmse)
-    assert "falls from" in paragraphs(drag)[0]
-    assert "falls from" not in paragraphs(said_otherwise(drag, stages=(nearer, *others)))[0]
+    assert "falls from" in drag.paragraphs()[0]
+    assert "falls from" not in said_otherwise(drag, stages=(nearer, *others)).paragraphs()[0]
 
 
 def test_adhesion_shows_only_where_the_platen_retracts():
@@ -168,7 +168,7 @@ def test_an_effect_that_hides_says_what_it_would_bend(plain):
 )
 def test_no_constant_is_said_to_fall_by_more_than_all_of_itself(plain, change, words):
     bend = Bend("inertia", "inertia.mass", 1.0, 0.1, {"b": change}, visible=False)
-    said = "\n".join(paragraphs(said_otherwise(plain, bends=(bend,))))
+    said = "\n".join(said_otherwise(plain, bends=(bend,)).paragraphs())
     assert f"b would be {words}" in said
 
 

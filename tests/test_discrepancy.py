@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from qlvbayes.diagnosis.discrepancy import discrepancy
 from qlvbayes.diagnosis.samples import Samples
-from qlvbayes.diagnosis.verdict import Work
+from qlvbayes.diagnosis.work import Work
 from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.inference.features import Features, Places, covariance
 from qlvbayes.synthetic import OUTSIDE

@@ -10,16 +10,12 @@ from pathlib import Path
 import pytest
 
 import qlvbayes
-from qlvbayes import plots
+from qlvbayes import effects, laws, plots, priors
 from qlvbayes.effects.catalogue import EFFECTS
 
 ROOT = Path(__file__).parents[1]
 BUILDING = ROOT / "docs" / "building"
-PUBLIC = sorted(
-    name
-    for name, value in vars(qlvbayes).items()
-    if not name.startswith("_") and not inspect.ismodule(value)
-)
+PUBLIC = [name for name in qlvbayes.__all__ if not inspect.ismodule(getattr(qlvbayes, name))]
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +76,8 @@ def read(page):
 
 def test_every_public_name_has_a_docstring(building):
     names = building("public").public_names()
-    assert [public.name for public in names] == PUBLIC
+    found = {public.name for public in names}
+    assert found >= {*PUBLIC, *effects.__all__, *laws.__all__, *priors.__all__}
     assert not [public.name for public in names if not public.told]
 
 

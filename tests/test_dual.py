@@ -7,8 +7,9 @@ import pytest
 from scipy.integrate import solve_ivp
 from test_stepping import PRONY, motion_of, relative
 
-from qlvbayes import Exponential, InputError, Linear, Model, Prony, displacement_from_force
+from qlvbayes import InputError, Model, displacement_from_force
 from qlvbayes.effects.catalogue import find
+from qlvbayes.laws import Exponential, Linear, Prony
 
 POINTS = 1201
 

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from qlvbayes import InputError, recovery_rate
+from qlvbayes import InputError
 from qlvbayes.effects.adhesion import Adhesion
 from qlvbayes.effects.catalogue import EFFECTS, find
+from qlvbayes.recovery import recovery_rate
 from qlvbayes.recovery.rate import LEVEL, recovery_rates
 
 DRAWS = 4

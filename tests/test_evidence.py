@@ -12,9 +12,10 @@ from scipy.optimize import minimize
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
-from qlvbayes import prepare, read_study
+from qlvbayes import read_study
 from qlvbayes.diagnosis.search import amplitude_of
 from qlvbayes.effects.catalogue import EFFECTS
+from qlvbayes.experiment import prepare
 from qlvbayes.inference.density import Density, Terms
 from qlvbayes.inference.discrepancy import ROUGH, Discrepancy
 from qlvbayes.inference.evidence import evidence, normals

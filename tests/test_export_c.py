@@ -13,9 +13,9 @@ from exported_pad import ELASTIC, RELAXATION, exported
 
 from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
-from qlvbayes.export import formulas
-from qlvbayes.export.c_header import CHeader
-from qlvbayes.export.formulas import FORMULAS
+from qlvbayes.exports import formulas
+from qlvbayes.exports.c_header import CHeader
+from qlvbayes.exports.formulas import FORMULAS
 from qlvbayes.law import Contact, Law
 from qlvbayes.motion import Motion
 

@@ -9,8 +9,8 @@ from compiled_pad import GCC, STRICT, CompiledPad, needs_gcc
 from exported_pad import exported
 
 from qlvbayes.choices import Choices
-from qlvbayes.export.c_header import CHeader
-from qlvbayes.export.fmu import Fmu
+from qlvbayes.exports.c_header import CHeader
+from qlvbayes.exports.fmu import Fmu
 
 fmpy = pytest.importorskip("fmpy", reason="no FMPy here: the FMU is not simulated")
 

@@ -9,7 +9,7 @@ from exported_pad import exported
 from test_export_c import LAWS, python_force, retracting
 
 from qlvbayes.choices import Choices
-from qlvbayes.export.matlab import Matlab
+from qlvbayes.exports.matlab import Matlab
 
 OCTAVE = shutil.which("octave-cli") or shutil.which("octave")
 pytestmark = pytest.mark.skipif(

@@ -9,8 +9,8 @@ import pytest
 from compiled_pad import GCC, CompiledPad
 from exported_pad import exported
 
-from qlvbayes.export.mujoco import MuJoCo
-from qlvbayes.export.reduction import pressing
+from qlvbayes.exports.mujoco import MuJoCo
+from qlvbayes.exports.reduction import pressing
 
 
 @pytest.fixture(scope="module")

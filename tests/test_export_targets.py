@@ -15,20 +15,20 @@ from scipy.special import exp1
 
 from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
-from qlvbayes.export.abaqus import Abaqus
-from qlvbayes.export.ansys import Ansys
-from qlvbayes.export.catalogue import TARGETS, find
-from qlvbayes.export.comsol import Comsol
-from qlvbayes.export.drake import Drake
-from qlvbayes.export.febio import FEBio
-from qlvbayes.export.json_file import JsonFile
-from qlvbayes.export.material import POISSON
-from qlvbayes.export.reduction import pressing
-from qlvbayes.export.target import Specimen
+from qlvbayes.exports.abaqus import Abaqus
+from qlvbayes.exports.ansys import Ansys
+from qlvbayes.exports.catalogue import TARGETS, find
+from qlvbayes.exports.comsol import Comsol
+from qlvbayes.exports.drake import Drake
+from qlvbayes.exports.febio import FEBio
+from qlvbayes.exports.json_file import JsonFile
+from qlvbayes.exports.material import POISSON
+from qlvbayes.exports.reduction import pressing
+from qlvbayes.exports.target import Geometry
 from qlvbayes.units import unit_system
 
 EXACT = 1e-12
-BLOCK = Specimen(height=10.0, area=200.0)
+BLOCK = Geometry(height=10.0, area=200.0)
 YOUNG = 10.0 / 200.0  # MPa, of a stiffness of 1 N/mm
 TIMES = np.concatenate([[0.0], np.geomspace(1e-4, 1e3, 60)])
 NUMBER = r"[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?"

@@ -14,11 +14,10 @@ from qlvbayes.inference import compiled
 from qlvbayes.inference.ensemble import Settings
 from qlvbayes.inference.least_squares import least_squares, without_noise
 from qlvbayes.inference.starting import block_scale, starting_point
-from qlvbayes.summary import summarise
 
 
 def mean(found, name):
-    return summarise(found)[name].mean
+    return found.summary()[name].mean
 
 
 def curve(found, times):
@@ -62,14 +61,14 @@ def test_draws_obey_the_model():
 
 
 def test_the_constants_that_made_the_data_are_found():
-    summary = summarise(fitted())
+    summary = fitted().summary()
     assert summary.converged
     for name in CONSTANTS:
         assert abs(summary[name].mean - true_value(name)) < 4.0 * summary[name].sd, name
 
 
 def test_the_noise_is_the_measured_floor_and_nothing_is_missed():
-    summary, floor = summarise(fitted()), experiment().floor
+    summary, floor = fitted().summary(), experiment().floor
     for name in ("white", "ou", "tau"):
         assert summary[f"noise.{name}"].fixed
         assert summary[f"noise.{name}"].mean == getattr(floor, name)
@@ -82,7 +81,7 @@ def test_the_noise_is_the_measured_floor_and_nothing_is_missed():
 
 
 def test_free_noise_is_found_as_it_was_simulated():
-    summary = summarise(fitted(Choices(noise="correlated")))
+    summary = fitted(Choices(noise="correlated")).summary()
     # 0.006 N white, 0.008 N correlated over 0.5 s
     for name, value in (("noise.white", 0.006), ("noise.ou", 0.008), ("noise.tau", 0.5)):
         assert abs(summary[name].median - value) < 4.0 * summary[name].sd, name
@@ -121,7 +120,7 @@ def test_the_start_is_the_highest_point():
 
 
 def test_too_few_steps_do_not_converge_and_say_why():
-    summary = summarise(fitted(settings=SHORT))
+    summary = fitted(settings=SHORT).summary()
     assert not summary.converged
     assert any("autocorrelation times" in t or "effective" in t for t in summary.troubles)
     assert summary.as_dict()["converged"] is False
@@ -131,7 +130,7 @@ def test_too_few_steps_do_not_converge_and_say_why():
 def test_fixed_constants_are_exactly_that():
     values = {"v[2]": 0.14, "m": 0.34, "c[0]": 0.3, "noise.white": 0.006, "noise.remainder": 0.001}
     choices = Choices(fixed=tuple(f"{name}={value}" for name, value in values.items()))
-    summary = summarise(fitted(choices, settings=SHORT))
+    summary = fitted(choices, settings=SHORT).summary()
     for name, value in values.items():
         constant = summary[name]
         assert (constant.mean, constant.sd, constant.median) == (value, 0.0, value)
@@ -143,14 +142,14 @@ def test_fixed_constants_are_exactly_that():
 
 def test_a_narrow_prior_wins_over_the_data():
     choices = Choices(priors=("b=lognormal(0.2,0.0001)",))
-    constant = summarise(fitted(choices, settings=Settings(max_steps=200)))["b"]
+    constant = fitted(choices, settings=Settings(max_steps=200)).summary()["b"]
     assert constant.mean == pytest.approx(np.exp(0.2), rel=1e-3)
 
 
 @pytest.mark.parametrize("method", ["least-squares", "two-step"])
 def test_least_squares_draws_stand_for_its_normal_approximation(method):
     found = fitted(method=method)
-    summary = summarise(found)
+    summary = found.summary()
     assert summary.sampler == method
     assert summary.converged
     assert found.names[-1] == "noise.white"
@@ -180,8 +179,8 @@ def test_two_steps_underestimate_the_instantaneous_force():
 
 def test_white_noise_in_the_likelihood_makes_sds_too_small():
     """Noise is correlated over 0.5 s: who takes it for white believes too much."""
-    white = summarise(fitted(Choices(noise="white")))
-    honest = summarise(fitted())
+    white = fitted(Choices(noise="white")).summary()
+    honest = fitted().summary()
     assert white.converged
     assert white["c[0]"].sd < 0.7 * honest["c[0]"].sd
     assert abs(white["c[0]"].mean - honest["c[0]"].mean) < 5.0 * honest["c[0]"].sd

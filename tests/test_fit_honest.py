@@ -10,13 +10,13 @@ from endtoend import CONSTANTS
 from scipy.stats import binom
 
 from qlvbayes.choices import Choices
-from qlvbayes.data import read_study
+from qlvbayes.data import read_measurements
 from qlvbayes.experiment import prepare
 from qlvbayes.fit import build_posterior, fit_pad
 from qlvbayes.inference.ensemble import Settings
 from qlvbayes.inference.least_squares import least_squares, without_noise
 from qlvbayes.parameters import names
-from qlvbayes.predict import predict
+from qlvbayes.prediction import predict
 
 ROOT = Path(__file__).parents[1]
 sys.path.append(str(ROOT / "validation"))
@@ -51,7 +51,7 @@ def both_errors(experiment, choices):
 @pytest.mark.slow
 def test_with_an_effect_hidden_the_curve_is_not_visibly_worse_than_least_squares():
     """What it is worse by is below the noise."""
-    experiment = prepare(read_study(ROOT / "data" / "hidden.csv").pads[0])
+    experiment = prepare(read_measurements(ROOT / "data" / "hidden.csv").pads[0])
     fit, squares = both_errors(experiment, Choices())
     assert fit < np.hypot(squares, experiment.floor.total)
 
@@ -60,7 +60,7 @@ def test_with_an_effect_hidden_the_curve_is_not_visibly_worse_than_least_squares
 @pytest.mark.skipif(not REAL.is_file(), reason="the measurements are not here")
 def test_of_a_real_muscle_the_curve_is_as_good_as_least_squares():
     """Correlated noise that swells raised its error by a fifth."""
-    experiment = prepare(read_study(REAL).pad("calcium"))
+    experiment = prepare(read_measurements(REAL).pad("calcium"))
     fit, squares = both_errors(experiment, Choices(bonded=True))
     assert fit < 1.1 * squares
 

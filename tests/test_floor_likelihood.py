@@ -24,7 +24,6 @@ from qlvbayes.inference.marginal import Judged, floor_likelihood
 from qlvbayes.inference.missed import missed
 from qlvbayes.inference.starting import starting_point
 from qlvbayes.posterior import Posterior
-from qlvbayes.summary import summarise
 from qlvbayes.synthetic import TABLE_1
 from qlvbayes.synthetic.hidden import ViscousDrag
 
@@ -251,7 +250,7 @@ def test_constants_have_the_posterior_that_importance_sampling_finds():
     assert worth > 500
     mean = weights @ constants
     sd = np.sqrt(weights @ (constants - mean) ** 2)
-    summary = summarise(found)
+    summary = found.summary()
     for k, name in enumerate(found.names[:7]):
         # the chain sums over the floor's scale too, which hardly moves the constants
         assert abs(summary[name].mean - mean[k]) < 0.25 * sd[k], name
@@ -260,9 +259,9 @@ def test_constants_have_the_posterior_that_importance_sampling_finds():
 
 def test_a_hidden_effect_widens_the_intervals_and_is_told_in_newtons():
     rates = (20.0,)
-    plain = summarise(fit_pad(hidden_pad(rates=rates), Choices(), settings=LONGER))
+    plain = fit_pad(hidden_pad(rates=rates), Choices(), settings=LONGER).summary()
     drag = hidden_pad(ViscousDrag(eta=0.004), rates=rates)  # 0.08 N while it moves
-    found = summarise(fit_pad(drag, Choices(), settings=LONGER))
+    found = fit_pad(drag, Choices(), settings=LONGER).summary()
     sizes = [s["noise.remainder"] for s in (plain, found)]
     assert sizes[0].median < drag.floor.total < 0.08
     assert sizes[1].hdi90[0] > sizes[0].median

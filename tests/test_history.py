@@ -11,7 +11,7 @@ import pytest
 from qlvbayes.carried import carried_over
 from qlvbayes.choices import Choices
 from qlvbayes.data import Pad as MeasuredPad
-from qlvbayes.data import Test, read_study
+from qlvbayes.data import Test, read_measurements
 from qlvbayes.effects.catalogue import find
 from qlvbayes.experiment import prepare
 from qlvbayes.fit import build_posterior, fit_pad
@@ -22,7 +22,6 @@ from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model import Model
 from qlvbayes.motion import Motion
 from qlvbayes.records.past import REST, carried_tests, past_of
-from qlvbayes.summary import summarise
 from qlvbayes.synthetic import (
     NOISES,
     Constants,
@@ -275,7 +274,7 @@ def fitted(rested):
 
 def test_constants_are_found_where_tests_from_rest_would_bend_them():
     truth = {"m": SLOW.m, "b": SLOW.b, "c[2]": SLOW.c[2], "v[2]": SLOW.v[1]}
-    carried, rested = summarise(fitted(False)), summarise(fitted(True))
+    carried, rested = fitted(False).summary(), fitted(True).summary()
     for name, value in truth.items():
         assert abs(carried[name].mean - value) < 4.0 * carried[name].sd, name
     assert abs(rested["c[2]"].mean - SLOW.c[2]) > 8.0 * carried["c[2]"].sd
@@ -283,11 +282,11 @@ def test_constants_are_found_where_tests_from_rest_would_bend_them():
 
 
 def test_the_fit_says_what_was_still_relaxing():
-    (notice,) = summarise(fitted(False)).notices
+    (notice,) = fitted(False).summary().notices
     assert "began 5 s after" in notice
     assert "% of the largest force of" in notice
-    assert summarise(fitted(True)).notices == ()
-    assert summarise(fitted(False)).as_dict()["notices"] == [notice]
+    assert fitted(True).summary().notices == ()
+    assert fitted(False).summary().as_dict()["notices"] == [notice]
 
 
 def test_the_share_that_is_told_is_that_of_the_equations():
@@ -319,5 +318,5 @@ def test_a_file_tells_whether_its_clock_is_known(tmp_path):
     plain_file.write_text("\n".join(["test,time_s,displacement_mm,force_N", *both]))
     starts = [f"{0 if row[0] == 'a' else 30},{row}" for row in both]
     timed.write_text("\n".join(["start_s,test,time_s,displacement_mm,force_N", *starts]))
-    assert [t.start_known for t in read_study(plain_file).pads[0].tests] == [False, False]
-    assert [t.start_known for t in read_study(timed).pads[0].tests] == [True, True]
+    assert [t.start_known for t in read_measurements(plain_file).pads[0].tests] == [False, False]
+    assert [t.start_known for t in read_measurements(timed).pads[0].tests] == [True, True]

@@ -127,10 +127,9 @@ def test_a_diagnosis_of_other_tests_is_left_out(folder, tmp_path):
     from endtoend import fitted
 
     from qlvbayes.results import to_arviz
-    from qlvbayes.summary import summarise
 
     fit = fitted(method="least-squares")
-    tree = to_arviz(fit, summarise(fit), source="", sha256="", all_tests=False, seed=0)
+    tree = to_arviz(fit, fit.summary(), source="", sha256="", all_tests=False, seed=0)
     save(tree, tmp_path / "B" / "posterior.nc")
     status, _, err = call("predict", tmp_path, "--program", PROGRAM)
     assert status == 0

@@ -5,10 +5,10 @@ import json
 import pytest
 from endtoend import PADS, call, read_json
 
-from qlvbayes import check_law
 from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
 from qlvbayes.cli.options import relaxation_of
+from qlvbayes.laws import check_law
 from qlvbayes.laws.catalogue import LAWS
 from qlvbayes.laws.conformance import LawError
 from qlvbayes.laws.userfile import load
@@ -19,7 +19,7 @@ OWN = '''
 from typing import Any, ClassVar
 
 import jax.numpy as jnp
-from qlvbayes import AbstractElastic, AbstractRelaxation
+from qlvbayes.laws import AbstractElastic, AbstractRelaxation
 from qlvbayes.laws.elastic.steps import quadratic_force_step
 from qlvbayes.priors import Uniform
 from qlvbayes.scales import lognormal

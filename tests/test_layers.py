@@ -41,10 +41,11 @@ LAYERS = [
     # inference and what is made of it
     ["inference"],
     ["nexttest"],
+    ["summary", "prediction"],
+    ["residuals"],
     ["fit", "recovery"],
-    ["summary", "predict"],
-    ["results", "residuals", "diagnosis", "constants_table"],
-    ["checked", "compare"],
+    ["results", "diagnosis", "constants_table"],
+    ["checked", "comparison", "specimen"],
     ["curves"],
     # models laid over the tests by hand
     ["bench"],
@@ -52,7 +53,7 @@ LAYERS = [
     ["stepper"],
     ["prescribed"],
     # what other programs get of a fit
-    ["export"],
+    ["exports"],
     # a rig of its own, which shares nothing with the model
     ["synthetic"],
     # how well the diagnosis does on what that rig hides

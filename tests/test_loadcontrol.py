@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from qlvbayes import InputError, Model, Motion, prepare, read_study
+from qlvbayes import InputError, Model, Motion
 from qlvbayes.choices import Choices
-from qlvbayes.data import Pad, Test
+from qlvbayes.data import Pad, Test, read_measurements
+from qlvbayes.experiment import prepare
 from qlvbayes.fit import build_posterior
 from qlvbayes.inference import compiled
 from qlvbayes.inference.starting import starting_point
@@ -209,7 +210,7 @@ def test_a_record_begins_with_the_jump():
 
 def test_a_file_says_what_was_prescribed(tmp_path):
     write_csv(tmp_path / "creep.csv", creep_study({"B": B}, (0.5, 1.0), CORRELATED, 0, 200), [])
-    study = read_study(tmp_path / "creep.csv")
+    study = read_measurements(tmp_path / "creep.csv")
     assert [test.control for test in study.pad("B").tests] == ["force", "force"]
     assert study.notices == ()
     found = prepare(study.pad("B"))
@@ -218,7 +219,7 @@ def test_a_file_says_what_was_prescribed(tmp_path):
     text = (tmp_path / "creep.csv").read_text().replace("force,B,B-0.5N", "load,B,B-0.5N")
     (tmp_path / "wrong.csv").write_text(text)
     with pytest.raises(InputError, match="control 'load' is unknown"):
-        read_study(tmp_path / "wrong.csv")
+        read_measurements(tmp_path / "wrong.csv")
 
 
 def test_a_weight_may_be_all_that_a_file_has(tmp_path):
@@ -227,10 +228,10 @@ def test_a_weight_may_be_all_that_a_file_has(tmp_path):
     file = tmp_path / "weight.csv"
     file.write_text("\n".join(["time_s,displacement_mm,force_N", *rows]) + "\n")
     with pytest.raises(InputError, match="force_N never changes"):
-        read_study(file)
+        read_measurements(file)
     rows = [f"{row},force" for row in rows]
     file.write_text("\n".join(["time_s,displacement_mm,force_N,control", *rows]) + "\n")
-    (found,) = prepare(read_study(file).pads[0]).trials
+    (found,) = prepare(read_measurements(file).pads[0]).trials
     assert [phase.kind for phase in found.phases] == ["hold"]
 
 

@@ -1,12 +1,16 @@
 """What the user says of single constants: understood, or refused with a remedy."""
 
+import dataclasses
+import json
+
 import numpy as np
 import pytest
 
 from qlvbayes.checks import InputError
+from qlvbayes.choices import Choices
 from qlvbayes.defaults import default_model, default_noise
 from qlvbayes.motion import Motion
-from qlvbayes.overrides import override, parse, parse_prior
+from qlvbayes.overrides import in_words, override, parse, parse_prior
 from qlvbayes.parameters import fields_of, names, unit_kinds
 from qlvbayes.posterior import Posterior, draw_priors
 from qlvbayes.priors import (
@@ -37,6 +41,48 @@ def posterior(model=MODEL, noise=NOISE):
     motion = Motion(time, depth, np.zeros(3), np.zeros(3))
     nodes = np.stack([np.arange(3)] * 2, axis=1)
     return Posterior(model, noise, batch([Record(motion, nodes, blocks)]))
+
+
+def numbers(prior):
+    """All of them, to the last digit."""
+    return [np.asarray(getattr(prior, field.name)).tolist() for field in dataclasses.fields(prior)]
+
+
+@pytest.mark.parametrize(
+    "prior",
+    [
+        Normal(-1.0 / 3.0, 0.1 + 0.2),
+        LogNormal(1.8, np.float64(1e-17)),
+        HalfNormal(2.5e-300),
+        Uniform(-1, 1),
+        LogUniform(0.01, 100.0),
+        Dirichlet([1.0, 1.0 / 3.0, 2.0]),
+    ],
+)
+def test_a_prior_in_words_is_the_same_prior(prior):
+    again = parse_prior(in_words(prior))
+    assert type(again) is type(prior)
+    assert numbers(again) == numbers(prior)
+
+
+def test_priors_are_given_as_objects_or_as_words():
+    words = Choices(priors=("v[1]=lognormal(1.8,0.5)", "m=normal(0.25,2.0)"), fixed=["v[2]=0.14"])
+    given = {"v[1]": LogNormal(1.8, 0.5), "m": "normal(0.25,2.0)"}
+    assert Choices(priors=given, fixed={"v[2]": 0.14}) == words
+    assert Choices(priors="m=normal(0.25,2.0)").priors == ("m=normal(0.25,2.0)",)
+    assert Choices.from_dict(json.loads(json.dumps(words.as_dict()))) == words
+    assert dataclasses.replace(words, modes=3).priors == words.priors
+    model = Choices(priors={"v[1]": LogNormal(1.8, 0.5)}, fixed={"v[2]": "0.14"}).build(SCALES)[0]
+    assert model.relaxation.v.members[0].log_median == 1.8
+    assert model.relaxation.v.members[1] == 0.14
+
+
+@pytest.mark.parametrize(
+    "prior", [Ordered((LogNormal(0.0, 1.0),)), Dirichlet([1.0, 1.0, 1.0], {0: 0.2})]
+)
+def test_a_prior_that_has_no_words_is_refused(prior):
+    with pytest.raises(InputError, match="cannot be kept with the results; use one of normal"):
+        Choices(priors={"c": prior})
 
 
 GOOD = [

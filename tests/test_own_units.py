@@ -9,7 +9,7 @@ from qlvbayes import parameters
 from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
 from qlvbayes.conversion import factors
-from qlvbayes.data import read_study
+from qlvbayes.data import read_measurements
 from qlvbayes.drawn import described_fields
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.experiment import prepare
@@ -43,7 +43,7 @@ def written(tmp_path, length, force):
 @pytest.mark.parametrize(("length", "force"), [("um", "nN"), ("nm", "uN"), ("m", "mN")])
 def test_motion_roles_and_noise_do_not_depend_on_units(tmp_path, length, force):
     usual, other = (
-        prepare(read_study(written(tmp_path, *names)).pads[0])
+        prepare(read_measurements(written(tmp_path, *names)).pads[0])
         for names in (("mm", "N"), (length, force))
     )
     assert other.units == unit_system(length, force)
@@ -83,7 +83,7 @@ def test_posterior_does_not_depend_on_units(tmp_path, law, length, force):
     kinds = {kind.name for kind in EFFECTS} - {"power_law_drag", "adhesion"}
     choices = Choices(law=law, effects=tuple(sorted(kinds)))
     first, second = (
-        prepare(read_study(written(tmp_path, *names)).pads[0], all_tests=True)
+        prepare(read_measurements(written(tmp_path, *names)).pads[0], all_tests=True)
         for names in (("mm", "N"), (length, force))
     )
     ours, theirs = (build_posterior(e, choices, e.trials) for e in (first, second))

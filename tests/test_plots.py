@@ -20,7 +20,7 @@ from qlvbayes.kinematics.trajectory import smooth
 from qlvbayes.plots.files import figure_of, save_figure
 from qlvbayes.plots.forces import plot_forces
 from qlvbayes.plots.residual_map import plot_residual_map
-from qlvbayes.predict import Prediction
+from qlvbayes.prediction import Prediction
 from qlvbayes.residuals import Cell, CheckResult, check
 from qlvbayes.units import PAD, STRAIN
 

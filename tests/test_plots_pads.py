@@ -12,7 +12,7 @@ from pages import collisions, keeps_the_page, lines, points, texts
 from test_plots import prediction, protocol
 
 from qlvbayes.choices import Choices
-from qlvbayes.compare.contrast import Comparison, Contrast, Interval
+from qlvbayes.comparison.contrast import Comparison, Contrast, Interval
 from qlvbayes.constants_table import Reference, constants_table
 from qlvbayes.plots import (
     figure_of,

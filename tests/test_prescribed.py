@@ -8,17 +8,10 @@ import pytest
 from test_stepper import draws
 from test_stepping import relative
 
-from qlvbayes import (
-    Exponential,
-    InputError,
-    Model,
-    Motion,
-    Prony,
-    displacement_from_force,
-    predict_program,
-)
+from qlvbayes import InputError, Model, Motion, displacement_from_force, predict_program
 from qlvbayes.choices import Choices
 from qlvbayes.covered import Covered
+from qlvbayes.laws import Exponential, Prony
 from qlvbayes.plots import figure_of, plot_prediction
 from qlvbayes.prescribed.table import read_table
 from qlvbayes.prescribed.text import parse

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from qlvbayes import prepare
 from qlvbayes.benchmark.study import measured
+from qlvbayes.experiment import prepare
 from qlvbayes.pulling import pull_notices, pull_of
 from qlvbayes.synthetic import NOISES, TABLE_1, HiddenPad, paper_protocol, record_study
 from qlvbayes.units import PAD, STRAIN

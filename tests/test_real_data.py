@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from endtoend import call, keeps_check_contract, keeps_summary_contract, read_json
 
-from qlvbayes.data import read_study
+from qlvbayes.data import read_measurements
 from qlvbayes.experiment import prepare
 
 REAL = Path(__file__).parents[2] / "shared" / "real"
@@ -60,14 +60,14 @@ def test_muscle_has_tests_over_three_decades_of_rate(muscle):
 def test_muscle_is_predicted_to_the_order_of_its_stress(muscle):
     """Separable and linear, the model cannot follow muscle over all rates; on the one it does."""
     _, checked = muscle
-    peak = max(np.max(t.force) for t in read_study(MUSCLE).pad("calcium").tests)
+    peak = max(np.max(t.force) for t in read_measurements(MUSCLE).pad("calcium").tests)
     fitted = [c["rmse_N"] for c in checked["cells"] if c["role"] == "fit"]
     assert max(fitted) < 0.1 * peak
     assert max(c["rmse_N"] for c in checked["cells"]) < 0.5 * peak
 
 
 def test_muscles_measured_sds_weigh_its_samples():
-    ready = prepare(read_study(MUSCLE).pad("calcium"))
+    ready = prepare(read_measurements(MUSCLE).pad("calcium"))
     record = ready.record(ready.with_role("fit"))
     weight = np.asarray(record.blocks.weight)[np.asarray(record.blocks.real)]
     (trial,) = ready.with_role("fit")
@@ -89,7 +89,7 @@ def test_adhesive_converges_with_the_pads_units(adhesive):
 def test_adhesive_is_fitted_to_a_few_per_cent(adhesive):
     """Two exponentials leave 2 % of the peak in the staircase (root mean square)."""
     _, checked = adhesive
-    peak = max(np.max(t.force) for t in read_study(ADHESIVE).pad("updown").tests)
+    peak = max(np.max(t.force) for t in read_measurements(ADHESIVE).pad("updown").tests)
     n = np.array([c["n"] for c in checked["cells"]])
     rmse = np.array([c["rmse_N"] for c in checked["cells"]])
     assert np.sqrt(np.average(rmse**2, weights=n)) < 0.06 * peak
@@ -97,7 +97,7 @@ def test_adhesive_is_fitted_to_a_few_per_cent(adhesive):
 
 @pytest.mark.parametrize(("data", "pads"), [(MUSCLE, 3), (ADHESIVE, 2)])
 def test_every_pad_has_phases_and_a_noise_floor(data, pads):
-    found = read_study(data).pads
+    found = read_measurements(data).pads
     assert len(found) == pads
     for pad in found:
         ready = prepare(pad)

@@ -8,14 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.polynomial import legendre
 
-from qlvbayes import prepare
 from qlvbayes.benchmark.study import measured
 from qlvbayes.checks import InputError
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.remainder import Left, Remainder, structured
 from qlvbayes.diagnosis.settings import Settings
-from qlvbayes.diagnosis.words import paragraphs
 from qlvbayes.effects.catalogue import find
+from qlvbayes.experiment import prepare
 from qlvbayes.inference.discrepancy import TOLERANCE
 from qlvbayes.inference.noticeable import log_noticeable
 from qlvbayes.priors import HalfNormal
@@ -135,7 +134,7 @@ def test_structure_that_is_sure_but_small_does_not_make_a_pad_unexplained(ripple
     assert 0.0 < left.rms < 0.007  # the smooth part of the ripple
     peak = rippled.work.experiment.scales.force
     assert max(left.upper95, left.excess) > 1e-3 * peak  # a tenth of the tolerance it is not below
-    text = paragraphs(rippled)[0]
+    text = rippled.paragraphs()[0]
     assert "structure that is sure but small" in text
     assert f"{left.rms:.2g} N" in text
     assert left.test in text

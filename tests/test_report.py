@@ -31,9 +31,9 @@ from written_results import (
     write_study,
 )
 
-from qlvbayes import Comparison, InputError, Settings, Watcher, write_report
+from qlvbayes import Comparison, InputError, Settings, write_report
 from qlvbayes.choices import Choices
-from qlvbayes.data import read_study
+from qlvbayes.data import read_measurements
 from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.elastic.hertz import HertzPower
 from qlvbayes.laws.elastic.linear import Linear
@@ -45,6 +45,7 @@ from qlvbayes.report.figures import Embedder
 from qlvbayes.report.methods import methods_of
 from qlvbayes.report.numbers import DASH, number, percent, to_sd
 from qlvbayes.runs import Runs, record_run
+from qlvbayes.study import Watcher
 from qlvbayes.study.run import _compare
 
 HOSTILE = "<img src=x onerror=alert(1)>&\"'"
@@ -440,7 +441,7 @@ def test_unknown_numbers_are_dashes():
 
 
 def test_a_run_is_noted_step_by_step_and_a_study_replaces_them(tmp_path):
-    study = read_study(Path(__file__).parents[1] / "data" / "hidden.csv")
+    study = read_measurements(Path(__file__).parents[1] / "data" / "hidden.csv")
     for step in ("fit", "diagnose"):
         record_run(tmp_path, step, f"qlvbayes {step} x.csv", study, Choices(), 3)
     runs = collect_runs(tmp_path)

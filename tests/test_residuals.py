@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from qlvbayes.kinematics.phases import Phase
-from qlvbayes.predict import Prediction
+from qlvbayes.prediction import Prediction
 from qlvbayes.residuals import check
 
 WHITE, OU, TAU = 0.006, 0.008, 0.5

@@ -19,7 +19,6 @@ from qlvbayes.fit import build_posterior
 from qlvbayes.inference import compiled
 from qlvbayes.records.reduction import clear_of_kinks
 from qlvbayes.results import load, save, to_arviz
-from qlvbayes.summary import summarise
 
 GROUPS = {"posterior", "posterior_predictive", "log_likelihood", "observed_data", "constant_data"}
 
@@ -42,7 +41,7 @@ def file(tmp_path_factory):
     path = tmp_path_factory.mktemp("results") / "posterior.nc"
     found = fitted()
     tree = to_arviz(
-        found, summarise(found), source="/data/pads.csv", sha256="abc", all_tests=False, seed=0
+        found, found.summary(), source="/data/pads.csv", sha256="abc", all_tests=False, seed=0
     )
     save(tree, path)
     return path
@@ -105,7 +104,7 @@ def test_the_root_says_where_it_comes_from(tree):
 
 
 def test_arviz_summary_agrees_with_ours(tree):
-    ours = summarise(fitted())
+    ours = fitted().summary()
     free = {name: constant for name, constant in ours.parameters.items() if not constant.fixed}
     varying = sorted({name.split("[")[0] for name in free})
     table = arviz_summary(tree, var_names=varying, round_to="none")
@@ -185,9 +184,7 @@ def test_posterior_predictive_noise_is_the_models(tree):
 def test_what_is_saved_is_loaded(choices, tmp_path):
     found = fitted(choices, method="least-squares")
     path = tmp_path / "posterior.nc"
-    tree = to_arviz(
-        found, summarise(found), source="/a/b.csv", sha256="f00", all_tests=True, seed=3
-    )
+    tree = to_arviz(found, found.summary(), source="/a/b.csv", sha256="f00", all_tests=True, seed=3)
     save(tree, path)
     saved = load(path)
     assert list(saved.names) == found.names
@@ -203,7 +200,7 @@ def test_what_is_saved_is_loaded(choices, tmp_path):
 def test_the_same_fit_gives_the_same_numbers(tree):
     found = fitted()
     again = to_arviz(
-        found, summarise(found), source="/data/pads.csv", sha256="abc", all_tests=False, seed=0
+        found, found.summary(), source="/data/pads.csv", sha256="abc", all_tests=False, seed=0
     )
     for group in GROUPS:
         xarray.testing.assert_equal(tree[group].to_dataset(), again[group].to_dataset())
@@ -241,7 +238,7 @@ def test_a_fluid_and_what_the_tests_cover_travel_with_the_results(file, tmp_path
     assert reach.hold == pytest.approx(30.0, rel=0.01)
     found = fitted()
     oily = replace(found, experiment=replace(found.experiment, fluid="oil"))
-    tree = to_arviz(oily, summarise(found), source="", sha256="", all_tests=False, seed=0)
+    tree = to_arviz(oily, found.summary(), source="", sha256="", all_tests=False, seed=0)
     save(tree, tmp_path / "posterior.nc")
     assert load(tmp_path / "posterior.nc").fluid == "oil"
 

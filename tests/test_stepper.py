@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from test_stepping import DEPTH, DT, TIME, motion_of, relative
 
-from qlvbayes import Exponential, InputError, Linear, Model, Prony, Stepper
+from qlvbayes import InputError, Model, Stepper
+from qlvbayes.laws import Exponential, Linear, Prony
 from qlvbayes.synthetic import TABLE_1
 
 PAD = TABLE_1["B"]
@@ -96,7 +97,7 @@ def test_what_cannot_be_done_is_told_in_one_line():
 
 
 def test_a_force_out_of_reach_leaves_the_state_alone():
-    from qlvbayes import Quadratic
+    from qlvbayes.laws import Quadratic
 
     softening = Model(Quadratic(0.5, -0.2), Prony(np.array([0.4, 0.6]), np.array([2.0])))
     stepper = Stepper(softening, DT)

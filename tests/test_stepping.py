@@ -5,15 +5,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from qlvbayes import (
+from qlvbayes import Model, Motion
+from qlvbayes.laws import (
     Cubic,
     Exponential,
     Fung,
     HertzPower,
     Linear,
     LogNormalSpectrum,
-    Model,
-    Motion,
     PowerLaw,
     Prony,
     Quadratic,

@@ -186,7 +186,7 @@ def test_the_data_file_can_be_made_again(tmp_path, pad_a):
 
 
 def test_a_file_of_several_kinds_says_which_and_what_was_prescribed(tmp_path):
-    from qlvbayes.data import read_study
+    from qlvbayes.data import read_measurements
     from qlvbayes.synthetic import specimens_of
 
     pads, groups = specimens_of(["finger:2", "homogeneous"], np.random.default_rng(0))
@@ -194,7 +194,7 @@ def test_a_file_of_several_kinds_says_which_and_what_was_prescribed(tmp_path):
     simulate_file(
         path, pads, (20.0,), CORRELATED, 0, 200, "qlvbayes simulate", loads=(0.5,), groups=groups
     )
-    study = read_study(path)
+    study = read_measurements(path)
     assert [pad.fluid for pad in study.pads] == ["finger", "finger", None]
     for pad in study.pads:
         press, creep = pad.tests

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from qlvbayes.checks import InputError
-from qlvbayes.data import read_study
+from qlvbayes.data import read_measurements
 from qlvbayes.kinematics.phases import find_phases
 from qlvbayes.kinematics.trajectory import smooth
 
@@ -249,7 +249,7 @@ def test_units_of_time_and_depth_do_not_matter(slower, larger, later, seed):
 @pytest.mark.parametrize("unit", [1e-3, 1e3, 1e6, 25.4])
 def test_the_bundled_motions_are_the_same_in_any_unit(unit):
     """Their encoder's steps are whole numbers in some units, and round either way in others."""
-    for test in read_study(PADS).pad("B").tests:
+    for test in read_measurements(PADS).pad("B").tests:
         plain = smooth(test.time, test.displacement)
         scaled = smooth(test.time, np.round(test.displacement / STEP) * (STEP * unit))
         off = scaled.displacement(test.time) / unit - plain.displacement(test.time)

@@ -7,7 +7,6 @@ from hidden_pads import hidden_pad, keeps_diagnosis_contract
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.discrepancy import discrepancy
 from qlvbayes.diagnosis.settings import Settings
-from qlvbayes.diagnosis.words import paragraphs
 from qlvbayes.effects.catalogue import EFFECTS, find
 from qlvbayes.effects.force_drift import ForceDrift
 from qlvbayes.effects.force_offset import ForceOffset
@@ -30,7 +29,7 @@ def test_a_jump_in_the_middle_of_a_study_is_no_drift_alone(jump):
     """A drift may take a part of it, but something else is there and is said to be."""
     assert jump.result.verdict in ("partly_explained", "unexplained")
     assert jump.result.outside > 0.5
-    assert "structure remains beyond the noise" in paragraphs(jump)[0].lower()
+    assert "structure remains beyond the noise" in jump.paragraphs()[0].lower()
     assert jump.result.stages[-1].rmse > 1.5 * jump.result.noise
 
 
@@ -60,7 +59,7 @@ def test_what_is_not_on_the_list_is_left(clipped):
 def test_its_size_and_place_are_told(clipped):
     left = clipped.result.remainder
     assert not left.small
-    said = " ".join(paragraphs(clipped))
+    said = " ".join(clipped.paragraphs())
     told = {
         "unexplained": "No effect is named",
         "partly_explained": "no effect of the list explains",

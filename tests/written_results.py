@@ -272,6 +272,7 @@ def write_study(out):
             "seed": 7,
             "choices": {"law": "exponential", "modes": 2, "noise": "correlated"},
             "versions": {"python": "3.11.7", "jax": "0.10.2"},
+            "settings": {"thresholds": asdict(Settings())},
         }
     }
     write(out / "run.json", {"schema": 1, "runs": runs})

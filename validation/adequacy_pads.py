@@ -10,10 +10,10 @@ from functools import cache
 import numpy as np
 from scipy.signal import butter, lfilter
 
-from qlvbayes import Choices, Pad, Test, check, predict, prepare
+from qlvbayes import Choices, Pad, Test
 from qlvbayes.diagnosis.adequacy import adequacy
 from qlvbayes.diagnosis.workbench import search_of
-from qlvbayes.experiment import Experiment
+from qlvbayes.experiment import Experiment, prepare
 from qlvbayes.inference import compiled
 from qlvbayes.inference.density import Point
 from qlvbayes.inference.gaussnewton import Point as Climbed
@@ -22,8 +22,9 @@ from qlvbayes.inference.modes import find_mode
 from qlvbayes.inference.subset import Ensemble, with_every_effect
 from qlvbayes.parameters import names
 from qlvbayes.posterior import Posterior
+from qlvbayes.prediction import predict
 from qlvbayes.records.record import Record
-from qlvbayes.residuals import CheckResult
+from qlvbayes.residuals import CheckResult, check
 from qlvbayes.synthetic import Noise, SimulatedTest, draw_constants, simulate_study, thin
 from qlvbayes.units import PAD
 

@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from qlvbayes import Choices, prepare
+from qlvbayes import Choices
 from qlvbayes.benchmark.study import measured
 from qlvbayes.data import Pad, Test
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.search import Search, described
 from qlvbayes.diagnosis.workbench import as_chosen, search_of
-from qlvbayes.experiment import Experiment
+from qlvbayes.experiment import Experiment, prepare
 from qlvbayes.inference.space import Hypothesis
 from qlvbayes.nexttest.belief import Belief, normalised
 from qlvbayes.nexttest.design import Design, drawn

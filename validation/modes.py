@@ -15,11 +15,11 @@ from coverage import progress
 from keeping import Kept, code_digest
 from page import Origin
 
-from qlvbayes import prepare, read_study
 from qlvbayes.benchmark.population import Population
 from qlvbayes.benchmark.wide import make_wide
-from qlvbayes.data import Pad
+from qlvbayes.data import Pad, read_measurements
 from qlvbayes.diagnosis.workbench import search_of
+from qlvbayes.experiment import prepare
 from qlvbayes.files import write_whole
 from qlvbayes.inference.modes import REDRAWN, STARTS, base_modes
 from qlvbayes.runtime import forget_compiled
@@ -81,7 +81,7 @@ def _options() -> argparse.Namespace:
 
 def _bundled() -> list[Pad]:
     files = [ROOT / "data" / name for name in ("pads.csv", "hidden.csv")]
-    return [pad for file in files for pad in read_study(file).pads]
+    return [pad for file in files for pad in read_measurements(file).pads]
 
 
 def _simulated(seed: int, index: int) -> Pad | None:

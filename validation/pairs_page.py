@@ -11,8 +11,8 @@ from page import Origin
 from simulated_fits import MOST_STEPS
 from simulated_pairs import NEAR
 
-from qlvbayes.compare.contrast import BY_CHANCE
-from qlvbayes.compare.joint import FALSE_ALARMS
+from qlvbayes.comparison.contrast import BY_CHANCE
+from qlvbayes.comparison.joint import FALSE_ALARMS
 
 MOST_ALARMS = 0.05
 

@@ -8,7 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from qlvbayes import Choices, Fit, Pad, Settings, Test, check, fit_pad, predict, prepare, summarise
+from qlvbayes import Choices, Fit, Pad, Settings, Test
+from qlvbayes.experiment import prepare
+from qlvbayes.fit import fit_pad
+from qlvbayes.prediction import predict
+from qlvbayes.residuals import check
 from qlvbayes.summary import FitSummary
 from qlvbayes.synthetic import (
     NOISES,
@@ -69,7 +73,7 @@ def run(setting: Setting, seed: int, index: int, settings: Settings | None = Non
         Choices(),
         settings=settings or Settings(seed=index, max_steps=MOST_STEPS),
     )
-    summary = summarise(fit)
+    summary = fit.summary()
     seconds = time.perf_counter() - begun
     return {
         "index": index,

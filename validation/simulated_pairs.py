@@ -8,11 +8,13 @@ from dataclasses import replace
 import numpy as np
 from simulated_fits import MOST_STEPS, measured, true_values
 
-from qlvbayes import Choices, Comparison, Fit, Settings, compare, fit_pad, prepare, summarise
-from qlvbayes.compare.readings import read, readings
-from qlvbayes.compare.settings import choose
-from qlvbayes.compare.side import side_of
+from qlvbayes import Choices, Comparison, Fit, Settings, compare
+from qlvbayes.comparison.readings import read, readings
+from qlvbayes.comparison.settings import choose
+from qlvbayes.comparison.side import side_of
 from qlvbayes.drawn import described_model, drawn_models
+from qlvbayes.experiment import prepare
+from qlvbayes.fit import fit_pad
 from qlvbayes.synthetic import NOISES, PAPER_RATES, Constants, draw_constants, simulate_study
 from qlvbayes.units import PAD
 
@@ -45,7 +47,7 @@ def run_pair(
         "kind": kind,
         "fit_seconds": fitted - begun,
         "compare_seconds": time.perf_counter() - fitted,
-        "converged": [summarise(fit).converged for fit in fits],
+        "converged": [fit.summary().converged for fit in fits],
         "differ": found.differ,
         "p_value": None if omnibus is None else omnibus.p_value,
         "region": found.region,

@@ -5,21 +5,24 @@ from __future__ import annotations
 import inspect
 import sys
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
 # Which parts of the package stand on which page of the API; what is in none, on the last one.
 SECTIONS = {
-    "measurements": ("data", "experiment", "checks", "units", "formats"),
+    "measurements": ("data", "specimen", "experiment", "checks", "units", "formats"),
     "model": ("model", "motion", "laws", "law", "noise", "scales", "priors"),
-    "fitting": ("choices", "fit", "inference", "summary", "predict", "residuals", "results"),
+    "fitting": ("choices", "fit", "inference", "summary", "prediction", "residuals", "results"),
     "diagnosis": ("diagnosis", "bench"),
     "prediction": ("dual", "stepper", "prescribed"),
     "effects": ("effects", "recovery"),
-    "comparison": ("compare", "constants_table"),
-    "study": ("study", "report", "export"),
+    "comparison": ("comparison", "constants_table"),
+    "study": ("study", "report", "exports"),
     "other": (),
 }
 LAST = "other"
+# parts of the package that offer names of their own, beside the figures
+PARTS = ("effects", "exports", "formats", "laws", "noise", "priors", "recovery")
 
 
 @dataclass(frozen=True)
@@ -34,10 +37,10 @@ class Public:
 
 
 def public_names() -> list[Public]:
-    """Everything that ``qlvbayes`` offers by name, in alphabetical order."""
-    import qlvbayes
-
-    found = {name: value for name, value in vars(qlvbayes).items() if not name.startswith("_")}
+    """Everything that ``qlvbayes`` and its parts offer by name, in alphabetical order."""
+    found: dict[str, Any] = {}
+    for module in (import_module("qlvbayes"), *(import_module(f"qlvbayes.{p}") for p in PARTS)):
+        found |= {name: getattr(module, name) for name in module.__all__}
     return [
         _public(name, value) for name, value in sorted(found.items()) if not inspect.ismodule(value)
     ]
@@ -55,7 +58,8 @@ def _path(name: str, value: Any) -> str:
     """Where it is defined; constants carry no such note."""
     if hasattr(value, "__qualname__"):
         return f"{value.__module__}.{value.__qualname__}"
-    homes = [m for m in list(sys.modules) if m.startswith("qlvbayes.") and name in _own(m)]
+    ours = [m for m in list(sys.modules) if m.startswith("qlvbayes.") and name in _own(m)]
+    homes = [m for m in ours if getattr(sys.modules[m], name) is value]
     return f"{homes[0]}.{name}" if homes else f"qlvbayes.{name}"
 
 

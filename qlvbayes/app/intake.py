@@ -14,7 +14,7 @@ from typing import Any
 
 from qlvbayes.app.columns import asked, renamed
 from qlvbayes.checks import InputError
-from qlvbayes.data import Study, read_study
+from qlvbayes.data import Measurements, read_measurements
 from qlvbayes.files import results_folder, write_whole
 from qlvbayes.formats.answers import SIGNS, Answers, UnsureError
 from qlvbayes.formats.catalogue import FORMATS
@@ -51,7 +51,7 @@ def _read_in(folder: Path, uploads: Sequence[Path], answers: dict[str, str]) -> 
         return _converted(folder, uploads, answers)
     if len(uploads) == 1:
         return _described(folder, uploads[0], answers)
-    studies = [read_study(one) for one in uploads]
+    studies = [read_measurements(one) for one in uploads]
     write_whole(folder / DATA, _joined(studies))
     return {"data": str(folder / DATA)}
 
@@ -71,7 +71,7 @@ def _is_machine(file: Path) -> bool:
 
 def _kept(folder: Path, file: Path) -> Answer:
     """The file as it is, once it can be read."""
-    read_study(file)
+    read_measurements(file)
     target = folder / (f"{DATA}.gz" if file.suffix.lower() == ".gz" else DATA)
     if not (target.is_file() and target.samefile(file)):
         shutil.copyfile(file, target)
@@ -107,7 +107,7 @@ def _described(folder: Path, file: Path, answers: dict[str, str]) -> Answer:
     described = folder / DATA
     write_whole(described, renamed(file, answers))
     try:
-        read_study(described)
+        read_measurements(described)
     except InputError as error:
         described.unlink()
         raise InputError(error.message, file=file, line=error.line, remedy=error.remedy) from error
@@ -121,7 +121,7 @@ def _number(text: str | None) -> float | None:
         raise InputError(f"{text!r} is no number", remedy="give the area in mm2") from None
 
 
-def _joined(studies: Sequence[Study]) -> bytes:
+def _joined(studies: Sequence[Measurements]) -> bytes:
     """Several tidy files as one; a pad of the same name in two is told by its file."""
     units = studies[0].units
     way = column_name(units.displacement_name, "" if units.dimensionless else units.displacement)

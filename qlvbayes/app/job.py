@@ -20,7 +20,7 @@ from qlvbayes.app.childpipes import Parent
 from qlvbayes.app.dealing import deal
 from qlvbayes.app.failures import told_of
 from qlvbayes.choices import Choices
-from qlvbayes.data import read_study
+from qlvbayes.data import read_measurements
 from qlvbayes.diagnosis.decision import Decision
 from qlvbayes.diagnosis.standing import Standing
 from qlvbayes.inference.ensemble import Progress, Settings
@@ -116,7 +116,7 @@ def _shares(decision: Decision, part: int) -> dict[str, float]:
 
 def diagnosed(spec: Spec, watcher: Watcher) -> dict[str, Any]:
     """The diagnosis of one pad."""
-    study = read_study(spec["data"])
+    study = read_measurements(spec["data"])
     (name,) = spec["pads"]
     choices = Choices(bonded=study.units.bonded_default, effects_file=spec["effects_file"])
     out = Path(spec["out"])
@@ -127,7 +127,7 @@ def diagnosed(spec: Spec, watcher: Watcher) -> dict[str, Any]:
 
 def sampled(spec: Spec, watcher: Watcher) -> dict[str, Any]:
     """The posterior of each pad's model, and its check."""
-    study, out = read_study(spec["data"]), Path(spec["out"])
+    study, out = read_measurements(spec["data"]), Path(spec["out"])
     for name in spec["pads"]:
         model = spec["models"].get(name)
         choices = _choices(model, study.units.bonded_default, spec["effects_file"])
@@ -144,7 +144,7 @@ def sampled(spec: Spec, watcher: Watcher) -> dict[str, Any]:
 
 def compared(spec: Spec, watcher: Watcher) -> dict[str, Any]:
     """Two pads against each other; what was not sampled is, first."""
-    out, study = Path(spec["out"]), read_study(spec["data"])
+    out, study = Path(spec["out"]), read_measurements(spec["data"])
     missing = [name for name in spec["pads"] if not _has_model(spec, name)]
     found = sampled({**spec, "pads": missing}, watcher) if missing else {"sampled": []}
     pads = [load(out / name / "posterior.nc") for name in spec["pads"]]

@@ -19,7 +19,7 @@ from qlvbayes.bench.model import ByHand
 from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
 from qlvbayes.curves import Curves
-from qlvbayes.data import Study, read_study
+from qlvbayes.data import Measurements, read_measurements
 from qlvbayes.diagnosis.protocol import protocol_of
 from qlvbayes.diagnosis.result import CellError
 from qlvbayes.experiment import prepare
@@ -38,14 +38,14 @@ class Kept:
     """Studies and benches that were used last."""
 
     def __init__(self) -> None:
-        self._studies: OrderedDict[tuple[str, int], Study] = OrderedDict()
+        self._studies: OrderedDict[tuple[str, int], Measurements] = OrderedDict()
         self._benches: OrderedDict[tuple[str, int, str, str | None], Bench] = OrderedDict()
 
-    def study(self, data: str) -> Study:
+    def study(self, data: str) -> Measurements:
         """The measurements in a file."""
         key = _version(data)
         if key not in self._studies:
-            self._studies[key] = read_study(data)
+            self._studies[key] = read_measurements(data)
         self._studies.move_to_end(key)
         while len(self._studies) > _STUDIES:
             self._studies.popitem(last=False)

@@ -21,7 +21,9 @@ from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.experiment import prepare
 
-DECISIVE = float(logit(Settings().named)) - log_odds_of_effect(len(EFFECTS), Settings())
+THRESHOLDS = Settings()
+"""With which every study of the benchmark is judged."""
+DECISIVE = float(logit(THRESHOLDS.named)) - log_odds_of_effect(len(EFFECTS), THRESHOLDS)
 """Log Bayes factor from which an effect is named; the noise must let it pass, for `chance`."""
 FAILED = "failed"  # in place of a verdict, where the program stopped
 
@@ -53,7 +55,8 @@ def _fill(case: Case, study: Study) -> None:
     least = 2.0 * DECISIVE
     case["chance"] = {name: effect.chance(least) for name, effect in effects.items()}
     between = time.perf_counter()
-    case |= verdict_of(diagnose(experiment, Choices(noise=study.fitted)).result)
+    found = diagnose(experiment, Choices(noise=study.fitted), settings=THRESHOLDS)
+    case |= verdict_of(found.result)
     case["seconds"] = {"detect": between - begun, "diagnose": time.perf_counter() - between}
 
 
@@ -73,6 +76,7 @@ def verdict_of(found: DiagnosisResult) -> dict:
     """All of a verdict that a stranger needs to score it again, as plain values."""
     return {
         "verdict": found.verdict,
+        "settings": to_builtins(found.settings),
         "effects": list(found.effects),
         "group": list(found.group),
         "not_ruled_out": [list(one.effects) for one in found.not_ruled_out],

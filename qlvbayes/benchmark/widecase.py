@@ -6,7 +6,7 @@ import time
 from dataclasses import asdict
 from typing import Any
 
-from qlvbayes.benchmark.case import FAILED, verdict_of
+from qlvbayes.benchmark.case import FAILED, THRESHOLDS, verdict_of
 from qlvbayes.benchmark.population import Population, kin
 from qlvbayes.benchmark.rate import Case
 from qlvbayes.benchmark.visible import SEEN, visible
@@ -32,7 +32,7 @@ def run_wide(population: Population, index: int) -> Case:
     case["seen"] = all(value > SEEN for value in case["detectability"].values())
     between = time.perf_counter()
     try:
-        case |= verdict_of(diagnose(prepare(study.pad), Choices()).result)
+        case |= verdict_of(diagnose(prepare(study.pad), Choices(), settings=THRESHOLDS).result)
     except Exception as error:  # one bad study must not end a run of hundreds
         text = f"{type(error).__name__}: {error}"
         case |= {"verdict": FAILED, "error": text, "effects": [], "group": []}

@@ -13,7 +13,7 @@ from qlvbayes.cli.console import out
 from qlvbayes.cli.options import Style
 from qlvbayes.cli.tables import pads_table
 from qlvbayes.cli.terminal import Terminal, show_figures
-from qlvbayes.data import Study, read_study
+from qlvbayes.data import Measurements, read_measurements
 from qlvbayes.results import Saved, load
 from qlvbayes.study.checking import check_into
 from qlvbayes.study.drawing import draw_forces_at_rates
@@ -37,7 +37,7 @@ def check(
     files = sorted(folder.glob("*/posterior.nc"))
     if not files:
         raise InputError("no fit in this folder", file=folder, remedy="run qlvbayes fit first")
-    studies: dict[Path, Study] = {}
+    studies: dict[Path, Measurements] = {}
     watcher = Terminal(quiet=as_json)
     found, figures = [], []
     for file in files:
@@ -56,7 +56,7 @@ def check(
     show_figures(figures)
 
 
-def _study(source: Path, saved: Saved) -> Study:
+def _study(source: Path, saved: Saved) -> Measurements:
     if not saved.source and source == Path():
         raise InputError(
             f"the posterior of pad {saved.pad} does not say where its measurements are",
@@ -68,7 +68,7 @@ def _study(source: Path, saved: Saved) -> Study:
             file=source,
             remedy="say where they are with --data FILE",
         )
-    study = read_study(source)
+    study = read_measurements(source)
     if saved.sha256 and study.sha256 != saved.sha256:
         raise InputError(
             "the file has changed since the fit", file=source, remedy="run qlvbayes fit again"

@@ -5,8 +5,8 @@ from __future__ import annotations
 from rich.table import Table
 from rich.text import Text
 
-from qlvbayes.compare.contrast import Comparison, Contrast
-from qlvbayes.compare.numbers import with_interval, written
+from qlvbayes.comparison.contrast import Comparison, Contrast
+from qlvbayes.comparison.numbers import with_interval, written
 
 _STYLES = {"greater": "bold", "less": "bold", "equal": "green", "cannot tell": "dim"}
 

@@ -33,7 +33,7 @@ from qlvbayes.cli.options import (
     thresholds,
 )
 from qlvbayes.cli.terminal import Terminal
-from qlvbayes.data import read_study
+from qlvbayes.data import read_measurements
 from qlvbayes.diagnosis.diagnose import EVIDENCES
 from qlvbayes.runs import record_run
 from qlvbayes.study.diagnosing import diagnose_into
@@ -71,7 +71,7 @@ def diagnose_command(
         raise InputError(f"no evidence {evidence!r}", remedy=f"use one of {', '.join(EVIDENCES)}")
     settings = thresholds(tolerance)
     with waiting("reading"):
-        study = read_study(file)
+        study = read_measurements(file)
     watcher = Terminal(quiet=as_json)
     for notice in study.notices:
         watcher.notice(notice)
@@ -101,7 +101,8 @@ def diagnose_command(
         )
         for pad in chosen_pads(study, pads)
     ]
-    record_run(output, "diagnose", command_line(), study, choices, seed)
+    told = {"evidence": evidence, "thresholds": settings}
+    record_run(output, "diagnose", command_line(), study, choices, seed, told)
     if as_json:
         print(json.dumps([diagnosis.result.as_dict() for diagnosis in found], allow_nan=False))
     else:

@@ -11,8 +11,8 @@ import typer
 from qlvbayes.checks import InputError
 from qlvbayes.cli.console import out, waiting
 from qlvbayes.cli.options import split_names
-from qlvbayes.export.catalogue import TARGETS, find
-from qlvbayes.export.write import DRAWS, export
+from qlvbayes.exports.catalogue import TARGETS, find
+from qlvbayes.exports.write import DRAWS, export
 
 _NAMES = "|".join(target.name for target in TARGETS)
 

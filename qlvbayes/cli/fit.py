@@ -31,7 +31,7 @@ from qlvbayes.cli.options import (
     model_choices,
 )
 from qlvbayes.cli.terminal import Terminal
-from qlvbayes.data import read_study
+from qlvbayes.data import read_measurements
 from qlvbayes.fit import METHODS
 from qlvbayes.inference.ensemble import Settings
 from qlvbayes.runs import record_run
@@ -70,7 +70,7 @@ def fit(
     An interrupted run resumes when the same command is given again.
     """
     with waiting("reading"):
-        study = read_study(file)
+        study = read_measurements(file)
     choices = model_choices(
         study,
         elastic,
@@ -108,7 +108,8 @@ def fit(
     ]
     with waiting("figures of all pads"):
         draw_constants(output, known)
-    record_run(output, "fit", command_line(), study, choices, seed)
+    told = {"method": method, "all_tests": all_tests, "sampler": settings}
+    record_run(output, "fit", command_line(), study, choices, seed, told)
     if as_json:
         print(json.dumps([summary.as_dict() for summary in summaries], allow_nan=False))
     else:

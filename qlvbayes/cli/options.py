@@ -9,7 +9,7 @@ import typer
 
 from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
-from qlvbayes.data import Pad, Study
+from qlvbayes.data import Measurements, Pad
 from qlvbayes.defaults import NOISES
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.effects.catalogue import find
@@ -105,7 +105,7 @@ Seed = Annotated[int, typer.Option(min=0, help="Makes a run repeat.")]
 
 
 def model_choices(
-    study: Study,
+    study: Measurements,
     elastic: str,
     relaxation: str | None,
     modes: int | None,
@@ -178,6 +178,6 @@ def split_names(text: str) -> list[str]:
     return [name.strip() for name in text.split(",") if name.strip()]
 
 
-def chosen_pads(study: Study, names: str) -> list[Pad]:
+def chosen_pads(study: Measurements, names: str) -> list[Pad]:
     """The named pads, or all; InputError on an unknown name."""
     return [study.pad(name) for name in split_names(names)] or list(study.pads)

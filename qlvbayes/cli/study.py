@@ -31,7 +31,7 @@ from qlvbayes.cli.options import (
     thresholds,
 )
 from qlvbayes.cli.terminal import Terminal
-from qlvbayes.data import read_study
+from qlvbayes.data import read_measurements
 from qlvbayes.inference.ensemble import Settings
 from qlvbayes.report.write import REPORT
 from qlvbayes.study.run import run_study
@@ -66,7 +66,7 @@ def study_command(
     """
     judging = thresholds(tolerance)
     with waiting("reading"):
-        study = read_study(file)
+        study = read_measurements(file)
     watcher = Terminal()
     for notice in study.notices:
         watcher.notice(notice)

@@ -12,7 +12,6 @@ from qlvbayes.cli.console import err, out, sampling, waiting
 from qlvbayes.cli.diagnosis_tables import ranking_table, steps_table
 from qlvbayes.cli.tables import check_table, constants_table
 from qlvbayes.diagnosis.verdict import Diagnosis
-from qlvbayes.diagnosis.words import paragraphs
 from qlvbayes.experiment import Experiment
 from qlvbayes.inference.ensemble import Progress
 from qlvbayes.parameters import described, fields_of
@@ -82,7 +81,7 @@ class Terminal(Watcher):
         result = found.result
         out.print(steps_table(result, result.units.force))
         out.print(ranking_table(result, result.units.force))
-        for paragraph in paragraphs(found):
+        for paragraph in found.paragraphs():
             out.print(paragraph, markup=False, soft_wrap=not out.is_terminal)
             out.print()
         for warning in result.warnings:

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from qlvbayes.diagnosis.search import Weighed
-from qlvbayes.diagnosis.verdict import Diagnosis, Work
+from qlvbayes.diagnosis.verdict import Diagnosis
+from qlvbayes.diagnosis.work import Work
 from qlvbayes.experiment import Trial
 
 Array = NDArray[np.float64]

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from qlvbayes.diagnosis.verdict import Work
+from qlvbayes.diagnosis.work import Work
 from qlvbayes.inference.features import Features, Places
 
 Array = NDArray[np.float64]

@@ -12,7 +12,7 @@ from qlvbayes.diagnosis.result import CellError
 from qlvbayes.experiment import Experiment, Trial
 from qlvbayes.inference.space import Hypothesis, Space
 from qlvbayes.kinematics.phases import KINDS
-from qlvbayes.predict import looked_at, single_samples
+from qlvbayes.prediction import looked_at, single_samples
 from qlvbayes.records.batching import batch
 from qlvbayes.records.record import Record
 

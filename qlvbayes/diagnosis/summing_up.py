@@ -23,8 +23,9 @@ from qlvbayes.diagnosis.sensitivity import (
     unmeasured,
     unseen,
 )
-from qlvbayes.diagnosis.verdict import Diagnosis, Work
+from qlvbayes.diagnosis.verdict import Diagnosis
 from qlvbayes.diagnosis.vetoes import decided
+from qlvbayes.diagnosis.work import Work
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.experiment import Experiment
 from qlvbayes.records.record import Record

@@ -1,33 +1,12 @@
-"""A verdict, and all that it rests on."""
+"""A verdict, all that it rests on, and what is said of it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from qlvbayes.diagnosis.adequacy import Adequacy
 from qlvbayes.diagnosis.result import DiagnosisResult
-from qlvbayes.diagnosis.samples import Samples
-from qlvbayes.diagnosis.search import Search, Weighed
-from qlvbayes.experiment import Experiment
-
-
-@dataclass(frozen=True, eq=False)
-class Work:
-    """What a diagnosis was computed from, for figures and for what follows.
-
-    path: the hypotheses of the stages, each at its likeliest mode.
-    """
-
-    experiment: Experiment
-    search: Search
-    samples: Samples
-    path: tuple[Weighed, ...]
-    adequacies: tuple[Adequacy, ...]
-
-    @property
-    def told(self) -> Weighed:
-        """The hypothesis that stands for the answer."""
-        return self.path[-1]
+from qlvbayes.diagnosis.words import paragraphs
+from qlvbayes.diagnosis.work import Work
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,3 +15,11 @@ class Diagnosis:
 
     result: DiagnosisResult
     work: Work
+
+    def paragraphs(self) -> list[str]:
+        """What is missing in plain words: a few short paragraphs, the verdict first."""
+        return paragraphs(self.result, self.work)
+
+    def text(self) -> str:
+        """The paragraphs, an empty line between them: ``diagnosis.txt``."""
+        return "\n\n".join(self.paragraphs())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from qlvbayes.diagnosis.result import Bend, DiagnosisResult
-from qlvbayes.diagnosis.verdict import Diagnosis, Work
+from qlvbayes.diagnosis.work import Work
 from qlvbayes.units import UnitSystem
 from qlvbayes.wording import joined, plain
 
@@ -18,9 +18,8 @@ _NOTHING = "nothing is missing that these tests can show"
 _MAYBE = "nothing is named, although something may be missing"
 
 
-def paragraphs(diagnosis: Diagnosis) -> list[str]:
+def paragraphs(d: DiagnosisResult, work: Work) -> list[str]:
     """A few short paragraphs, the verdict first."""
-    d = diagnosis.result
     verdict = {
         "adequate": _adequate,
         "missing_effect": _missing,
@@ -28,7 +27,7 @@ def paragraphs(diagnosis: Diagnosis) -> list[str]:
         "partly_explained": _partly,
         "unexplained": _unexplained,
     }[d.verdict]
-    text = [verdict(d, diagnosis.work), *_base(d)]
+    text = [verdict(d, work), *_base(d)]
     if d.verdict != "adequate":
         text.insert(1, _where(d))
         text += _runner_up(d)

@@ -55,6 +55,13 @@ def check_effect(kind: type[AbstractEffect], scales: Scales | None = None) -> No
     fair size. The tests are those of the paper and one that retracts fully; with ``scales`` they
     are stretched to its depth and force, and the size is not checked.
 
+    Parameters
+    ----------
+    kind
+        The effect's class.
+    scales
+        Of the tests, by default the paper's.
+
     Raises
     ------
     EffectError

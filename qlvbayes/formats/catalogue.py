@@ -34,3 +34,4 @@ FORMATS: tuple[type[AbstractFormat], ...] = (
     Hdf5,
     TwoClocks,
 )
+"""Every layout that is known, in the order in which they are tried."""

@@ -32,6 +32,13 @@ def check_format(kind: type[AbstractFormat], files: Sequence[str | Path]) -> Non
     numbers, told apart by quantity; and of a file that is cut, has NULs, a byte order mark or is
     UTF-16 it gives tests or an InputError, never anything else.
 
+    Parameters
+    ----------
+    kind
+        The format's class.
+    files
+        Two or more that are its own.
+
     Raises
     ------
     FormatError

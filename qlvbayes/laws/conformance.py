@@ -36,6 +36,13 @@ def check_law(
     and sum to 1, finite rates above 0, as many whatever the constants, and falls. Values and slopes
     are finite; compiled and plain evaluation agree.
 
+    Parameters
+    ----------
+    kind
+        The law's class.
+    scales
+        Of the tests.
+
     Raises
     ------
     LawError

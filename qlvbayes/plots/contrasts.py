@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullFormatter, NullLocator, StrMethodFormatter
 
-from qlvbayes.compare.contrast import Comparison, Contrast
+from qlvbayes.comparison.contrast import Comparison, Contrast
 from qlvbayes.plots.naming import parameter_label
 from qlvbayes.plots.style import (
     BLACK,

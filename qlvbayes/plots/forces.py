@@ -33,7 +33,7 @@ from qlvbayes.plots.style import (
     shortened,
     style,
 )
-from qlvbayes.predict import Prediction
+from qlvbayes.prediction import Prediction
 from qlvbayes.units import UnitSystem
 
 _ROW, _FRAME = 33.0, 14.0  # mm, a row of panels and the legend

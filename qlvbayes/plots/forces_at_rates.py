@@ -26,7 +26,7 @@ from qlvbayes.plots.style import (
     style,
 )
 from qlvbayes.plots.timeline import decades, logarithmic, since_contact
-from qlvbayes.predict import Prediction
+from qlvbayes.prediction import Prediction
 from qlvbayes.units import UnitSystem
 
 RATES = (0.1, 1.0, 30.0)  # mm/s, the paper's Fig. 5

@@ -26,7 +26,7 @@ from qlvbayes.plots.style import (
     shortened,
     style,
 )
-from qlvbayes.predict import Prediction
+from qlvbayes.prediction import Prediction
 from qlvbayes.units import UnitSystem
 
 _PANEL, _FRAME = 48.0, 16.0  # mm: a row of panels, and what is around them

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array
 
 from qlvbayes.checks import InputError
-from qlvbayes.compare.side import Side, Source, side_of
+from qlvbayes.comparison.side import Side, Source, side_of
 from qlvbayes.dual import check_inverse, displacement_from_force
 from qlvbayes.model import Model
 from qlvbayes.motion import Motion
@@ -73,17 +73,34 @@ def predict_program(
 ) -> Forecast:
     """Force of a prescribed displacement, or displacement of a prescribed force, draw by draw.
 
-    source: a fit, a results file (`load_results`), draws by the constants' names, or the hypotheses
-    that a diagnosis left, which are then averaged over: a mixture of the draws of each in
-    proportion to its probability; program: a CSV file, or text as in "ramp 1.6 mm at 20 mm/s, hold
-    30 s" or "force 1 N in 0.1 s, hold 30 s"; draws: of the posterior, evenly out of all; pad: what
-    plain draws are called. The specimen is at rest at the beginning. Effects of the fit take part,
-    the rig's too; noise does not, so that bands are of what the specimen does, not of what a load
-    cell would write.
+    The specimen is at rest at the beginning. Effects of the fit take part, the rig's too; noise
+    does not, so that bands are of what the specimen does, not of what a load cell would write.
 
-    Raises InputError where the program is not understood, or where a force is prescribed and an
-    effect does not go step by step or no displacement has the force. Of several hypotheses those
-    that do not go step by step are left out, with a warning.
+    Parameters
+    ----------
+    source
+        A fit, a results file (`load_results`), draws by the constants' names, or the hypotheses
+        that a diagnosis left, which are then averaged over: a mixture of the draws of each in
+        proportion to its probability. Of several hypotheses those that do not go step by step are
+        left out under a prescribed force, with a warning.
+    program
+        A CSV file, or text as in "ramp 1.6 mm at 20 mm/s, hold 30 s" or "force 1 N in 0.1 s, hold
+        30 s".
+    draws
+        How many of the posterior, evenly out of all.
+    pad
+        What plain draws are called.
+
+    Returns
+    -------
+    Forecast
+        Time (N,) in s and answers (draws, N) in the unit of displacement or force.
+
+    Raises
+    ------
+    InputError
+        The program is not understood; or a force is prescribed and an effect does not go step by
+        step, or no displacement has the force.
     """
     averaged = source.hypotheses if isinstance(source, Hypotheses) else ()
     sides = [source.side(one) for one in averaged] if isinstance(source, Hypotheses) else []

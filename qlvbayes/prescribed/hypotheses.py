@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes.choices import Choices
-from qlvbayes.compare.side import Side
+from qlvbayes.comparison.side import Side
 from qlvbayes.covered import Covered, covered
 from qlvbayes.diagnosis.result import Laws
 from qlvbayes.diagnosis.search import Weighed

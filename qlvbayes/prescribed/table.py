@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from qlvbayes.checks import InputError
-from qlvbayes.compare.programmes import RAMP_POINTS, hold
+from qlvbayes.comparison.programmes import RAMP_POINTS, hold
 from qlvbayes.prescribed.program import MOST, Program
 from qlvbayes.reading.badline import parse_number
 from qlvbayes.reading.csvtext import blocks

@@ -9,7 +9,7 @@ from typing import Literal, NoReturn
 import numpy as np
 
 from qlvbayes.checks import InputError
-from qlvbayes.compare.programmes import PIECES, Course, hold, joined, ramp
+from qlvbayes.comparison.programmes import PIECES, Course, hold, joined, ramp
 from qlvbayes.prescribed.program import MOST, Program
 from qlvbayes.units import STRAIN, SUFFIXES, Scale, UnitSystem
 

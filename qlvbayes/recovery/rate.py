@@ -64,6 +64,15 @@ def recovery_rate(kind: type[AbstractEffect], *, draws: int = 20, seed: int = 0)
     one that was simulated: this tests the inference, not the law. The intervals come from
     importance sampling about the posterior's tops, which need not be normal.
 
+    Parameters
+    ----------
+    kind
+        The effect's class.
+    draws
+        How many pads.
+    seed
+        Of all that is drawn.
+
     Raises
     ------
     InputError

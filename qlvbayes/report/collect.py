@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 
 from qlvbayes.checks import InputError
-from qlvbayes.compare.contrast import Comparison
+from qlvbayes.comparison.contrast import Comparison
 from qlvbayes.curves import Curves
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.report.draws import summary_of_draws

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from qlvbayes.compare.contrast import Comparison, Contrast
+from qlvbayes.comparison.contrast import Comparison, Contrast
 from qlvbayes.report.collect import Compared
 from qlvbayes.report.numbers import DASH, number, percent
 from qlvbayes.wording import joined

@@ -16,8 +16,22 @@ def write_report(out: str | Path) -> Path:
 
     One file that opens without a network: verdicts, constants, comparisons, errors by test and
     phase, curves to zoom into, missing effects, methods. Steps that were not done are named with
-    the command that does them. Raises InputError where there are no results or a file of them
-    cannot be read.
+    the command that does them.
+
+    Parameters
+    ----------
+    out
+        The folder of results.
+
+    Returns
+    -------
+    Path
+        Of the page.
+
+    Raises
+    ------
+    InputError
+        There are no results, or a file of them cannot be read.
     """
     folder = Path(out)
     path = folder / REPORT

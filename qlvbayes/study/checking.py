@@ -6,13 +6,13 @@ from pathlib import Path
 
 from qlvbayes.checked import CheckedPad, check_pad
 from qlvbayes.curves import curves
-from qlvbayes.data import Study
+from qlvbayes.data import Measurements
 from qlvbayes.results import Saved
 from qlvbayes.study.watcher import Watcher
 
 
 def check_into(
-    folder: Path, saved: Saved, study: Study, *, seed: int, watcher: Watcher
+    folder: Path, saved: Saved, study: Measurements, *, seed: int, watcher: Watcher
 ) -> tuple[CheckedPad, list[Path]]:
     """Check one fit; leave ``check.json``, ``curves.json`` and three figures in a folder.
 

@@ -8,11 +8,11 @@ from itertools import combinations
 from pathlib import Path
 
 from qlvbayes.checks import InputError
-from qlvbayes.compare.compare import REGION, compare
-from qlvbayes.compare.contrast import Comparison
-from qlvbayes.compare.writing import write_comparison
+from qlvbayes.comparison.compare import REGION, compare
+from qlvbayes.comparison.contrast import Comparison
+from qlvbayes.comparison.writing import write_comparison
 from qlvbayes.covered import covered
-from qlvbayes.data import Study, read_study
+from qlvbayes.data import Measurements, read_measurements
 from qlvbayes.experiment import prepare
 from qlvbayes.results import Saved, load
 from qlvbayes.study.watcher import Watcher
@@ -30,16 +30,16 @@ def saved_pads(out: Path, data: Path | None = None) -> list[Saved]:
     files = sorted(out.glob("*/posterior.nc"))
     if not files:
         raise InputError("no fit in this folder", file=out, remedy="run qlvbayes fit first")
-    studies: dict[Path, Study] = {}
+    studies: dict[Path, Measurements] = {}
     return [_with_reach(load(file), data, studies) for file in files]
 
 
-def _with_reach(saved: Saved, data: Path | None, studies: dict[Path, Study]) -> Saved:
+def _with_reach(saved: Saved, data: Path | None, studies: dict[Path, Measurements]) -> Saved:
     source = data or Path(saved.source)
     if saved.covered is not None or not source.is_file():
         return saved
     if source not in studies:
-        studies[source] = read_study(source)
+        studies[source] = read_measurements(source)
     pad = studies[source].pad(saved.pad)
     return replace(saved, covered=covered(prepare(pad)), fluid=saved.fluid or pad.fluid)
 

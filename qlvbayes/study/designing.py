@@ -10,7 +10,7 @@ import numpy as np
 
 from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
-from qlvbayes.data import read_study
+from qlvbayes.data import read_measurements
 from qlvbayes.diagnosis.result import Alternative, DiagnosisResult
 from qlvbayes.diagnosis.search import Search, described
 from qlvbayes.diagnosis.settings import Settings
@@ -186,7 +186,7 @@ def present_of_fit(saved: Saved, data: Path | None = None) -> Present:
     source = data or Path(saved.source)
     if data is None and not source.is_file():
         return found
-    study = read_study(source)
+    study = read_measurements(source)
     if study.sha256 != saved.sha256:
         raise InputError(
             "not the measurements that were fitted", file=source, remedy="run qlvbayes fit again"
@@ -220,7 +220,7 @@ def _of_diagnosis(
             file=source,
             remedy="say where they are with --data FILE",
         )
-    study = read_study(source)
+    study = read_measurements(source)
     if study.sha256 != run.sha256:
         raise InputError(
             "not the measurements that were diagnosed",

@@ -10,7 +10,6 @@ from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.discrepancy import discrepancy
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.verdict import Diagnosis
-from qlvbayes.diagnosis.words import paragraphs
 from qlvbayes.experiment import prepare
 from qlvbayes.files import results_folder, write_whole
 from qlvbayes.prescribed.hypotheses import FILE as HYPOTHESES
@@ -55,8 +54,7 @@ def diagnose_into(
         tell("writing")
         found.result.write(folder / "diagnosis.json")
         drawn_hypotheses(found, choices, seed=seed).write(folder / HYPOTHESES)
-        text = "\n\n".join(paragraphs(found)) + "\n"
-        write_whole(folder / "diagnosis.txt", text.encode())
+        write_whole(folder / "diagnosis.txt", f"{found.text()}\n".encode())
         figures = _figures(found, folder)
     for text in (*experiment.notices, *found.result.notices):
         watcher.notice(text)

@@ -16,7 +16,7 @@ from qlvbayes.constants_table import (
     that_fit,
     write_constants,
 )
-from qlvbayes.data import Study
+from qlvbayes.data import Measurements
 from qlvbayes.experiment import Experiment
 from qlvbayes.fit import Fit
 from qlvbayes.summary import FitSummary
@@ -44,7 +44,7 @@ class Known:
     asked: bool
 
 
-def references_of(study: Study, given: Path | None) -> Known | None:
+def references_of(study: Measurements, given: Path | None) -> Known | None:
     """The file of reference values: what is given, else paper_table1.csv beside the measurements.
 
     None where there is none. Raises InputError where a given file cannot be used.

@@ -7,7 +7,7 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from qlvbayes.choices import Choices
-from qlvbayes.data import Pad, Study
+from qlvbayes.data import Measurements, Pad
 from qlvbayes.experiment import prepare
 from qlvbayes.files import results_folder
 from qlvbayes.fit import fit_pad
@@ -17,13 +17,13 @@ from qlvbayes.pulling import pull_notices
 from qlvbayes.results import save, to_arviz
 from qlvbayes.study.drawing import draw_fit
 from qlvbayes.study.watcher import Watcher
-from qlvbayes.summary import FitSummary, summarise
+from qlvbayes.summary import FitSummary
 
 
 def fit_into(
     folder: Path,
     pad: Pad,
-    study: Study,
+    study: Measurements,
     choices: Choices,
     *,
     method: str,
@@ -52,7 +52,7 @@ def fit_into(
         found = fit_pad(
             experiment, choices, method=method, settings=settings, folder=chain, progress=progress
         )
-    summary = summarise(found)
+    summary = found.summary()
     for text in summary.notices:
         watcher.notice(text)
     summary = replace(summary, notices=(*notices, *summary.notices))

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from qlvbayes.checked import CheckedPad
 from qlvbayes.choices import Choices
-from qlvbayes.data import Pad, Study, read_study
+from qlvbayes.data import Measurements, Pad, read_measurements
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.settings import Settings as Thresholds
 from qlvbayes.diagnosis.verdict import Diagnosis
@@ -28,7 +28,7 @@ _MOST_PAIRS = 6  # compared unasked
 
 
 def run_study(
-    file: str | Path | Study,
+    file: str | Path | Measurements,
     out: str | Path,
     *,
     pads: Sequence[str] = (),
@@ -47,15 +47,37 @@ def run_study(
     them, in ``compare``; constants (PNG, PDF, CSV, LaTeX) and, for two pads or more,
     forces_at_rates of all; ``run.json`` and ``report.html``.
 
-    choices: the model to start from, by default the plain one, bonded where the file holds strain
-    and stress; settings: of the sampler; thresholds: of the diagnosis, its ``tolerance`` among
-    them; watcher: is told of each step; command: noted as what
-    repeats the study; references: a CSV file (pad,parameter,value,unit) of values to show beside
-    the constants, by default paper_table1.csv beside the measurements, if it is there. Raises
-    InputError on measurements, choices or references that cannot be used.
+    Parameters
+    ----------
+    file
+        Measurements, or the file of them.
+    out
+        The folder of results.
+    pads
+        Names of the pads.
+    choices
+        The model to start from, by default the plain one, bonded where the file holds strain and
+        stress.
+    settings
+        Of the sampler.
+    thresholds
+        Of the diagnosis, its ``tolerance`` among them.
+    watcher
+        Is told of each step.
+    command
+        Noted as what repeats the study.
+    references
+        A CSV file (pad,parameter,value,unit) of values to show beside the constants, by default
+        paper_table1.csv beside the measurements, if it is there.
+
+    Raises
+    ------
+    InputError
+        Measurements, choices or references cannot be used.
     """
-    study = file if isinstance(file, Study) else read_study(file)
+    study = file if isinstance(file, Measurements) else read_measurements(file)
     out, watcher, settings = Path(out), watcher or Watcher(), settings or Settings()
+    thresholds = thresholds or Thresholds()
     choices = choices or Choices(bonded=study.units.bonded_default)
     wanted = [study.pad(name) for name in pads] or list(study.pads)
     known = references_of(study, None if references is None else Path(references))
@@ -67,7 +89,8 @@ def run_study(
         draw_forces_at_rates(out, [checked for _, checked in done])
     _compare([load(out / pad.name / "posterior.nc") for pad in wanted], out, settings, watcher)
     call = command or _call(study, out)
-    record_run(out, "study", call, study, choices, settings.seed)
+    told = {"sampler": settings, "thresholds": thresholds}
+    record_run(out, "study", call, study, choices, settings.seed, told)
     with watcher.doing("report"):
         write_report(out)
     return [found for found, _ in done]
@@ -86,16 +109,16 @@ def _compare(pads: list[Saved], out: Path, settings: Settings, watcher: Watcher)
         compare_into(out, first, second, seed=settings.seed, watcher=watcher)
 
 
-def _call(study: Study, out: Path) -> str:
+def _call(study: Measurements, out: Path) -> str:
     return f"qlvbayes.run_study({Path(study.source).name!r}, {out.name!r}, ...)"
 
 
 def _one(
     pad: Pad,
-    study: Study,
+    study: Measurements,
     choices: Choices,
     settings: Settings,
-    thresholds: Thresholds | None,
+    thresholds: Thresholds,
     folder: Path,
     watcher: Watcher,
 ) -> tuple[Diagnosis, CheckedPad]:
@@ -146,7 +169,7 @@ def _constant(setting: str) -> str:
 
 def _fit_and_check(
     pad: Pad,
-    study: Study,
+    study: Measurements,
     choices: Choices,
     settings: Settings,
     folder: Path,

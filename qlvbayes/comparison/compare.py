@@ -1,0 +1,177 @@
+"""Pads or fluids set against each other: every constant, and what an engineer reads from them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from msgspec.structs import replace
+
+from qlvbayes.checks import InputError
+from qlvbayes.comparison.contrast import BY_CHANCE, Comparison, Contrast, Omnibus
+from qlvbayes.comparison.hierarchy import DRAWS, fluid_draws
+from qlvbayes.comparison.joint import joint_test, smallest_tail
+from qlvbayes.comparison.judging import contrast
+from qlvbayes.comparison.notices import notices
+from qlvbayes.comparison.readings import Reading, readings
+from qlvbayes.comparison.settings import Settings, choose
+from qlvbayes.comparison.shared import shared_constants
+from qlvbayes.comparison.side import Side, Source, side_of
+from qlvbayes.comparison.words import paragraphs
+from qlvbayes.fit import Fit
+from qlvbayes.results import Saved
+from qlvbayes.units import UnitSystem
+
+REGION = 0.10  # of practical equivalence: ratios within 1/1.1 .. 1.1
+_PAIRS = 4000
+
+
+def compare(
+    first: Source | Sequence[Source],
+    second: Source | Sequence[Source],
+    *,
+    names: tuple[str, str] | None = None,
+    region: float = REGION,
+    depth: float | None = None,
+    rates: Sequence[float] | None = None,
+    frequencies: Sequence[float] | None = None,
+    seed: int = 0,
+) -> Comparison:
+    """Set two pads, or two groups of specimens, against each other.
+
+    The draws of two pads are independent and are paired at random. With two specimens or more of
+    each, their spread is estimated with the fluids' own values (normal, in the logarithm of what is
+    positive).
+
+    Parameters
+    ----------
+    first, second
+        A `Fit`, a results file (`load_results`) or a dict of draws by the constants' names; or a
+        sequence of these, the specimens of one fluid.
+    names
+        What to call them.
+    region
+        Of practical equivalence, as a share of the smaller one.
+    depth, rates
+        Where quantities are read (mm, mm/s, or in the first one's units, to which the others are
+        converted); by default where both pads' tests reach.
+    frequencies
+        The same (Hz).
+    seed
+        Of the pairing.
+
+    Raises
+    ------
+    InputError
+        The two cannot be compared, or a number is not positive.
+    """
+    if not (np.isfinite(region) and region > 0.0):
+        raise InputError(f"region {region:g} is not above 0", remedy="give a share such as 0.1")
+    given = names or ("first", "second")
+    groups = _sides(first, given[0]), _sides(second, given[1])
+    labels = names or (_label(groups[0]), _label(groups[1]))
+    sides = [*groups[0], *groups[1]]
+    if len({side.units.dimensionless for side in sides}) > 1:
+        raise InputError(
+            f"{labels[0]} and {labels[1]} are in different units",
+            remedy="compare force with force, or stress with stress",
+        )
+    units = sides[0].units
+    groups = _in_units(groups[0], units), _in_units(groups[1], units)
+    sides = [*groups[0], *groups[1]]
+    settings = choose([side.reach for side in sides], depth, rates, frequencies)
+    rng = np.random.default_rng(seed)
+    shared = shared_constants(sides)
+    between = "fluids" if min(map(len, groups)) > 1 else "pads"
+    if between == "pads" and len(sides) > 2:
+        raise InputError(
+            f"{labels[0]} and {labels[1]} have {len(groups[0])} and {len(groups[1])} specimens",
+            remedy="give two or more of each, or compare pads",
+        )
+    contrasts, lost = _contrasts(groups, shared, settings, region, between, rng)
+    constants = contrasts[: len(shared)]
+    omnibus = _omnibus(groups, constants, between)
+    found = Comparison(
+        names=labels,
+        between=between,
+        units=units,
+        specimens=(len(groups[0]), len(groups[1])),
+        region=float(region),
+        differ=_differ(omnibus, constants),
+        omnibus=omnibus,
+        by_chance=BY_CHANCE * len(contrasts),
+        settings=settings.told,
+        contrasts=tuple(contrasts),
+        notices=tuple(notices(groups, labels, settings, shared, contrasts, lost)),
+    )
+    return replace(found, words=tuple(paragraphs(found)))
+
+
+def _in_units(sides: Sequence[Side], units: UnitSystem) -> list[Side]:
+    return [side.in_units(units) for side in sides]
+
+
+def _sides(source: Source | Sequence[Source], label: str) -> list[Side]:
+    """One pad or more; draws, which have no name of their own, are called by the label."""
+    several = [source] if isinstance(source, (Fit, Saved, Mapping)) else source
+    numbers = [""] if len(several) == 1 else [f" {k}" for k in range(1, len(several) + 1)]
+    found = [side_of(one, f"{label}{n}") for one, n in zip(several, numbers, strict=True)]
+    if not found:
+        raise InputError("nothing to compare", remedy="give at least one fit")
+    return found
+
+
+def _label(group: Sequence[Side]) -> str:
+    return group[0].name if len(group) == 1 else group[0].fluid or group[0].name
+
+
+def _contrasts(
+    groups: tuple[list[Side], list[Side]],
+    shared: Sequence[Reading],
+    settings: Settings,
+    region: float,
+    between: str,
+    rng: np.random.Generator,
+) -> tuple[list[Contrast], list[str]]:
+    """Every contrast, constants first; and the quantities that no model could give."""
+    units = groups[0][0].units
+    every = [*shared, *readings(settings, units)]
+    tables = [[_table(side, shared, settings) for side in group] for group in groups]
+    pairs = [[rng.permutation(_PAIRS) % len(t) for t in group] for group in tables]
+    found, lost = [], []
+    for k, reading in enumerate(every):
+        columns = [[table[:, k] for table in group] for group in tables]
+        if not all(np.all(np.isfinite(x)) for group in columns for x in group):
+            lost.append(reading.quantity)
+            continue
+        if between == "fluids":
+            one, other = fluid_draws(columns, rng)
+        else:
+            one, other = (group[0][rows[0]] for group, rows in zip(columns, pairs, strict=True))
+        found.append(contrast(reading, one, other, region))
+    return found, lost
+
+
+def _table(side: Side, shared: Sequence[Reading], settings: Settings) -> np.ndarray:
+    """(n, Q) draws of the shared constants and of what is read."""
+    constants = [side.constants[reading.quantity] for reading in shared]
+    return np.column_stack([*constants, side.read(settings)])
+
+
+def _omnibus(
+    groups: tuple[list[Side], list[Side]], constants: Sequence[Contrast], between: str
+) -> Omnibus | None:
+    if between == "fluids":
+        return smallest_tail(constants, DRAWS)
+    names = [c.quantity for c in constants]
+    first, second = ({k: group[0].constants[k] for k in names} for group in groups)
+    return joint_test(first, second) if names else None
+
+
+def _differ(omnibus: Omnibus | None, constants: Sequence[Contrast]) -> bool | None:
+    """True, False where all are shown to be equal, None where the data cannot tell."""
+    if omnibus is None:
+        return None
+    if omnibus.p_value < omnibus.false_alarms:
+        return True
+    return False if all(c.answer == "equal" for c in constants) else None

@@ -1,0 +1,153 @@
+"""One pad of a comparison, from a fit, a results file or plain draws."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from qlvbayes.checks import InputError
+from qlvbayes.choices import Choices
+from qlvbayes.comparison.readings import read
+from qlvbayes.comparison.settings import Settings
+from qlvbayes.conversion import factors
+from qlvbayes.covered import Covered, covered
+from qlvbayes.drawn import described_model, drawn_models, pad_alone, rig_effects
+from qlvbayes.elsewhere import check_draws, infer_choices, wanted_names
+from qlvbayes.fit import Fit
+from qlvbayes.laws.catalogue import find_elastic
+from qlvbayes.model import Model
+from qlvbayes.parameters import fields_of
+from qlvbayes.results import Saved
+from qlvbayes.units import PAD, UnitSystem
+
+MOST_DRAWS = 1000  # of a pad, evenly out of all
+
+Source = Fit | Saved | Mapping[str, np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """draws (n, P) of the named constants, the model that they are of, and what its tests cover.
+
+    fitted: names of the fitted tests, where they are known; converged: whether nothing spoke
+    against the sampling, where that is known.
+    """
+
+    name: str
+    names: tuple[str, ...]
+    draws: np.ndarray
+    choices: Choices
+    units: UnitSystem
+    reach: Covered | None = None
+    fluid: str | None = None
+    fitted: tuple[str, ...] = ()
+    converged: bool = True
+
+    @property
+    def constants(self) -> dict[str, np.ndarray]:
+        """The draws (n,) of each constant."""
+        return {name: self.draws[:, k] for k, name in enumerate(self.names)}
+
+    @property
+    def kinds(self) -> dict[str, str]:
+        """Kind of unit of each constant of the pad: neither the noise nor the rig is part of it."""
+        alone = pad_alone(described_model(self.choices))
+        return {name: field.unit for field in fields_of(alone) for name in field.names}
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """The effects of the rig."""
+        return rig_effects(described_model(self.choices))
+
+    def in_units(self, units: UnitSystem) -> Side:
+        """The same pad in other units; InputError where strain would have to become a length."""
+        if units == self.units:
+            return self
+        by = factors(self.choices, self.constants, self.units, units)
+        draws = np.stack([x * by[name] for name, x in self.constants.items()], axis=-1)
+        reach = (
+            self.reach.times(self.units.factor_to(units, "displacement")) if self.reach else None
+        )
+        return replace(self, draws=draws, units=units, reach=reach)
+
+    @property
+    def models(self) -> Model:
+        """The whole model, the rig's effects too, whose numbers have the draws as leading axis.
+
+        Raises InputError where its stiffness is a curve over a depth that nobody knows.
+        """
+        law = find_elastic(self.choices.law, self.choices.laws)
+        if self.reach is None and not law.listed:
+            raise InputError(
+                f"the posterior of {self.name} does not say how deep its tests went, over which "
+                f"{law.name} is a curve",
+                remedy="run qlvbayes fit again",
+            )
+        depth = self.reach.depth if self.reach else 1.0
+        return drawn_models(described_model(self.choices, depth), self.names, self.draws)
+
+    def some(self, count: int) -> Side:
+        """The same with at most so many draws, evenly out of all; one is their mean."""
+        if count == 1:
+            return replace(self, draws=self.draws.mean(axis=0, keepdims=True))
+        places = np.linspace(0, len(self.draws) - 1, min(count, len(self.draws)))
+        return replace(self, draws=self.draws[places.astype(int)])
+
+    def read(self, settings: Settings) -> np.ndarray:
+        """(n, Q) what an engineer reads from each draw."""
+        return read(pad_alone(self.models), settings)
+
+
+def side_of(source: Source, name: str) -> Side:
+    """A pad from a fit, a results file, or a dict of draws (any shape) by the constants' names.
+
+    name: what a dict is called, which has no name of its own.
+
+    Raises InputError where a dict lacks a constant.
+    """
+    if isinstance(source, Fit):
+        return _of_fit(source)
+    if isinstance(source, Saved):
+        return Side(
+            source.pad,
+            source.names,
+            _some(source.draws),
+            source.choices,
+            source.units,
+            source.covered,
+            source.fluid,
+            source.fitted,
+            source.converged,
+        )
+    return _of_draws(source, name)
+
+
+def _of_fit(fit: Fit) -> Side:
+    return Side(
+        fit.pad,
+        tuple(fit.names),
+        _some(fit.constants.reshape(-1, len(fit.names))),
+        fit.choices,
+        fit.experiment.units,
+        covered(fit.experiment),
+        fit.experiment.fluid,
+        tuple(trial.name for trial in fit.trials),
+        fit.enough,
+    )
+
+
+def _of_draws(source: Mapping[str, np.ndarray], name: str) -> Side:
+    given = {key: np.ravel(np.asarray(values, float)) for key, values in source.items()}
+    choices = infer_choices(given)
+    names: Sequence[str] = wanted_names(choices, given)
+    check_draws(choices, {key: given[key] for key in names})
+    draws = np.stack([given[key] for key in names], axis=-1)
+    return Side(name, tuple(names), _some(draws), choices, PAD)
+
+
+def _some(draws: np.ndarray) -> np.ndarray:
+    if len(draws) <= MOST_DRAWS:
+        return draws
+    return draws[np.linspace(0, len(draws) - 1, MOST_DRAWS).astype(int)]

@@ -1,0 +1,137 @@
+"""A comparison in plain words: do they differ, in what, and what the data cannot tell."""
+
+from __future__ import annotations
+
+from math import log
+
+from qlvbayes.comparison.contrast import BY_CHANCE, Comparison, Contrast
+from qlvbayes.comparison.numbers import with_interval, written
+
+_FRACTION = "1"
+_TESTS = {
+    "pads": "joint test of all shared constants",
+    "fluids": "smallest tail of the shared constants, corrected for their number",
+}
+
+
+def paragraphs(found: Comparison) -> list[str]:
+    """The answer: first whether they differ, then quantity by quantity, then what limits it."""
+    return [
+        _verdict(found),
+        *_relaxation(found),
+        *_listed(found),
+        _chance(found),
+        *(_sentence(notice) for notice in found.notices),
+    ]
+
+
+def _verdict(found: Comparison) -> str:
+    one, other = found.names
+    region = f"{100 * found.region:g} %"
+    if found.differ is None and found.omnibus is None:
+        return f"Cannot tell whether {one} and {other} differ: they share no constant."
+    if found.differ:
+        return f"Yes: {one} and {other} differ ({_test(found)}).{_most(found, region)}"
+    if found.differ is None:
+        return (
+            f"Cannot tell whether {one} and {other} differ: no difference is shown "
+            f"({_test(found)}), but the intervals are too wide to call them equal within {region}."
+        )
+    return (
+        f"No: {one} and {other} are equal within {region} in every shared constant, and no "
+        f"difference is shown ({_test(found)})."
+    )
+
+
+def _test(found: Comparison) -> str:
+    omnibus = found.omnibus
+    assert omnibus is not None
+    p_value = f"p = {omnibus.p_value:.2g}" if omnibus.p_value >= 1e-4 else "p < 0.0001"
+    level = 100 * omnibus.false_alarms
+    return f"{_TESTS[found.between]}, {p_value}; equals fail it in {level:g} % of cases"
+
+
+def _most(found: Comparison, region: str) -> str:
+    """The quantity that differs most."""
+    apart = [c for c in found.contrasts if c.answer in ("greater", "less") and c.ratio]
+    if all(c.answer == "equal" for c in found.contrasts):
+        return f" Yet every quantity is equal within {region}: the difference is real but small."
+    if not apart:
+        return ""
+    one, other = found.names
+    most = max(apart, key=lambda c: abs(log(c.ratio.median)) if c.ratio else 0.0)
+    ratio = with_interval(most.ratio) if most.ratio else ""
+    return f" Most of all in {most.quantity}: {one}'s is {ratio} times {other}'s."
+
+
+def _relaxation(found: Comparison) -> list[str]:
+    """The relaxation rates, which the paper's table gives as the same for both fluids."""
+    rates = [c for c in found.of_group("constants") if c.quantity.startswith("v[")]
+    if not rates:
+        return []
+    return [f"Relaxation rates: {'; '.join(_one(c, found) for c in rates)}."]
+
+
+def _one(c: Contrast, found: Comparison) -> str:
+    one, other = found.names
+    values = f"{c.quantity} {written(c.first)[0]} and {written(c.second)[0]}{_unit(c.unit)}"
+    ratio = "" if c.ratio is None else f", ratio {with_interval(c.ratio)}"
+    region = f"{100 * found.region:g} %"
+    said = {
+        "equal": f"the data say equal within {region} (probability {_share(c.equivalence)})",
+        "greater": f"{one}'s is greater (probability {_share(c.direction)})",
+        "less": f"{one}'s is less (probability {_share(1.0 - c.direction)})",
+        "cannot tell": (
+            f"the data cannot tell: neither different (probability of direction "
+            f"{_share(max(c.direction, 1.0 - c.direction))}) nor equal within {region} "
+            f"({_share(c.equivalence)})"
+        ),
+    }
+    return f"{values} ({one}, {other}){ratio}: {said[c.answer]}"
+
+
+def _listed(found: Comparison) -> list[str]:
+    one, _ = found.names
+    texts = {
+        "greater": f"Greater in {one}",
+        "less": f"Less in {one}",
+        "equal": f"Equal within {100 * found.region:g} %",
+        "cannot tell": "Cannot tell",
+    }
+    lines = []
+    for answer, text in texts.items():
+        chosen = [c for c in found.contrasts if c.answer == answer]
+        if chosen:
+            lines.append(f"{text}: {', '.join(_brief(c) for c in chosen)}.")
+    return lines
+
+
+def _brief(c: Contrast) -> str:
+    if c.ratio is None:
+        return f"{c.quantity} (difference {with_interval(c.difference)}{_unit(c.unit)})"
+    return f"{c.quantity} (x {with_interval(c.ratio)})"
+
+
+def _chance(found: Comparison) -> str:
+    count = len(found.contrasts)
+    different = sum(c.answer in ("greater", "less") for c in found.contrasts)
+    return (
+        f"{different} of {count} quantities are called different one by one; were the two equal in "
+        f"all of them, up to {found.by_chance:.1f} would be by chance ({100 * BY_CHANCE:g} % "
+        "each). Whether they differ at all is therefore judged by the joint test above."
+    )
+
+
+def _unit(unit: str) -> str:
+    return "" if unit == _FRACTION else f" {unit}"
+
+
+def _share(probability: float) -> str:
+    """Per cent, never a certainty that so many draws cannot show."""
+    if probability > 0.999:
+        return "> 99.9 %"
+    return "< 0.1 %" if probability < 0.001 else f"{100 * probability:.1f} %"
+
+
+def _sentence(text: str) -> str:
+    return f"{text[0].upper()}{text[1:]}."

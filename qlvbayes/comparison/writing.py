@@ -1,0 +1,104 @@
+"""A comparison on disk: JSON, CSV, LaTeX and plain words."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+from qlvbayes.comparison.contrast import Comparison, Contrast, Interval
+from qlvbayes.comparison.numbers import written
+from qlvbayes.files import results_folder, write_whole
+
+_TEX = str.maketrans(
+    {
+        **{sign: f"\\{sign}" for sign in "&%$#_{}"},
+        "\\": r"\textbackslash{}",
+        "~": r"\textasciitilde{}",
+        "^": r"\textasciicircum{}",
+    }
+)
+_COLUMNS = ("median", "low90", "high90")
+
+
+def write_comparison(folder: Path, found: Comparison) -> list[Path]:
+    """Write compare.json, .csv, .tex and .txt; return their paths.
+
+    Raises InputError where the folder cannot be written.
+    """
+    results_folder(folder)
+    found.write(folder / "compare.json")
+    texts = {
+        "csv": as_csv(found),
+        "tex": as_latex(found),
+        "txt": "\n\n".join(found.words) + "\n",
+    }
+    for suffix, text in texts.items():
+        write_whole(folder / f"compare.{suffix}", text.encode())
+    return [folder / f"compare.{suffix}" for suffix in ("json", *texts)]
+
+
+def as_csv(found: Comparison) -> str:
+    """A row a quantity: medians and central 90 % intervals, probabilities, the answer."""
+    file = io.StringIO()
+    table = csv.writer(file, lineterminator="\n")
+    heads = [f"{what}_{c}" for what in ("first", "second", "difference", "ratio") for c in _COLUMNS]
+    table.writerow(
+        ["quantity", "unit", *heads, "p_first_greater", "p_equivalent", "answer", "extrapolated"]
+    )
+    for c in found.contrasts:
+        numbers = [*_numbers(c.first), *_numbers(c.second)]
+        numbers += [*_numbers(c.difference), *_numbers(c.ratio)]
+        shares = [f"{c.direction:.6g}", f"{c.equivalence:.6g}"]
+        row = [c.quantity, c.unit, *numbers, *shares, c.answer, "yes" if c.extrapolated else "no"]
+        table.writerow(row)
+    one, other = (" ".join(name.split()) for name in found.names)
+    return f"# first = {one}, second = {other}; region {found.region:g}\n{file.getvalue()}"
+
+
+def _numbers(value: Interval | None) -> list[str]:
+    if value is None:
+        return ["", "", ""]
+    return [f"{x:.6g}" for x in (value.median, value.low, value.high)]
+
+
+def as_latex(found: Comparison) -> str:
+    """A table for the booktabs package: values, ratio (or difference), probabilities, answer."""
+    one, other = (_escaped(name) for name in found.names)
+    lines = [
+        "% needs \\usepackage{booktabs}",
+        "\\begin{tabular}{llrrrrrl}",
+        "\\toprule",
+        f"quantity & unit & {one} & {other} & {one}/{other} & $P(>)$ & $P(\\approx)$ & answer \\\\",
+        "\\midrule",
+        *(_latex_row(c) for c in found.contrasts),
+        "\\bottomrule",
+        "\\end{tabular}",
+        f"% median [central 90 \\% interval]; $P(>)$: probability that {one}'s is greater;",
+        f"% $P(\\approx)$: that the ratio is within 1/{1 + found.region:g} to "
+        f"{1 + found.region:g}; a ratio that may be 0 or change sign is left out",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _latex_row(c: Contrast) -> str:
+    unit = "" if c.unit == "1" else _escaped(c.unit)
+    ratio = "--" if c.ratio is None else _spread(c.ratio)
+    cells = [_escaped(c.quantity), unit, _spread(c.first), _spread(c.second), ratio]
+    return " & ".join([*cells, f"{c.direction:.3f}", f"{c.equivalence:.3f}", c.answer]) + " \\\\"
+
+
+def _spread(value: Interval) -> str:
+    median, low, high = (_number(text) for text in written(value))
+    return f"{median} [{low}, {high}]"
+
+
+def _number(text: str) -> str:
+    if "e" not in text:
+        return text.replace("-", "$-$")
+    mantissa, power = text.split("e")
+    return f"${mantissa} \\times 10^{{{int(power)}}}$"
+
+
+def _escaped(text: str) -> str:
+    return text.translate(_TEX)

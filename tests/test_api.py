@@ -1,0 +1,133 @@
+"""The package's own names: guessable, typed, quick to import, and none hides a module."""
+
+import ast
+import importlib
+import inspect
+import itertools
+import pkgutil
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+from two_tests import two_tests
+
+import qlvbayes as q
+from qlvbayes import effects, exports, formats, laws, noise, priors, recovery
+
+MODULES = [one.name for one in pkgutil.walk_packages(q.__path__, "qlvbayes.")]
+PARTS = [effects, exports, formats, laws, noise, priors, recovery]
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    return q.read_study(two_tests(tmp_path_factory.mktemp("api") / "two.csv"))
+
+
+def test_nothing_hides_a_module():
+    """What ``import a.b.c`` loads is ``a.b.c`` thereafter, once all names are taken out too."""
+    modules = {name: importlib.import_module(name) for name in MODULES}
+    for name in q.__all__:
+        getattr(q, name)
+    hidden = []
+    for name, module in modules.items():
+        parent, _, own = name.rpartition(".")
+        if getattr(sys.modules[parent], own) is not module:
+            hidden.append(name)
+    assert len(modules) > 200
+    assert not hidden
+
+
+def test_what_is_offered_is_there_and_is_what_type_checkers_see():
+    tree = ast.parse(Path(q.__file__).read_text())
+    (typed,) = (node for node in tree.body if isinstance(node, ast.If))
+    seen = {
+        alias.asname or alias.name: (node.module, alias.name)
+        for node in typed.body
+        for alias in node.names
+    }
+    assert sorted(seen) == q.__all__
+    assert len(q.__all__) < 40
+    for name, (module, own) in seen.items():
+        value = getattr(q, name)
+        assert name in dir(q)
+        if not isinstance(value, ModuleType):
+            assert value is getattr(importlib.import_module(module), own)
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_every_part_offers_what_it_says(part):
+    assert all(hasattr(part, name) for name in part.__all__)
+
+
+def test_a_name_that_is_not_there_is_told():
+    with pytest.raises(AttributeError, match="has no attribute 'fit_everything'"):
+        q.fit_everything  # noqa: B018
+
+
+def test_importing_loads_nothing_that_is_not_used():
+    heavy = "arviz_stats", "emcee", "matplotlib", "pandas", "scipy", "xarray"
+    code = f"import sys, qlvbayes; print([m for m in {heavy} if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
+
+
+def test_a_study_has_its_pads_by_name(study):
+    assert list(study) == ["C"]
+    assert len(study) == 1
+    assert "C" in study
+    assert study["C"] is study["C"]
+    assert study["C"].experiment is study["C"].experiment
+    assert repr(study) == "<study two.csv: C>"
+    assert repr(study["C"]) == "<pad C, 2 tests>"
+    with pytest.raises(q.InputError, match=r"no pad 'D'.*name one of: C"):
+        study["D"]
+
+
+def test_a_pad_fits_and_the_fit_says_all_that_the_readme_asks_of_it(study):
+    fit = study["C"].fit(method="least-squares", settings=q.Settings(seed=3))
+    summary = fit.summary()
+    assert summary.settings == q.Settings(seed=3)
+    assert str(summary).splitlines()[0].split()[:2] == ["m", f"{summary['m'].median:.4g}"]
+    assert [one.trial.name for one in fit.predict()] == [t.name for t in fit.experiment.trials]
+    assert {cell.test for cell in fit.check().cells} == {test.name for test in study["C"].pad.tests}
+
+
+def test_a_specimen_of_strain_and_stress_is_bonded_unless_it_is_said(tmp_path, study):
+    head, *rows = Path(study.source).read_text().splitlines()
+    text = head.replace("displacement_mm", "strain").replace("force_N", "stress_kPa")
+    (tmp_path / "strain.csv").write_text("\n".join([text, *rows]) + "\n")
+    pad = q.read_study(tmp_path / "strain.csv")["C"]
+    fit = pad.fit(method="least-squares", all_tests=True)
+    assert fit.choices.bonded
+    assert len(fit.trials) == 2
+    assert not pad.fit(q.Choices(), method="least-squares").choices.bonded
+
+
+def told(function):
+    """Names in the section Parameters of a docstring (numpydoc)."""
+    text = inspect.getdoc(function).partition("Parameters\n----------\n")[2]
+    lines = itertools.takewhile(lambda line: not line.startswith("---"), text.splitlines())
+    heads = [line for line in lines if line and not line.startswith(" ")]
+    return [name for head in heads for name in head.split(", ") if name.islower()]
+
+
+def public_functions():
+    """Those at the top and in the parts, and the verbs of what they return."""
+    for module in (q, *PARTS):
+        for name in module.__all__:
+            if inspect.isfunction(value := getattr(module, name)):
+                yield value
+    for kind in (q.Specimen, q.Fit):
+        for name, value in vars(kind).items():
+            if inspect.isfunction(value) and not name.startswith("_"):
+                yield value
+
+
+def test_public_functions_name_their_parameters():
+    found = {function.__qualname__: function for function in public_functions()}
+    assert {"compare", "read_study", "check_effect", "Specimen.fit", "Fit.predict"} <= set(found)
+    for name, function in found.items():
+        wanted = [name for name in inspect.signature(function).parameters if name != "self"]
+        assert told(function) == wanted, name
