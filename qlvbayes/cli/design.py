@@ -114,8 +114,8 @@ def _tests(found: NextTests) -> Table:
         table.add_column(column, justify="left" if left else "right")
     for one in found.tests:
         cells = [one.name, f"{one.minutes:.2f}"]
-        cells += [f"{one.constants:.2f}"] if found.constants else []
-        cells += [f"{one.cause:.2f}"] if found.cause else []
+        cells += [_bits(one.constants, one.judged, "constants")] if found.constants else []
+        cells += [_bits(one.cause, one.judged, "cause")] if found.cause else []
         table.add_row(*cells, f"{one.per_minute:.2f}", one.words)
     judged = found.together
     if judged is not None:
@@ -124,6 +124,12 @@ def _tests(found: NextTests) -> Table:
         cells += [_pm(judged.cause, judged.cause_error)] if found.cause else []
         table.add_row(*cells, _a_minute(found, judged), "", end_section=True)
     return table
+
+
+def _bits(closed: float, judged: Bits | None, name: str) -> str:
+    """Judged where that was done, as bits a minute are."""
+    value = getattr(judged, name) if judged else None
+    return f"{closed if value is None else value:.2f}"
 
 
 def _a_minute(found: NextTests, judged: Bits) -> str:
