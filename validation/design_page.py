@@ -118,7 +118,8 @@ def _halvings(cases: Sequence[dict]) -> str:
     head = ["halvings of the worst sd a minute, median", "proposed", "standard", "random"]
     head += ["ratio of each pad's first two, median", "its quartiles"]
     table = []
-    for key, words in (("sd_realised", "noise anew"), ("sd_held", "noise held")):
+    kinds = {"sd_realised": "noise anew", "sd_held": "noise held", "sd_promised": "as promised"}
+    for key, words in kinds.items():
         names = ("proposed", "standard", "random")
         cells = [words, *(f"{np.median(halvings(cases, name, key)):.2f}" for name in names)]
         found = ratios(cases, key)
