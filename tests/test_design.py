@@ -16,6 +16,7 @@ from qlvbayes.effects.force_offset import ForceOffset
 from qlvbayes.experiment import prepare
 from qlvbayes.inference.modes import find_mode
 from qlvbayes.nexttest.design import Design
+from qlvbayes.nexttest.rig import Rig
 from qlvbayes.synthetic import (
     HIDDEN,
     NOISES,
@@ -86,7 +87,8 @@ def test_the_promise_is_kept(present):
     """Press once more in an hour: the offset, which is right, gains about what was promised."""
     experiment, density, found = present
     again = Design(1.6, 20.0, 1000.0, hold=30.0, share=0.5, rest=30.0, wait=HOUR)
-    (promise,) = promised(experiment, believed(density, found), [again], 0.0)
+    rig = Rig.of_tests(experiment)
+    (promise,) = promised(experiment, rig, believed(density, found), [again], 0.0)
     first, later = ramps(0, ("one",)), experiment.scales.clock + HOUR
     gains = []
     for seed in range(1, AGAIN + 1):

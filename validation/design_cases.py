@@ -10,9 +10,13 @@ import numpy as np
 from qlvbayes import Choices
 from qlvbayes.benchmark.study import measured
 from qlvbayes.data import Pad, Test
+from qlvbayes.diagnosis.design import begun, cause_of
 from qlvbayes.diagnosis.diagnose import diagnose
+from qlvbayes.diagnosis.families import Families
+from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.search import Search, described
 from qlvbayes.diagnosis.workbench import as_chosen, search_of
+from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE
 from qlvbayes.experiment import Experiment, prepare
 from qlvbayes.inference.space import Hypothesis
 from qlvbayes.nexttest.belief import Belief, normalised
@@ -21,8 +25,9 @@ from qlvbayes.nexttest.errors import Errors
 from qlvbayes.nexttest.hypotheses import explanation_of_mode
 from qlvbayes.nexttest.rig import Rig
 from qlvbayes.nexttest.screening import screened
-from qlvbayes.nexttest.series import Wish, bits_for_constants, planned_series
-from qlvbayes.study.designing import LEAST, MOST
+from qlvbayes.nexttest.series import Option, Wish, bits_for_constants, planned_series
+from qlvbayes.noisefloor import NoiseFloor
+from qlvbayes.study.designing import likely
 from qlvbayes.synthetic import (
     HIDDEN,
     NOISES,
@@ -32,6 +37,7 @@ from qlvbayes.synthetic import (
     Move,
     Platen,
     draw_constants,
+    draw_effect,
     paper_protocol,
     record_study,
     record_test,
@@ -43,7 +49,11 @@ STANDARD = Design(1.6, 20.0, 1000.0, hold=30.0, share=0.5, rest=30.0)
 MINUTES = 10.0
 SCREENED = 512
 RATES = (0.1, 1.0, 20.0, 100.0)  # mm/s, of the pads whose cause is asked
-SURE = 0.9  # probability from which an explanation counts as found
+FIRST = ((20.0,), (1.0, 20.0, 100.0))  # mm/s, of the tests that a pad of known cause has, in turn
+UNLISTED = ("slip", "backlash", "sensor_nonlinearity", "poroelastic_diffusion")
+"""Hidden in turn, of no candidate's form."""
+SIZES = (0.03, 0.08)  # share of the peak force, of these
+FAMILIES = Families.of_kinds((*EFFECTS, *FORMS, *OUTSIDE))
 
 
 @dataclass(frozen=True)
@@ -70,8 +80,10 @@ class Lab:
         return Test(name, "B", own.time, own.displacement, own.force, start_s=start)
 
 
-def ready(tests: Sequence[Test]) -> Experiment:
-    return as_chosen(prepare(Pad("B", tuple(tests), PAD)), Choices())
+def ready(tests: Sequence[Test], floor: NoiseFloor | None = None) -> Experiment:
+    """Prepared; floor: of the noise, where it is not to be measured in these tests."""
+    found = as_chosen(prepare(Pad("B", tuple(tests), PAD)), Choices())
+    return found if floor is None else replace(found, floor=floor)
 
 
 def believed(search: Search, found: Sequence[tuple[Hypothesis, float]]) -> Belief:
@@ -81,15 +93,17 @@ def believed(search: Search, found: Sequence[tuple[Hypothesis, float]]) -> Belie
         some.append(
             explanation_of_mode(
                 search.density, hypothesis, one.point, one.evidence.covariance, one.mode.size,
-                probability, described(hypothesis),
+                probability, described(hypothesis), cause_of(hypothesis.effects, FAMILIES),
             )
         )  # fmt: skip
     return normalised(some)
 
 
-def plain(tests: Sequence[Test]) -> tuple[Experiment, Belief, float]:
+def plain(
+    tests: Sequence[Test], floor: NoiseFloor | None = None
+) -> tuple[Experiment, Belief, float]:
     """The belief in the plain model alone, and its discrepancy's size."""
-    experiment = ready(tests)
+    experiment = ready(tests, floor)
     search = search_of(experiment, kinds=())
     search.see_plain(search.usual)
     size = search.modes[search.usual][0].mode.size
@@ -97,15 +111,19 @@ def plain(tests: Sequence[Test]) -> tuple[Experiment, Belief, float]:
 
 
 def constants_case(index: int, seed: int) -> dict:
-    """Promised and realised bits for all constants, and sds, of some next tests of a pad."""
+    """Promised and realised bits for all constants, and sds, of some next tests of a pad.
+
+    Realised twice: with the noise measured anew in all tests, as a user would see it, and with the
+    noise held at what the promise took it for.
+    """
     rng = np.random.default_rng([seed, index])
     constants: Constants = draw_constants(rng)
     lab = Lab(HiddenPad(constants, ()), rng)
-    first = lab.tests((20.0,), int(rng.integers(2**32)))
+    first = lab.tests(FIRST[index % len(FIRST)], int(rng.integers(2**32)))
     experiment, belief, size = plain(first)
-    scales, one = experiment.scales, belief.explanations[0]
+    floor, scales, one = experiment.floor, experiment.scales, belief.explanations[0]
     rig = Rig.of_tests(experiment)
-    errors = Errors(experiment.floor, scales.force, size)
+    errors = Errors(floor, scales.force, size)
     sds = np.linalg.norm(one.gradient, axis=1) / np.abs(one.centre)
     worst = one.names[int(np.argmax(sds))]
     series = planned_series(
@@ -116,16 +134,15 @@ def constants_case(index: int, seed: int) -> dict:
     options = {"proposed": series.tests[0].design, "standard": recovery.before(STANDARD)}
     some = drawn(rig, recovery, 60.0 * MINUTES, 64, 1000 + index)
     options["random"] = some[int(rng.integers(len(some)))]
-    designs = list(options.values())
-    products, _ = screened(belief, designs, rig, errors, scales.clock)
+    products, _ = screened(belief, list(options.values()), rig, errors, scales.clock)
     promised = bits_for_constants(belief, products, belief.base_names)
     after = products.sds(0, one.gradient)
     rows = []
     place = one.names.index(worst)
     for k, (name, design) in enumerate(options.items()):
-        test = lab.done(design, name, scales.clock)
-        _, then, _ = plain([*first, test])
-        new = then.explanations[0]
+        tests = [*first, lab.done(design, name, scales.clock)]
+        anew, then, _ = plain(tests)
+        new, held = then.explanations[0], plain(tests, floor)[1].explanations[0]
         rows.append(
             {
                 "test": name,
@@ -133,12 +150,16 @@ def constants_case(index: int, seed: int) -> dict:
                 "minutes": design.minutes,
                 "promised": float(promised[k]),
                 "realised": _volume(one) - _volume(new),
+                "held": _volume(one) - _volume(held),
+                "noise": anew.floor.total / floor.total,
                 "sd_now": float(np.linalg.norm(one.gradient[place])),
                 "sd_promised": float(after[k, place]),
                 "sd_realised": float(np.linalg.norm(new.gradient[place])),
+                "sd_held": float(np.linalg.norm(held.gradient[place])),
             }
         )
-    return {"index": index, "kind": "constants", "worst": worst, "missed": size, "rows": rows}
+    return {"index": index, "kind": "constants", "first": len(first), "worst": worst,
+            "missed": size, "rows": rows}  # fmt: skip
 
 
 def _volume(one) -> float:  # type: ignore[no-untyped-def]
@@ -151,11 +172,47 @@ def _volume(one) -> float:  # type: ignore[no-untyped-def]
     return float(0.5 * np.linalg.slogdet(relative @ relative.T)[1] / np.log(2.0))
 
 
-def cause_case(index: int, seed: int) -> dict:
-    """Whether a proposed test and a random one resolve an ambiguous pad, rightly.
+@dataclass(frozen=True, eq=False)
+class Doubt:
+    """What a diagnosis left open of a pad: explanations with their probabilities, and the rig."""
 
-    The pad has a drag that grows nearly as the speed; what is asked is which of the explanations
-    that the diagnosis left is right, weighed again with the test more.
+    experiment: Experiment
+    known: list[tuple[Hypothesis, float]]
+    belief: Belief
+    rig: Rig
+    errors: Errors
+
+    @classmethod
+    def of(cls, experiment: Experiment, search: Search, result: DiagnosisResult) -> Doubt:
+        known = [
+            (Hypothesis(*one.base.pair, search.usual.effects | set(one.effects)), one.probability)
+            for one in likely(result.alternatives, FAMILIES) or result.alternatives[:1]
+        ]
+        return cls(
+            experiment, known, believed(search, known), Rig.of_tests(experiment),
+            Errors(experiment.floor, experiment.scales.force, result.discrepancy),
+        )  # fmt: skip
+
+    def best(self, wish: Wish, seed: int) -> Option:
+        """The one test that is proposed."""
+        return planned_series(
+            self.belief, self.rig, self.errors, wish, minutes=MINUTES, tests=1,
+            clock=self.experiment.scales.clock, seed=seed, count=SCREENED, best=0,
+        ).tests[0]  # fmt: skip
+
+    def promised(self, designs: Sequence[Design]) -> list[list[float]]:
+        """Bits for the cause, at least and at most, of each."""
+        clock = self.experiment.scales.clock
+        products, _ = screened(self.belief, designs, self.rig, self.errors, clock)
+        bounds = products.bits_for_cause(self.belief.probabilities, self.belief.groups)
+        return np.transpose(bounds).tolist()
+
+
+def cause_case(index: int, seed: int) -> dict:
+    """Whether a proposed test, a random one as long and the standard one resolve a pad, rightly.
+
+    The pad has a drag that grows nearly as the speed; what is asked is which of the causes that the
+    diagnosis left is right, weighed again with the test more.
     """
     rng = np.random.default_rng([seed, 1000 + index])
     n, k = float(rng.uniform(0.8, 0.95)), float(rng.uniform(0.002, 0.005))
@@ -167,60 +224,48 @@ def cause_case(index: int, seed: int) -> dict:
             "verdict": found.result.verdict, "group": list(found.result.group)}  # fmt: skip
     if found.result.verdict != "ambiguous":
         return case
-    search = found.work.search
-    likely = [one for one in found.result.alternatives if one.probability >= LEAST][:MOST]
-    known = [
-        (Hypothesis(*one.base.pair, search.usual.effects | set(one.effects)), one.probability)
-        for one in likely
-    ]
-    belief = believed(search, known)
-    scales, rig = experiment.scales, Rig.of_tests(experiment)
-    errors = Errors(experiment.floor, scales.force, found.result.discrepancy)
-    series = planned_series(
-        belief, rig, errors, Wish((), True), minutes=MINUTES, tests=1, clock=scales.clock,
-        seed=index, count=SCREENED, best=0,
-    )  # fmt: skip
-    best = series.tests[0]
+    doubt = Doubt.of(experiment, found.work.search, found.result)
+    best, recovery = doubt.best(Wish((), True), index).design, doubt.belief.recovery
     near = [
         one
-        for one in drawn(rig, belief.recovery, 60.0 * MINUTES, 512, 2000 + index)
-        if 0.8 < one.minutes / best.design.minutes < 1.25
+        for one in drawn(doubt.rig, recovery, 60.0 * MINUTES, 1024, 2000 + index)
+        if 0.8 < one.minutes / best.minutes < 1.25
     ]
-    options = {"proposed": best.design}
+    options = {"proposed": best, "standard": recovery.before(STANDARD)}
     if near:
         options["random"] = near[int(rng.integers(len(near)))]
-    case["entropy"], case["promised"] = belief.entropy, [best.cause, best.cause_most]
-    before = _weighed(experiment, known)
-    case["before"] = _right(known, np.log([p for _, p in known]))
+    promised = doubt.promised(list(options.values()))
+    before = _weighed(experiment, doubt.known)
+    case |= {"entropy": doubt.belief.entropy, "causes": doubt.belief.causes}
     case["rows"] = [
-        {"test": name, "words": one.words(PAD), "minutes": one.minutes,
-         **_resolved(lab, first, one, name, scales.clock, known, before)}
-        for name, one in options.items()
+        {"test": name, "words": one.words(PAD), "minutes": one.minutes, "promised": promised[j],
+         "after": _after(lab, first, one, name, doubt, before)}
+        for j, (name, one) in enumerate(options.items())
     ]  # fmt: skip
     return case
 
 
-def _resolved(
-    lab: Lab,
-    first: Sequence[Test],
-    design: Design,
-    name: str,
-    clock: float,
-    known: Sequence[tuple[Hypothesis, float]],
-    before: np.ndarray,
-) -> dict:
-    """The diagnosis's probabilities, times what the test more adds to each one's evidence."""
-    after = _weighed(ready([*first, lab.done(design, name, clock)]), known)
-    right = _right(known, np.log([p for _, p in known]) + after - before)
-    return {"right": right, "resolved": right >= SURE, "wrong": right < 1 - SURE}
+def _after(
+    lab: Lab, first: Sequence[Test], design: Design, name: str, doubt: Doubt, before: np.ndarray
+) -> dict[str, float]:
+    """The causes' probabilities, times what the test more adds to each explanation's evidence."""
+    clock = doubt.experiment.scales.clock
+    after = _weighed(ready([*first, lab.done(design, name, clock)]), doubt.known)
+    logs = np.log([p for _, p in doubt.known]) + after - before
+    shares = np.exp(logs - logs.max())
+    found: dict[str, float] = {}
+    for (hypothesis, _), share in zip(doubt.known, shares / shares.sum(), strict=True):
+        cause = cause_of(hypothesis.effects, FAMILIES)
+        found[cause] = found.get(cause, 0.0) + float(share)
+    return found
 
 
 def _weighed(experiment: Experiment, known: Sequence[tuple[Hypothesis, float]]) -> np.ndarray:
     """Log posteriors of some hypotheses, up to a constant."""
     names = {effect for hypothesis, _ in known for effect in hypothesis.effects}
-    kinds = tuple(kind for kind in Choices().candidates if kind.name in names)
-    search = search_of(experiment, kinds=kinds)
-    search.see_plain(search.usual)
+    own = {FAMILIES.of[name] for name in names}
+    kinds = tuple(kind for kind in Choices().candidates if kind.name in own)
+    search = begun(search_of(experiment, kinds=kinds))
     for hypothesis, _ in known:
         bare = replace(hypothesis, effects=search.usual.effects)
         search.see_plain(bare)
@@ -228,11 +273,31 @@ def _weighed(experiment: Experiment, known: Sequence[tuple[Hypothesis, float]]) 
     return np.array([search.log_posterior(hypothesis) for hypothesis, _ in known])
 
 
-def _right(known: Sequence[tuple[Hypothesis, float]], logs: np.ndarray) -> float:
-    """Probability of the hidden effect, on any base law."""
-    shares = np.exp(logs - logs.max())
-    hidden = np.array([hypothesis.effects == {"power_law_drag"} for hypothesis, _ in known])
-    return float(shares[hidden].sum() / shares.sum())
+def outside_case(index: int, seed: int) -> dict:
+    """Whether a pad whose cause is in no list looks certain after the proposed test."""
+    rng = np.random.default_rng([seed, 2000 + index])
+    constants, name = draw_constants(rng), UNLISTED[index % len(UNLISTED)]
+    size = float(np.exp(rng.uniform(*np.log(SIZES))))
+    peak = constants.m / constants.b * np.expm1(constants.b * STANDARD.depth)
+    hidden = draw_effect(name, rng, peak, STANDARD.depth, max(RATES), size, constants)
+    lab = Lab(HiddenPad(constants, (hidden,)), rng)
+    first = lab.tests(RATES, int(rng.integers(2**32)))
+    experiment = ready(first)
+    found = diagnose(experiment)
+    doubt = Doubt.of(experiment, found.work.search, found.result)
+    cause = len(doubt.belief.groups) > 1
+    best = doubt.best(Wish(doubt.belief.base_names, cause), index)
+    test = lab.done(best.design, "proposed", experiment.scales.clock)
+    then = diagnose(ready([*first, test])).result
+    return {
+        "index": 2000 + index, "kind": "outside", "hidden": name, "size": size,
+        "words": best.design.words(PAD), "minutes": best.design.minutes,
+        "entropy": doubt.belief.entropy, "promised": [best.cause, best.cause_most],
+        "missed": found.result.discrepancy,
+        "before": found.result.outside, "after": then.outside,
+        "verdicts": [found.result.verdict, then.verdict],
+        "likeliest": [list(one.alternatives[0].effects) for one in (found.result, then)],
+    }  # fmt: skip
 
 
-__all__ = ["MINUTES", "SCREENED", "SURE", "cause_case", "constants_case"]
+__all__ = ["MINUTES", "SCREENED", "cause_case", "constants_case", "outside_case"]

@@ -17,7 +17,7 @@ from qlvbayes.nexttest.series import MOST
 from qlvbayes.wording import plain
 
 if TYPE_CHECKING:
-    from qlvbayes.nexttest.result import NextTests
+    from qlvbayes.nexttest.result import Bits, NextTests
 
 _FILES = ("posterior.nc", "diagnosis.json")
 
@@ -57,11 +57,12 @@ def design_command(
     seed: Seed = 0,
     as_json: AsJson = False,
 ) -> None:
-    """Propose the tests that tell most per minute of rig time, and write their set-points.
+    """Propose the tests that tell most, and write their set-points.
 
-    About a thousand tests within the rig's limits are screened by the information that they
-    promise; the best five are judged by nested Monte Carlo. Leaves OUT/<pad>/design.json,
-    set_points.csv (1 000 a second, for the rig and for 'predict --program') and the figure design.
+    Of constants, per minute of rig time; of the cause, in all the time there is. About a thousand
+    tests within the rig's limits are screened by the information that they promise; the best five
+    are judged by nested Monte Carlo. Leaves OUT/<pad>/design.json, set_points.csv (1 000 a second,
+    for the rig and for 'predict --program') and the figure design.
     """
     # here, so that other commands do not wait for JAX
     from qlvbayes.study.designing import design_into
@@ -102,7 +103,9 @@ def _pads(folder: Path, names: str) -> list[str]:
 
 def _tests(found: NextTests) -> Table:
     """A row a test, and one of all."""
-    table = Table(title=f"pad {found.pad}: the next tests")
+    doubt = ", ".join(f"{name} ({share:.0%})" for name, share in found.causes.items())
+    caption = f"{found.entropy:.2f} bits are missing to tell apart {doubt}" if found.cause else None
+    table = Table(title=f"pad {found.pad}: the next tests", caption=caption)
     columns = ["test", "minutes"]
     columns += ["bits, constants"] if found.constants else []
     columns += ["bits, cause"] if found.cause else []
@@ -111,16 +114,29 @@ def _tests(found: NextTests) -> Table:
         table.add_column(column, justify="left" if left else "right")
     for one in found.tests:
         cells = [one.name, f"{one.minutes:.2f}"]
-        cells += [f"{one.constants:.2f}"] if found.constants else []
-        cells += [f"{one.cause:.2f}"] if found.cause else []
+        cells += [_bits(one.constants, one.judged, "constants")] if found.constants else []
+        cells += [_bits(one.cause, one.judged, "cause")] if found.cause else []
         table.add_row(*cells, f"{one.per_minute:.2f}", one.words)
     judged = found.together
     if judged is not None:
         cells = ["all", f"{sum(one.minutes for one in found.tests):.2f}"]
         cells += [_pm(judged.constants, judged.constants_error)] if found.constants else []
         cells += [_pm(judged.cause, judged.cause_error)] if found.cause else []
-        table.add_row(*cells, "", "", end_section=True)
+        table.add_row(*cells, _a_minute(found, judged), "", end_section=True)
     return table
+
+
+def _bits(closed: float, judged: Bits | None, name: str) -> str:
+    """Judged where that was done, as bits a minute are."""
+    value = getattr(judged, name) if judged else None
+    return f"{closed if value is None else value:.2f}"
+
+
+def _a_minute(found: NextTests, judged: Bits) -> str:
+    """Of all tests together."""
+    asked = [judged.constants] * bool(found.constants) + [judged.cause] * found.cause
+    known = [value for value in asked if value is not None]
+    return f"{sum(known) / sum(one.minutes for one in found.tests):.2f}" if known else ""
 
 
 def _pm(value: float | None, error: float | None) -> str:

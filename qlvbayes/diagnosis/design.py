@@ -5,12 +5,13 @@ The engine is that of ``qlvbayes design`` (`nexttest`), with fewer tests and the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
+from qlvbayes.diagnosis.families import Families
 from qlvbayes.diagnosis.result import Suggestion
-from qlvbayes.diagnosis.search import Weighed, described
+from qlvbayes.diagnosis.search import Search, Weighed, _in_proportion, described
 from qlvbayes.experiment import Experiment
 from qlvbayes.inference.density import Density
 from qlvbayes.nexttest.belief import Belief, normalised
@@ -29,7 +30,7 @@ def suggest(experiment: Experiment, density: Density, found: Sequence[Weighed]) 
     """The best tests, best first; the evidence is that between the two nearest explanations."""
     rig, belief = Rig.of_tests(experiment), believed(density, found)
     designs = drawn(rig, belief.recovery, _LONGEST, TOGETHER, 0)
-    worth = promised(experiment, belief, designs, max(one.mode.size for one in found))
+    worth = promised(experiment, rig, belief, designs, max(one.mode.size for one in found))
     order = np.argsort(-worth, kind="stable")[:_TOLD]
     units = experiment.units
     return [Suggestion(designs[k].words(units), float(worth[k])) for k in order]
@@ -55,10 +56,32 @@ def believed(density: Density, found: Sequence[Weighed]) -> Belief:
 
 
 def promised(
-    experiment: Experiment, belief: Belief, designs: Sequence[Design], missed: float
+    experiment: Experiment, rig: Rig, belief: Belief, designs: Sequence[Design], missed: float
 ) -> np.ndarray:
     """Expected 2 ln Bayes factor (T,) by each test alone; missed: by the explanations (N)."""
     scales = experiment.scales
     errors = Errors(experiment.floor, scales.force, missed)
-    rig = Rig.of_tests(experiment)
     return evidence(screened(belief, designs, rig, errors, scales.clock)[0])
+
+
+def cause_of(effects: Collection[str], families: Families) -> str:
+    """What a set of effects is told by: their families, whatever form and laws they have."""
+    listed = [name for name in effects if name not in families.outside]
+    names = sorted({families.of.get(name, name) for name in listed})
+    unlisted = [UNLISTED] if len(listed) < len(effects) else []
+    return " + ".join((*names, *unlisted)) or NOTHING
+
+
+NOTHING = "no effect"
+UNLISTED = "something unlisted"
+"""Causes that no effect's name tells."""
+
+
+def begun(search: Search) -> Search:
+    """The plain model seen, and the priors taken by which a search's hypotheses are weighed."""
+    search.see_plain(search.usual)
+    if search.usual in search.modes:
+        search.density = _in_proportion(search)
+        del search.modes[search.usual]
+        search.see_plain(search.usual)
+    return search

@@ -27,7 +27,7 @@ class Explanation:
     Its F free numbers z are independent standard normal ones. names, kinds: of the P constants, and
     of their units; constants: from z (K, F) to (K, P); run: from constants (K, P) and a record of T
     tests to block means (K, T, B) of the force (N); fractions (L,), rates (L,): of its relaxation,
-    1/s.
+    1/s; cause: what it is told by, whatever its laws, explanations of one cause being one answer.
     """
 
     words: str
@@ -39,6 +39,7 @@ class Explanation:
     run: Forces
     fractions: Array
     rates: Array
+    cause: str = ""
 
     def forces(self, z: Array, record: Record) -> Array:
         """(K, T, B) of z (K, F)."""
@@ -93,10 +94,27 @@ class Belief:
         """(H,)."""
         return np.array([one.probability for one in self.explanations])
 
+    @cached_property
+    def groups(self) -> tuple[tuple[int, ...], ...]:
+        """Places of the explanations of each cause; one that names none is a cause of its own."""
+        found: dict[str, list[int]] = {}
+        for k, one in enumerate(self.explanations):
+            found.setdefault(one.cause or one.words, []).append(k)
+        return tuple(tuple(places) for places in found.values())
+
+    @property
+    def causes(self) -> dict[str, float]:
+        """Probability of each, in the order of `groups`."""
+        p = self.probabilities
+        firsts = (self.explanations[group[0]] for group in self.groups)
+        names = (first.cause or first.words for first in firsts)
+        return {n: float(p[list(g)].sum()) for n, g in zip(names, self.groups, strict=True)}
+
     @property
     def entropy(self) -> float:
-        """Bits that are missing to know which explanation is right."""
-        p = self.probabilities[self.probabilities > 0.0]
+        """Bits that are missing to know which cause is right."""
+        p = np.array(list(self.causes.values()))
+        p = p[p > 0.0]
         return float(-(p * np.log2(p)).sum()) + 0.0
 
     @property

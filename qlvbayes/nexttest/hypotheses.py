@@ -29,8 +29,11 @@ def explanation_of_mode(
     size: float,
     probability: float,
     words: str,
+    cause: str = "",
 ) -> Explanation:
     """A hypothesis about a mode, from Laplace's covariance (F, F) there; size: of the discrepancy.
+
+    words, cause: as of `Explanation`.
 
     Where a number is at a bound, or the curvature there says little of what the tests allow,
     Laplace's normal would expect forces that the tests have ruled out: its draws are weighed by
@@ -60,6 +63,7 @@ def explanation_of_mode(
         run,
         np.asarray(fractions)[1:],
         np.asarray(rates),
+        cause,
     )
 
 

@@ -7,12 +7,17 @@ z ~ N(0, 1), all is said by products (`Products`), which add up over tests. With
 
 for some of the numbers, orthonormal rows Q (all: half log det M; Lindley 1956,
 doi:10.1214/aoms/1177728069). Which explanation is right is told by predictions
-N(f_h, 1 + A_h A_h^T). What a mixture of probabilities p_h tells of its members has bounds in their
-distances D (Kolchinsky & Tracey 2017, doi:10.3390/e19070361),
+N(f_h, 1 + A_h A_h^T). Those of one cause g are a group, of which the members' weights are w; what
+a mixture of probabilities p_g tells of its groups has bounds in their distances D (Kolchinsky &
+Tracey 2017, doi:10.3390/e19070361),
 
-.. math:: I(h; y) \gtreqless -\sum_i p_i \log_2 \sum_j p_j e^{-D_{ij}}
+.. math:: I(g; y) \gtreqless -\sum_a p_a \log_2 \sum_b p_b e^{-D_{ab}}
 
-from below with Bhattacharyya's distance, from above with Kullback and Leibler's.
+from below with Bhattacharyya's distance, from above with Kullback and Leibler's. Of groups both are
+themselves bounded by those of their members, as the root is subadditive and the divergence convex:
+
+.. math:: e^{-D_{ab}} \le \sum_{i \in a, j \in b} \sqrt{w_i w_j} e^{-D_{ij}}, \quad
+          D_{ab} \le \sum_{i \in a, j \in b} w_i w_j D_{ij}
 """
 
 from __future__ import annotations
@@ -128,26 +133,55 @@ class Products:
         volume = self._volumes[j] - self._volumes[i]
         return 0.5 * np.maximum(trace + self.evidence(i, j) + volume, 0.0)
 
-    def bits_for_cause(self, probabilities: Array) -> tuple[Array, Array]:
-        """Bits (T,) for which explanation is right: bounds from below and from above."""
-        entropy = -float(probabilities @ np.log2(np.maximum(probabilities, 1e-300)))
+    def bits_for_cause(
+        self, probabilities: Array, groups: Sequence[Sequence[int]] | None = None
+    ) -> tuple[Array, Array]:
+        """Bits (T,) for which group of explanations is right: bounds from below and from above.
+
+        groups: places of the explanations of each; by default each is one of its own.
+        """
+        groups = groups or [[k] for k in range(len(probabilities))]
+        shares = np.array([probabilities[list(group)].sum() for group in groups])
+        weights = [probabilities[list(g)] / p for g, p in zip(groups, shares, strict=True)]
+        entropy = -float(shares @ np.log2(np.maximum(shares, 1e-300)))
         found = []
-        for distance in (self.bhattacharyya, self.kullback):
+        for nearness in (self._overlap, self._likeness):
             total = np.zeros(len(self.values))
-            for i, p in enumerate(probabilities):
+            for a, p in enumerate(shares):
                 near = sum(
-                    q * (np.exp(-distance(i, j)) if i != j else 1.0)
-                    for j, q in enumerate(probabilities)
+                    q * (nearness(groups[a], weights[a], groups[b], weights[b]) if a != b else 1.0)
+                    for b, q in enumerate(shares)
                 )
                 total -= p * np.log2(near)
             found.append(np.clip(total, 0.0, max(entropy, 0.0)))
         return found[0], found[1]
 
+    def _overlap(self, a: Sequence[int], v: Array, b: Sequence[int], w: Array) -> Array:
+        """At most 1: bound (T,) from above of the Bhattacharyya coefficient of two groups."""
+        total = sum(
+            np.sqrt(p * q) * np.exp(-self.bhattacharyya(i, j))
+            for i, p in zip(a, v, strict=True)
+            for j, q in zip(b, w, strict=True)
+        )
+        return np.minimum(total, 1.0)
 
-def evidence(products: Products) -> Array:
-    """Expected 2 ln Bayes factor (T,) between the two nearest explanations; 0 of one alone."""
-    count = len(products.sizes)
-    pairs = [(i, j) for i in range(count) for j in range(count) if i != j]
+    def _likeness(self, a: Sequence[int], v: Array, b: Sequence[int], w: Array) -> Array:
+        """Bound (T,) from below of e^-D of two groups, D their divergence."""
+        mean = sum(
+            p * q * self.kullback(i, j)
+            for i, p in zip(a, v, strict=True)
+            for j, q in zip(b, w, strict=True)
+        )
+        return np.asarray(np.exp(-mean))
+
+
+def evidence(products: Products, groups: Sequence[Sequence[int]] | None = None) -> Array:
+    """Expected 2 ln Bayes factor (T,) between the two nearest explanations; 0 of one alone.
+
+    groups: as of `Products.bits_for_cause`; only explanations of two groups are compared.
+    """
+    groups = groups or [[k] for k in range(len(products.sizes))]
+    pairs = [(i, j) for a in groups for b in groups if a is not b for i in a for j in b]
     if not pairs:
         return np.zeros(len(products.values))
     return np.asarray(np.min([products.evidence(i, j) for i, j in pairs], axis=0))

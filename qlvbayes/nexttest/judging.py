@@ -2,14 +2,14 @@ r"""What tests would tell, forces as they are: nested Monte Carlo with Laplace i
 
 Of an explanation and numbers drawn from the belief, and noise, readings y are made, and then
 
-.. math:: I(h; y) = E \log_2 \frac{p(y | h)}{p(y)}, \qquad
+.. math:: I(g; y) = E \log_2 \frac{p(y | g)}{p(y)}, \qquad
           I(\phi; y | h) = E \log_2 \frac{p(y | \phi, h)}{p(y | h)}
 
-for the constants phi that are asked for. Every p(y | .) is an average over draws from a normal
-about the highest place of the numbers that are left, with the curvature there (Beck et al. 2018,
-doi:10.1016/j.cma.2018.01.053): plain averages over the prior underflow where tests tell much. The
-same readings with linear forces, of which the mean is known, take most of the error away (a control
-variate).
+for the cause g, one or more explanations h, and the constants phi that are asked for. Every
+p(y | .) is an average over draws from a normal about the highest place of the numbers that are
+left, with the curvature there (Beck et al. 2018, doi:10.1016/j.cma.2018.01.053): plain averages
+over the prior underflow where tests tell much. The same readings with linear forces, of which the
+mean is known, take most of the error away (a control variate).
 """
 
 from __future__ import annotations
@@ -101,14 +101,27 @@ def judged(
                            np.zeros((count, other.size)), np.eye(other.size), inner, rng)
             for other in belief.explanations
         ]  # fmt: skip
-        mixed = logsumexp(np.stack(whole) + log_p[:, None], axis=0)
-        found = (whole[k] - mixed) / _LN2
-        cause.append(found - lines.cause(k, z, noise, log_p) + lines.cause_mean(k, log_p, seed))
+        own = _own_group(belief, k)
+        found = _bits_of_group(np.stack(whole), log_p, own)
+        linear = lines.cause(k, z, noise, log_p, own)
+        cause.append(found - linear + lines.cause_mean(k, log_p, own, seed))
         rows = one.asked(asked)
         known = _given(trial, one, rows, z, readings, noise, inner, rng)
         found = (known - whole[k]) / _LN2 if len(rows) else np.zeros(count)
         constants.append(found - lines.constants(k, rows, z, noise) + lines.constants_mean(k, rows))
     return Judged(*_mean(constants, p), *_mean(cause, p))
+
+
+def _own_group(belief: Belief, k: int) -> list[int]:
+    """Places of all explanations of k's cause."""
+    return list(next(group for group in belief.groups if k in group))
+
+
+def _bits_of_group(logs: Array, log_p: Array, own: list[int]) -> Array:
+    """Bits (K,) for a cause, the explanations own, of log p(y | h) (H, K)."""
+    joint = logs + log_p[:, None]
+    within = logsumexp(joint[own], axis=0) - logsumexp(log_p[own])
+    return np.asarray((within - logsumexp(joint, axis=0)) / _LN2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,22 +155,25 @@ class Lines:
         log_det = np.linalg.slogdet(precision)[1]
         return np.asarray(-0.5 * (np.sum(left**2, axis=1) - inside + log_det))
 
-    def cause(self, k: int, z: Array, noise: Array, log_p: Array) -> Array:
-        """Bits (K,) for the cause of readings by explanation k of z (K, F) and noise (K, n)."""
-        if len(log_p) == 1:
+    def cause(self, k: int, z: Array, noise: Array, log_p: Array, own: list[int]) -> Array:
+        """Bits (K,) for the cause of readings by explanation k of z (K, F) and noise (K, n).
+
+        own: the explanations of k's cause.
+        """
+        if len(log_p) == len(own):
             return np.zeros(len(z))
         readings = self.forces[k] + z @ self.slopes[k] + noise
         logs = np.stack([self._log_marginal(j, readings) for j in range(len(log_p))])
-        return np.asarray((logs[k] - logsumexp(logs + log_p[:, None], axis=0)) / _LN2)
+        return _bits_of_group(logs, log_p, own)
 
-    def cause_mean(self, k: int, log_p: Array, seed: int) -> float:
+    def cause_mean(self, k: int, log_p: Array, own: list[int], seed: int) -> float:
         """Its mean, over so many draws that its own error does not count."""
-        if len(log_p) == 1:
+        if len(log_p) == len(own):
             return 0.0
         rng = np.random.default_rng([seed, k])
         z = rng.standard_normal((_MANY, len(self.slopes[k])))
         noise = rng.standard_normal((_MANY, len(self.forces[k])))
-        return float(self.cause(k, z, noise, log_p).mean())
+        return float(self.cause(k, z, noise, log_p, own).mean())
 
     def constants(self, k: int, rows: Array, z: Array, noise: Array) -> Array:
         """Bits (K,) for what rows (r, F) say of explanation k's numbers, of the same readings."""

@@ -22,6 +22,9 @@ BLOCKS = 128
 POINTS = 320
 """Of its motion: two nodes a mean, and up to 64 knots."""
 _EARLY = 1e-4  # of a rest: its first block
+_LONGER = 3.0  # than the block before it, at most: of few, the last would hold nearly all of a rest
+_MOVES = ("ramp", "unload")
+_MOVING = 1.0 / 3.0  # of the blocks, for all movements: forces are simpler there than in rests
 
 
 def record_of(designs: Sequence[Design], rig: Rig, clock: float) -> Record:
@@ -69,15 +72,18 @@ def _kept(count: Array, rows: int) -> Array:
 def _edges(design: Design, interval: float) -> list[tuple[Array, Array]]:
     """Begin and end of the blocks of each movement and rest."""
     stretches = design.stretches
-    each = BLOCKS // len(stretches)
+    moves = sum(kind in _MOVES for kind, *_ in stretches)
+    rests = max(len(stretches) - moves, 1)
+    move = max(int(_MOVING * BLOCKS) // moves, 1)
+    rest = (BLOCKS - move * moves) // rests
     found = []
     for kind, start, stop in stretches:
         length = stop - start
-        parts = int(np.clip(length / interval, 1, each))
-        if kind in ("ramp", "unload") or parts < 3:
+        parts = int(np.clip(length / interval, 1, move if kind in _MOVES else rest))
+        if kind in _MOVES or parts < 3:
             shares = np.linspace(0.0, 1.0, parts + 1)
         else:
-            first = max(2.0 * interval / length, _EARLY)
+            first = max(2.0 * interval / length, _EARLY, _LONGER ** (1.0 - parts))
             shares = np.concatenate([[0.0], np.geomspace(min(first, 0.5), 1.0, parts)])
         edges = start + length * shares
         found.append((edges[:-1], edges[1:]))

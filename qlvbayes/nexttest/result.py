@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import msgspec
+
 from qlvbayes.resultfile import Part, Result
 from qlvbayes.units import PAD, UnitSystem
 
 
 class Hypothesis(Part, frozen=True):
-    """An explanation of the tests that were done, and its probability."""
+    """An explanation of the tests that were done, its probability, and what it is told by."""
 
     words: str
     probability: float
+    cause: str = ""
 
 
 class Bits(Part, frozen=True):
@@ -43,9 +46,10 @@ class Proposed(Part, frozen=True, rename={
     """A test.
 
     pause: before it; minutes: of rig time, with the pause; constants, cause: bits in closed form
-    beyond the tests before it (cause: the bound from below, cause_most from above); per_minute: of
-    all that was asked for, judged where that was done; evidence: between the two nearest
-    explanations, with the tests before it; judged: of this test alone.
+    beyond the tests before it (cause: the bound from below, cause_most from above); total: of all
+    that was asked for, judged where that was done; per_minute: the same per minute; evidence:
+    between the two nearest explanations of two causes, with the tests before it; judged: of this
+    test alone.
     """
 
     name: str
@@ -66,6 +70,7 @@ class Proposed(Part, frozen=True, rename={
     per_minute: float
     evidence: float
     judged: Bits | None
+    total: float = 0.0
 
 
 class Width(Part, frozen=True):
@@ -80,8 +85,9 @@ class Width(Part, frozen=True):
 class NextTests(Result, frozen=True, kw_only=True):
     """Which tests to do next: ``design.json``.
 
-    constants: those asked for; cause: whether which explanation is right was asked for; entropy:
-    bits that are missing to know it; outside: probability that none of the hypotheses is all of it;
+    constants: those asked for; cause: whether which cause is right was asked for; causes: sets of
+    effects that are in doubt, each with its probability over all laws; entropy: bits that are
+    missing to know which is right; outside: probability that none of the hypotheses is all of it;
     missed: size of what they leave, which is reckoned with; tests: proposed, in order; considered:
     the best for the first place; together: all tests.
     """
@@ -103,3 +109,4 @@ class NextTests(Result, frozen=True, kw_only=True):
     together: Bits | None
     widths: dict[str, Width]
     notices: tuple[str, ...] = ()
+    causes: dict[str, float] = msgspec.field(default_factory=dict)

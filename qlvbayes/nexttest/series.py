@@ -25,11 +25,16 @@ BEST = 5
 """Of these, that are judged without taking forces for linear."""
 MOST = 5
 """Tests in a series."""
+_AS_GOOD = 0.01  # bits, by which a total may be less than the most: the shortest of these is taken
 
 
 @dataclass(frozen=True)
 class Wish:
-    """What the tests are for: names of constants, and whether for the cause."""
+    """What the tests are for: names of constants, and whether for the cause.
+
+    Constants are known better by every test, so that bits a minute count. A cause is found or not:
+    all bits within the time there is count, as the quickest test tells a part of the question only.
+    """
 
     constants: tuple[str, ...]
     cause: bool
@@ -45,7 +50,7 @@ class Option:
 
     constants, cause, cause_most: bits in closed form, beyond what the series before it tells (the
     bound from below and from above); evidence: expected 2 ln Bayes factor between the two nearest
-    explanations; judged: by nested Monte Carlo, of this test alone.
+    explanations of two causes; judged: by nested Monte Carlo, of this test alone.
     """
 
     design: Design
@@ -99,7 +104,7 @@ def planned_series(
     best: int = BEST,
     tell: Callable[[str], None] = lambda text: None,
 ) -> Series:
-    """Tests that tell most per minute of rig time, in at most ``minutes`` together.
+    """Tests that tell most in at most ``minutes`` together; of constants alone, most per minute.
 
     The first is the best of those judged; the others are added one by one by the closed form, what
     the ones before them tell being known. Raises InputError where no test fits into the time.
@@ -120,24 +125,61 @@ def planned_series(
         return judged(belief, own, rig, errors, wish.constants, clock=clock, seed=seed)
 
     options = _options(belief, designs, products, wish, none)
-    first = [options[k] for k in _by_rate(options, wish, sound)[: max(best, 1)]]
+    plan = _Plan(belief, wish, designs, products, sound, minutes, min(tests, MOST))
+    allowed = plan.best_share(options)
+    first = [options[k] for k in _best(options, wish, allowed)[: max(best, 1)]]
     tell(f"judging the best {len(first)}")
     first = [replace(one, judged=judge([one])) for one in first]
-    first.sort(key=lambda one: -rate(one, wish))
-    chosen, told = [first[0]], none + products[np.array([designs.index(first[0].design)])]
-    while len(chosen) < min(tests, MOST):
-        left = minutes - sum(one.design.minutes for one in chosen)
-        pause = belief.recovery.time(chosen[-1].design.duration)
-        waiting = [replace(one, wait=max(one.wait, pause)) for one in designs]
-        more = _options(belief, waiting, products, wish, told)
-        fits = sound & np.array([one.design.minutes <= left for one in more])
-        if not fits.any():
-            break
-        k = int(_by_rate(more, wish, fits)[0])
-        chosen.append(more[k])
-        told = told + products[np.array([k])]
+    first = [first[k] for k in _best(first, wish, np.full(len(first), True))]
+    chosen, told = plan.grown(first[0])
     tell("judging them together")
     return Series(tuple(chosen), tuple(first), int(sound.sum()), judge(chosen), none, told)
+
+
+@dataclass(frozen=True, eq=False)
+class _Plan:
+    """Of what a series is made: designs (T,) with their products, which are sound, and limits."""
+
+    belief: Belief
+    wish: Wish
+    designs: Sequence[Design]
+    products: Products
+    sound: NDArray[np.bool_]
+    minutes: float
+    tests: int
+
+    def best_share(self, options: Sequence[Option]) -> NDArray[np.bool_]:
+        """Which may come first: all that fit, or those that leave their share to each other test.
+
+        Where all bits count, the longest test may leave no time for others that tell more than it.
+        """
+        if not self.wish.cause or self.tests == 1:
+            return self.sound
+        length = np.array([one.design.minutes for one in options])
+        found = [self.sound, self.sound & (length <= self.minutes / self.tests)]
+        kept = [some for some in found if some.any()]
+        series = [self.grown(options[int(_best(options, self.wish, some)[0])]) for some in kept]
+        totals = [sum(bits(one, self.wish) for one in chosen) for chosen, _ in series]
+        return kept[int(np.argmax(totals))]
+
+    def grown(self, first: Option) -> tuple[list[Option], Products]:
+        """The best tests after a first one, each the best of what fits; products (1,) of all."""
+        chosen = [first]
+        told = self.products[np.array([list(self.designs).index(first.design)])]
+        while len(chosen) < self.tests:
+            left = self.minutes - sum(one.design.minutes for one in chosen)
+            pause = self.belief.recovery.time(chosen[-1].design.duration)
+            waiting = [replace(one, wait=max(one.wait, pause)) for one in self.designs]
+            more = _options(self.belief, waiting, self.products, self.wish, told)
+            length = np.array([one.design.minutes for one in more])
+            share = self.sound & (length <= left / (self.tests - len(chosen)))
+            fits = share if self.wish.cause and share.any() else self.sound & (length <= left)
+            if not fits.any():
+                break
+            k = int(_best(more, self.wish, fits)[0])
+            chosen.append(more[k])
+            told = told + self.products[np.array([k])]
+        return chosen, told
 
 
 def _no_time(belief: Belief, minutes: float) -> InputError:
@@ -148,33 +190,45 @@ def _no_time(belief: Belief, minutes: float) -> InputError:
     )
 
 
-def rate(one: Option, wish: Wish) -> float:
-    """Bits per minute of what is wished for, judged where that was done."""
-    bits = float(wish.total(np.array(one.constants), np.array(one.cause)))
+def bits(one: Option, wish: Wish) -> float:
+    """Of what is wished for, judged where that was done."""
     if one.judged is not None:
         found = float(wish.total(np.array(one.judged.constants), np.array(one.judged.cause)))
-        bits = found if np.isfinite(found) else bits
-    return bits / one.design.minutes
+        if np.isfinite(found):
+            return found
+    return float(wish.total(np.array(one.constants), np.array(one.cause)))
+
+
+def rate(one: Option, wish: Wish) -> float:
+    """The same per minute."""
+    return bits(one, wish) / one.design.minutes
 
 
 def _options(
     belief: Belief, designs: Sequence[Design], products: Products, wish: Wish, told: Products
 ) -> list[Option]:
     """Every design, after the tests of which the products are ``told`` (1,)."""
-    p = belief.probabilities
+    p, groups = belief.probabilities, belief.groups
     after = products + told
     constants = bits_for_constants(belief, after, wish.constants)
     constants -= bits_for_constants(belief, told, wish.constants)
-    low, high = (
-        np.maximum(new - old, 0.0)
-        for new, old in zip(after.bits_for_cause(p), told.bits_for_cause(p), strict=True)
-    )
-    columns = (constants, low, high, evidence(after))
+    bounds = zip(after.bits_for_cause(p, groups), told.bits_for_cause(p, groups), strict=True)
+    low, high = (np.maximum(new - old, 0.0) for new, old in bounds)
+    columns = (constants, low, high, evidence(after, groups))
     rows = zip(designs, *(column.tolist() for column in columns), strict=True)
     return [Option(*row) for row in rows]
 
 
-def _by_rate(options: Sequence[Option], wish: Wish, allowed: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Places of the options, the best first; those not allowed come last."""
-    rates = np.array([rate(one, wish) for one in options])
-    return np.argsort(np.where(allowed, -rates, np.inf), kind="stable")
+def _best(options: Sequence[Option], wish: Wish, allowed: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Places of the options, the best first; those not allowed come last.
+
+    Where all bits count, the quickest of those that tell as good as most comes first.
+    """
+    worth = bits if wish.cause else rate
+    found = np.where(allowed, [worth(one, wish) for one in options], -np.inf)
+    order = np.argsort(-found, kind="stable")
+    if not wish.cause:
+        return order
+    near = [k for k in order if found[k] >= found[order[0]] - _AS_GOOD]
+    first = min(near, key=lambda k: options[k].design.minutes)
+    return np.array([first, *(k for k in order if k != first)])

@@ -10,7 +10,7 @@ from qlvbayes.nexttest.errors import Errors
 from qlvbayes.nexttest.judging import Judged
 from qlvbayes.nexttest.result import Bits, Hypothesis, Limits, NextTests, Proposed, Width
 from qlvbayes.nexttest.rig import Rig
-from qlvbayes.nexttest.series import Option, Series, Wish, rate
+from qlvbayes.nexttest.series import Option, Series, Wish, bits, rate
 from qlvbayes.nexttest.setpoints import names_of
 from qlvbayes.units import UnitSystem
 
@@ -41,7 +41,7 @@ def told(
         minutes=minutes,
         seed=seed,
         screened=series.screened,
-        hypotheses=tuple(Hypothesis(o.words, o.probability) for o in belief.explanations),
+        hypotheses=tuple(Hypothesis(o.words, o.probability, o.cause) for o in belief.explanations),
         entropy=belief.entropy,
         outside=belief.outside,
         missed=errors.missed,
@@ -52,6 +52,7 @@ def told(
         together=_bits(series.judged),
         widths=_widths(belief, series, units),
         notices=tuple(_notices(belief, errors, series, units)),
+        causes=belief.causes,
     )
 
 
@@ -76,6 +77,7 @@ def _proposed(name: str, one: Option, units: UnitSystem, wish: Wish) -> Proposed
         per_minute=rate(one, wish),
         evidence=one.evidence,
         judged=_bits(one.judged),
+        total=bits(one, wish),
     )
 
 

@@ -52,7 +52,7 @@ def using_of(results: Results) -> Using | None:
             f"qlvbayes export {out} --pad {pad.name} --to c,fmu,json",
         ),
         Use(
-            "The next tests that tell most per minute of the rig's time",
+            "The next tests that tell most, of the constants and of the cause",
             f"qlvbayes design {out} --pad {pad.name}",
         ),
     )

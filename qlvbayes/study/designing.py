@@ -7,14 +7,18 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from msgspec.structs import replace as with_fields
 
 from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
 from qlvbayes.data import read_measurements
+from qlvbayes.diagnosis.design import begun, cause_of
+from qlvbayes.diagnosis.families import Families
 from qlvbayes.diagnosis.result import Alternative, DiagnosisResult
 from qlvbayes.diagnosis.search import Search, described
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.workbench import as_chosen, search_of
+from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE
 from qlvbayes.experiment import prepare
 from qlvbayes.files import write_whole
 from qlvbayes.inference.space import Hypothesis
@@ -38,9 +42,11 @@ from qlvbayes.units import UnitSystem
 
 CAUSE = "cause"
 MOST = 4
-"""Explanations that are reckoned with."""
+"""Causes that are reckoned with,"""
 LEAST = 0.05
-"""Probability from which one is."""
+"""probability from which one is,"""
+MOST_EXPLANATIONS = 6
+"""and explanations of all of them: each costs a run of every design."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,24 +152,44 @@ def _present(
         raise InputError(
             "neither a fit nor a diagnosis of this pad", file=folder, remedy="run qlvbayes fit"
         )
-    doubted = likely(result.alternatives) if result else []
+    families = Families.of_kinds((*EFFECTS, *FORMS, *OUTSIDE))
+    doubted = likely(result.alternatives, families) if result else []
+    causes = {cause_of(one.effects, families) for one in doubted}
     wanted = CAUSE in asked
-    if wanted and len(doubted) < 2:
+    if wanted and len(causes) < 2:
         raise InputError(
-            "no two explanations are in doubt" if result else "no diagnosis of this pad",
+            "no two sets of effects are in doubt" if result else "no diagnosis of this pad",
             file=folder,
             remedy="ask for constants, as --for m,b" if result else "run qlvbayes diagnose",
         )
-    cause = wanted or (not asked and len(doubted) > 1)
+    cause = wanted or (not asked and len(causes) > 1)
     if not cause and fit.is_file():
         return present_of_fit(load(fit), data), False
     assert result is not None
     return _of_diagnosis(out, result, doubted, data), cause
 
 
-def likely(found: Sequence[Alternative]) -> list[Alternative]:
-    """Explanations that are reckoned with."""
-    return [one for one in found if one.probability >= LEAST][:MOST]
+def likely(found: Sequence[Alternative], families: Families) -> list[Alternative]:
+    """Explanations that are reckoned with, of causes with a probability summed over all their laws.
+
+    The likeliest of each cause, then the others; they share their cause's probability.
+    """
+    groups: dict[str, list[Alternative]] = {}
+    for one in sorted(found, key=lambda one: -one.probability):
+        groups.setdefault(cause_of(one.effects, families), []).append(one)
+    total = {cause: sum(one.probability for one in some) for cause, some in groups.items()}
+    counted = sorted((cause for cause in groups if total[cause] >= LEAST), key=lambda c: -total[c])
+    counted = counted[:MOST]
+    firsts = [groups[cause][0] for cause in counted]
+    others = [one for cause in counted for one in groups[cause][1:] if one.probability >= LEAST]
+    others.sort(key=lambda one: -one.probability)
+    kept = [*firsts, *others][:MOST_EXPLANATIONS]
+    shared = []
+    for cause in counted:
+        own = [one for one in kept if one in groups[cause]]
+        factor = total[cause] / sum(one.probability for one in own)
+        shared += [with_fields(one, probability=factor * one.probability) for one in own]
+    return sorted(shared, key=lambda one: -one.probability)
 
 
 def present_of_fit(saved: Saved, data: Path | None = None) -> Present:
@@ -259,8 +285,7 @@ def _run(out: Path) -> Run:
 
 def explained(search: Search, alternatives: Sequence[Alternative]) -> list[Explanation]:
     """Alternatives at their likeliest modes; those that have none are left out."""
-    usual = search.usual
-    search.see_plain(usual)
+    usual = begun(search).usual
     found = []
     for one in alternatives:
         hypothesis = Hypothesis(
@@ -282,6 +307,7 @@ def explained(search: Search, alternatives: Sequence[Alternative]) -> list[Expla
                 best.mode.size,
                 one.probability,
                 described(hypothesis),
+                cause_of(one.effects, search.families),
             )
         )
     if not found:
