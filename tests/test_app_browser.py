@@ -280,6 +280,25 @@ def test_a_guess_comes_before_the_ranking(visit):
 
 
 @pytest.mark.slow
+def test_a_search_is_ended_early_with_what_it_knows(visit):
+    page = visit.bundled("hidden")
+    page.get_by_role("button", name="Search all hypotheses").click()
+    job = page.locator("#search-jobs .job")
+    enough = job.get_by_role("button", name="That is enough")
+    expect(enough).to_be_enabled()
+    expect(page.locator(".effects .chance").first).to_be_visible()
+    enough.click()
+    expect(job).to_contain_text(re.compile("Summing up|done after"))
+    expect(page.get_by_text("Verdict:")).to_be_visible()
+    expect(job).to_contain_text("done after")
+    expect(job.get_by_role("button", name=re.compile("enough|Summing"))).to_have_count(0)
+    told = now(page, "entry.diagnosis")
+    shown = {one["effect"]: one["probability"] for one in now(page, "entry.ranking")}
+    assert {one["effect"]: one["inclusion"] for one in told["ranking"]} == shown
+    assert visit.said == []
+
+
+@pytest.mark.slow
 def test_two_tabs_do_not_mix(visit):
     first = visit.bundled("hidden")
     second = visit.bundled("hidden", visit.open(visit.home))

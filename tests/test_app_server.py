@@ -302,6 +302,7 @@ def test_a_cancelled_job_leaves_no_process_and_others_go_on(served, opened):
     assert again.status_code == 409
     running = wait_for(lambda: served.get(path), lambda job: job["elapsed_s"] > 0.0)
     assert running["state"] == "running"
+    assert served.client.post(f"{path}/enough").status_code == 409  # no search: nothing to sum up
     before = jobs()
     assert served.post(f"/api/s/{opened}/pads/C/curves", PLAIN)["rmse"] > 0.0
     assert served.client.delete(path).json()["state"] == "cancelled"
