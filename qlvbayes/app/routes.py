@@ -150,7 +150,8 @@ class Routes:
 
     async def state(self, request: Request) -> Response:
         """The whole state."""
-        return JSONResponse(self.desk.shown(self._session(request)))
+        shown = self.desk.shown(self._session(request))
+        return JSONResponse(shown | {"upload_limit_bytes": UPLOAD_LIMIT})
 
     async def forget(self, request: Request) -> Response:
         """Forget a session."""
