@@ -349,7 +349,9 @@ def test_memory_stays_flat_over_moves_and_fits(visit, app, capsys):
     work(500, 20)
     after = used()
     with capsys.disabled():
-        print("\nMB before and after:", {k: (round(before[k], 1), round(after[k], 1)) for k in after})
+        print(
+            "\nMB before and after:", {k: (round(before[k], 1), round(after[k], 1)) for k in after}
+        )
     for what, allowed in ALLOWED.items():
         assert after[what] - before[what] < allowed
 

@@ -10,7 +10,6 @@ from qlvbayes.diagnosis.decision import Decision
 from qlvbayes.diagnosis.standing import Enough, Standing
 from qlvbayes.inference.space import Hypothesis
 
-
 STANDING = Standing(
     "effects",
     3,

@@ -386,7 +386,9 @@ def _short(values: NDArray[np.float64] | Sequence[float]) -> list[float | None]:
     scale = 10.0 ** np.clip(places, 0.0, 22.0)
     with np.errstate(over="ignore", invalid="ignore"):
         rounded = np.where(places > 22.0, numbers, np.round(numbers * scale) / scale)
-    return [x if known else None for x, known in zip(rounded.tolist(), finite.tolist(), strict=True)]
+    return [
+        x if known else None for x, known in zip(rounded.tolist(), finite.tolist(), strict=True)
+    ]
 
 
 def _real(value: float) -> float | None:
