@@ -224,7 +224,7 @@ def test_curves_are_those_of_the_public_api(served, opened, two):
     assert all(cell["words"].startswith("The model is") for cell in found["cells"])
 
 
-def test_an_effect_goes_in_and_out_and_every_state_stays(served, two):
+def test_an_effect_goes_in_and_out_and_every_state_stays(served, two, tmp_path):
     """In a session of its own, which leaves another as it was."""
     first = served.upload(("two.csv", two.read_bytes()))
     second = served.upload(("two.csv", two.read_bytes()))
@@ -271,6 +271,14 @@ def test_an_effect_goes_in_and_out_and_every_state_stays(served, two):
     state = served.until(again, "ready", "failed")["pad"]["C"]
     assert state["history"] == history
     assert state["current"] == 1
+
+    # nothing was sampled or searched: the command says so, and leaves nothing
+    (tmp_path / "saved.zip").write_bytes(archive)
+    line = [*RUN, "report", str(tmp_path / "saved.zip")]
+    reported = subprocess.run(line, capture_output=True, text=True)
+    assert reported.returncode == 2
+    assert len(reported.stderr.strip().splitlines()) == 1
+    assert [file.name for file in tmp_path.iterdir()] == ["saved.zip"]
 
 
 def test_a_model_that_is_none_is_told(served, opened):

@@ -58,9 +58,10 @@ export class Session {
     this.epoch += 1;
     this.store.set({ busy: `Opening pad ${pad} …` });
     try {
-      const { entry, tests, catalogue } = await this.load(pad);
-      const state = entry.history.find((one) => one.id === entry.current);
+      const { entry: { history, current }, tests, catalogue } = await this.load(pad);
+      const state = history.find((one) => one.id === current);
       const curves = await post(`${this.padPath(pad)}/curves`, modelOf(state));
+      const entry = this.store.now.entries[pad]; // with what has come meanwhile
       this.store.set({ pad, entry, catalogue, tests, signatures: [], shown: null, hand: null, before: null });
       await this.take(state, curves);
     } finally { this.store.set({ busy: null }); }
