@@ -342,6 +342,9 @@ def test_nothing_is_told_before_a_guess_is_written_down(served):
     session = served.post("/api/sessions", {"open": "hidden", "guess": True})["id"]
     served.until(session, "preparing", "ready")
     assert served.get(f"/api/s/{session}")["guess"] == {"given": None}
+    measured = served.get(f"/api/s/{session}/pads/C/measured")  # without waiting for a model
+    assert measured["units"]["force"] == "N"
+    assert {test["name"] for test in measured["tests"]} >= {"C-1", "C-100"}
     refused = served.client.post(f"/api/s/{session}/jobs", json={"kind": "diagnose", "pad": "C"})
     assert refused.status_code == 409
     guess = {"effects": ["friction"], "words": "it stays in the hold"}
