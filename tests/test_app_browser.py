@@ -280,6 +280,89 @@ def test_a_guess_comes_before_the_ranking(visit):
 
 
 @pytest.mark.slow
+def test_a_search_is_ended_early_with_what_it_knows(visit):
+    page = visit.bundled("hidden")
+    page.get_by_role("button", name="Search all hypotheses").click()
+    job = page.locator("#search-jobs .job")
+    enough = job.get_by_role("button", name="That is enough")
+    expect(enough).to_be_enabled()
+    expect(page.locator(".effects .chance").first).to_be_visible()
+    enough.click()
+    expect(job).to_contain_text(re.compile("Summing up|done after"))
+    expect(page.get_by_text("Verdict:")).to_be_visible()
+    expect(job).to_contain_text("done after")
+    expect(job.get_by_role("button", name=re.compile("enough|Summing"))).to_have_count(0)
+    told = now(page, "entry.diagnosis")
+    shown = {one["effect"]: one["probability"] for one in now(page, "entry.ranking")}
+    assert {one["effect"]: one["inclusion"] for one in told["ranking"]} == shown
+    assert visit.said == []
+
+
+# MB over 500 moves and 20 fits. A state is 2 kB and an answer 30 kB: if every answer was kept the
+# moves alone would take 15. What is kept once (compiled functions, allocators) is taken before.
+ALLOWED = {"server": 5.0, "worker": 10.0, "page": 5.0}
+
+
+def move(page, key):
+    """A slider's step, and wait for the curves that belong to it."""
+    page.keyboard.press(key)
+    page.wait_for_function(
+        "({ shown, hand }) => Math.abs(shown.values.m / hand.values.m - 1) < 1e-9",
+        arg=page.evaluate_handle("bench.store.now"),
+    )
+
+
+def fit(page):
+    """From where the sliders are, with the errors on what is left out."""
+    before = len(errors(page))
+    page.get_by_role("button", name="Fit from here").click()
+    expect(page.locator(".states li")).to_have_count(before + 1)
+    expect(page.locator(".states")).not_to_contain_text("being computed")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="looks into /proc")
+def test_memory_stays_flat_over_moves_and_fits(visit, app, capsys):
+    page = visit.bundled("hidden")
+    expect(page.locator(".states")).not_to_contain_text("being computed")
+    tools = page.context.new_cdp_session(page)
+    tools.send("Performance.enable")
+    asked = ["pgrep", "-P", str(app.process), "-f", "qlvbayes.app.worker"]
+    worker = subprocess.run(asked, capture_output=True, text=True, check=True).stdout.strip()
+
+    def used():
+        tools.send("HeapProfiler.collectGarbage")
+        metrics = tools.send("Performance.getMetrics")["metrics"]
+        heap = next(one["value"] for one in metrics if one["name"] == "JSHeapUsedSize") / 2**20
+        return {"server": resident(app.process), "worker": resident(worker), "page": heap}
+
+    def work(moves, fits):
+        for _ in range(fits):
+            page.get_by_role("slider").first.focus()
+            for k in range(moves // fits):
+                move(page, "ArrowRight" if 2 * k < moves // fits else "ArrowLeft")
+            page.keyboard.press("PageUp")
+            fit(page)
+
+    work(100, 4)
+    before = used()
+    work(500, 20)
+    after = used()
+    with capsys.disabled():
+        print(
+            "\nMB before and after:", {k: (round(before[k], 1), round(after[k], 1)) for k in after}
+        )
+    for what, allowed in ALLOWED.items():
+        assert after[what] - before[what] < allowed
+
+
+def resident(process):
+    """Memory of a process (MB)."""
+    status = Path(f"/proc/{process}/status").read_text()
+    return int(re.search(r"VmRSS:\s+(\d+)", status)[1]) / 1024
+
+
+@pytest.mark.slow
 def test_two_tabs_do_not_mix(visit):
     first = visit.bundled("hidden")
     second = visit.bundled("hidden", visit.open(visit.home))

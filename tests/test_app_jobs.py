@@ -7,8 +7,15 @@ import pytest
 
 from qlvbayes.app.job import Telling, _choices
 from qlvbayes.diagnosis.decision import Decision
-from qlvbayes.diagnosis.standing import Standing
+from qlvbayes.diagnosis.standing import Enough, Standing
 from qlvbayes.inference.space import Hypothesis
+
+STANDING = Standing(
+    "effects",
+    3,
+    Hypothesis("hertz", "prony:2"),
+    Decision("ambiguous", (), (), {"friction": 0.2}, {("hertz", "prony:2"): 1.0}, 0.0, 0),
+)
 
 
 @pytest.fixture
@@ -58,6 +65,17 @@ def test_a_search_tells_the_probabilities_so_far(told):
     ):
         given = {one["name"]: one["probability"] for one in found["laws"][kind]}
         assert given == pytest.approx(shares)
+
+
+def test_a_search_that_has_told_enough_ends_once(told):
+    """At its next step, whose probabilities are told first; what sums it up is not ended too."""
+    watcher, lines = told
+    watcher.searched("B", STANDING)
+    watcher.enough()
+    with pytest.raises(Enough):
+        watcher.searched("B", STANDING)
+    assert sum("standing" in line for line in lines) == 2
+    watcher.searched("B", STANDING)
 
 
 def test_a_job_samples_the_model_on_the_bench():

@@ -224,7 +224,7 @@ def test_curves_are_those_of_the_public_api(served, opened, two):
     assert all(cell["words"].startswith("The model is") for cell in found["cells"])
 
 
-def test_an_effect_goes_in_and_out_and_every_state_stays(served, two):
+def test_an_effect_goes_in_and_out_and_every_state_stays(served, two, tmp_path):
     """In a session of its own, which leaves another as it was."""
     first = served.upload(("two.csv", two.read_bytes()))
     second = served.upload(("two.csv", two.read_bytes()))
@@ -272,6 +272,14 @@ def test_an_effect_goes_in_and_out_and_every_state_stays(served, two):
     assert state["history"] == history
     assert state["current"] == 1
 
+    # nothing was sampled or searched: the command says so, and leaves nothing
+    (tmp_path / "saved.zip").write_bytes(archive)
+    line = [*RUN, "report", str(tmp_path / "saved.zip")]
+    reported = subprocess.run(line, capture_output=True, text=True)
+    assert reported.returncode == 2
+    assert len(reported.stderr.strip().splitlines()) == 1
+    assert [file.name for file in tmp_path.iterdir()] == ["saved.zip"]
+
 
 def test_a_model_that_is_none_is_told(served, opened):
     path = f"/api/s/{opened}/pads/C/curves"
@@ -302,6 +310,7 @@ def test_a_cancelled_job_leaves_no_process_and_others_go_on(served, opened):
     assert again.status_code == 409
     running = wait_for(lambda: served.get(path), lambda job: job["elapsed_s"] > 0.0)
     assert running["state"] == "running"
+    assert served.client.post(f"{path}/enough").status_code == 409  # no search: nothing to sum up
     before = jobs()
     assert served.post(f"/api/s/{opened}/pads/C/curves", PLAIN)["rmse"] > 0.0
     assert served.client.delete(path).json()["state"] == "cancelled"
@@ -333,6 +342,9 @@ def test_nothing_is_told_before_a_guess_is_written_down(served):
     session = served.post("/api/sessions", {"open": "hidden", "guess": True})["id"]
     served.until(session, "preparing", "ready")
     assert served.get(f"/api/s/{session}")["guess"] == {"given": None}
+    measured = served.get(f"/api/s/{session}/pads/C/measured")  # without waiting for a model
+    assert measured["units"]["force"] == "N"
+    assert {test["name"] for test in measured["tests"]} >= {"C-1", "C-100"}
     refused = served.client.post(f"/api/s/{session}/jobs", json={"kind": "diagnose", "pad": "C"})
     assert refused.status_code == 409
     guess = {"effects": ["friction"], "words": "it stays in the hold"}

@@ -38,7 +38,7 @@ def walk(visit: Visit, folder: Path, end: str) -> None:
     page.locator("#test").select_option("all tests")
     take(page, folder / f"bench_added{end}.png")
     press(page, "Search all hypotheses")
-    page.get_by_text("Verdict:").click()
+    page.get_by_text("Verdict:").click(timeout=5 * PATIENCE)
     take(page, folder / f"bench_searched{end}.png")
 
 

@@ -199,7 +199,7 @@ class Desk:
 
     async def passed(self, session: Session, pad: str, call: str, /, **arguments: Any) -> bytes:
         """A call of the worker about a pad, its answer as it comes."""
-        session.pad(pad)
+        session.known(pad) if call == "measured" else session.pad(pad)
         return await self.calls.call(call, **self._where(session, pad), **arguments)
 
     async def change(self, session: Session, pad: str, body: dict[str, Any]) -> dict[str, Any]:

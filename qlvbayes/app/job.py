@@ -22,7 +22,7 @@ from qlvbayes.app.failures import told_of
 from qlvbayes.choices import Choices
 from qlvbayes.data import read_measurements
 from qlvbayes.diagnosis.decision import Decision
-from qlvbayes.diagnosis.standing import Standing
+from qlvbayes.diagnosis.standing import Enough, Standing
 from qlvbayes.inference.ensemble import Progress, Settings
 from qlvbayes.report.write import write_report
 from qlvbayes.results import Saved, load
@@ -49,11 +49,16 @@ class Telling(Watcher):
         self._more = ""
         self._sampling: tuple[float, int, int] | None = None
         self._over = threading.Event()
+        self._enough = threading.Event()
         threading.Thread(target=self._beat, daemon=True).start()
 
     def end(self) -> None:
         """No more beats."""
         self._over.set()
+
+    def enough(self) -> None:
+        """End a search at its next step, with what is known by then."""
+        self._enough.set()
 
     @contextmanager
     def doing(self, label: str) -> Iterator[Callable[[str], None]]:
@@ -74,7 +79,7 @@ class Telling(Watcher):
         self._sampling = None
 
     def searched(self, pad: str, standing: Standing) -> None:
-        """The probabilities so far, of effects and of base laws."""
+        """The probabilities so far, of effects and of base laws; Enough where that will do."""
         decision = standing.decision
         ranking = [
             {"effect": name, "probability": share, "heldout": None}
@@ -88,6 +93,9 @@ class Telling(Watcher):
             )
         }
         self._parent.tell({"standing": {"pad": pad, "ranking": ranking, "laws": laws}})
+        if self._enough.is_set():
+            self._enough.clear()  # the search ends once
+            raise Enough
 
     def _tell_more(self, text: str) -> None:
         self._more = text
@@ -219,6 +227,12 @@ def _command(step: str, spec: Spec, choices: Choices, pads: Sequence[str]) -> st
     return shlex.join([*words, "-o", "."])
 
 
+def _hear(orders: queue.SimpleQueue[Spec], watcher: Telling) -> None:
+    """All that is said after the first order is that it is enough."""
+    orders.get()
+    watcher.enough()
+
+
 def main() -> None:
     """Do one thing, once it is told what."""
     parent = Parent()
@@ -227,6 +241,7 @@ def main() -> None:
     parent.listen(orders.put)
     spec = orders.get()
     watcher = Telling(parent)
+    threading.Thread(target=_hear, args=(orders, watcher), daemon=True).start()
     try:
         result = KINDS[spec["kind"]](spec, watcher)
     except Exception as error:  # told to the page, whatever it is

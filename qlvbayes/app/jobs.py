@@ -29,7 +29,8 @@ Finished = Callable[["Job"], Awaitable[None]]
 class Job:
     """A job as in docs/app_api.md.
 
-    result: what its process told at the end; standing: the probabilities that it told last.
+    enough: whether a search was told to end with what it knows; result: what its process told at
+    the end; standing: the probabilities that it told last.
     """
 
     id: str
@@ -42,6 +43,7 @@ class Job:
     left_s: float | None = None
     elapsed_s: float = 0.0
     error: Told | None = None
+    enough: bool = False
     result: dict[str, Any] = field(default_factory=dict)
     standing: dict[str, Any] = field(default_factory=dict)
     ended: asyncio.Event = field(default_factory=asyncio.Event)
@@ -130,6 +132,17 @@ class Jobs:
         else:
             self._end(job)
 
+    async def enough(self, job: Job) -> None:
+        """Let a search sum up what it knows; RefusedError where there is none to be summed up."""
+        process = self._processes.get(_key(job))
+        if job.kind != "diagnose" or process is None or not job.standing:
+            raise refused(409, "nothing is known yet", "wait for the first probabilities")
+        if not job.enough:
+            job.enough = True
+            with contextlib.suppress(ConnectionError):
+                await process.write({"enough": True})
+            self._tell(job)
+
     async def cancel_all(self, session: str) -> None:
         """Of one session."""
         for job in self.of(session):
@@ -147,6 +160,7 @@ class Jobs:
             "state": job.state,
             "place": self._waiting.index(job) + 1 if job in self._waiting else 0,
             "text": job.text,
+            "enough": None if not (job.kind == "diagnose" and job.standing) else job.enough,
             "done": job.done,
             "total": job.total,
             "left_s": job.left_s,
@@ -186,7 +200,7 @@ class Jobs:
         try:
             job.text = "starting"
             self._tell(job)
-            process = await self._take()
+            process = self._processes[_key(job)] = await self._take()
             await self._follow(job, process)
             await self._finished[_key(job)](job)
             job.state = "done"
@@ -198,6 +212,7 @@ class Jobs:
             if process is not None:
                 await asyncio.shield(_gone(process, job))
             self._running.pop(_key(job), None)
+            self._processes.pop(_key(job), None)
             self._end(job)
             self._start_next()
             self._tell_waiting()

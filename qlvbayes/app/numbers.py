@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+import threading
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import msgspec
 import numpy as np
@@ -22,7 +23,8 @@ from qlvbayes.curves import Curves
 from qlvbayes.data import Measurements, read_measurements
 from qlvbayes.diagnosis.protocol import protocol_of
 from qlvbayes.diagnosis.result import CellError
-from qlvbayes.experiment import prepare
+from qlvbayes.experiment import Experiment, prepare
+from qlvbayes.prediction import looked_at
 from qlvbayes.runtime import forget_compiled
 from qlvbayes.summary import FitSummary
 
@@ -34,43 +36,72 @@ _SMALL = 0.5  # of the error: a mean error below it does not tell which way
 Answer = dict[str, Any]
 
 
-class Kept:
-    """Studies and benches that were used last."""
+T = TypeVar("T")
 
-    def __init__(self) -> None:
-        self._studies: OrderedDict[tuple[str, int], Measurements] = OrderedDict()
-        self._benches: OrderedDict[tuple[str, int, str, str | None], Bench] = OrderedDict()
 
-    def study(self, data: str) -> Measurements:
-        """The measurements in a file."""
-        key = _version(data)
-        if key not in self._studies:
-            self._studies[key] = read_measurements(data)
-        self._studies.move_to_end(key)
-        while len(self._studies) > _STUDIES:
-            self._studies.popitem(last=False)
-        return self._studies[key]
+class Shelf(Generic[T]):
+    """Things that were used last, at most so many; each is made once, whoever asks."""
 
-    def bench(self, data: str, pad: str, effects_file: str | None) -> Bench:
-        """One pad of them, laid on the bench."""
-        key = (*_version(data), pad, effects_file)
-        if key not in self._benches:
-            study = self.study(data)
-            choices = Choices(bonded=study.units.bonded_default, effects_file=effects_file)
-            forget_compiled()
-            self._benches[key] = Bench.of(prepare(study.pad(pad)), choices)
-        self._benches.move_to_end(key)
-        while len(self._benches) > _BENCHES:
-            self._benches.popitem(last=False)
-        return self._benches[key]
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._kept: OrderedDict[Any, T] = OrderedDict()
+        self._looking = threading.Lock()
+        self._making = threading.Lock()
+
+    def get(self, key: Any, make: Callable[[], T]) -> T:
+        """What was made for a key; who finds it waits for nobody."""
+        found = self._find(key)
+        if found is None:
+            with self._making:
+                found = self._find(key)  # made by who came first
+                if found is None:
+                    found = make()
+                    self._put(key, found)
+        return found
+
+    def _find(self, key: Any) -> T | None:
+        with self._looking:
+            if key in self._kept:
+                self._kept.move_to_end(key)
+            return self._kept.get(key)
+
+    def _put(self, key: Any, made: T) -> None:
+        with self._looking:
+            self._kept[key] = made
+            while len(self._kept) > self._most:
+                self._kept.popitem(last=False)
+
+
+_studies: Shelf[Measurements] = Shelf(_STUDIES)
+_experiments: Shelf[Experiment] = Shelf(_BENCHES)
+_benches: Shelf[Bench] = Shelf(_BENCHES)
+
+
+def _study(data: str) -> Measurements:
+    """The measurements in a file."""
+    return _studies.get(_version(data), lambda: read_measurements(data))
+
+
+def _experiment(data: str, pad: str) -> Experiment:
+    """One pad of them, prepared."""
+    key = (*_version(data), pad)
+    return _experiments.get(key, lambda: prepare(_study(data).pad(pad)))
+
+
+def _bench(data: str, pad: str, effects_file: str | None) -> Bench:
+    """One pad of them, laid on the bench."""
+
+    def make() -> Bench:
+        experiment = _experiment(data, pad)
+        bonded = experiment.units.bonded_default
+        forget_compiled()
+        return Bench.of(experiment, Choices(bonded=bonded, effects_file=effects_file))
+
+    return _benches.get((*_version(data), pad, effects_file), make)
 
 
 def _version(data: str) -> tuple[str, int]:
     return data, Path(data).stat().st_mtime_ns
-
-
-_KEPT = Kept()
-_bench = _KEPT.bench
 
 
 def model_of(model: Answer) -> ByHand:
@@ -112,22 +143,16 @@ def unpack(folder: str, archive: str) -> Answer:
 
 def pads(data: str) -> Answer:
     """The pads of a file, and what was noticed in it."""
-    study = _KEPT.study(data)
+    study = _study(data)
     return {"pads": [pad.name for pad in study.pads], "notices": list(study.notices)}
 
 
 def lay(data: str, pad: str, effects_file: str | None, first: bool) -> Answer:
     """Lay a pad on the bench: what is known of it, and the usual model fitted if ``first``."""
     bench = _bench(data, pad, effects_file)
-    experiment, units = bench.experiment, bench.experiment.units
+    experiment = bench.experiment
     found: Answer = {
-        "units": {
-            "force": units.force,
-            "displacement": units.displacement,
-            "speed": units.speed,
-            "time": "s",
-            "names": {"force": units.force_name, "displacement": units.displacement_name},
-        },
+        "units": _units(experiment),
         "noise": bench.noise,
         "peak": experiment.scales.force,
         "tests": [
@@ -143,6 +168,17 @@ def lay(data: str, pad: str, effects_file: str | None, first: bool) -> Answer:
     return found
 
 
+def _units(experiment: Experiment) -> Answer:
+    units = experiment.units
+    return {
+        "force": units.force,
+        "displacement": units.displacement,
+        "speed": units.speed,
+        "time": "s",
+        "names": {"force": units.force_name, "displacement": units.displacement_name},
+    }
+
+
 def warm(data: str, pad: str, effects_file: str | None) -> Iterator[Any]:
     """Compile what most effects need, when nothing else is asked."""
     _bench(data, pad, effects_file).warm()
@@ -150,10 +186,12 @@ def warm(data: str, pad: str, effects_file: str | None) -> Iterator[Any]:
 
 
 def measured(data: str, pad: str, effects_file: str | None) -> Answer:
-    """The samples that are looked at."""
-    samples = _bench(data, pad, effects_file).samples
+    """The samples that are looked at, and the units: what can be shown before there is a model."""
+    experiment = _experiment(data, pad)
     tests = []
-    for k, (trial, rows) in enumerate(zip(samples.trials, samples.rows, strict=True)):
+    for trial in experiment.trials:
+        rows = looked_at(trial)
+        time = trial.test.time[rows]
         tests.append(
             {
                 "name": trial.name,
@@ -163,13 +201,13 @@ def measured(data: str, pad: str, effects_file: str | None) -> Answer:
                     {"kind": p.kind, "start": float(p.start), "stop": float(p.stop)}
                     for p in trial.phases
                 ],
-                "time": [round(t, 6) for t in trial.test.time[rows].tolist()],
-                "phase": samples.phases(k).tolist(),
+                "time": [round(t, 6) for t in time.tolist()],
+                "phase": trial.phase_of(time).tolist(),
                 "displacement": _short(trial.test.displacement[rows]),
                 "force": _short(trial.test.force[rows]),
             }
         )
-    return {"tests": tests}
+    return {"units": _units(experiment), "tests": tests}
 
 
 def catalogue(data: str, pad: str, effects_file: str | None) -> Answer:
@@ -295,6 +333,8 @@ CALLS: dict[str, Callable[..., Any]] = {
     )
 }  # fmt: skip
 """What can be asked, by name."""
+FIRST = frozenset({"pads", "measured", "catalogue", "parameters", "curves"})
+"""Those that take some milliseconds and are waited for: they go past the others."""
 
 
 def _look(bench: Bench, model: ByHand) -> Answer:
@@ -338,7 +378,17 @@ def _words(cell: CellError, over: float, unit: str) -> str:
 
 def _short(values: NDArray[np.float64] | Sequence[float]) -> list[float | None]:
     """To six digits; None for what is no number."""
-    return [_real(float(f"{x:.{_DIGITS}g}")) for x in np.asarray(values).tolist()]
+    numbers = np.asarray(values, dtype=np.float64)
+    finite = np.isfinite(numbers)
+    size = np.abs(np.where(finite & (numbers != 0.0), numbers, 1.0))
+    places = _DIGITS - 1 - np.floor(np.log10(size))
+    # a power of ten beyond 1e22 is no exact number: what is so small is left as it is
+    scale = 10.0 ** np.clip(places, 0.0, 22.0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        rounded = np.where(places > 22.0, numbers, np.round(numbers * scale) / scale)
+    return [
+        x if known else None for x, known in zip(rounded.tolist(), finite.tolist(), strict=True)
+    ]
 
 
 def _real(value: float) -> float | None:

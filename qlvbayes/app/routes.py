@@ -61,6 +61,7 @@ class Routes:
             ("POST", "/api/s/{id}/jobs", self.order),
             ("GET", "/api/s/{id}/jobs/{job}", self.job),
             ("DELETE", "/api/s/{id}/jobs/{job}", self.cancel),
+            ("POST", "/api/s/{id}/jobs/{job}/enough", self.enough),
             ("GET", "/api/s/{id}/comparison", self.comparison),
             ("GET", "/api/s/{id}/session.zip", self.saved),
             ("GET", "/api/s/{id}/report.html", self.report),
@@ -149,7 +150,8 @@ class Routes:
 
     async def state(self, request: Request) -> Response:
         """The whole state."""
-        return JSONResponse(self.desk.shown(self._session(request)))
+        shown = self.desk.shown(self._session(request))
+        return JSONResponse(shown | {"upload_limit_bytes": UPLOAD_LIMIT})
 
     async def forget(self, request: Request) -> Response:
         """Forget a session."""
@@ -206,6 +208,13 @@ class Routes:
         session = self._session(request)
         job = self.desk.jobs.get(session.id, request.path_params["job"])
         await self.desk.jobs.cancel(job)
+        return JSONResponse(self.desk.jobs.shown(job))
+
+    async def enough(self, request: Request) -> Response:
+        """End a search with what is known."""
+        session = self._session(request)
+        job = self.desk.jobs.get(session.id, request.path_params["job"])
+        await self.desk.jobs.enough(job)
         return JSONResponse(self.desk.jobs.shown(job))
 
     # the model by hand

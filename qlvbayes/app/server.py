@@ -86,7 +86,7 @@ def application(options: Options, address: Address) -> Starlette:
     @contextlib.asynccontextmanager
     async def life(app: Starlette) -> AsyncIterator[None]:
         calls.start()
-        app.state.warming = asyncio.create_task(_warm(calls, jobs))
+        app.state.warming = asyncio.create_task(_warm(desk, calls, jobs))
         yield
         app.state.warming.cancel()
         desk.close()
@@ -110,9 +110,9 @@ def application(options: Options, address: Address) -> Starlette:
     return app
 
 
-async def _warm(calls: Calls, jobs: Jobs) -> None:
-    """The spare process, once the worker no longer needs the cores to start."""
-    while calls.status != "ready":
+async def _warm(desk: Desk, calls: Calls, jobs: Jobs) -> None:
+    """The spare process, once the worker no longer needs the cores for the first curves."""
+    while calls.status != "ready" or desk.sessions.opening:
         await asyncio.sleep(0.2)
     jobs.warm()
 
@@ -181,7 +181,7 @@ def _bound(host: str, port: int) -> socket.socket:
         listening.bind((host, port))
     except OSError as error:
         reason = error.strerror or str(error)
-        _stop(f"cannot listen at {host} port {port} ({reason}); choose another --port")
+        _stop(f"cannot listen at {host} port {port} ({reason}); choose another --host or --port")
     return listening
 
 

@@ -236,6 +236,11 @@ class Sessions:
             self._open[number] = session
         return self._open[number]
 
+    @property
+    def opening(self) -> bool:
+        """Whether somebody waits for first curves."""
+        return any(one.stage in ("reading", "preparing") for one in self._open.values())
+
     def known(self) -> list[dict[str, str]]:
         """Of all that lie below the folder, the last first."""
         found = []

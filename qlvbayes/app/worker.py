@@ -1,20 +1,24 @@
-"""The worker: one warm process that computes what the page asks for, one call after another.
+"""The worker: one warm process that computes what the page asks for.
 
-What takes long (errors on what is left out) goes on between the calls, a piece at a time. Of
-several waiting calls for curves from one tab only the last is computed.
+Two threads answer. What a slider or a first look waits for goes past all else: past fits, past
+compiling, which let Python go on meanwhile. Everything else is answered in turn, and what takes
+long (errors on what is left out) goes on between the calls, a piece at a time. Of several waiting
+calls for curves from one tab only the last is computed.
 """
 
 from __future__ import annotations
 
-import json
 import queue
+import threading
 from collections import deque
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Callable, Collection, Iterator
+from typing import Any, NoReturn
+
+import msgspec
 
 from qlvbayes.app.childpipes import Parent
 from qlvbayes.app.failures import RefusedError, refused, told_of
-from qlvbayes.app.numbers import CALLS
+from qlvbayes.app.numbers import CALLS, FIRST
 from qlvbayes.checks import InputError
 from qlvbayes.runtime import one_blas_thread
 
@@ -23,8 +27,11 @@ Pieces = Iterator[Any]
 """A computation in pieces: None while there is more, at last its answer."""
 
 
-class Worker:
-    """A queue of requests, and work in pieces beside it."""
+_ENCODER = msgspec.json.Encoder(enc_hook=float)  # numpy's numbers; what is none becomes null
+
+
+class Lane:
+    """A thread's own requests, and work in pieces beside them."""
 
     def __init__(self, parent: Parent, calls: dict[str, Callable[..., Any]]) -> None:
         self._parent = parent
@@ -33,10 +40,12 @@ class Worker:
         self._waiting: deque[Request] = deque()
         self._pieces: deque[tuple[Request, Pieces]] = deque()
 
-    def run(self) -> None:
+    def put(self, request: Request) -> None:
+        """At the end of what waits."""
+        self._heard.put(request)
+
+    def run(self) -> NoReturn:
         """Until the server has gone."""
-        self._parent.listen(self._heard.put)
-        self._parent.tell({"ready": True})
         while True:
             self._gather(block=not self._waiting and not self._pieces)
             if self._waiting:
@@ -87,7 +96,7 @@ class Worker:
         )
 
     def _succeed(self, request: Request, answer: Any) -> None:
-        payload = json.dumps(answer, allow_nan=False, separators=(",", ":")).encode()
+        payload = _ENCODER.encode(answer)
         self._parent.tell({"number": request["number"], "bytes": len(payload)}, payload)
 
     def _fail(self, request: Request, error: Exception) -> None:
@@ -100,11 +109,32 @@ class Worker:
         self._parent.tell(line)
 
 
+class Worker:
+    """Requests sorted into two lanes, a thread each; ``first``: calls that go past the others."""
+
+    def __init__(
+        self, parent: Parent, calls: dict[str, Callable[..., Any]], first: Collection[str]
+    ) -> None:
+        self._parent = parent
+        self._first = first
+        self._lanes = {True: Lane(parent, calls), False: Lane(parent, calls)}
+
+    def run(self) -> None:
+        """Until the server has gone."""
+        threading.Thread(target=self._lanes[True].run, daemon=True).start()
+        self._parent.listen(self._sort)
+        self._parent.tell({"ready": True})
+        self._lanes[False].run()
+
+    def _sort(self, request: Request) -> None:
+        self._lanes[request["call"] in self._first].put(request)
+
+
 def main() -> None:
     """Answer until the server has gone."""
     parent = Parent()
     with one_blas_thread():
-        Worker(parent, CALLS).run()
+        Worker(parent, CALLS, FIRST).run()
 
 
 if __name__ == "__main__":

@@ -80,6 +80,8 @@ def app_command(
         "browser": browser,
         "effects_file": None if effects_file is None else str(effects_file.resolve()),
     }
+    if sys.stderr.isatty():
+        print("starting the bench …", file=sys.stderr, flush=True)
     # an interpreter without JAX takes this one's place
     serve = Path(qlvbayes.app.__file__).with_name("serve.py")
     sys.stdout.flush()

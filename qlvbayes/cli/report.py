@@ -3,21 +3,40 @@
 from __future__ import annotations
 
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated
 
 import typer
 
+from qlvbayes.app.intake import opened
+from qlvbayes.checks import InputError
 from qlvbayes.cli.console import out, waiting
+from qlvbayes.files import write_whole
 from qlvbayes.report.write import write_report
 
 
 def report(
-    folder: Annotated[Path, typer.Argument(help="The folder with the results.")],
+    folder: Annotated[
+        Path,
+        typer.Argument(help="The folder with the results, or a session that the bench saved."),
+    ],
 ) -> None:
     """Write OUT/report.html anew from what lies in OUT: one page that opens offline.
 
-    It says what was not done yet, and which command does it.
+    It says what was not done yet, and which command does it. The page of a saved session
+    (SESSION.zip) is SESSION.html beside it.
     """
     with waiting("report"):
-        path = write_report(folder)
+        path = _of_session(folder) if folder.suffix.lower() == ".zip" else write_report(folder)
     out.print(f"report in {path}", markup=False, soft_wrap=True)
+
+
+def _of_session(archive: Path) -> Path:
+    if not archive.is_file():
+        raise InputError("no such file", file=archive, remedy="check the path")
+    path = archive.with_suffix(".html")
+    with TemporaryDirectory() as place:
+        folder = Path(place) / archive.stem
+        opened(folder, archive)
+        write_whole(path, write_report(folder).read_bytes())
+    return path

@@ -36,6 +36,14 @@ export class Jobs {
     else this.store.set({ jobs: this.store.now.jobs.filter((one) => one.id !== job.id) });
   }
 
+  /** A search ends with what it knows by its next step. */
+  async enough(id) {
+    const job = await trying(() => post(`${this.session.path}/jobs/${encodeURIComponent(id)}/enough`));
+    if (!job) return;
+    this.session.heardJob(job);
+    say("The search sums up what it knows.");
+  }
+
   show() {
     const { jobs, entry } = this.store.now, searches = (job) => job.kind === "diagnose";
     refill(at("#search-jobs"), jobs.filter(searches).map((job) => this.row(job)));
@@ -47,8 +55,16 @@ export class Jobs {
     const bar = live(job) ? el("progress", known == null ? { "aria-label": NAMES[job.kind] } : { max: "1", value: known, "aria-label": NAMES[job.kind] }) : null;
     return el("div", { class: `job ${job.state}`, "data-key": job.id },
       el("div", { class: "head" }, el("b", {}, NAMES[job.kind] || job.kind), el("span", { class: "small" }, ` ${progressOf(job)}`),
+        this.enoughButton(job),
         el("button", { type: "button", class: "quiet", "data-act": "stop", "aria-label": `${live(job) ? "Cancel" : "Put away"}: ${NAMES[job.kind] || job.kind}`, onclick: () => this.stop(job.id) }, live(job) ? "Cancel" : "✕")),
       bar, this.passed(job), job.error ? el("p", { class: "wrong", role: "alert" }, job.error.text || job.error.message) : null);
+  }
+
+  /** Offered once something is known; then it says that it was heard. */
+  enoughButton(job) {
+    if (!live(job) || job.enough == null) return null;
+    return el("button", { type: "button", "data-act": "enough", disabled: job.enough, title: "End the search here and sum up what is known so far", onclick: () => this.enough(job.id) },
+      job.enough ? "Summing up …" : "That is enough");
   }
 
   /** The stages that a search went through, oldest first. */

@@ -28,13 +28,31 @@ export function linesOf(now, view, columns) {
   const test = { t: view.x, observed: columns.observed, mean: columns.mean, low: columns.low, high: columns.high, plain: columns.before };
   const residual = residualChart(data, test);
   residual.series[3].label = "residual";
+  const measured = forceChart(data, test);
+  for (const dotted of [measured.series[3], residual.series[3]]) dotted.points = { show: squares(dotted.points) };
   if (columns.before) Object.assign(residual.series[4], { label: "residual before", stroke: PALE, mark: report.ORANGE, width: 1 });
   now.signatures.forEach((drawn, k) => {
     residual.series.push(line(plain(drawn.effect), drawn.colour, { width: 2.5, dash: drawn.dash }));
     residual.values.push(columns.signatures[k]);
   });
-  return { force: forceChart(data, test), residual };
+  return { force: measured, residual };
 }
 
 /** A quantity's name with its unit, for an axis. */
 export function axisLabel(units, quantity) { return report.unitOf(units.names[quantity], units[quantity]); }
+
+/** Dots that are drawn as they are, without a path of thousands of arcs: a slider's every move draws them all. */
+function squares({ size, fill }) {
+  return (chart, number, first, last) => {
+    const { ctx, bbox } = chart, side = size * (devicePixelRatio || 1), values = chart.data[number], places = chart.data[0];
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+    ctx.clip();
+    ctx.fillStyle = fill;
+    for (let k = first; k <= last; k++)
+      if (values[k] != null) ctx.fillRect(chart.valToPos(places[k], "x", true) - side / 2, chart.valToPos(values[k], "y", true) - side / 2, side, side);
+    ctx.restore();
+    return false; // uPlot draws none
+  };
+}

@@ -15,7 +15,7 @@ import { ComparisonView } from "./comparison.js";
 import { downloads } from "./downloads.js";
 import { start } from "./start.js";
 import { ask } from "./asking.js";
-import { waitFor } from "./wait.js";
+import { drawSketch, waitFor } from "./wait.js";
 import { firstVisit, tour } from "./tour.js";
 import { plain } from "./numbers.js";
 import { say, trying } from "./say.js";
@@ -52,7 +52,8 @@ function bench(session) {
   const comparison = new ComparisonView(session, jobs);
   header(session, jobs);
   globalThis.bench = { store, measured }; // to look at from the console
-  store.on(["stage", "view", "hand", "questions", "error", "worker"], () => arrange(session, comparison));
+  store.on(["stage", "view", "hand", "questions", "error", "worker", "sketch"], () => arrange(session, comparison));
+  store.on(["sketch"], ({ sketch }) => drawSketch(sketch));
   store.on(["notices"], ({ notices }) => at("#notices").replaceChildren(...notices.map((text) => el("p", { class: "warning small" }, text))));
   store.on(["busy", "worker"], ({ busy, worker }) => {
     document.body.setAttribute("aria-busy", String(Boolean(busy)));

@@ -7,37 +7,47 @@ const KEPT = 500; // measurements of how long a redraw takes, for whoever looks 
 
 export class Redraw {
   constructor(session) {
-    Object.assign(this, { session, store: session.store, wanted: null, running: false });
+    Object.assign(this, { session, store: session.store, wanted: null, asking: false });
   }
 
   /** The model as the sliders have it now; it is drawn as soon as can be. */
   want(hand) {
-    this.store.set({ hand, moved: true });
     this.wanted ??= { since: performance.now() };
     this.wanted.hand = hand;
-    if (!this.running) { this.running = true; requestAnimationFrame(() => this.next()); }
+    if (!this.asking) this.ask();
+    this.store.set({ hand, moved: true });
   }
 
-  async next() {
+  async ask() {
     const { hand, since } = this.wanted, epoch = this.session.epoch;
     this.wanted = null;
-    if (hand !== this.store.now.hand) { this.running = false; return; } // a fit came between
+    this.asking = true;
+    let curves = null;
     try {
-      const curves = byTest(await post(`${this.session.padPath()}/curves`, hand));
-      if (epoch === this.session.epoch) { // else a fit or another pad came between: stale
-        this.store.set({ shown: curves });
-        this.measure(since);
-      }
+      curves = byTest(await post(`${this.session.padPath()}/curves`, hand));
     } catch (refusal) {
       if (!refusal.told) throw refusal;
       if (!refusal.overtaken) trouble(refusal);
-    }
-    if (this.wanted) requestAnimationFrame(() => this.next());
-    else this.running = false;
+    } finally { this.asking = false; }
+    if (this.wanted && this.wanted.hand === this.store.now.hand) this.ask(); // computed while this one is drawn
+    else this.wanted = null;
+    if (!curves || epoch !== this.session.epoch) return; // a fit or another pad came between: stale
+    this.store.set({ shown: curves });
+    afterFrame(() => this.measure(since));
   }
 
+  /** From the move to the frame that shows it. */
   measure(since) {
     if (performance.getEntriesByName("redraw").length >= KEPT) performance.clearMeasures("redraw");
     performance.measure("redraw", { start: since, end: performance.now() });
   }
+}
+
+/** Once the frame that comes next was drawn. */
+function afterFrame(tell) {
+  requestAnimationFrame(() => {
+    const { port1, port2 } = new MessageChannel();
+    port1.onmessage = tell;
+    port2.postMessage(null);
+  });
 }

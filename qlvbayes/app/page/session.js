@@ -20,12 +20,25 @@ export class Session {
   /** Asks for the whole state, and loads the pad if it has become ready. */
   async refresh() {
     const state = await get(this.path);
-    const { name, stage, error, questions, pads, notices, guess, jobs, pad } = state;
-    this.store.set({ name, error, questions, pads, notices, guess, jobs, entries: pad, stage });
+    const { name, stage, error, questions, pads, notices, guess, jobs, pad, upload_limit_bytes: limit } = state;
+    this.store.set({ name, error, questions, pads, notices, guess, jobs, entries: pad, limit, stage });
+    if (stage === "preparing" && pads.length) this.sketch(this.first(pads));
     if (stage !== "ready") return;
     const wanted = this.store.now.pad;
     if (wanted && pad[wanted]) this.store.set({ entry: { ...pad[wanted], current: this.store.now.entry?.current ?? pad[wanted].current } });
     else await (this.loading ??= this.choose(this.first(pads)).finally(() => { this.loading = null; }));
+  }
+
+  /** The measurements are shown before there is a model: preparing them is the first of what the worker does. */
+  async sketch(pad) {
+    if (this.store.now.sketch || this.sketching) return;
+    this.sketching = true;
+    try {
+      const { units, tests } = await get(`${this.padPath(pad)}/measured`);
+      if (this.store.now.stage === "preparing") this.store.set({ sketch: { units, tests: bySpeed(tests) } });
+    } catch (refusal) {
+      if (!refusal.told) throw refusal; // what is wrong is told as the session's own error
+    } finally { this.sketching = false; }
   }
 
   first(pads) {
@@ -45,9 +58,10 @@ export class Session {
     this.epoch += 1;
     this.store.set({ busy: `Opening pad ${pad} …` });
     try {
-      const { entry, tests, catalogue } = await this.load(pad);
-      const state = entry.history.find((one) => one.id === entry.current);
+      const { entry: { history, current }, tests, catalogue } = await this.load(pad);
+      const state = history.find((one) => one.id === current);
       const curves = await post(`${this.padPath(pad)}/curves`, modelOf(state));
+      const entry = this.store.now.entries[pad]; // with what has come meanwhile
       this.store.set({ pad, entry, catalogue, tests, signatures: [], shown: null, hand: null, before: null });
       await this.take(state, curves);
     } finally { this.store.set({ busy: null }); }
@@ -56,19 +70,18 @@ export class Session {
   /** Makes a state the one in hand. */
   async take(state, curves) {
     this.epoch += 1;
-    const { entry, entries, pad } = this.store.now, hand = { ...modelOf(state), values: { ...state.values, ...curves.values } };
-    const known = entry.history.some((one) => one.id === state.id);
-    const history = known ? entry.history.map((one) => (one.id === state.id ? { ...one, ...state } : one)) : [...entry.history, state];
+    const hand = { ...modelOf(state), values: { ...state.values, ...curves.values } };
     const mark = this.epoch, path = this.padPath();
-    const [{ parameters }, before] = await Promise.all([post(`${path}/parameters`, hand), this.curvesBefore(state, history)]);
+    const [{ parameters }, before] = await Promise.all([post(`${path}/parameters`, hand), this.curvesBefore(state)]);
     if (mark !== this.epoch) return;
-    const taken = { ...entry, history, current: state.id };
+    const { entry, entries, pad } = this.store.now; // as it is now: errors on tests left out have come meanwhile
+    const taken = { ...entry, history: joined(entry.history, state), current: state.id };
     this.store.set({ entry: taken, entries: { ...entries, [pad]: taken }, hand, parameters, moved: false, shown: byTest(curves), before });
   }
 
   /** The curves of the state that this one came from, to see what changed. */
-  async curvesBefore(state, history) {
-    const parent = history.find((one) => one.id === state.parent);
+  async curvesBefore(state) {
+    const parent = this.store.now.entry.history.find((one) => one.id === state.parent);
     if (!parent) return null;
     return { id: parent.id, ...byTest(await post(`${this.padPath()}/curves`, modelOf(parent))) };
   }
@@ -116,8 +129,7 @@ export class Session {
   heardState(pad, state) {
     const entry = pad === this.store.now.pad ? this.store.now.entry : this.store.now.entries[pad];
     if (!entry) return;
-    const known = entry.history.some((one) => one.id === state.id);
-    this.amend(pad, { history: known ? entry.history.map((one) => (one.id === state.id ? state : one)) : [...entry.history, state] });
+    this.amend(pad, { history: joined(entry.history, state) });
   }
 
   amend(pad, changes) {
@@ -131,6 +143,12 @@ export class Session {
     this.store.set({ worker });
     say(worker === "ready" ? "The worker is ready." : "The worker is starting anew; nothing is lost.");
   }
+}
+
+/** A history with a state as it was told last; an error on tests left out, once known, stays. */
+function joined(history, state) {
+  const old = history.find((one) => one.id === state.id), told = { ...state, heldout: state.heldout ?? old?.heldout ?? null };
+  return old ? history.map((one) => (one === old ? told : one)) : [...history, told];
 }
 
 /** Slowest first, as in the figures; tests without a rate last. */

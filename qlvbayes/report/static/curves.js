@@ -9,7 +9,7 @@ const short = (value) => (value == null ? "–" : String(+value.toPrecision(4)).
 function unitOf(name, unit) { return unit === "1" ? name : `${name} (${unit})`; }
 
 // Logarithmic time since the last change of motion: phases side by side, each as wide as the others.
-const FEWEST_PIXELS = 46, FAST = 0.02; // between numbers; of a test, a phase that no eye finds on it
+const FEWEST_NUMBERS = 3, FEWEST_PIXELS = 46, FAST = 0.02; // between numbers; of a test, a phase that no eye finds on it
 const LOG_LABEL = "time since the last change of motion (s), logarithmic", LINEAR_LABEL = "time since the test began (s)";
 
 class LogTime {
@@ -31,14 +31,22 @@ class LogTime {
     const k = this.at(Math.floor(place)), { start, first, decades } = this.parts[k];
     return place <= k ? start : start + first * Math.exp(Math.min(place - k, 1) * decades);
   }
+  // Powers of ten; of a short stretch, which holds few of them, twice and five times each too.
   numbers(chart) {
+    const powers = this.marks(chart, [1]);
+    return powers.length < FEWEST_NUMBERS ? this.marks(chart, [1, 2, 5]) : powers;
+  }
+  marks(chart, multiples) {
     const found = [];
     const { min, max } = chart.scales.x;
     let last = -Infinity;
     this.parts.forEach(({ first, decades }, k) => {
-      for (let power = Math.ceil(Math.log10(first)); power <= Math.log10(first) + decades / Math.LN10; power++) {
-        const place = k + (power * Math.LN10 - Math.log(first)) / decades, pixel = chart.valToPos(place, "x");
-        if (place >= min && place <= max && pixel - last > FEWEST_PIXELS) { found.push(place); last = pixel; }
+      for (let power = Math.floor(Math.log10(first)); power <= Math.log10(first) + decades / Math.LN10; power++) {
+        for (const multiple of multiples) {
+          const place = k + Math.log((multiple * 10 ** power) / first) / decades, pixel = chart.valToPos(place, "x");
+          const inside = place >= Math.max(min, k) && place <= Math.min(max, k + 1);
+          if (inside && pixel - last > FEWEST_PIXELS) { found.push(place); last = pixel; }
+        }
       }
     });
     return found;
