@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from hidden_pads import hidden_pad, said_otherwise
 from msgspec.structs import replace as changed
+from support.hidden_pads import hidden_pad, said_otherwise
 
 from qlvbayes.choices import Choices
 from qlvbayes.diagnosis.averaging import averaged

@@ -10,7 +10,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from running_app import Visit, errors, now, running_app, until
+from support.running_app import Visit, errors, now, running_app, until
 
 from qlvbayes.checks import InputError
 from qlvbayes.data import read_measurements

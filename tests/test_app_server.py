@@ -20,7 +20,7 @@ for needed in ("starlette", "uvicorn", "python_multipart"):
     pytest.importorskip(needed, reason=f"no {needed}: bench not served")
 httpx = pytest.importorskip("httpx", reason="no httpx: bench not asked")
 
-from two_tests import two_tests  # noqa: E402
+from support.two_tests import two_tests  # noqa: E402
 
 import qlvbayes as q  # noqa: E402
 from qlvbayes.app.sessions import Sessions  # noqa: E402

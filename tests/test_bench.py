@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from two_tests import TESTS, two_tests
+from support.two_tests import TESTS, two_tests
 
 import qlvbayes as q
 from qlvbayes.checks import InputError

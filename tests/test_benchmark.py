@@ -1,13 +1,14 @@
 """Blind studies: the plan, one simulated study, the scores on hand-made cases, what is written."""
 
 import json
-import sys
 from collections import Counter
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from blind_page import blind_page
+from levels import Level, levels
+from page import Origin
 from typer.testing import CliRunner
 
 from qlvbayes.benchmark import run as running
@@ -41,12 +42,6 @@ from qlvbayes.inference.noticeable import log_density
 from qlvbayes.plots.benchmark import plot_benchmark
 from qlvbayes.plots.files import figure_of
 from qlvbayes.synthetic import FORMS, HIDDEN, OUTSIDE, GrowingDrag
-
-sys.path.append(str(Path(__file__).parents[1] / "validation"))
-
-from blind_page import blind_page
-from levels import Level, levels
-from page import Origin
 
 TRUE_M = 0.5
 

@@ -6,7 +6,7 @@ from itertools import pairwise
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from endtoend import TRUTH, experiment, fitted, study
+from support.endtoend import TRUTH, experiment, fitted, study
 
 from qlvbayes.checked import check_pad
 from qlvbayes.choices import Choices

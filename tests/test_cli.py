@@ -6,7 +6,7 @@ import subprocess
 
 import numpy as np
 import pytest
-from endtoend import (
+from support.endtoend import (
     COMMAND,
     CONSTANTS,
     PADS,

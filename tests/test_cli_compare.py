@@ -4,8 +4,8 @@ import csv
 import json
 
 import pytest
-from endtoend import call, read_json
-from test_elsewhere import drawn, vectors, written
+from support.endtoend import call, read_json
+from support.posteriors import drawn, vectors, written
 
 from qlvbayes.comparison.contrast import Comparison
 

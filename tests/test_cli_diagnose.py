@@ -6,7 +6,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from endtoend import call, keeps_check_contract, keeps_summary_contract, read_json
+from support.endtoend import call, keeps_check_contract, keeps_summary_contract, read_json
 
 from qlvbayes.choices import Choices
 from qlvbayes.curves import Curves

@@ -9,7 +9,7 @@ import subprocess
 import time
 
 import pytest
-from endtoend import COMMAND, PADS, call, environment, qlvbayes, read_json
+from support.endtoend import COMMAND, PADS, call, environment, one_line, qlvbayes, read_json
 
 from qlvbayes.files import write_json, write_whole
 
@@ -24,15 +24,6 @@ def fitted_folder(tmp_path_factory):
     data.write_bytes(PADS.read_bytes())
     assert call("fit", data, "-o", folder / "out", *QUICK)[0] == 0
     return folder
-
-
-def one_line(err):
-    """The one line on stderr, without the command's name."""
-    assert err.startswith("qlvbayes: ")
-    assert err.count("\n") == 1
-    assert err.endswith("\n")
-    assert "Traceback" not in err
-    return err.removeprefix("qlvbayes: ").strip()
 
 
 def refused(*words):

@@ -5,8 +5,8 @@ import json
 
 import numpy as np
 import pytest
-from endtoend import call, read_json
-from test_elsewhere import drawn, vectors, written
+from support.endtoend import call, read_json
+from support.posteriors import drawn, vectors, written
 
 PROGRAM = "ramp 1.6 mm at 20 mm/s, hold 5 s"
 

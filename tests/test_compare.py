@@ -4,9 +4,10 @@ import json
 
 import numpy as np
 import pytest
-from endtoend import fitted
 from msgspec.structs import replace
 from scipy.stats import kstest, norm
+from support.endtoend import fitted
+from support.posteriors import ORDER, PLACES, WIDTHS, posterior, table_1
 
 import qlvbayes
 from qlvbayes.checks import InputError
@@ -17,39 +18,8 @@ from qlvbayes.comparison.judging import answer, contrast
 from qlvbayes.comparison.readings import Reading
 from qlvbayes.comparison.words import paragraphs
 from qlvbayes.comparison.writing import as_csv, as_latex
-from qlvbayes.synthetic import TABLE_1
 
-PLACES = {"depth": 1.0, "rates": [1.0], "frequencies": [0.3]}
-WIDTHS = {"m": 0.01, "b": 0.02, "c[1]": 0.01, "c[2]": 0.05, "v[1]": 0.02, "v[2]": 0.1}
-ORDER = ["m", "b", "c[0]", "c[1]", "c[2]", "v[1]", "v[2]"]
 UNIT = Reading("m", "N/mm", "constants", False)
-
-
-def table_1(pad):
-    pad = TABLE_1[pad]
-    return {
-        "m": pad.m,
-        "b": pad.b,
-        "c[1]": pad.c[1],
-        "c[2]": pad.c[2],
-        "v[1]": pad.v[0],
-        "v[2]": pad.v[1],
-    }
-
-
-def posterior(truth, rng, widths=WIDTHS, size=300, *, centred=False):
-    """Log-normal draws as a right inference would give, whose centres miss the truth as well.
-
-    ``centred``: they do not, so that what follows is the same for every seed.
-    """
-    off = 0.0 if centred else 1.0
-    draws = {
-        name: value
-        * np.exp(widths[name] * (off * rng.standard_normal() + rng.standard_normal(size)))
-        for name, value in truth.items()
-    }
-    draws["c[0]"] = 1.0 - draws["c[1]"] - draws["c[2]"]
-    return {name: draws[name] for name in ORDER}
 
 
 @pytest.fixture(scope="module")

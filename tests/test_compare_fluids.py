@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 from scipy.stats import halfcauchy, multivariate_normal
-from test_compare import PLACES, WIDTHS, posterior, table_1
+from support.posteriors import PLACES, WIDTHS, posterior, table_1
 
 from qlvbayes.checks import InputError
 from qlvbayes.comparison.compare import compare

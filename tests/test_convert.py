@@ -5,11 +5,11 @@ import os
 import pty
 import subprocess
 
-import machine_files
 import numpy as np
 import pytest
-from endtoend import COMMAND, call, environment
-from machine_files import Pressed, pressed
+from support import machine_files
+from support.endtoend import COMMAND, call, environment
+from support.machine_files import Pressed, pressed
 
 from qlvbayes.checks import InputError
 from qlvbayes.data import read_measurements

@@ -1,21 +1,18 @@
 """The validation script: its statistics on numbers whose answer is known, and two small fits."""
 
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from calibration import alarms, calibrations, predicted
+from keeping import Kept
+from page import Origin, page
+from simulated_fits import Setting, run
+
+from qlvbayes import Settings
 
 ROOT = Path(__file__).parents[1]
-sys.path.append(str(ROOT / "validation"))
-
-from calibration import alarms, calibrations, predicted  # noqa: E402
-from keeping import Kept  # noqa: E402
-from page import Origin, page  # noqa: E402
-from simulated_fits import Setting, run  # noqa: E402
-
-from qlvbayes import Settings  # noqa: E402
 
 PAD = ("m", "b", "c[0]", "c[1]", "c[2]", "v[1]", "v[2]")
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hidden_pads import hidden_pad, keeps_diagnosis_contract, said_otherwise
 from msgspec.structs import replace as changed
+from support.hidden_pads import hidden_pad, keeps_diagnosis_contract, said_otherwise
 
 from qlvbayes import Choices, InputError
 from qlvbayes.diagnosis.adequacy import adequacy

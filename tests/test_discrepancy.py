@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from hidden_pads import hidden_pad
 from hypothesis import given
 from hypothesis import strategies as st
+from support.hidden_pads import hidden_pad
 
 from qlvbayes.diagnosis.discrepancy import discrepancy
 from qlvbayes.diagnosis.samples import Samples

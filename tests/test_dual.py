@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from test_stepping import PRONY, motion_of, relative
+from support.stepped import PRONY, motion_of, relative
 
 from qlvbayes import InputError, Model, displacement_from_force
 from qlvbayes.effects.catalogue import find

@@ -4,7 +4,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from simulated import CLOSE, PROTOCOLS, START, grid_of, motion_of
+from support.simulated import CLOSE, PROTOCOLS, START, grid_of, motion_of
 
 from qlvbayes.effects.catalogue import EFFECTS, find, names
 from qlvbayes.synthetic import (

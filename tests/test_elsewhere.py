@@ -1,45 +1,14 @@
 """Posteriors of other programs with our names of the constants: loaded, checked and compared."""
 
-import arviz_base
 import numpy as np
 import pytest
-from endtoend import PADS, call, read_json
-from test_compare import posterior, table_1
+from support.endtoend import PADS, call, read_json
+from support.posteriors import CHAINS, drawn, vectors, written
 
 from qlvbayes.checks import InputError
 from qlvbayes.elsewhere import flat_names, infer_choices
 from qlvbayes.results import load
 from qlvbayes.units import PAD, STRAIN
-
-CHAINS = (4, 100)
-
-
-def drawn(pad="B", seed=0, noise=("white", "ou", "tau")):
-    """{name: (chains, draws)} about the constants of a pad, as another program would make them."""
-    rng = np.random.default_rng(seed)
-    found = {k: x.reshape(CHAINS) for k, x in posterior(table_1(pad), rng, size=400).items()}
-    sizes = {"white": 0.006, "ou": 0.008, "tau": 0.5}
-    return found | {
-        f"noise.{k}": sizes[k] * np.exp(0.05 * rng.standard_normal(CHAINS)) for k in noise
-    }
-
-
-def vectors(flat):
-    """The same with c and v as vectors, their coordinates left to ArviZ."""
-    found = {k: x for k, x in flat.items() if "[" not in k}
-    for key in "cv":
-        members = [x for k, x in flat.items() if k.startswith(f"{key}[")]
-        found[key] = np.stack(members, axis=-1)
-    return found
-
-
-def written(folder, variables, attrs=(), **options):
-    folder.mkdir(parents=True, exist_ok=True)
-    tree = arviz_base.from_dict({"posterior": variables}, **options)
-    tree.attrs.update(dict(attrs))
-    path = folder / "posterior.nc"
-    tree.to_netcdf(path, engine="h5netcdf")
-    return path
 
 
 def same_as(saved, flat):

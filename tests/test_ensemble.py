@@ -6,9 +6,9 @@ from types import SimpleNamespace
 import emcee
 import numpy as np
 import pytest
-from endtoend import experiment
 from scipy.special import logsumexp
 from scipy.stats import beta, multivariate_normal, multivariate_t, norm
+from support.endtoend import experiment
 
 from qlvbayes.choices import Choices
 from qlvbayes.fit import build_posterior

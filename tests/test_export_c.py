@@ -4,34 +4,22 @@ import re
 from itertools import product
 from math import exp, expm1
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
-from compiled_pad import STRICT, CompiledPad, needs_gcc
-from endtoend import study
-from exported_pad import ELASTIC, RELAXATION, exported
+from support.compiled_pad import STRICT, CompiledPad, needs_gcc
+from support.endtoend import study
+from support.exported_pad import ELASTIC, RELAXATION, exported
+from support.lawmotions import LAWS, python_force, retracting
 
 from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices
 from qlvbayes.exports import formulas
 from qlvbayes.exports.c_header import CHeader
 from qlvbayes.exports.formulas import FORMULAS
-from qlvbayes.law import Contact, Law
-from qlvbayes.motion import Motion
 
 pytestmark = needs_gcc
-LAWS = list(FORMULAS)
 # of the largest force: what rounding a million times in another order may come to
 EXACT = 1e-12
-
-
-def python_force(pad, time, depth):
-    """The Python model's force of the middle draw, in contact."""
-    time, depth = jnp.asarray(time), jnp.asarray(depth)
-    zero = jnp.zeros_like(time)
-    layers = () if pad.choices.bonded else (Contact(),)
-    law = Law(pad.elastic, pad.relaxation, layers)
-    return np.asarray(law.force(Motion(time, depth, zero, zero)))
 
 
 def six_tests():
@@ -39,17 +27,6 @@ def six_tests():
     tests = study().pad("B").tests
     assert len(tests) == 6
     return [(np.asarray(test.time), np.asarray(test.displacement)) for test in tests]
-
-
-def retracting():
-    """Pressed, held, pulled away fast, left, pressed again: contact is lost and found."""
-    time = np.concatenate(
-        [np.linspace(0, 0.1, 40), np.linspace(0.2, 3, 30), np.linspace(3.01, 5, 80)]
-    )
-    depth = np.interp(
-        time, [0.0, 0.1, 3.0, 3.05, 3.5, 4.0, 5.0], [0.0, 1.6, 1.6, -0.2, -0.2, 1.0, 0.3]
-    )
-    return time, depth
 
 
 @pytest.fixture(scope="module")

@@ -5,8 +5,8 @@ import zipfile
 
 import numpy as np
 import pytest
-from compiled_pad import GCC, STRICT, CompiledPad, needs_gcc
-from exported_pad import exported
+from support.compiled_pad import GCC, STRICT, CompiledPad, needs_gcc
+from support.exported_pad import exported
 
 from qlvbayes.choices import Choices
 from qlvbayes.exports.c_header import CHeader

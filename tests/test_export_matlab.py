@@ -5,8 +5,8 @@ import subprocess
 
 import numpy as np
 import pytest
-from exported_pad import exported
-from test_export_c import LAWS, python_force, retracting
+from support.exported_pad import exported
+from support.lawmotions import LAWS, python_force, retracting
 
 from qlvbayes.choices import Choices
 from qlvbayes.exports.matlab import Matlab

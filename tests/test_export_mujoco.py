@@ -6,8 +6,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from compiled_pad import GCC, CompiledPad
-from exported_pad import exported
+from support.compiled_pad import GCC, CompiledPad
+from support.exported_pad import exported
 
 from qlvbayes.exports.mujoco import MuJoCo
 from qlvbayes.exports.reduction import pressing

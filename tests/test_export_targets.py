@@ -9,9 +9,9 @@ from xml.etree import ElementTree
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from endtoend import call
-from exported_pad import DATE, RELAXATION, TESTED, exported, write_fit
 from scipy.special import exp1
+from support.endtoend import call
+from support.exported_pad import DATE, RELAXATION, TESTED, exported, write_fit
 
 from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from endtoend import CONSTANTS, SHORT, TRUTH, experiment, fitted, study, true_value
+from support.endtoend import CONSTANTS, SHORT, TRUTH, experiment, fitted, study, true_value
 
 from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices

@@ -1,13 +1,13 @@
 """Are a fit's intervals honest, and is its curve as good as the best that its model can draw?"""
 
-import sys
 from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from endtoend import CONSTANTS
 from scipy.stats import binom
+from simulated_fits import Setting, run
+from support.endtoend import CONSTANTS
 
 from qlvbayes.choices import Choices
 from qlvbayes.data import read_measurements
@@ -19,9 +19,6 @@ from qlvbayes.parameters import names
 from qlvbayes.prediction import predict
 
 ROOT = Path(__file__).parents[1]
-sys.path.append(str(ROOT / "validation"))
-
-from simulated_fits import Setting, run  # noqa: E402
 
 REAL = ROOT.parent / "shared" / "real" / "muscle_ramps.csv"
 QUICK = Settings(max_steps=3000)

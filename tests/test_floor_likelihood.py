@@ -7,11 +7,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from endtoend import SHORT, experiment, fitted
-from hidden_pads import hidden_pad
 from scipy.linalg import block_diag
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, multivariate_t
+from support.endtoend import SHORT, experiment, fitted
+from support.hidden_pads import hidden_pad
 
 from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices

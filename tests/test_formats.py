@@ -5,10 +5,10 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import ClassVar
 
-import machine_files
 import numpy as np
 import pytest
-from machine_files import FIXTURES, LAG, Pressed, pressed
+from support import machine_files
+from support.machine_files import FIXTURES, LAG, Pressed, pressed
 
 from qlvbayes.checks import InputError
 from qlvbayes.formats.answers import Answers, UnsureError

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from numpy.polynomial.legendre import legval
-from simulated import CLOSE, PROTOCOLS, START, grid_of, motion_of
+from support.simulated import CLOSE, PROTOCOLS, START, grid_of, motion_of
 
 from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices

@@ -4,11 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from endtoend import call, read_json
 from msgspec.structs import replace as changed
-from test_elsewhere import drawn, vectors, written
-from test_prescribed import REACH
-from test_stepper import draws
+from support.endtoend import call, read_json
+from support.posteriors import drawn, vectors, written
+from support.savedfit import REACH, draws
 
 from qlvbayes import InputError, predict_program
 from qlvbayes.choices import Choices
@@ -124,7 +123,7 @@ def test_a_diagnosis_of_other_tests_is_left_out(folder, tmp_path):
     other = changed(BOTH, covered=replace(REACH, depth=2.0))
     other.write(tmp_path / "B" / FILE)
     # a posterior of our own says what its tests cover
-    from endtoend import fitted
+    from support.endtoend import fitted
 
     from qlvbayes.results import to_arviz
 

@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from endtoend import PADS, call, read_json
+from support.endtoend import PADS, call, read_json
 
 from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices

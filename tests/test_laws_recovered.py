@@ -1,7 +1,7 @@
 """A pad that relaxes by a power law, written in closed form: the fit finds its constants again."""
 
 import numpy as np
-from endtoend import call, read_json
+from support.endtoend import call, read_json
 
 M, C0, ALPHA, TAU = 0.8, 0.2, 0.3, 0.05  # N/mm, share, exponent, s
 DEPTH, NOISE = 1.5, 0.004  # mm, N

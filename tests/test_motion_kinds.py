@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from motions import (
+from support.motions import (
     hand,
     read,
     s_curves,

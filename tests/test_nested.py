@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import jax.scipy.stats as jss
 import numpy as np
 import pytest
-from endtoend import experiment
 from scipy.stats import kstest, multivariate_normal
+from support.endtoend import experiment
 
 from qlvbayes.choices import Choices
 from qlvbayes.diagnosis.audit import nested_audit

@@ -5,13 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from endtoend import PADS, call
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
-from test_cli_errors import one_line
-from test_prescribed import REACH, saved
+from support.endtoend import PADS, call, one_line
+from support.savedfit import REACH, saved
 
 from qlvbayes import InputError, predict_program
 from qlvbayes.choices import Choices

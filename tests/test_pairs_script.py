@@ -1,20 +1,17 @@
 """The validation of comparisons: its statistics on numbers whose answer is known, and one pair."""
 
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from page import Origin
+from pairs_page import pairs_page, pooled_coverage
+from simulated_pairs import KINDS, NEAR, draw_pair, run_pair
+
+from qlvbayes import Settings
 
 ROOT = Path(__file__).parents[1]
-sys.path.append(str(ROOT / "validation"))
-
-from page import Origin  # noqa: E402
-from pairs_page import pairs_page, pooled_coverage  # noqa: E402
-from simulated_pairs import KINDS, NEAR, draw_pair, run_pair  # noqa: E402
-
-from qlvbayes import Settings  # noqa: E402
 
 ORIGIN = Origin("command", "today", "commit", "machine")
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from endtoend import experiment
+from support.endtoend import experiment
 
 from qlvbayes.choices import Choices
 from qlvbayes.effects.channel_lag import ChannelLag

@@ -7,59 +7,18 @@ import msgspec
 import numpy as np
 import pytest
 from matplotlib._pylab_helpers import Gcf
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import FillBetweenPolyCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
+from support.figures import NOISE, RESTS, drawn, page, prediction, protocol
 
 from qlvbayes import plots
-from qlvbayes.data import Test as Record
-from qlvbayes.experiment import Trial
 from qlvbayes.kinematics.phases import KINDS, Phase
-from qlvbayes.kinematics.trajectory import smooth
-from qlvbayes.plots.files import figure_of, save_figure
+from qlvbayes.plots.files import save_figure
 from qlvbayes.plots.forces import plot_forces
 from qlvbayes.plots.residual_map import plot_residual_map
-from qlvbayes.prediction import Prediction
 from qlvbayes.residuals import Cell, CheckResult, check
 from qlvbayes.units import PAD, STRAIN
-
-NOISE = 0.01
-RESTS = ("hold", "recovery")
-
-
-def protocol(moves, speed, rest, at=0.0):
-    """Phases of some movements, each with a rest after it."""
-    phases = []
-    for move in moves:
-        stop = at + abs(move) / speed
-        phases.append(Phase("ramp" if move > 0 else "unload", at, stop))
-        phases.append(Phase("hold" if move > 0 else "recovery", stop, stop + rest))
-        at = stop + rest
-    return tuple(phases)
-
-
-def samples(phase):
-    length = phase.stop - phase.start
-    if phase.kind in RESTS:
-        return phase.start + length * np.geomspace(1e-3, 0.999, 40)
-    return phase.start + length * np.arange(30) / 30.0
-
-
-def prediction(name, phases, rate, role="validate", time=None, force=lambda t: np.cos(9.0 * t)):
-    """A prediction that is off by no more than noise."""
-    rng = np.random.default_rng(5)
-    time = np.concatenate([samples(p) for p in phases]) if time is None else time
-    mean = force(time)
-    observed = mean + NOISE * rng.standard_normal(time.size)
-    test = Record(name, "B", time, time, observed, None, None, None, 0.0)
-    trial = Trial(test, smooth(time, time), phases, rate, role)
-    draws = mean + 0.1 * NOISE * rng.standard_normal((200, 1))
-    floor = NOISE * rng.standard_normal((200, time.size))
-    low, high = mean - 1.7 * NOISE, mean + 1.7 * NOISE
-    return Prediction(
-        trial, time, trial.phase_of(time), observed, mean, low, high, draws, floor
-    )  # fmt: skip
 
 
 def paper(rates=(20.0, 0.1, 1.0)):
@@ -101,11 +60,6 @@ every_width = pytest.mark.parametrize("width", [85.0, 180.0])
 every_protocol = pytest.mark.parametrize("predictions", PROTOCOLS.values(), ids=PROTOCOLS)
 
 
-def page(plot, *args, **options):
-    """The figure that a function drew."""
-    return figure_of(plot(*args, **options))
-
-
 def grid(figure):
     """Panels that show something, by row and column."""
     cells = {axis: axis.get_subplotspec() for axis in figure.axes if axis.lines}
@@ -119,12 +73,6 @@ def measured(axis):
 def band(axis):
     areas = [c for c in axis.collections if isinstance(c, FillBetweenPolyCollection)]
     return np.concatenate([path.vertices for area in areas for path in area.get_paths()])
-
-
-def drawn(figure):
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    return canvas.get_renderer()
 
 
 def ink_stays_on_the_page(figure):

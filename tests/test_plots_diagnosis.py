@@ -6,8 +6,8 @@ import pytest
 from matplotlib.colors import to_rgb
 from matplotlib.text import Text
 from msgspec.structs import replace
-from pages import collisions
-from test_plots import drawn, page, prediction, protocol
+from support.figures import drawn, page, prediction, protocol
+from support.pages import collisions
 
 from qlvbayes.data import Pad
 from qlvbayes.data import Test as Record

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from matplotlib.collections import FillBetweenPolyCollection
 from matplotlib.colors import to_rgb
-from pages import collisions, keeps_the_page, lines, points, texts
-from test_plots import prediction, protocol
+from support.figures import prediction, protocol
+from support.pages import collisions, keeps_the_page, lines, points, texts
 
 from qlvbayes.choices import Choices
 from qlvbayes.comparison.contrast import Comparison, Contrast, Interval

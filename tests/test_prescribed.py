@@ -5,31 +5,18 @@ from dataclasses import replace
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from test_stepper import draws
-from test_stepping import relative
+from support.savedfit import draws, saved
+from support.stepped import relative
 
 from qlvbayes import InputError, Model, Motion, displacement_from_force, predict_program
 from qlvbayes.choices import Choices
-from qlvbayes.covered import Covered
 from qlvbayes.laws import Exponential, Prony
 from qlvbayes.plots import figure_of, plot_prediction
 from qlvbayes.prescribed.table import read_table
 from qlvbayes.prescribed.text import parse
-from qlvbayes.results import Saved
 from qlvbayes.units import PAD, STRAIN, UnitSystem
 
-REACH = Covered(depth=1.6, slowest=0.1, fastest=40.0, quickest=0.05, hold=30.0, tests=6)
 CREEP = "force 0.5 N in 0.1 s, hold 30 s"
-
-
-def saved(**effects):
-    given = draws(**effects)
-    names = {name.split(".")[0] for name in effects}
-    choices = Choices(effects=tuple(names), noise="white")
-    columns = np.stack(list(given.values()), axis=-1)[None]
-    return Saved(
-        "B", tuple(given), columns, choices, "emcee", "", "", False, ("20",), covered=REACH
-    )
 
 
 def at(program, *times):

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from endtoend import call, keeps_check_contract, keeps_summary_contract, read_json
+from support.endtoend import call, keeps_check_contract, keeps_summary_contract, read_json
 
 from qlvbayes.data import read_measurements
 from qlvbayes.experiment import prepare

@@ -12,11 +12,11 @@ from types import SimpleNamespace
 import arviz_base
 import numpy as np
 import pytest
-from endtoend import call
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
-from written_results import (
+from support.endtoend import call
+from support.written_results import (
     FIGURES,
     NOISE,
     check,

@@ -3,7 +3,7 @@
 import shutil
 
 import pytest
-from written_results import write_study
+from support.written_results import write_study
 
 from qlvbayes import write_report
 

@@ -10,10 +10,10 @@ from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 import msgspec
 import numpy as np
 import pytest
-from endtoend import call
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from written_results import write_study
+from support.endtoend import call
+from support.written_results import write_study
 
 import qlvbayes
 from qlvbayes import InputError

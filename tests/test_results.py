@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import xarray
 from arviz_stats import summary as arviz_summary
-from endtoend import experiment, fitted
+from support.endtoend import experiment, fitted
 
 from qlvbayes.checks import InputError
 from qlvbayes.choices import Choices

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import pytest
-from hidden_pads import hidden_pad
+from support.hidden_pads import hidden_pad
 
 from qlvbayes.choices import Choices
 from qlvbayes.diagnosis.decision import Weight, decide

@@ -4,22 +4,11 @@ import doctest
 
 import numpy as np
 import pytest
-from test_stepping import DEPTH, DT, TIME, motion_of, relative
+from support.savedfit import draws
+from support.stepped import DEPTH, DT, TIME, motion_of, relative
 
 from qlvbayes import InputError, Model, Stepper
 from qlvbayes.laws import Exponential, Linear, Prony
-from qlvbayes.synthetic import TABLE_1
-
-PAD = TABLE_1["B"]
-
-
-def draws(count=200, **effects):
-    """Draws about the constants of the paper's pad B."""
-    rng = np.random.default_rng(0)
-    values = {"m": PAD.m, "b": PAD.b, "v[1]": PAD.v[0], "v[2]": PAD.v[1]} | effects
-    found = {name: x * np.exp(0.03 * rng.standard_normal(count)) for name, x in values.items()}
-    shares = rng.dirichlet(2e3 * np.array(PAD.c), count)
-    return found | {f"c[{k}]": shares[:, k] for k in range(3)}
 
 
 def forces(stepper, depths=DEPTH):

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from test_stepping import DEPTH, DT, SHALLOW, TIME, batch, relative, solved, stepped
+from support.stepped import DEPTH, DT, SHALLOW, TIME, batch, relative, solved, stepped
 
 from qlvbayes import InputError, Stepper, displacement_from_force
 from qlvbayes.effects.catalogue import EFFECTS, find

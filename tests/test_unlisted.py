@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hidden_pads import hidden_pad, keeps_diagnosis_contract
+from support.hidden_pads import hidden_pad, keeps_diagnosis_contract
 
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.discrepancy import discrepancy

@@ -1,11 +1,14 @@
 """The wide population: balance, determinism, simulator's additions, the count, registration."""
 
-import sys
 from collections import Counter
-from pathlib import Path
 
 import numpy as np
 import pytest
+import registration
+from ground import page
+from page import Origin
+from registration import Registration
+from wide_page import wide_page
 
 from qlvbayes.benchmark.counting import (
     is_grouped,
@@ -27,14 +30,6 @@ from qlvbayes.synthetic.laws import ELASTIC, RELAXATION, Law, draw_law
 from qlvbayes.synthetic.loadcell import CELLS, LoadCell, draw_cell
 from qlvbayes.synthetic.motion import Piece, Track
 from qlvbayes.synthetic.programmes import PROTOCOL_NAMES, session, sine, swing
-
-sys.path.append(str(Path(__file__).parents[1] / "validation"))
-
-import registration
-from ground import page
-from page import Origin
-from registration import Registration
-from wide_page import wide_page
 
 LAW = Law("exponential", (0.5, 0.8), "prony:2", (0.4, 6.0, 0.2, 0.2))
 

@@ -12,7 +12,7 @@ from playwright.sync_api import Page, expect, sync_playwright
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "tests"))
-from running_app import PATIENCE, Visit, running_app  # noqa: E402
+from support.running_app import PATIENCE, Visit, running_app  # noqa: E402
 from test_app_browser import UNCLEAR, chromium, drop  # noqa: E402
 
 NARROW, WIDE = 800, 1400  # pixels

@@ -153,3 +153,12 @@ def keeps_check_contract(content):
         assert cell["role"] in {"fit", "validate"}
         assert cell["rate_mm_s"] is None or is_number(cell["rate_mm_s"])
         assert all(is_number(cell[key]) for key in ("n", "rmse_N", "bias_N", "coverage90"))
+
+
+def one_line(err):
+    """The one line on stderr, without the command's name."""
+    assert err.startswith("qlvbayes: ")
+    assert err.count("\n") == 1
+    assert err.endswith("\n")
+    assert "Traceback" not in err
+    return err.removeprefix("qlvbayes: ").strip()

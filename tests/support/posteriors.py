@@ -1,0 +1,68 @@
+"""Posteriors about the paper's constants, and as other programs write them."""
+
+import arviz_base
+import numpy as np
+
+from qlvbayes.synthetic import TABLE_1
+
+PLACES = {"depth": 1.0, "rates": [1.0], "frequencies": [0.3]}
+WIDTHS = {"m": 0.01, "b": 0.02, "c[1]": 0.01, "c[2]": 0.05, "v[1]": 0.02, "v[2]": 0.1}
+ORDER = ["m", "b", "c[0]", "c[1]", "c[2]", "v[1]", "v[2]"]
+
+
+def table_1(pad):
+    pad = TABLE_1[pad]
+    return {
+        "m": pad.m,
+        "b": pad.b,
+        "c[1]": pad.c[1],
+        "c[2]": pad.c[2],
+        "v[1]": pad.v[0],
+        "v[2]": pad.v[1],
+    }
+
+
+def posterior(truth, rng, widths=WIDTHS, size=300, *, centred=False):
+    """Log-normal draws as a right inference would give, whose centres miss the truth as well.
+
+    ``centred``: they do not, so that what follows is the same for every seed.
+    """
+    off = 0.0 if centred else 1.0
+    draws = {
+        name: value
+        * np.exp(widths[name] * (off * rng.standard_normal() + rng.standard_normal(size)))
+        for name, value in truth.items()
+    }
+    draws["c[0]"] = 1.0 - draws["c[1]"] - draws["c[2]"]
+    return {name: draws[name] for name in ORDER}
+
+
+CHAINS = (4, 100)
+
+
+def drawn(pad="B", seed=0, noise=("white", "ou", "tau")):
+    """{name: (chains, draws)} about the constants of a pad, as another program would make them."""
+    rng = np.random.default_rng(seed)
+    found = {k: x.reshape(CHAINS) for k, x in posterior(table_1(pad), rng, size=400).items()}
+    sizes = {"white": 0.006, "ou": 0.008, "tau": 0.5}
+    return found | {
+        f"noise.{k}": sizes[k] * np.exp(0.05 * rng.standard_normal(CHAINS)) for k in noise
+    }
+
+
+def vectors(flat):
+    """The same with c and v as vectors, their coordinates left to ArviZ."""
+    found = {k: x for k, x in flat.items() if "[" not in k}
+    for key in "cv":
+        members = [x for k, x in flat.items() if k.startswith(f"{key}[")]
+        found[key] = np.stack(members, axis=-1)
+    return found
+
+
+def written(folder, variables, attrs=(), **options):
+    folder.mkdir(parents=True, exist_ok=True)
+    tree = arviz_base.from_dict({"posterior": variables}, **options)
+    tree.attrs.update(dict(attrs))
+    path = folder / "posterior.nc"
+    tree.to_netcdf(path, engine="h5netcdf")
+    return path
