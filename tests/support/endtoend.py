@@ -23,7 +23,7 @@ from qlvbayes.plots import diagnosis_files
 from qlvbayes.plots import files as plots_files
 from qlvbayes.synthetic import TABLE_1
 
-PADS = Path(__file__).parents[1] / "data" / "pads.csv"
+PADS = Path(__file__).parents[2] / "data" / "pads.csv"
 COMMAND = Path(sys.executable).with_name("qlvbayes")
 TRUTH = TABLE_1["B"]
 CONSTANTS = ["m", "b", "c[0]", "c[1]", "c[2]", "v[1]", "v[2]"]

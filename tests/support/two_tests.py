@@ -3,7 +3,7 @@
 import csv
 from pathlib import Path
 
-HIDDEN = Path(__file__).parents[1] / "data" / "hidden.csv"
+HIDDEN = Path(__file__).parents[2] / "data" / "hidden.csv"
 TESTS = ("C-1", "C-100")  # slow and fast: enough to show a drag
 
 
