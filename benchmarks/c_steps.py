@@ -15,8 +15,8 @@ from pathlib import Path
 import arviz_base
 import numpy as np
 
-from qlvbayes.exports.write import export
-from qlvbayes.synthetic import TABLE_1
+from qlvbayes.simulate import TABLE_1
+from qlvbayes.use.exports.write import export
 
 REPEATS = 5  # of which the fastest counts, in processor time: what else runs here only adds
 PAD = TABLE_1["B"]

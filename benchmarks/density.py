@@ -6,10 +6,10 @@ import numpy as np
 from timing import call_ms
 
 from qlvbayes import Choices, read_study
-from qlvbayes.experiment import prepare
-from qlvbayes.fit import build_posterior
-from qlvbayes.inference import compiled
-from qlvbayes.inference.starting import starting_point
+from qlvbayes.fitting import compiled
+from qlvbayes.fitting.fit import build_posterior
+from qlvbayes.fitting.starting import starting_point
+from qlvbayes.preprocess.experiment import prepare
 
 WALKERS = (1, 32, 1024)
 

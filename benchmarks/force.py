@@ -10,7 +10,7 @@ from timing import call_ms, in_new_process, peak_mb
 
 from qlvbayes import Model, Motion
 from qlvbayes.laws import Exponential, Prony
-from qlvbayes.synthetic import PAPER_RATES, TABLE_1, Platen, paper_protocol
+from qlvbayes.simulate import PAPER_RATES, TABLE_1, Platen, paper_protocol
 
 LENGTHS = (10_000, 100_000, 1_000_000, 10_000_000)
 

@@ -7,11 +7,11 @@ import numpy as np
 from rivals import NumpyPosterior
 
 from qlvbayes import Choices, Settings, read_study
-from qlvbayes.experiment import prepare
-from qlvbayes.fit import build_posterior
-from qlvbayes.inference import compiled
-from qlvbayes.inference.ensemble import autocorrelation_time, sample
-from qlvbayes.inference.starting import starting_point
+from qlvbayes.fitting import compiled
+from qlvbayes.fitting.ensemble import autocorrelation_time, sample
+from qlvbayes.fitting.fit import build_posterior
+from qlvbayes.fitting.starting import starting_point
+from qlvbayes.preprocess.experiment import prepare
 
 RIVAL_STEPS = 500
 

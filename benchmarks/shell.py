@@ -21,10 +21,10 @@ def where_time_goes():
     import numpy as np
 
     import qlvbayes as q
-    from qlvbayes.experiment import prepare
-    from qlvbayes.fit import build_posterior
-    from qlvbayes.inference.ensemble import Settings, sample
-    from qlvbayes.inference.starting import starting_point
+    from qlvbayes.fitting.ensemble import Settings, sample
+    from qlvbayes.fitting.fit import build_posterior
+    from qlvbayes.fitting.starting import starting_point
+    from qlvbayes.preprocess.experiment import prepare
 
     marks = [("imports", time.perf_counter() - began)]
 

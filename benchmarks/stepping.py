@@ -10,7 +10,7 @@ from rivals import ivp_displacement
 from timing import call_ms
 
 from qlvbayes import Motion, Stepper, displacement_from_force
-from qlvbayes.synthetic import TABLE_1
+from qlvbayes.simulate import TABLE_1
 
 LENGTHS = (1_000, 10_000, 100_000, 1_000_000)
 IVP_LENGTHS = (1_000, 10_000)

@@ -13,72 +13,83 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from qlvbayes.runtime import configure as _configure
+from qlvbayes.io.runtime import configure as _configure
 
 if TYPE_CHECKING:
-    from qlvbayes import effects, exports, formats, laws, noise, plots, priors
-    from qlvbayes.bench.bench import Bench
-    from qlvbayes.bench.model import ByHand
-    from qlvbayes.checks import InputError
-    from qlvbayes.choices import Choices
+    from qlvbayes import effects, laws, plots, priors
+    from qlvbayes.app.bench.bench import Bench
+    from qlvbayes.app.bench.model import ByHand
     from qlvbayes.comparison.compare import compare
     from qlvbayes.comparison.contrast import Comparison
-    from qlvbayes.data import Pad, Test
     from qlvbayes.diagnosis.result import DiagnosisResult
     from qlvbayes.diagnosis.verdict import Diagnosis
-    from qlvbayes.dual import displacement_from_force
-    from qlvbayes.experiment import Experiment
-    from qlvbayes.exports.write import export
-    from qlvbayes.fit import Fit
-    from qlvbayes.inference.ensemble import Settings
-    from qlvbayes.model import Model
-    from qlvbayes.motion import Motion
-    from qlvbayes.prediction import Prediction
-    from qlvbayes.prescribed.forecast import predict_program
-    from qlvbayes.prescribed.hypotheses import Hypotheses
+    from qlvbayes.fitting.ensemble import Settings
+    from qlvbayes.fitting.fit import Fit
+    from qlvbayes.fitting.prediction import Prediction
+    from qlvbayes.fitting.residuals import CheckResult
+    from qlvbayes.fitting.results import load as load_results
+    from qlvbayes.fitting.summary import FitSummary
+    from qlvbayes.io import formats
+    from qlvbayes.io.checks import InputError
+    from qlvbayes.io.data import Pad, Test
+    from qlvbayes.laws.motion import Motion
+    from qlvbayes.model import noise
+    from qlvbayes.model.choices import Choices
+    from qlvbayes.model.dual import displacement_from_force
+    from qlvbayes.model.model import Model
+    from qlvbayes.pipeline.run import run_study
+    from qlvbayes.pipeline.specimen import Specimen, Study, read_study
+    from qlvbayes.preprocess.experiment import Experiment
     from qlvbayes.report.write import write_report
-    from qlvbayes.residuals import CheckResult
-    from qlvbayes.results import load as load_results
-    from qlvbayes.specimen import Specimen, Study, read_study
-    from qlvbayes.stepper import Stepper
-    from qlvbayes.study.run import run_study
-    from qlvbayes.summary import FitSummary
+    from qlvbayes.use import exports
+    from qlvbayes.use.exports.write import export
+    from qlvbayes.use.prescribed.forecast import predict_program
+    from qlvbayes.use.prescribed.hypotheses import Hypotheses
+    from qlvbayes.use.stepper import Stepper
 
 __version__ = "0.1.0"
 
 # where each name comes from; the imports above, for type checkers, say the same
 _HOMES = {
-    "Bench": "bench.bench.Bench",
-    "ByHand": "bench.model.ByHand",
-    "CheckResult": "residuals.CheckResult",
-    "Choices": "choices.Choices",
+    "Bench": "app.bench.bench.Bench",
+    "ByHand": "app.bench.model.ByHand",
+    "CheckResult": "fitting.residuals.CheckResult",
+    "Choices": "model.choices.Choices",
     "Comparison": "comparison.contrast.Comparison",
     "Diagnosis": "diagnosis.verdict.Diagnosis",
     "DiagnosisResult": "diagnosis.result.DiagnosisResult",
-    "Experiment": "experiment.Experiment",
-    "Fit": "fit.Fit",
-    "FitSummary": "summary.FitSummary",
-    "Hypotheses": "prescribed.hypotheses.Hypotheses",
-    "InputError": "checks.InputError",
-    "Model": "model.Model",
-    "Motion": "motion.Motion",
-    "Pad": "data.Pad",
-    "Prediction": "prediction.Prediction",
-    "Settings": "inference.ensemble.Settings",
-    "Specimen": "specimen.Specimen",
-    "Stepper": "stepper.Stepper",
-    "Study": "specimen.Study",
-    "Test": "data.Test",
+    "Experiment": "preprocess.experiment.Experiment",
+    "Fit": "fitting.fit.Fit",
+    "FitSummary": "fitting.summary.FitSummary",
+    "Hypotheses": "use.prescribed.hypotheses.Hypotheses",
+    "InputError": "io.checks.InputError",
+    "Model": "model.model.Model",
+    "Motion": "laws.motion.Motion",
+    "Pad": "io.data.Pad",
+    "Prediction": "fitting.prediction.Prediction",
+    "Settings": "fitting.ensemble.Settings",
+    "Specimen": "pipeline.specimen.Specimen",
+    "Stepper": "use.stepper.Stepper",
+    "Study": "pipeline.specimen.Study",
+    "Test": "io.data.Test",
     "compare": "comparison.compare.compare",
-    "displacement_from_force": "dual.displacement_from_force",
-    "export": "exports.write.export",
-    "load_results": "results.load",
-    "predict_program": "prescribed.forecast.predict_program",
-    "read_study": "specimen.read_study",
-    "run_study": "study.run.run_study",
+    "displacement_from_force": "model.dual.displacement_from_force",
+    "export": "use.exports.write.export",
+    "load_results": "fitting.results.load",
+    "predict_program": "use.prescribed.forecast.predict_program",
+    "read_study": "pipeline.specimen.read_study",
+    "run_study": "pipeline.run.run_study",
     "write_report": "report.write.write_report",
 }
-_PARTS = ("effects", "exports", "formats", "laws", "noise", "plots", "priors")
+_PARTS = {
+    "effects": "effects",
+    "exports": "use.exports",
+    "formats": "io.formats",
+    "laws": "laws",
+    "noise": "model.noise",
+    "plots": "plots",
+    "priors": "priors",
+}
 
 __all__ = [
     "Bench",
@@ -125,7 +136,7 @@ _configure()
 def __getattr__(name: str) -> Any:
     """Import what is asked for, and keep it."""
     if name in _PARTS:
-        return import_module(f"{__name__}.{name}")
+        return import_module(f"{__name__}.{_PARTS[name]}")
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module, _, own = _HOMES[name].rpartition(".")

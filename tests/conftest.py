@@ -5,7 +5,7 @@ import os
 import jax.numpy as jnp
 import pytest
 
-from qlvbayes.runtime import cache_folder, configure, forget_compiled
+from qlvbayes.io.runtime import cache_folder, configure, forget_compiled
 
 if worker := os.environ.get("PYTEST_XDIST_WORKER"):
     # its commands inherit it: JAX does not guard a cache against two processes that write
@@ -14,8 +14,8 @@ configure()
 
 from qlvbayes.laws.elastic.exponential import Exponential  # noqa: E402
 from qlvbayes.laws.relaxation.prony import Prony  # noqa: E402
-from qlvbayes.model import Model  # noqa: E402
-from qlvbayes.synthetic import TABLE_1  # noqa: E402
+from qlvbayes.model.model import Model  # noqa: E402
+from qlvbayes.simulate import TABLE_1  # noqa: E402
 
 
 @pytest.fixture(scope="module", autouse=True)

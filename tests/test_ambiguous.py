@@ -5,14 +5,14 @@ import pytest
 from msgspec.structs import replace as changed
 from support.hidden_pads import hidden_pad, said_otherwise
 
-from qlvbayes.choices import Choices
 from qlvbayes.diagnosis.averaging import averaged
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.result import Estimate
 from qlvbayes.diagnosis.settings import Settings
-from qlvbayes.prescribed.forecast import predict_program
-from qlvbayes.prescribed.hypotheses import drawn_hypotheses
-from qlvbayes.synthetic import HIDDEN
+from qlvbayes.model.choices import Choices
+from qlvbayes.simulate import HIDDEN
+from qlvbayes.use.prescribed.forecast import predict_program
+from qlvbayes.use.prescribed.hypotheses import drawn_hypotheses
 
 
 @pytest.fixture(scope="module")

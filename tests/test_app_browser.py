@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 from support.running_app import Visit, errors, now, running_app, until
 
-from qlvbayes.checks import InputError
-from qlvbayes.data import read_measurements
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.data import read_measurements
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="no playwright: bench not opened")
 for needed in ("starlette", "uvicorn", "python_multipart"):

@@ -7,9 +7,9 @@ import pytest
 
 from qlvbayes.app.dealing import deal
 from qlvbayes.app.intake import opened, read_in
-from qlvbayes.checks import InputError
 from qlvbayes.cli.main import run
-from qlvbayes.data import read_measurements
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.data import read_measurements
 
 UNCLEAR = "# a rig's own\nZeit;Weg (um);Last\n" + "".join(
     f"{0.01 * k:.2f};{min(10.0 * k, 1000.0):.1f};{min(0.01 * k, 1.0) ** 1.5:.4f}\n"

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from qlvbayes.checks import InputError
-from qlvbayes.data import read_measurements
-from qlvbayes.reading.table import read_table
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.data import read_measurements
+from qlvbayes.io.reading.table import read_table
 
 HEADER = "time_s,displacement_mm,force_N"
 LINES = [
@@ -321,7 +321,7 @@ def test_a_file_written_to_while_it_is_read_says_so(tmp_path, monkeypatch):
             stream.write("0.2,")
         return table
 
-    monkeypatch.setattr("qlvbayes.data.read_table", read_then_grow)
+    monkeypatch.setattr("qlvbayes.io.data.read_table", read_then_grow)
     with pytest.raises(InputError, match=r"pads\.csv: the file changed .* read; wait until"):
         read_measurements(path)
 

@@ -5,8 +5,8 @@ import pytest
 from support.two_tests import TESTS, two_tests
 
 import qlvbayes as q
-from qlvbayes.checks import InputError
-from qlvbayes.prediction import predict
+from qlvbayes.fitting.prediction import predict
+from qlvbayes.io.checks import InputError
 
 
 @pytest.fixture(scope="module")

@@ -11,19 +11,21 @@ from levels import Level, levels
 from page import Origin
 from typer.testing import CliRunner
 
-from qlvbayes.benchmark import run as running
-from qlvbayes.benchmark.case import run_case
-from qlvbayes.benchmark.confusion import Confusion
-from qlvbayes.benchmark.constants import constants
-from qlvbayes.benchmark.detect import SEEN, Expected, expected
-from qlvbayes.benchmark.keeping import Kept, code_digest
-from qlvbayes.benchmark.modes import named_as_fitted
-from qlvbayes.benchmark.plan import KINDS, Plan, family
-from qlvbayes.benchmark.rate import Rate
-from qlvbayes.benchmark.reliability import Reliability
-from qlvbayes.benchmark.report import Report
-from qlvbayes.benchmark.run import run_studies
-from qlvbayes.benchmark.scores import (
+from qlvbayes.cli.benchmark import benchmark, constants_table, rates_table
+from qlvbayes.effects.force_offset import ForceOffset
+from qlvbayes.evaluation import run as running
+from qlvbayes.evaluation.case import run_case
+from qlvbayes.evaluation.confusion import Confusion
+from qlvbayes.evaluation.constants import constants
+from qlvbayes.evaluation.detect import SEEN, Expected, expected
+from qlvbayes.evaluation.keeping import Kept, code_digest
+from qlvbayes.evaluation.modes import named_as_fitted
+from qlvbayes.evaluation.plan import KINDS, Plan, family
+from qlvbayes.evaluation.rate import Rate
+from qlvbayes.evaluation.reliability import Reliability
+from qlvbayes.evaluation.report import Report
+from qlvbayes.evaluation.run import run_studies
+from qlvbayes.evaluation.scores import (
     ceiling,
     heldout,
     is_left_open,
@@ -33,15 +35,13 @@ from qlvbayes.benchmark.scores import (
     promised,
     rates,
 )
-from qlvbayes.benchmark.study import SIZES, make_study
-from qlvbayes.checks import InputError
-from qlvbayes.cli.benchmark import benchmark, constants_table, rates_table
-from qlvbayes.effects.force_offset import ForceOffset
-from qlvbayes.experiment import prepare
+from qlvbayes.evaluation.study import SIZES, make_study
 from qlvbayes.inference.noticeable import log_density
+from qlvbayes.io.checks import InputError
 from qlvbayes.plots.benchmark import plot_benchmark
 from qlvbayes.plots.files import figure_of
-from qlvbayes.synthetic import FORMS, HIDDEN, OUTSIDE, GrowingDrag
+from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.simulate import FORMS, HIDDEN, OUTSIDE, GrowingDrag
 
 TRUE_M = 0.5
 
@@ -223,7 +223,7 @@ def test_a_program_that_stops_is_kept_as_a_failure(monkeypatch):
     def broken(*_):
         raise RuntimeError("no way")
 
-    monkeypatch.setattr("qlvbayes.benchmark.case.prepare", broken)
+    monkeypatch.setattr("qlvbayes.evaluation.case.prepare", broken)
     plan = Plan(0)
     found = run_case(plan, place_of(plan, "none"))
     assert found["verdict"] == "failed"

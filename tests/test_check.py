@@ -8,20 +8,20 @@ import numpy as np
 import pytest
 from support.endtoend import TRUTH, experiment, fitted, study
 
-from qlvbayes.checked import check_pad
-from qlvbayes.choices import Choices
-from qlvbayes.data import Pad
-from qlvbayes.data import Test as Measured
-from qlvbayes.experiment import prepare
-from qlvbayes.hereditary import hereditary_force
+from qlvbayes.fitting.checked import check_pad
+from qlvbayes.fitting.prediction import predict
+from qlvbayes.fitting.residuals import FALSE_ALARMS, check
+from qlvbayes.fitting.results import Saved
+from qlvbayes.io.data import Pad
+from qlvbayes.io.data import Test as Measured
+from qlvbayes.io.units import PAD
 from qlvbayes.laws.elastic.exponential import Exponential
+from qlvbayes.laws.hereditary import hereditary_force
 from qlvbayes.laws.relaxation.prony import Prony
-from qlvbayes.noisefloor import NoiseFloor
-from qlvbayes.prediction import predict
-from qlvbayes.residuals import FALSE_ALARMS, check
-from qlvbayes.results import Saved
-from qlvbayes.synthetic import NOISES, simulate_study
-from qlvbayes.units import PAD
+from qlvbayes.model.choices import Choices
+from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.preprocess.noisefloor import NoiseFloor
+from qlvbayes.simulate import NOISES, simulate_study
 
 ETA = 0.003  # N s/mm, of the drag that some tests below suffer from
 

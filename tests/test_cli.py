@@ -20,7 +20,7 @@ from support.endtoend import (
     true_value,
 )
 
-from qlvbayes.results import load
+from qlvbayes.fitting.results import load
 
 QUICK = ("--pads", "B", "--method", "least-squares")
 BRIEF = ("--pads", "B", "--max-steps", "40")

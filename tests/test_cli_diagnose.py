@@ -8,16 +8,16 @@ from types import SimpleNamespace
 import pytest
 from support.endtoend import call, keeps_check_contract, keeps_summary_contract, read_json
 
-from qlvbayes.choices import Choices
-from qlvbayes.curves import Curves
 from qlvbayes.diagnosis.result import Base, DiagnosisResult
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.effects.catalogue import EVERY
-from qlvbayes.prescribed.hypotheses import Hypotheses
-from qlvbayes.residuals import CheckResult
-from qlvbayes.runs import Runs
-from qlvbayes.study.run import _on_laws
-from qlvbayes.summary import FitSummary
+from qlvbayes.fitting.curves import Curves
+from qlvbayes.fitting.residuals import CheckResult
+from qlvbayes.fitting.runs import Runs
+from qlvbayes.fitting.summary import FitSummary
+from qlvbayes.model.choices import Choices
+from qlvbayes.pipeline.run import _on_laws
+from qlvbayes.use.prescribed.hypotheses import Hypotheses
 
 ROOT = Path(__file__).parents[1]
 HIDDEN = ROOT / "data" / "hidden.csv"

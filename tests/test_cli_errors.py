@@ -11,7 +11,7 @@ import time
 import pytest
 from support.endtoend import COMMAND, PADS, call, environment, one_line, qlvbayes, read_json
 
-from qlvbayes.files import write_json, write_whole
+from qlvbayes.io.files import write_json, write_whole
 
 QUICK = ("--pads", "B", "--method", "least-squares")
 

@@ -10,7 +10,6 @@ from support.endtoend import fitted
 from support.posteriors import ORDER, PLACES, WIDTHS, posterior, table_1
 
 import qlvbayes
-from qlvbayes.checks import InputError
 from qlvbayes.comparison.compare import compare
 from qlvbayes.comparison.contrast import Comparison
 from qlvbayes.comparison.joint import FALSE_ALARMS, joint_test
@@ -18,6 +17,7 @@ from qlvbayes.comparison.judging import answer, contrast
 from qlvbayes.comparison.readings import Reading
 from qlvbayes.comparison.words import paragraphs
 from qlvbayes.comparison.writing import as_csv, as_latex
+from qlvbayes.io.checks import InputError
 
 UNIT = Reading("m", "N/mm", "constants", False)
 

@@ -6,10 +6,10 @@ from scipy.integrate import quad
 from scipy.stats import halfcauchy, multivariate_normal
 from support.posteriors import PLACES, WIDTHS, posterior, table_1
 
-from qlvbayes.checks import InputError
 from qlvbayes.comparison.compare import compare
 from qlvbayes.comparison.hierarchy import SPREAD, Specimens, fluid_draws, spread_posterior
 from qlvbayes.comparison.words import paragraphs
+from qlvbayes.io.checks import InputError
 
 MEANS = (np.array([1.0, 1.3, 0.9]), np.array([1.6, 1.7]))
 SDS = (np.array([0.1, 0.05, 0.2]), np.array([0.1, 0.3]))

@@ -8,14 +8,14 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from qlvbayes.choices import Choices
 from qlvbayes.comparison.readings import read, readings
 from qlvbayes.comparison.settings import Settings, choose
-from qlvbayes.covered import Covered
-from qlvbayes.drawn import described_model, drawn_models, pad_alone
-from qlvbayes.parameters import fields_of
-from qlvbayes.synthetic import TABLE_1, Constants
-from qlvbayes.units import PAD, STRAIN
+from qlvbayes.io.units import PAD, STRAIN
+from qlvbayes.model.choices import Choices
+from qlvbayes.model.drawn import described_model, drawn_models, pad_alone
+from qlvbayes.model.parameters import fields_of
+from qlvbayes.preprocess.covered import Covered
+from qlvbayes.simulate import TABLE_1, Constants
 
 REACH = Covered(depth=1.6, slowest=0.1, fastest=30.0, quickest=0.06, hold=30.0, tests=6)
 DEPTH, RATES, FREQUENCIES, HOLD = 1.5, (0.1, 1.0, 30.0), (0.05, 0.3, 1.0, 5.0), 30.0

@@ -5,8 +5,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from qlvbayes.checks import InputError
-from qlvbayes.constants_table import (
+from qlvbayes.fitting.constants_table import (
     Entry,
     Reference,
     as_csv,
@@ -17,8 +16,9 @@ from qlvbayes.constants_table import (
     that_fit,
     write_constants,
 )
-from qlvbayes.summary import Constant, FitSummary
-from qlvbayes.synthetic import TABLE_1
+from qlvbayes.fitting.summary import Constant, FitSummary
+from qlvbayes.io.checks import InputError
+from qlvbayes.simulate import TABLE_1
 
 PAPER = Path(__file__).parents[1] / "data" / "paper_table1.csv"
 

@@ -11,13 +11,13 @@ from support import machine_files
 from support.endtoend import COMMAND, call, environment
 from support.machine_files import Pressed, pressed
 
-from qlvbayes.checks import InputError
-from qlvbayes.data import read_measurements
-from qlvbayes.experiment import prepare
-from qlvbayes.formats.answers import Answers
-from qlvbayes.formats.conversion import convert
-from qlvbayes.formats.tidy import tidy_text
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.data import read_measurements
+from qlvbayes.io.formats.answers import Answers
+from qlvbayes.io.formats.conversion import convert
+from qlvbayes.io.formats.tidy import tidy_text
 from qlvbayes.plots import figure_of, plot_conversion
+from qlvbayes.preprocess.experiment import prepare
 
 TEST = pressed()
 CYCLES = Pressed(TEST.time, np.sin(9.0 * TEST.time), np.sin(9.0 * TEST.time))

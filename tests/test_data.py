@@ -14,11 +14,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from qlvbayes.checks import InputError
-from qlvbayes.data import read_measurements
-from qlvbayes.reading.csvtext import blocks
-from qlvbayes.reading.testchecks import wrong_signs
-from qlvbayes.units import PAD, SAME, STRAIN, SUFFIXES, UnitSystem, column_name
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.data import read_measurements
+from qlvbayes.io.reading.csvtext import blocks
+from qlvbayes.io.reading.testchecks import wrong_signs
+from qlvbayes.io.units import PAD, SAME, STRAIN, SUFFIXES, UnitSystem, column_name
 
 REAL = Path(__file__).parents[2] / "shared" / "real"
 
@@ -391,8 +391,8 @@ def test_blocks_do_not_show(tmp_path, monkeypatch):
 
 MEASURE = """
 import resource, sys
-from qlvbayes.reading.csvtext import blocks
-from qlvbayes.data import read_measurements
+from qlvbayes.io.reading.csvtext import blocks
+from qlvbayes.io.data import read_measurements
 peak = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 read_measurements(sys.argv[1])
 before = peak()

@@ -5,19 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from qlvbayes.benchmark.study import measured
-from qlvbayes.choices import Choices
-from qlvbayes.data import Pad
 from qlvbayes.diagnosis.design import believed, promised, suggest
+from qlvbayes.diagnosis.nexttest.design import Design
+from qlvbayes.diagnosis.nexttest.rig import Rig
 from qlvbayes.diagnosis.search import weigh
 from qlvbayes.diagnosis.workbench import as_chosen, search_of
 from qlvbayes.effects.force_drift import ForceDrift
 from qlvbayes.effects.force_offset import ForceOffset
-from qlvbayes.experiment import prepare
+from qlvbayes.evaluation.study import measured
 from qlvbayes.inference.modes import find_mode
-from qlvbayes.nexttest.design import Design
-from qlvbayes.nexttest.rig import Rig
-from qlvbayes.synthetic import (
+from qlvbayes.io.data import Pad
+from qlvbayes.io.units import PAD
+from qlvbayes.model.choices import Choices
+from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.simulate import (
     HIDDEN,
     NOISES,
     TABLE_1,
@@ -25,7 +26,6 @@ from qlvbayes.synthetic import (
     paper_protocol,
     record_study,
 )
-from qlvbayes.units import PAD
 
 EFFECTS = (ForceOffset, ForceDrift)
 OFFSET = 0.012  # N

@@ -19,9 +19,9 @@ from qlvbayes.diagnosis.sensitivity import responses, unseen
 from qlvbayes.diagnosis.standing import Enough
 from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.effects.catalogue import find
+from qlvbayes.fitting.prediction import single_samples
 from qlvbayes.inference.modes import find_mode
-from qlvbayes.prediction import single_samples
-from qlvbayes.synthetic import (
+from qlvbayes.simulate import (
     HIDDEN,
     TABLE_1,
     full_retraction_protocol,

@@ -11,7 +11,7 @@ from qlvbayes.diagnosis.samples import Samples
 from qlvbayes.diagnosis.work import Work
 from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.inference.features import Features, Places, covariance
-from qlvbayes.synthetic import OUTSIDE
+from qlvbayes.simulate import OUTSIDE
 
 SHARE = 1e-3  # of the variance, that features may leave out
 

@@ -126,7 +126,7 @@ def test_an_unknown_name_stops_the_build(building):
     with pytest.raises(building("jinja2").UndefinedError):
         building("values").filled("{{ settings.no_such_threshold }}")
     with pytest.raises(AttributeError):
-        building("values").filled('{{ constant("qlvbayes.scales", "NO_SUCH") }}')
+        building("values").filled('{{ constant("qlvbayes.laws.scales", "NO_SUCH") }}')
 
 
 def test_every_notebook_is_a_tutorial_with_its_pictures(site):

@@ -8,7 +8,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from qlvbayes.checks import InputError
 from qlvbayes.effects import conformance
 from qlvbayes.effects.adhesion import Adhesion
 from qlvbayes.effects.catalogue import EFFECTS, find, names
@@ -32,13 +31,14 @@ from qlvbayes.effects.strain_dependent_strength import StrainDependentStrength
 from qlvbayes.effects.stress_softening import StressSoftening
 from qlvbayes.effects.userfile import load
 from qlvbayes.effects.viscous_drag import ViscousDrag
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.units import PAD, STRAIN
 from qlvbayes.laws.elastic.exponential import Exponential
+from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.relaxation.prony import Prony
-from qlvbayes.model import Model
-from qlvbayes.motion import Motion
+from qlvbayes.laws.scales import Scales
+from qlvbayes.model.model import Model
 from qlvbayes.priors import HalfNormal, Uniform
-from qlvbayes.scales import Scales
-from qlvbayes.units import PAD, STRAIN
 
 EVERY = pytest.mark.parametrize("kind", EFFECTS, ids=names())
 STRAINED = Scales(

@@ -10,8 +10,8 @@ from scipy.stats import binom
 from qlvbayes import InputError
 from qlvbayes.effects.adhesion import Adhesion
 from qlvbayes.effects.catalogue import EFFECTS, find
-from qlvbayes.recovery import recovery_rate
-from qlvbayes.recovery.rate import LEVEL, recovery_rates
+from qlvbayes.evaluation.recovery import recovery_rate
+from qlvbayes.evaluation.recovery.rate import LEVEL, recovery_rates
 
 DRAWS = 4
 FEW = tuple(map(find, ("viscous_drag", "friction", "force_drift")))

@@ -7,7 +7,7 @@ import pytest
 from support.simulated import CLOSE, PROTOCOLS, START, grid_of, motion_of
 
 from qlvbayes.effects.catalogue import EFFECTS, find, names
-from qlvbayes.synthetic import (
+from qlvbayes.simulate import (
     HIDDEN,
     TABLE_1,
     HiddenPad,

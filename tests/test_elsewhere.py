@@ -5,10 +5,10 @@ import pytest
 from support.endtoend import PADS, call, read_json
 from support.posteriors import CHAINS, drawn, vectors, written
 
-from qlvbayes.checks import InputError
-from qlvbayes.elsewhere import flat_names, infer_choices
-from qlvbayes.results import load
-from qlvbayes.units import PAD, STRAIN
+from qlvbayes.fitting.results import load
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.units import PAD, STRAIN
+from qlvbayes.model.elsewhere import flat_names, infer_choices
 
 
 def same_as(saved, flat):

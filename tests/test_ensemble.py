@@ -10,17 +10,17 @@ from scipy.special import logsumexp
 from scipy.stats import beta, multivariate_normal, multivariate_t, norm
 from support.endtoend import experiment
 
-from qlvbayes.choices import Choices
-from qlvbayes.fit import build_posterior
-from qlvbayes.inference import compiled
-from qlvbayes.inference.chainstore import ChainStore, remove_chain
-from qlvbayes.inference.diagnostics import diagnose_chain, highest_density
-from qlvbayes.inference.ensemble import Settings, autocorrelation_time, key_of, sample
-from qlvbayes.inference.normal import NormalApproximation
-from qlvbayes.inference.proposal import TAIL, Proposal, from_draws, from_normal
-from qlvbayes.noise import White
-from qlvbayes.parameters import names
-from qlvbayes.posterior import Posterior, draw_priors
+from qlvbayes.fitting import compiled
+from qlvbayes.fitting.chainstore import ChainStore, remove_chain
+from qlvbayes.fitting.diagnostics import diagnose_chain, highest_density
+from qlvbayes.fitting.ensemble import Settings, autocorrelation_time, key_of, sample
+from qlvbayes.fitting.fit import build_posterior
+from qlvbayes.fitting.normal import NormalApproximation
+from qlvbayes.fitting.proposal import TAIL, Proposal, from_draws, from_normal
+from qlvbayes.model.choices import Choices
+from qlvbayes.model.noise import White
+from qlvbayes.model.parameters import names
+from qlvbayes.model.posterior import Posterior, draw_priors
 
 RNG = 20
 DRAWN = 5000  # rates, from their prior
@@ -147,7 +147,7 @@ def test_a_resumed_chain_is_not_looked_at_more_often(uninformed, start, tmp_path
         looks.append(chains.shape[1])
         return SimpleNamespace(troubles=["not yet"])
 
-    monkeypatch.setattr("qlvbayes.inference.ensemble.diagnose_chain", never_enough)
+    monkeypatch.setattr("qlvbayes.fitting.ensemble.diagnose_chain", never_enough)
     settings = replace(STEPS, max_steps=1200)
     sample(uninformed, start, settings)
     uninterrupted, looks[:] = list(looks), []

@@ -15,7 +15,6 @@ from scipy.stats import multivariate_normal
 from qlvbayes import read_study
 from qlvbayes.diagnosis.search import amplitude_of
 from qlvbayes.effects.catalogue import EFFECTS
-from qlvbayes.experiment import prepare
 from qlvbayes.inference.density import Density, Terms
 from qlvbayes.inference.discrepancy import ROUGH, Discrepancy
 from qlvbayes.inference.evidence import evidence, normals
@@ -27,6 +26,7 @@ from qlvbayes.inference.space import Hypothesis, Space, in_natural_amplitude, me
 from qlvbayes.inference.whitening import Whitener
 from qlvbayes.laws.catalogue import LAWS
 from qlvbayes.laws.relaxation.prony import Prony
+from qlvbayes.preprocess.experiment import prepare
 from qlvbayes.priors.natural import in_own_numbers
 
 HIDDEN = Path(__file__).parents[1] / "data" / "hidden.csv"

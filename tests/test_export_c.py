@@ -11,11 +11,11 @@ from support.endtoend import study
 from support.exported_pad import ELASTIC, RELAXATION, exported
 from support.lawmotions import LAWS, python_force, retracting
 
-from qlvbayes.checks import InputError
-from qlvbayes.choices import Choices
-from qlvbayes.exports import formulas
-from qlvbayes.exports.c_header import CHeader
-from qlvbayes.exports.formulas import FORMULAS
+from qlvbayes.io.checks import InputError
+from qlvbayes.model.choices import Choices
+from qlvbayes.use.exports import formulas
+from qlvbayes.use.exports.c_header import CHeader
+from qlvbayes.use.exports.formulas import FORMULAS
 
 pytestmark = needs_gcc
 # of the largest force: what rounding a million times in another order may come to

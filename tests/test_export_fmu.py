@@ -8,9 +8,9 @@ import pytest
 from support.compiled_pad import GCC, STRICT, CompiledPad, needs_gcc
 from support.exported_pad import exported
 
-from qlvbayes.choices import Choices
-from qlvbayes.exports.c_header import CHeader
-from qlvbayes.exports.fmu import Fmu
+from qlvbayes.model.choices import Choices
+from qlvbayes.use.exports.c_header import CHeader
+from qlvbayes.use.exports.fmu import Fmu
 
 fmpy = pytest.importorskip("fmpy", reason="no FMPy here: the FMU is not simulated")
 

@@ -8,8 +8,8 @@ import pytest
 from support.exported_pad import exported
 from support.lawmotions import LAWS, python_force, retracting
 
-from qlvbayes.choices import Choices
-from qlvbayes.exports.matlab import Matlab
+from qlvbayes.model.choices import Choices
+from qlvbayes.use.exports.matlab import Matlab
 
 OCTAVE = shutil.which("octave-cli") or shutil.which("octave")
 pytestmark = pytest.mark.skipif(

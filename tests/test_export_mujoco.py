@@ -9,8 +9,8 @@ import pytest
 from support.compiled_pad import GCC, CompiledPad
 from support.exported_pad import exported
 
-from qlvbayes.exports.mujoco import MuJoCo
-from qlvbayes.exports.reduction import pressing
+from qlvbayes.use.exports.mujoco import MuJoCo
+from qlvbayes.use.exports.reduction import pressing
 
 
 @pytest.fixture(scope="module")

@@ -13,19 +13,19 @@ from scipy.special import exp1
 from support.endtoend import call
 from support.exported_pad import DATE, RELAXATION, TESTED, exported, write_fit
 
-from qlvbayes.checks import InputError
-from qlvbayes.choices import Choices
-from qlvbayes.exports.abaqus import Abaqus
-from qlvbayes.exports.ansys import Ansys
-from qlvbayes.exports.catalogue import TARGETS, find
-from qlvbayes.exports.comsol import Comsol
-from qlvbayes.exports.drake import Drake
-from qlvbayes.exports.febio import FEBio
-from qlvbayes.exports.json_file import JsonFile
-from qlvbayes.exports.material import POISSON
-from qlvbayes.exports.reduction import pressing
-from qlvbayes.exports.target import Geometry
-from qlvbayes.units import unit_system
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.units import unit_system
+from qlvbayes.model.choices import Choices
+from qlvbayes.use.exports.abaqus import Abaqus
+from qlvbayes.use.exports.ansys import Ansys
+from qlvbayes.use.exports.catalogue import TARGETS, find
+from qlvbayes.use.exports.comsol import Comsol
+from qlvbayes.use.exports.drake import Drake
+from qlvbayes.use.exports.febio import FEBio
+from qlvbayes.use.exports.json_file import JsonFile
+from qlvbayes.use.exports.material import POISSON
+from qlvbayes.use.exports.reduction import pressing
+from qlvbayes.use.exports.target import Geometry
 
 EXACT = 1e-12
 BLOCK = Geometry(height=10.0, area=200.0)

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from support.endtoend import CONSTANTS, SHORT, TRUTH, experiment, fitted, study, true_value
 
-from qlvbayes.checks import InputError
-from qlvbayes.choices import Choices
-from qlvbayes.experiment import prepare
-from qlvbayes.fit import build_posterior, fit_pad
-from qlvbayes.inference import compiled
-from qlvbayes.inference.ensemble import Settings
-from qlvbayes.inference.least_squares import least_squares, without_noise
-from qlvbayes.inference.starting import block_scale, starting_point
+from qlvbayes.fitting import compiled
+from qlvbayes.fitting.ensemble import Settings
+from qlvbayes.fitting.fit import build_posterior, fit_pad
+from qlvbayes.fitting.least_squares import least_squares, without_noise
+from qlvbayes.fitting.starting import block_scale, starting_point
+from qlvbayes.io.checks import InputError
+from qlvbayes.model.choices import Choices
+from qlvbayes.preprocess.experiment import prepare
 
 
 def mean(found, name):

@@ -9,14 +9,14 @@ from scipy.stats import binom
 from simulated_fits import Setting, run
 from support.endtoend import CONSTANTS
 
-from qlvbayes.choices import Choices
-from qlvbayes.data import read_measurements
-from qlvbayes.experiment import prepare
-from qlvbayes.fit import build_posterior, fit_pad
-from qlvbayes.inference.ensemble import Settings
-from qlvbayes.inference.least_squares import least_squares, without_noise
-from qlvbayes.parameters import names
-from qlvbayes.prediction import predict
+from qlvbayes.fitting.ensemble import Settings
+from qlvbayes.fitting.fit import build_posterior, fit_pad
+from qlvbayes.fitting.least_squares import least_squares, without_noise
+from qlvbayes.fitting.prediction import predict
+from qlvbayes.io.data import read_measurements
+from qlvbayes.model.choices import Choices
+from qlvbayes.model.parameters import names
+from qlvbayes.preprocess.experiment import prepare
 
 ROOT = Path(__file__).parents[1]
 

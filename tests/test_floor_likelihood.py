@@ -13,19 +13,19 @@ from scipy.stats import multivariate_normal, multivariate_t
 from support.endtoend import SHORT, experiment, fitted
 from support.hidden_pads import hidden_pad
 
-from qlvbayes.checks import InputError
-from qlvbayes.choices import Choices
-from qlvbayes.fit import fit_pad
-from qlvbayes.inference import compiled
+from qlvbayes.fitting import compiled
+from qlvbayes.fitting.fit import fit_pad
+from qlvbayes.fitting.marginal import Judged, floor_likelihood
+from qlvbayes.fitting.missed import missed
+from qlvbayes.fitting.starting import starting_point
 from qlvbayes.inference.discrepancy import ROUGH, TOLERANCE, Discrepancy
 from qlvbayes.inference.features import Features, Places
 from qlvbayes.inference.floor_covariance import covariance
-from qlvbayes.inference.marginal import Judged, floor_likelihood
-from qlvbayes.inference.missed import missed
-from qlvbayes.inference.starting import starting_point
-from qlvbayes.posterior import Posterior
-from qlvbayes.synthetic import TABLE_1
-from qlvbayes.synthetic.hidden import ViscousDrag
+from qlvbayes.io.checks import InputError
+from qlvbayes.model.choices import Choices
+from qlvbayes.model.posterior import Posterior
+from qlvbayes.simulate import TABLE_1
+from qlvbayes.simulate.hidden import ViscousDrag
 
 FACTOR, SIZE = -2, -1  # places of these in the noise's constants
 CONSTANTS = np.array([TABLE_1["B"].m, TABLE_1["B"].b, *TABLE_1["B"].c, *TABLE_1["B"].v])

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from qlvbayes.diagnosis.adequacy import combined
+from qlvbayes.fitting.floor_noise import realisations
 from qlvbayes.inference.floor_covariance import covariance
-from qlvbayes.inference.floor_noise import realisations
-from qlvbayes.noisefloor import NoiseFloor
-from qlvbayes.noisefloor.pool import Pool
-from qlvbayes.noisefloor.rests import Rest
-from qlvbayes.records.record import Blocks
+from qlvbayes.model.record import Blocks
+from qlvbayes.preprocess.noisefloor import NoiseFloor
+from qlvbayes.preprocess.noisefloor.pool import Pool
+from qlvbayes.preprocess.noisefloor.rests import Rest
 
 
 def correlation(lag, tau, smooth):

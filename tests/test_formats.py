@@ -10,18 +10,18 @@ import pytest
 from support import machine_files
 from support.machine_files import FIXTURES, LAG, Pressed, pressed
 
-from qlvbayes.checks import InputError
-from qlvbayes.formats.answers import Answers, UnsureError
-from qlvbayes.formats.bluehill_3 import BluehillThree
-from qlvbayes.formats.catalogue import FORMATS
-from qlvbayes.formats.conformance import FormatError, check_format
-from qlvbayes.formats.contact import find_contact
-from qlvbayes.formats.conversion import convert
-from qlvbayes.formats.format import HEAD, AbstractFormat, Sight
-from qlvbayes.formats.machineunits import unit_of
-from qlvbayes.formats.recognise import recognised
-from qlvbayes.formats.signs import find_signs
-from qlvbayes.formats.userfile import load
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.formats.answers import Answers, UnsureError
+from qlvbayes.io.formats.bluehill_3 import BluehillThree
+from qlvbayes.io.formats.catalogue import FORMATS
+from qlvbayes.io.formats.conformance import FormatError, check_format
+from qlvbayes.io.formats.contact import find_contact
+from qlvbayes.io.formats.conversion import convert
+from qlvbayes.io.formats.format import HEAD, AbstractFormat, Sight
+from qlvbayes.io.formats.machineunits import unit_of
+from qlvbayes.io.formats.recognise import recognised
+from qlvbayes.io.formats.signs import find_signs
+from qlvbayes.io.formats.userfile import load
 
 TEST = pressed()
 DATA = Path(__file__).parents[1] / "data"
@@ -299,7 +299,7 @@ def test_units_as_machines_write_them():
 OWN = """
 from typing import ClassVar
 import numpy as np
-from qlvbayes.formats.format import AbstractFormat, Channel, Recording, Sight
+from qlvbayes.io.formats.format import AbstractFormat, Channel, Recording, Sight
 
 class Bench(AbstractFormat):
     name: ClassVar[str] = "bench"

@@ -9,8 +9,6 @@ import pytest
 from numpy.polynomial.legendre import legval
 from support.simulated import CLOSE, PROTOCOLS, START, grid_of, motion_of
 
-from qlvbayes.checks import InputError
-from qlvbayes.choices import Choices
 from qlvbayes.effects.catalogue import EFFECTS, EVERY, FORMS, OUTSIDE, find, names
 from qlvbayes.effects.channel_lag import ChannelLag
 from qlvbayes.effects.conformance import EffectError, check_effect
@@ -24,10 +22,12 @@ from qlvbayes.effects.pressure_friction import PressureFriction
 from qlvbayes.effects.slow_change import SlowChange
 from qlvbayes.effects.spreading_lag import SpreadingLag
 from qlvbayes.effects.stiffening_frame import StiffeningFrame
-from qlvbayes.elsewhere import infer_choices
-from qlvbayes.scales import Scales
-from qlvbayes.synthetic import TABLE_1, HiddenPad, Platen, draw_effect, paper_protocol
-from qlvbayes.synthetic.hidden import contact_effects, effect, forms, sensor_effects
+from qlvbayes.io.checks import InputError
+from qlvbayes.laws.scales import Scales
+from qlvbayes.model.choices import Choices
+from qlvbayes.model.elsewhere import infer_choices
+from qlvbayes.simulate import TABLE_1, HiddenPad, Platen, draw_effect, paper_protocol
+from qlvbayes.simulate.hidden import contact_effects, effect, forms, sensor_effects
 
 SIZE = 0.06  # of the peak force, the effect's largest contribution
 STROKE = 1.6  # mm

@@ -12,10 +12,10 @@ from numpy.polynomial.legendre import leggauss
 from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.elastic.hertz import HertzPower
 from qlvbayes.laws.elastic.linear import Linear
+from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.relaxation.prony import Prony
-from qlvbayes.model import Model
-from qlvbayes.motion import Motion
-from qlvbayes.synthetic import PAPER_RATES, TABLE_1, Pad, Platen, paper_protocol
+from qlvbayes.model.model import Model
+from qlvbayes.simulate import PAPER_RATES, TABLE_1, Pad, Platen, paper_protocol
 
 NODES, WEIGHTS = leggauss(20)
 QUICK = settings(max_examples=25, deadline=None, derandomize=True)

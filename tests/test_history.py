@@ -8,21 +8,22 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from qlvbayes.carried import carried_over
-from qlvbayes.choices import Choices
-from qlvbayes.data import Pad as MeasuredPad
-from qlvbayes.data import Test, read_measurements
 from qlvbayes.effects.catalogue import find
-from qlvbayes.experiment import prepare
-from qlvbayes.fit import build_posterior, fit_pad
-from qlvbayes.inference import compiled
-from qlvbayes.kinematics.trajectory import Trajectory
+from qlvbayes.fitting import compiled
+from qlvbayes.fitting.fit import build_posterior, fit_pad
+from qlvbayes.io.data import Pad as MeasuredPad
+from qlvbayes.io.data import Test, read_measurements
+from qlvbayes.io.units import PAD
 from qlvbayes.laws.elastic.exponential import Exponential
+from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.relaxation.prony import Prony
-from qlvbayes.model import Model
-from qlvbayes.motion import Motion
-from qlvbayes.records.past import REST, carried_tests, past_of
-from qlvbayes.synthetic import (
+from qlvbayes.model.choices import Choices
+from qlvbayes.model.model import Model
+from qlvbayes.preprocess.carried import carried_over
+from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.preprocess.past import REST, carried_tests, past_of
+from qlvbayes.preprocess.trajectory import Trajectory
+from qlvbayes.simulate import (
     NOISES,
     Constants,
     HiddenPad,
@@ -35,7 +36,6 @@ from qlvbayes.synthetic import (
     paper_protocol,
     record_sequence,
 )
-from qlvbayes.units import PAD
 
 SLOW = Constants(m=0.34, b=1.165, c=(0.3, 0.5, 0.2), v=(3.0, 0.05))
 PAUSE, AT_ONCE, RETURN = 5.0, 1e8, 1e5  # s, mm/s2, mm/s: the platen goes back in 60 us

@@ -10,11 +10,11 @@ from support.posteriors import drawn, vectors, written
 from support.savedfit import REACH, draws
 
 from qlvbayes import InputError, predict_program
-from qlvbayes.choices import Choices
 from qlvbayes.diagnosis.result import Laws
-from qlvbayes.prescribed.hypotheses import FILE, DrawnHypothesis, Hypotheses
-from qlvbayes.results import load, save
-from qlvbayes.units import PAD
+from qlvbayes.fitting.results import load, save
+from qlvbayes.io.units import PAD
+from qlvbayes.model.choices import Choices
+from qlvbayes.use.prescribed.hypotheses import FILE, DrawnHypothesis, Hypotheses
 
 PROGRAM = "ramp 1.6 mm at 20 mm/s, hold 5 s"
 LAWS = Laws("exponential", "prony:2")
@@ -125,7 +125,7 @@ def test_a_diagnosis_of_other_tests_is_left_out(folder, tmp_path):
     # a posterior of our own says what its tests cover
     from support.endtoend import fitted
 
-    from qlvbayes.results import to_arviz
+    from qlvbayes.fitting.results import to_arviz
 
     fit = fitted(method="least-squares")
     tree = to_arviz(fit, fit.summary(), source="", sha256="", all_tests=False, seed=0)

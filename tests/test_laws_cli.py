@@ -5,13 +5,13 @@ import json
 import pytest
 from support.endtoend import PADS, call, read_json
 
-from qlvbayes.checks import InputError
-from qlvbayes.choices import Choices
 from qlvbayes.cli.options import relaxation_of
+from qlvbayes.io.checks import InputError
 from qlvbayes.laws import check_law
 from qlvbayes.laws.catalogue import LAWS
 from qlvbayes.laws.conformance import LawError
 from qlvbayes.laws.userfile import load
+from qlvbayes.model.choices import Choices
 
 FIT = ("--pads", "B", "--method", "least-squares", "--noise", "white")
 
@@ -22,7 +22,7 @@ import jax.numpy as jnp
 from qlvbayes.laws import AbstractElastic, AbstractRelaxation
 from qlvbayes.laws.elastic.steps import quadratic_force_step
 from qlvbayes.priors import Uniform
-from qlvbayes.scales import lognormal
+from qlvbayes.laws.scales import lognormal
 
 
 class Tangent(AbstractElastic):

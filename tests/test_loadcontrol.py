@@ -9,18 +9,19 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from qlvbayes import InputError, Model, Motion
-from qlvbayes.choices import Choices
-from qlvbayes.data import Pad, Test, read_measurements
-from qlvbayes.experiment import prepare
-from qlvbayes.fit import build_posterior
-from qlvbayes.inference import compiled
-from qlvbayes.inference.starting import starting_point
-from qlvbayes.kinematics.trajectory import smooth
+from qlvbayes.fitting import compiled
+from qlvbayes.fitting.fit import build_posterior
+from qlvbayes.fitting.starting import starting_point
+from qlvbayes.io.data import Pad, Test, read_measurements
+from qlvbayes.io.units import PAD
 from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.relaxation.prony import Prony
-from qlvbayes.loadcontrol import control_of, crept_path, force_phases
-from qlvbayes.parameters import names
-from qlvbayes.synthetic import (
+from qlvbayes.model.choices import Choices
+from qlvbayes.model.parameters import names
+from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.preprocess.loadcontrol import control_of, crept_path, force_phases
+from qlvbayes.preprocess.trajectory import smooth
+from qlvbayes.simulate import (
     NOISES,
     TABLE_1,
     Hold,
@@ -37,7 +38,6 @@ from qlvbayes.synthetic import (
     simulate_test,
     write_csv,
 )
-from qlvbayes.units import PAD
 
 B = TABLE_1["B"]
 CORRELATED = NOISES["correlated"]  # 0.006 N white and 0.008 N of a memory of 0.5 s: 0.01 N

@@ -11,12 +11,12 @@ import pytest
 from scipy.stats import kstest, multivariate_normal
 from support.endtoend import experiment
 
-from qlvbayes.choices import Choices
 from qlvbayes.diagnosis.audit import nested_audit
 from qlvbayes.diagnosis.workbench import search_of
-from qlvbayes.fit import build_posterior
+from qlvbayes.fitting.fit import build_posterior
 from qlvbayes.inference.nested import nested_evidence
-from qlvbayes.posterior import draw_priors
+from qlvbayes.model.choices import Choices
+from qlvbayes.model.posterior import draw_priors
 from qlvbayes.priors import Normal
 
 

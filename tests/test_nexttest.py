@@ -13,25 +13,25 @@ from support.endtoend import PADS, call, one_line
 from support.savedfit import REACH, saved
 
 from qlvbayes import InputError, predict_program
-from qlvbayes.choices import Choices
 from qlvbayes.diagnosis.design import cause_of
 from qlvbayes.diagnosis.families import Families
+from qlvbayes.diagnosis.nexttest.belief import Explanation, normalised
+from qlvbayes.diagnosis.nexttest.design import FORGOTTEN, LEAST_WAIT, Design, Recovery, drawn
+from qlvbayes.diagnosis.nexttest.draws import explanation_of_draws
+from qlvbayes.diagnosis.nexttest.errors import Errors
+from qlvbayes.diagnosis.nexttest.information import Products, evidence
+from qlvbayes.diagnosis.nexttest.judging import Trial, judged
+from qlvbayes.diagnosis.nexttest.records import record_of
+from qlvbayes.diagnosis.nexttest.rig import Rig
+from qlvbayes.diagnosis.nexttest.screening import screened
+from qlvbayes.diagnosis.nexttest.series import Wish, bits_for_constants, planned_series
+from qlvbayes.diagnosis.nexttest.setpoints import PAUSE, as_csv, set_points
 from qlvbayes.diagnosis.result import Alternative, Laws
 from qlvbayes.effects.catalogue import EVERY
-from qlvbayes.nexttest.belief import Explanation, normalised
-from qlvbayes.nexttest.design import FORGOTTEN, LEAST_WAIT, Design, Recovery, drawn
-from qlvbayes.nexttest.draws import explanation_of_draws
-from qlvbayes.nexttest.errors import Errors
-from qlvbayes.nexttest.information import Products, evidence
-from qlvbayes.nexttest.judging import Trial, judged
-from qlvbayes.nexttest.records import record_of
-from qlvbayes.nexttest.rig import Rig
-from qlvbayes.nexttest.screening import screened
-from qlvbayes.nexttest.series import Wish, bits_for_constants, planned_series
-from qlvbayes.nexttest.setpoints import PAUSE, as_csv, set_points
-from qlvbayes.noisefloor import NoiseFloor
-from qlvbayes.study.designing import design_into, likely
-from qlvbayes.units import PAD
+from qlvbayes.io.units import PAD
+from qlvbayes.model.choices import Choices
+from qlvbayes.pipeline.designing import design_into, likely
+from qlvbayes.preprocess.noisefloor import NoiseFloor
 
 RIG = Rig(depth=1.6, speed=40.0, acceleration=1000.0)
 ERRORS = Errors(NoiseFloor(white=0.006, ou=0.008, tau=0.5), peak=1.5)
@@ -443,7 +443,7 @@ def test_a_folder_without_results_is_named(tmp_path):
 
 def test_a_posterior_made_elsewhere_says_what_it_lacks(tmp_path):
     """Its draws, its noise, and what its tests cover must be known."""
-    from qlvbayes.study.designing import present_of_fit
+    from qlvbayes.pipeline.designing import present_of_fit
 
     with pytest.raises(InputError, match="does not say what its tests cover"):
         present_of_fit(replace(saved(), covered=None))

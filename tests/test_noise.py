@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from qlvbayes.noise import Correlated, StudentT, White
-from qlvbayes.records.record import Blocks
+from qlvbayes.model.noise import Correlated, StudentT, White
+from qlvbayes.model.record import Blocks
 
 log_likelihoods = jax.jit(lambda noise, residual, blocks: noise.log_likelihoods(residual, blocks))
 likelihood_slopes = jax.jit(

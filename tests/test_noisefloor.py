@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from qlvbayes.kinematics.phases import Phase
-from qlvbayes.noisefloor import measure
+from qlvbayes.preprocess.noisefloor import measure
+from qlvbayes.preprocess.phases import Phase
 
 WHITE, OU, TAU = 0.006, 0.008, 0.5
 

@@ -8,8 +8,8 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from qlvbayes.inference.noticeable import log_density, log_noticeable
+from qlvbayes.laws.scales import SHARE
 from qlvbayes.priors import HalfNormal, Normal
-from qlvbayes.scales import SHARE
 
 SD = 0.03
 LEAST = 0.01 / SHARE * SD  # the amplitude that contributes 1 % of the peak force

@@ -6,13 +6,16 @@ import json
 import numpy as np
 import pytest
 
-from qlvbayes.checks import InputError
-from qlvbayes.choices import Choices
-from qlvbayes.defaults import default_model, default_noise
-from qlvbayes.motion import Motion
-from qlvbayes.overrides import in_words, override, parse, parse_prior
-from qlvbayes.parameters import fields_of, names, unit_kinds
-from qlvbayes.posterior import Posterior, draw_priors
+from qlvbayes.io.checks import InputError
+from qlvbayes.laws.motion import Motion
+from qlvbayes.laws.scales import Scales
+from qlvbayes.model.choices import Choices
+from qlvbayes.model.defaults import default_model, default_noise
+from qlvbayes.model.overrides import in_words, override, parse, parse_prior
+from qlvbayes.model.parameters import fields_of, names, unit_kinds
+from qlvbayes.model.posterior import Posterior, draw_priors
+from qlvbayes.model.record import Blocks, Record
+from qlvbayes.preprocess.batching import batch
 from qlvbayes.priors import (
     Dirichlet,
     HalfNormal,
@@ -22,9 +25,6 @@ from qlvbayes.priors import (
     Ordered,
     Uniform,
 )
-from qlvbayes.records.batching import batch
-from qlvbayes.records.record import Blocks, Record
-from qlvbayes.scales import Scales
 
 SCALES = Scales(force=2.0, depth=1.6, shortest=1e-3, longest=30.0, white=0.006, ou=0.008, tau=0.5)
 MODEL = default_model(SCALES)

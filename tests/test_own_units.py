@@ -5,20 +5,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from qlvbayes import parameters
-from qlvbayes.checks import InputError
-from qlvbayes.choices import Choices
-from qlvbayes.conversion import factors
-from qlvbayes.data import read_measurements
-from qlvbayes.drawn import described_fields
 from qlvbayes.effects.catalogue import EFFECTS
-from qlvbayes.experiment import prepare
-from qlvbayes.fit import build_posterior
-from qlvbayes.inference import compiled
-from qlvbayes.posterior import central
-from qlvbayes.summary import FitSummary
-from qlvbayes.units import PAD, STRAIN, unit_system
-from qlvbayes.wording import plain
+from qlvbayes.fitting import compiled
+from qlvbayes.fitting.fit import build_posterior
+from qlvbayes.fitting.summary import FitSummary
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.data import read_measurements
+from qlvbayes.io.units import PAD, STRAIN, unit_system
+from qlvbayes.io.wording import plain
+from qlvbayes.model import parameters
+from qlvbayes.model.choices import Choices
+from qlvbayes.model.conversion import factors
+from qlvbayes.model.drawn import described_fields
+from qlvbayes.model.posterior import central
+from qlvbayes.preprocess.experiment import prepare
 
 LENGTHS = {"mm": 1.0, "um": 1e3, "nm": 1e6, "m": 1e-3}
 FORCES = {"N": 1.0, "mN": 1e3, "uN": 1e6, "nN": 1e9}

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from support.endtoend import experiment
 
-from qlvbayes.choices import Choices
 from qlvbayes.effects.channel_lag import ChannelLag
 from qlvbayes.effects.frame_compliance import FrameCompliance
 from qlvbayes.effects.viscous_drag import ViscousDrag
-from qlvbayes.fit import build_posterior
+from qlvbayes.fitting.fit import build_posterior
 from qlvbayes.inference.gaussnewton import CHUNK, evaluate, predict_along
 from qlvbayes.inference.linearised import predictions_along
 from qlvbayes.inference.subset import with_every_effect
+from qlvbayes.model.choices import Choices
 
 KINDS = (ViscousDrag, FrameCompliance, ChannelLag)
 COSTLY = ("frame_compliance", "channel_lag")

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from qlvbayes.checks import InputError
-from qlvbayes.kinematics.phases import find_phases, loading_rate
-from qlvbayes.kinematics.trajectory import smooth
+from qlvbayes.io.checks import InputError
+from qlvbayes.preprocess.phases import find_phases, loading_rate
+from qlvbayes.preprocess.trajectory import smooth
 
 REAL = Path(__file__).parents[2] / "shared" / "real"
 STEP = 1e-3

@@ -13,12 +13,12 @@ from matplotlib.figure import Figure
 from support.figures import NOISE, RESTS, drawn, page, prediction, protocol
 
 from qlvbayes import plots
-from qlvbayes.kinematics.phases import KINDS, Phase
+from qlvbayes.fitting.residuals import Cell, CheckResult, check
+from qlvbayes.io.units import PAD, STRAIN
 from qlvbayes.plots.files import save_figure
 from qlvbayes.plots.forces import plot_forces
 from qlvbayes.plots.residual_map import plot_residual_map
-from qlvbayes.residuals import Cell, CheckResult, check
-from qlvbayes.units import PAD, STRAIN
+from qlvbayes.preprocess.phases import KINDS, Phase
 
 
 def paper(rates=(20.0, 0.1, 1.0)):

@@ -9,8 +9,6 @@ from msgspec.structs import replace
 from support.figures import drawn, page, prediction, protocol
 from support.pages import collisions
 
-from qlvbayes.data import Pad
-from qlvbayes.data import Test as Record
 from qlvbayes.diagnosis.curves import Band, Curve, curves
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.result import (
@@ -30,15 +28,17 @@ from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.verdict import Diagnosis
 from qlvbayes.effects.catalogue import names
 from qlvbayes.effects.viscous_drag import ViscousDrag
-from qlvbayes.experiment import prepare
+from qlvbayes.io.data import Pad
+from qlvbayes.io.data import Test as Record
+from qlvbayes.io.units import PAD, STRAIN
 from qlvbayes.plots.diagnosis_files import FIGURES, save_diagnosis_figures
 from qlvbayes.plots.error_staircase import plot_error_staircase
 from qlvbayes.plots.evidence import plot_evidence
 from qlvbayes.plots.forces_before_after import plot_forces_before_after
 from qlvbayes.plots.residuals_before_after import plot_residuals_before_after
-from qlvbayes.synthetic import NOISES, TABLE_1, paper_protocol, record_study
-from qlvbayes.synthetic.hidden import HiddenPad, draw_effect
-from qlvbayes.units import PAD, STRAIN
+from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.simulate import NOISES, TABLE_1, paper_protocol, record_study
+from qlvbayes.simulate.hidden import HiddenPad, draw_effect
 
 NOISE = 0.01
 KINDS = ("ramp", "hold", "unload", "recovery")

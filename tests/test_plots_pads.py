@@ -11,9 +11,12 @@ from matplotlib.colors import to_rgb
 from support.figures import prediction, protocol
 from support.pages import collisions, keeps_the_page, lines, points, texts
 
-from qlvbayes.choices import Choices
 from qlvbayes.comparison.contrast import Comparison, Contrast, Interval
-from qlvbayes.constants_table import Reference, constants_table
+from qlvbayes.fitting.constants_table import Reference, constants_table
+from qlvbayes.fitting.results import Saved
+from qlvbayes.fitting.summary import Constant, FitSummary
+from qlvbayes.io.units import PAD, STRAIN
+from qlvbayes.model.choices import Choices
 from qlvbayes.plots import (
     figure_of,
     plot_constants,
@@ -24,9 +27,6 @@ from qlvbayes.plots import (
     plot_programme,
     save_figure,
 )
-from qlvbayes.results import Saved
-from qlvbayes.summary import Constant, FitSummary
-from qlvbayes.units import PAD, STRAIN
 
 WIDTHS = (85.0, 180.0)
 RATES = (0.1, 1.0, 10.0, 20.0, 29.3, 32.7)

@@ -8,11 +8,11 @@ import pytest
 from typer.testing import CliRunner
 
 import qlvbayes.plots as plots
-from qlvbayes.checks import InputError
 from qlvbayes.cli.main import app
+from qlvbayes.fitting.residuals import Cell, CheckResult
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.units import PAD
 from qlvbayes.plots.style import COLOURS, colours, style, using
-from qlvbayes.residuals import Cell, CheckResult
-from qlvbayes.units import PAD
 
 FOUND = CheckResult(
     pad="B", noise=0.01, cells=(Cell("a", "fit", 1.0, "ramp", 9, 0.02, 0.0, 0.9, 0.5),)

@@ -9,12 +9,12 @@ from support.savedfit import draws, saved
 from support.stepped import relative
 
 from qlvbayes import InputError, Model, Motion, displacement_from_force, predict_program
-from qlvbayes.choices import Choices
+from qlvbayes.io.units import PAD, STRAIN, UnitSystem
 from qlvbayes.laws import Exponential, Prony
+from qlvbayes.model.choices import Choices
 from qlvbayes.plots import figure_of, plot_prediction
-from qlvbayes.prescribed.table import read_table
-from qlvbayes.prescribed.text import parse
-from qlvbayes.units import PAD, STRAIN, UnitSystem
+from qlvbayes.use.prescribed.table import read_table
+from qlvbayes.use.prescribed.text import parse
 
 CREEP = "force 0.5 N in 0.1 s, hold 30 s"
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from qlvbayes.benchmark.study import measured
-from qlvbayes.experiment import prepare
-from qlvbayes.pulling import pull_notices, pull_of
-from qlvbayes.synthetic import NOISES, TABLE_1, HiddenPad, paper_protocol, record_study
-from qlvbayes.units import PAD, STRAIN
+from qlvbayes.evaluation.study import measured
+from qlvbayes.io.units import PAD, STRAIN
+from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.preprocess.pulling import pull_notices, pull_of
+from qlvbayes.simulate import NOISES, TABLE_1, HiddenPad, paper_protocol, record_study
 
 
 @pytest.fixture(scope="module")

@@ -5,17 +5,17 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from qlvbayes.data import Test
-from qlvbayes.defaults import default_model
-from qlvbayes.kinematics.phases import find_phases
-from qlvbayes.kinematics.trajectory import smooth
-from qlvbayes.noise import Correlated, White
-from qlvbayes.posterior import Posterior
-from qlvbayes.records.batching import batch
-from qlvbayes.records.reduction import clear_of_kinks, reduce_test
-from qlvbayes.scales import Scales
-from qlvbayes.synthetic import NOISES, TABLE_1, Platen, encode, paper_protocol
-from qlvbayes.synthetic import Pad as SimulatedPad
+from qlvbayes.io.data import Test
+from qlvbayes.laws.scales import Scales
+from qlvbayes.model.defaults import default_model
+from qlvbayes.model.noise import Correlated, White
+from qlvbayes.model.posterior import Posterior
+from qlvbayes.preprocess.batching import batch
+from qlvbayes.preprocess.phases import find_phases
+from qlvbayes.preprocess.reduction import clear_of_kinks, reduce_test
+from qlvbayes.preprocess.trajectory import smooth
+from qlvbayes.simulate import NOISES, TABLE_1, Platen, encode, paper_protocol
+from qlvbayes.simulate import Pad as SimulatedPad
 
 CONSTANTS = TABLE_1["B"]
 MODEL = default_model(

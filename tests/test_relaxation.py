@@ -13,7 +13,7 @@ from qlvbayes.laws.relaxation.log_normal import LogNormalSpectrum
 from qlvbayes.laws.relaxation.power_law import PowerLaw
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.relaxation.stretched import StretchedExponential
-from qlvbayes.scales import Scales
+from qlvbayes.laws.scales import Scales
 
 ERROR = 1e-6  # of g(0)
 TIME = np.concatenate([[0.0], np.geomspace(1e-6, 1e6, 400)])  # s

@@ -8,17 +8,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.polynomial import legendre
 
-from qlvbayes.benchmark.study import measured
-from qlvbayes.checks import InputError
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.remainder import Left, Remainder, structured
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.effects.catalogue import find
-from qlvbayes.experiment import prepare
+from qlvbayes.evaluation.study import measured
 from qlvbayes.inference.discrepancy import TOLERANCE
 from qlvbayes.inference.noticeable import log_noticeable
+from qlvbayes.io.checks import InputError
+from qlvbayes.preprocess.experiment import prepare
 from qlvbayes.priors import HalfNormal
-from qlvbayes.synthetic import NOISES, TABLE_1, HiddenPad, paper_protocol, record_study
+from qlvbayes.simulate import NOISES, TABLE_1, HiddenPad, paper_protocol, record_study
 
 FEW = tuple(map(find, ("viscous_drag", "friction", "stress_softening")))
 ROWS = 60

@@ -32,11 +32,14 @@ from support.written_results import (
 )
 
 from qlvbayes import Comparison, InputError, Settings, write_report
-from qlvbayes.choices import Choices
-from qlvbayes.data import read_measurements
+from qlvbayes.fitting.runs import Runs, record_run
+from qlvbayes.io.data import read_measurements
 from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.elastic.hertz import HertzPower
 from qlvbayes.laws.elastic.linear import Linear
+from qlvbayes.model.choices import Choices
+from qlvbayes.pipeline import Watcher
+from qlvbayes.pipeline.run import _compare
 from qlvbayes.report.boxes import verdict_box
 from qlvbayes.report.charts import chart_of
 from qlvbayes.report.collect import Compared, collect
@@ -44,9 +47,6 @@ from qlvbayes.report.comparing import comparing_of
 from qlvbayes.report.figures import Embedder
 from qlvbayes.report.methods import methods_of
 from qlvbayes.report.numbers import DASH, number, percent, to_sd
-from qlvbayes.runs import Runs, record_run
-from qlvbayes.study import Watcher
-from qlvbayes.study.run import _compare
 
 HOSTILE = "<img src=x onerror=alert(1)>&\"'"
 

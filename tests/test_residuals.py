@@ -6,9 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from qlvbayes.kinematics.phases import Phase
-from qlvbayes.prediction import Prediction
-from qlvbayes.residuals import check
+from qlvbayes.fitting.prediction import Prediction
+from qlvbayes.fitting.residuals import check
+from qlvbayes.preprocess.phases import Phase
 
 WHITE, OU, TAU = 0.006, 0.008, 0.5
 DRAWS, REPEATS, SAMPLES = 200, 1000, 50

@@ -17,21 +17,21 @@ from support.written_results import write_study
 
 import qlvbayes
 from qlvbayes import InputError
-from qlvbayes.choices import Choices
 from qlvbayes.comparison.contrast import Comparison
-from qlvbayes.curves import Curves
+from qlvbayes.diagnosis.nexttest.result import NextTests
 from qlvbayes.diagnosis.result import DiagnosisResult, Estimate
 from qlvbayes.diagnosis.settings import Settings as Thresholds
-from qlvbayes.inference.ensemble import Settings as Sampler
-from qlvbayes.nexttest.result import NextTests
-from qlvbayes.prescribed.hypotheses import Hypotheses
+from qlvbayes.fitting.curves import Curves
+from qlvbayes.fitting.ensemble import Settings as Sampler
+from qlvbayes.fitting.residuals import CheckResult
+from qlvbayes.fitting.runs import Runs
+from qlvbayes.fitting.summary import FitSummary
+from qlvbayes.io.resultfile import Result
+from qlvbayes.io.units import PAD, STRAIN, UnitSystem
+from qlvbayes.model.choices import Choices
 from qlvbayes.priors import Normal
 from qlvbayes.report.methods import _THRESHOLDS
-from qlvbayes.residuals import CheckResult
-from qlvbayes.resultfile import Result
-from qlvbayes.runs import Runs
-from qlvbayes.summary import FitSummary
-from qlvbayes.units import PAD, STRAIN, UnitSystem
+from qlvbayes.use.prescribed.hypotheses import Hypotheses
 
 KINDS = {
     "summary": FitSummary,

@@ -13,12 +13,12 @@ import xarray
 from arviz_stats import summary as arviz_summary
 from support.endtoend import experiment, fitted
 
-from qlvbayes.checks import InputError
-from qlvbayes.choices import Choices
-from qlvbayes.fit import build_posterior
-from qlvbayes.inference import compiled
-from qlvbayes.records.reduction import clear_of_kinks
-from qlvbayes.results import load, save, to_arviz
+from qlvbayes.fitting import compiled
+from qlvbayes.fitting.fit import build_posterior
+from qlvbayes.fitting.results import load, save, to_arviz
+from qlvbayes.io.checks import InputError
+from qlvbayes.model.choices import Choices
+from qlvbayes.preprocess.reduction import clear_of_kinks
 
 GROUPS = {"posterior", "posterior_predictive", "log_likelihood", "observed_data", "constant_data"}
 

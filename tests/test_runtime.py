@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import pytest
 
-from qlvbayes import runtime
+from qlvbayes.io import runtime
 
 MAPS = "00400000-00452000 r-xp 00000000 08:02 173521 /usr/bin/python\n"
 

@@ -7,7 +7,6 @@ from typing import Any, ClassVar
 import pytest
 from support.hidden_pads import hidden_pad
 
-from qlvbayes.choices import Choices
 from qlvbayes.diagnosis.decision import Weight, decide
 from qlvbayes.diagnosis.families import Families
 from qlvbayes.diagnosis.search import Search
@@ -16,8 +15,9 @@ from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.effects.catalogue import OUTSIDE, find
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.inference.space import Hypothesis
+from qlvbayes.model.choices import Choices
 from qlvbayes.priors import LogNormal, Normal
-from qlvbayes.synthetic import HIDDEN
+from qlvbayes.simulate import HIDDEN
 
 RATES = (0.1, 1.0, 20.0, 100.0)
 FEW = tuple(map(find, ("viscous_drag", "friction", "force_offset")))

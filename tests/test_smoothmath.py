@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from qlvbayes.smoothmath import exp_difference_ratio, exp_slope
+from qlvbayes.laws.smoothmath import exp_difference_ratio, exp_slope
 
 SIZES = np.concatenate([np.geomspace(1e-300, 1e-3, 40), np.geomspace(1e-3, 600.0, 400)])
 POINTS = np.concatenate([-SIZES[::-1], [0.0], SIZES, [0.1, -0.1, np.nextafter(0.1, 0.0)]])

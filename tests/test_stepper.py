@@ -97,7 +97,7 @@ def test_a_force_out_of_reach_leaves_the_state_alone():
 
 
 def test_the_docstrings_example_runs():
-    import qlvbayes.stepper as module
+    import qlvbayes.use.stepper as module
 
     given = {"np": np, **{kind.__name__: kind for kind in (Linear, Model, Prony)}}
     found = doctest.testmod(module, extraglobs=given)

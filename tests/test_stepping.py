@@ -31,7 +31,7 @@ from qlvbayes.laws import (
     StretchedExponential,
     ToeExponential,
 )
-from qlvbayes.stepping import begin, begin_at_force, step
+from qlvbayes.model.stepping import begin, begin_at_force, step
 
 # pressed, held, taken back past the surface, pressed again
 # pressed and held, half taken back, without losing contact

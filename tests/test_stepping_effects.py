@@ -9,7 +9,7 @@ from support.stepped import DEPTH, DT, SHALLOW, TIME, batch, relative, solved, s
 from qlvbayes import InputError, Stepper, displacement_from_force
 from qlvbayes.effects.catalogue import EFFECTS, find
 from qlvbayes.effects.effect import AbstractEffect
-from qlvbayes.stepping import begin, step, without_steps
+from qlvbayes.model.stepping import begin, step, without_steps
 
 # constants of a size that is seen in a pad of about 1.6 N
 CONSTANTS = {

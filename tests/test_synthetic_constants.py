@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from qlvbayes.checks import InputError
-from qlvbayes.synthetic import (
+from qlvbayes.io.checks import InputError
+from qlvbayes.simulate import (
     SPECIMENS,
     TABLE_1,
     Constants,

@@ -8,9 +8,9 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from typer.testing import CliRunner
 
-from qlvbayes.checks import InputError
 from qlvbayes.cli.main import app
-from qlvbayes.synthetic import (
+from qlvbayes.io.checks import InputError
+from qlvbayes.simulate import (
     FORMS,
     HIDDEN,
     NOISES,

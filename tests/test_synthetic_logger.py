@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from qlvbayes.checks import InputError
-from qlvbayes.synthetic import PAPER_RATES, Hold, Move, Platen, encode, paper_protocol, thin
+from qlvbayes.io.checks import InputError
+from qlvbayes.simulate import PAPER_RATES, Hold, Move, Platen, encode, paper_protocol, thin
 
 
 def sampled(program):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.polynomial.legendre import leggauss
 
-from qlvbayes.checks import InputError
-from qlvbayes.synthetic import (
+from qlvbayes.io.checks import InputError
+from qlvbayes.simulate import (
     PAPER_RATES,
     TABLE_1,
     Constants,

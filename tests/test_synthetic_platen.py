@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from qlvbayes.checks import InputError
-from qlvbayes.synthetic import PAPER_RATES, Hold, Move, Platen, paper_protocol
+from qlvbayes.io.checks import InputError
+from qlvbayes.simulate import PAPER_RATES, Hold, Move, Platen, paper_protocol
 
 MOVES = st.builds(Move, st.floats(0.0, 3.0), st.floats(0.01, 200.0))
 HOLDS = st.builds(Hold, st.floats(0.001, 50.0))

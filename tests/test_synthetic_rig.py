@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-import qlvbayes.synthetic
-from qlvbayes.checks import InputError
-from qlvbayes.synthetic import (
+import qlvbayes.simulate
+from qlvbayes.io.checks import InputError
+from qlvbayes.simulate import (
     NOISES,
     PAPER_RATES,
     TABLE_1,
@@ -25,7 +25,7 @@ from qlvbayes.synthetic import (
     write_csv,
 )
 
-PACKAGE = Path(qlvbayes.synthetic.__file__).parent
+PACKAGE = Path(qlvbayes.simulate.__file__).parent
 PADS_CSV = Path(__file__).parents[1] / "data" / "pads.csv"
 COMMAND = "qlvbayes simulate --pads A,B,C --max-rows 500 --seed 2011 -o data/pads.csv"
 CORRELATED = NOISES["correlated"]
@@ -41,7 +41,7 @@ def pad_a():
 
 
 def test_the_simulator_shares_no_code_with_the_forward_model():
-    allowed = {"numpy", "scipy", "qlvbayes.checks", *sys.stdlib_module_names}
+    allowed = {"numpy", "scipy", "qlvbayes.io.checks", *sys.stdlib_module_names}
     for file in PACKAGE.glob("*.py"):
         for node in ast.walk(ast.parse(file.read_text())):
             if isinstance(node, ast.ImportFrom) and node.level:
@@ -186,8 +186,8 @@ def test_the_data_file_can_be_made_again(tmp_path, pad_a):
 
 
 def test_a_file_of_several_kinds_says_which_and_what_was_prescribed(tmp_path):
-    from qlvbayes.data import read_measurements
-    from qlvbayes.synthetic import specimens_of
+    from qlvbayes.io.data import read_measurements
+    from qlvbayes.simulate import specimens_of
 
     pads, groups = specimens_of(["finger:2", "homogeneous"], np.random.default_rng(0))
     path = tmp_path / "hands.csv"
@@ -206,7 +206,7 @@ def test_a_file_of_several_kinds_says_which_and_what_was_prescribed(tmp_path):
 
 
 def test_a_load_controlled_test_hides_no_effect(tmp_path):
-    from qlvbayes.synthetic import HIDDEN
+    from qlvbayes.simulate import HIDDEN
 
     with pytest.raises(InputError, match="of the plain pad only"):
         simulate_file(

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from qlvbayes.checks import InputError
-from qlvbayes.synthetic import NOISES, TABLE_1, Noise, encode, paper_protocol, simulate_test
+from qlvbayes.io.checks import InputError
+from qlvbayes.simulate import NOISES, TABLE_1, Noise, encode, paper_protocol, simulate_test
 
 TIMES = np.array([0.0, 0.001, 0.1, 0.5, 1.5, 6.0])
 # Every bound is 5 standard errors: a false alarm in about 1 of 10^6 comparisons.

@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from qlvbayes.checks import InputError
-from qlvbayes.data import read_measurements
-from qlvbayes.kinematics.phases import find_phases
-from qlvbayes.kinematics.trajectory import smooth
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.data import read_measurements
+from qlvbayes.preprocess.phases import find_phases
+from qlvbayes.preprocess.trajectory import smooth
 
 PADS = Path(__file__).parents[1] / "data" / "pads.csv"
 STEP = 1e-3  # mm

@@ -10,7 +10,7 @@ from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.effects.catalogue import EFFECTS, find
 from qlvbayes.effects.force_drift import ForceDrift
 from qlvbayes.effects.force_offset import ForceOffset
-from qlvbayes.synthetic import HIDDEN, OUTSIDE, PAPER_RATES
+from qlvbayes.simulate import HIDDEN, OUTSIDE, PAPER_RATES
 
 LEVEL = 1.1  # N, where the amplifier clips: 80 % of the largest force
 SHIFTS = (ForceDrift, ForceOffset)

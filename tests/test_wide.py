@@ -10,7 +10,7 @@ from page import Origin
 from registration import Registration
 from wide_page import wide_page
 
-from qlvbayes.benchmark.counting import (
+from qlvbayes.evaluation.counting import (
     is_grouped,
     is_named,
     lower,
@@ -18,18 +18,18 @@ from qlvbayes.benchmark.counting import (
     names_wrongly,
     upper,
 )
-from qlvbayes.benchmark.population import STRATA, Population, kin
-from qlvbayes.benchmark.rate import Rate
-from qlvbayes.benchmark.visible import visible
-from qlvbayes.benchmark.wide import make_wide
-from qlvbayes.benchmark.widereport import WideReport
-from qlvbayes.checks import InputError
-from qlvbayes.synthetic import FOREIGN, FURTHER, HiddenPad, Hold, Move, Platen
-from qlvbayes.synthetic.hidden import NearContact
-from qlvbayes.synthetic.laws import ELASTIC, RELAXATION, Law, draw_law
-from qlvbayes.synthetic.loadcell import CELLS, LoadCell, draw_cell
-from qlvbayes.synthetic.motion import Piece, Track
-from qlvbayes.synthetic.programmes import PROTOCOL_NAMES, session, sine, swing
+from qlvbayes.evaluation.population import STRATA, Population, kin
+from qlvbayes.evaluation.rate import Rate
+from qlvbayes.evaluation.visible import visible
+from qlvbayes.evaluation.wide import make_wide
+from qlvbayes.evaluation.widereport import WideReport
+from qlvbayes.io.checks import InputError
+from qlvbayes.simulate import FOREIGN, FURTHER, HiddenPad, Hold, Move, Platen
+from qlvbayes.simulate.hidden import NearContact
+from qlvbayes.simulate.laws import ELASTIC, RELAXATION, Law, draw_law
+from qlvbayes.simulate.loadcell import CELLS, LoadCell, draw_cell
+from qlvbayes.simulate.motion import Piece, Track
+from qlvbayes.simulate.programmes import PROTOCOL_NAMES, session, sine, swing
 
 LAW = Law("exponential", (0.5, 0.8), "prony:2", (0.4, 6.0, 0.2, 0.2))
 

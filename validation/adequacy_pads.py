@@ -13,20 +13,20 @@ from scipy.signal import butter, lfilter
 from qlvbayes import Choices, Pad, Test
 from qlvbayes.diagnosis.adequacy import adequacy
 from qlvbayes.diagnosis.workbench import search_of
-from qlvbayes.experiment import Experiment, prepare
-from qlvbayes.inference import compiled
+from qlvbayes.fitting import compiled
+from qlvbayes.fitting.prediction import predict
+from qlvbayes.fitting.residuals import CheckResult, check
 from qlvbayes.inference.density import Point
 from qlvbayes.inference.gaussnewton import Point as Climbed
 from qlvbayes.inference.gaussnewton import climb
 from qlvbayes.inference.modes import find_mode
 from qlvbayes.inference.subset import Ensemble, with_every_effect
-from qlvbayes.parameters import names
-from qlvbayes.posterior import Posterior
-from qlvbayes.prediction import predict
-from qlvbayes.records.record import Record
-from qlvbayes.residuals import CheckResult, check
-from qlvbayes.synthetic import Noise, SimulatedTest, draw_constants, simulate_study, thin
-from qlvbayes.units import PAD
+from qlvbayes.io.units import PAD
+from qlvbayes.model.parameters import names
+from qlvbayes.model.posterior import Posterior
+from qlvbayes.model.record import Record
+from qlvbayes.preprocess.experiment import Experiment, prepare
+from qlvbayes.simulate import Noise, SimulatedTest, draw_constants, simulate_study, thin
 
 RATES = (1.0, 20.0, 100.0)
 ROWS = 500

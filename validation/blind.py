@@ -16,12 +16,12 @@ from pathlib import Path
 from blind_page import blind_page
 from page import Origin
 
-from qlvbayes.benchmark.keeping import Kept
-from qlvbayes.benchmark.plan import NOISES, Plan
-from qlvbayes.benchmark.report import Report
-from qlvbayes.benchmark.run import kept_file, run_studies
 from qlvbayes.cli.benchmark import counting
-from qlvbayes.files import write_json, write_whole
+from qlvbayes.evaluation.keeping import Kept
+from qlvbayes.evaluation.plan import NOISES, Plan
+from qlvbayes.evaluation.report import Report
+from qlvbayes.evaluation.run import kept_file, run_studies
+from qlvbayes.io.files import write_json, write_whole
 from qlvbayes.plots.benchmark import plot_benchmark
 from qlvbayes.plots.files import save_figure
 

@@ -9,11 +9,11 @@ from textwrap import fill
 from levels import Level, levels
 from page import Origin
 
-from qlvbayes.benchmark.case import DECISIVE
-from qlvbayes.benchmark.detect import SEEN
-from qlvbayes.benchmark.plan import KINDS
-from qlvbayes.benchmark.report import Report
-from qlvbayes.benchmark.scores import (
+from qlvbayes.evaluation.case import DECISIVE
+from qlvbayes.evaluation.detect import SEEN
+from qlvbayes.evaluation.plan import KINDS
+from qlvbayes.evaluation.report import Report
+from qlvbayes.evaluation.scores import (
     LARGEST_GROUP,
     QUESTIONS,
     is_left_open,
@@ -21,7 +21,7 @@ from qlvbayes.benchmark.scores import (
     is_unexplained,
     names_family,
 )
-from qlvbayes.benchmark.study import NOISE_FACTOR, NOISE_TIME, RETRACTIONS, ROWS, SIZES
+from qlvbayes.evaluation.study import NOISE_FACTOR, NOISE_TIME, RETRACTIONS, ROWS, SIZES
 
 _MOST_MISSES = 60  # listed one by one, at most
 

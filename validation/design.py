@@ -22,8 +22,8 @@ from keeping import Kept, code_digest
 from page import Origin
 from registration import FOLDER
 
-from qlvbayes.files import write_whole
-from qlvbayes.runtime import forget_compiled
+from qlvbayes.io.files import write_whole
+from qlvbayes.io.runtime import forget_compiled
 
 ROOT = Path(__file__).resolve().parents[1]
 RULES = ("design_counting.py", "design_cases.py")

@@ -8,27 +8,28 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from qlvbayes import Choices
-from qlvbayes.benchmark.study import measured
-from qlvbayes.data import Pad, Test
 from qlvbayes.diagnosis.design import begun, cause_of
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.families import Families
+from qlvbayes.diagnosis.nexttest.belief import Belief, normalised
+from qlvbayes.diagnosis.nexttest.design import Design, drawn
+from qlvbayes.diagnosis.nexttest.errors import Errors
+from qlvbayes.diagnosis.nexttest.hypotheses import explanation_of_mode
+from qlvbayes.diagnosis.nexttest.rig import Rig
+from qlvbayes.diagnosis.nexttest.screening import screened
+from qlvbayes.diagnosis.nexttest.series import Option, Wish, bits_for_constants, planned_series
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.search import Search, described
 from qlvbayes.diagnosis.workbench import as_chosen, search_of
 from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE
-from qlvbayes.experiment import Experiment, prepare
+from qlvbayes.evaluation.study import measured
 from qlvbayes.inference.space import Hypothesis
-from qlvbayes.nexttest.belief import Belief, normalised
-from qlvbayes.nexttest.design import Design, drawn
-from qlvbayes.nexttest.errors import Errors
-from qlvbayes.nexttest.hypotheses import explanation_of_mode
-from qlvbayes.nexttest.rig import Rig
-from qlvbayes.nexttest.screening import screened
-from qlvbayes.nexttest.series import Option, Wish, bits_for_constants, planned_series
-from qlvbayes.noisefloor import NoiseFloor
-from qlvbayes.study.designing import likely
-from qlvbayes.synthetic import (
+from qlvbayes.io.data import Pad, Test
+from qlvbayes.io.units import PAD
+from qlvbayes.pipeline.designing import likely
+from qlvbayes.preprocess.experiment import Experiment, prepare
+from qlvbayes.preprocess.noisefloor import NoiseFloor
+from qlvbayes.simulate import (
     HIDDEN,
     NOISES,
     Constants,
@@ -42,7 +43,6 @@ from qlvbayes.synthetic import (
     record_study,
     record_test,
 )
-from qlvbayes.units import PAD
 
 ROWS = 500  # a test, as its logger keeps
 STANDARD = Design(1.6, 20.0, 1000.0, hold=30.0, share=0.5, rest=30.0)

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from qlvbayes.benchmark.wide import run
-from qlvbayes.synthetic import HIDDEN, Effect, HiddenPad, draw_effect_in, encode, thin
-from qlvbayes.synthetic.hidden.sensor_effects import Inertia
-from qlvbayes.synthetic.laws import Law
-from qlvbayes.synthetic.loadcell import LoadCell
-from qlvbayes.synthetic.motion import Motion, Piece, Track, joined
-from qlvbayes.synthetic.programmes import Session, session, swing
+from qlvbayes.evaluation.wide import run
+from qlvbayes.simulate import HIDDEN, Effect, HiddenPad, draw_effect_in, encode, thin
+from qlvbayes.simulate.hidden.sensor_effects import Inertia
+from qlvbayes.simulate.laws import Law
+from qlvbayes.simulate.loadcell import LoadCell
+from qlvbayes.simulate.motion import Motion, Piece, Track, joined
+from qlvbayes.simulate.programmes import Session, session, swing
 
 _PRONY = (0.3, 6.2, 0.2, 0.15)
 _PLAIN = Law("exponential", (0.5, 0.8), "prony:2", _PRONY)

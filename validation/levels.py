@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from qlvbayes.benchmark.rate import Rate
-from qlvbayes.benchmark.report import Report
+from qlvbayes.evaluation.rate import Rate
+from qlvbayes.evaluation.report import Report
 
 
 @dataclass(frozen=True)

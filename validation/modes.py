@@ -15,14 +15,14 @@ from coverage import progress
 from keeping import Kept, code_digest
 from page import Origin
 
-from qlvbayes.benchmark.population import Population
-from qlvbayes.benchmark.wide import make_wide
-from qlvbayes.data import Pad, read_measurements
 from qlvbayes.diagnosis.workbench import search_of
-from qlvbayes.experiment import prepare
-from qlvbayes.files import write_whole
+from qlvbayes.evaluation.population import Population
+from qlvbayes.evaluation.wide import make_wide
 from qlvbayes.inference.modes import REDRAWN, STARTS, base_modes
-from qlvbayes.runtime import forget_compiled
+from qlvbayes.io.data import Pad, read_measurements
+from qlvbayes.io.files import write_whole
+from qlvbayes.io.runtime import forget_compiled
+from qlvbayes.preprocess.experiment import prepare
 
 ROOT = Path(__file__).resolve().parents[1]
 _SAME = 0.5  # of the log density, within which two sets of starts came to one mode

@@ -17,7 +17,7 @@ from page import Origin
 from pairs_page import pairs_page
 from simulated_pairs import run_pair
 
-from qlvbayes.files import write_whole
+from qlvbayes.io.files import write_whole
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -8,9 +8,9 @@ import subprocess
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from qlvbayes.benchmark import counting
-from qlvbayes.benchmark.keeping import code_digest
-from qlvbayes.benchmark.population import STRATA
+from qlvbayes.evaluation import counting
+from qlvbayes.evaluation.keeping import code_digest
+from qlvbayes.evaluation.population import STRATA
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = Path(__file__).parent / "registered"

@@ -9,12 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from qlvbayes import Choices, Fit, Pad, Settings, Test
-from qlvbayes.experiment import prepare
-from qlvbayes.fit import fit_pad
-from qlvbayes.prediction import predict
-from qlvbayes.residuals import check
-from qlvbayes.summary import FitSummary
-from qlvbayes.synthetic import (
+from qlvbayes.fitting.fit import fit_pad
+from qlvbayes.fitting.prediction import predict
+from qlvbayes.fitting.residuals import check
+from qlvbayes.fitting.summary import FitSummary
+from qlvbayes.io.units import PAD
+from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.simulate import (
     NOISES,
     PAPER_RATES,
     Constants,
@@ -23,7 +24,6 @@ from qlvbayes.synthetic import (
     draw_constants,
     simulate_study,
 )
-from qlvbayes.units import PAD
 
 MOST_STEPS = 15_000  # fewer than the default, as a fit that needs more would take minutes
 

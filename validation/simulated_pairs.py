@@ -12,11 +12,11 @@ from qlvbayes import Choices, Comparison, Fit, Settings, compare
 from qlvbayes.comparison.readings import read, readings
 from qlvbayes.comparison.settings import choose
 from qlvbayes.comparison.side import side_of
-from qlvbayes.drawn import described_model, drawn_models
-from qlvbayes.experiment import prepare
-from qlvbayes.fit import fit_pad
-from qlvbayes.synthetic import NOISES, PAPER_RATES, Constants, draw_constants, simulate_study
-from qlvbayes.units import PAD
+from qlvbayes.fitting.fit import fit_pad
+from qlvbayes.io.units import PAD
+from qlvbayes.model.drawn import described_model, drawn_models
+from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.simulate import NOISES, PAPER_RATES, Constants, draw_constants, simulate_study
 
 KINDS = ("equal", "near", "equal", "far")
 NEAR = 0.05  # sd of the logarithm of each constant's ratio, in a near pair

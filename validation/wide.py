@@ -18,12 +18,12 @@ from page import Origin
 from registration import ROOT, Registration
 from wide_page import wide_page
 
-from qlvbayes.benchmark.keeping import Kept
-from qlvbayes.benchmark.population import Population
-from qlvbayes.benchmark.widereport import WideReport
-from qlvbayes.benchmark.widerun import run_population
 from qlvbayes.cli.benchmark import counting
-from qlvbayes.files import write_json, write_whole
+from qlvbayes.evaluation.keeping import Kept
+from qlvbayes.evaluation.population import Population
+from qlvbayes.evaluation.widereport import WideReport
+from qlvbayes.evaluation.widerun import run_population
+from qlvbayes.io.files import write_json, write_whole
 
 _WORKERS = 2
 _LOOK_S = 5.0

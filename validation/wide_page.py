@@ -7,9 +7,9 @@ from textwrap import fill
 from page import Origin
 from registration import Registration
 
-from qlvbayes.benchmark.counting import COUNTS, bound, is_right
-from qlvbayes.benchmark.population import STRATA
-from qlvbayes.benchmark.widereport import WideReport
+from qlvbayes.evaluation.counting import COUNTS, bound, is_right
+from qlvbayes.evaluation.population import STRATA
+from qlvbayes.evaluation.widereport import WideReport
 
 _HEAD = """# Blind studies away from the paper's rig
 

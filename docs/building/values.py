@@ -28,7 +28,7 @@ def context() -> dict[str, Any]:
     """Every name that a page may use."""
     from qlvbayes.diagnosis.settings import Settings
     from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE, by_family
-    from qlvbayes.units import PAD
+    from qlvbayes.io.units import PAD
 
     return {
         "settings": Settings(),

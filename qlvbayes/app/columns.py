@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from qlvbayes.checks import InputError
-from qlvbayes.formats.machineunits import unit_of
-from qlvbayes.reading.csvtext import blocks, head
-from qlvbayes.reading.dialect import split_row
-from qlvbayes.units import SUFFIXES, column_name
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.formats.machineunits import unit_of
+from qlvbayes.io.reading.csvtext import blocks, head
+from qlvbayes.io.reading.dialect import split_row
+from qlvbayes.io.units import SUFFIXES, column_name
 
 _SHOWN = 8  # rows
 _DRAWN = 300  # points of the curves

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from qlvbayes.effects.catalogue import EFFECTS
-from qlvbayes.synthetic import (
+from qlvbayes.simulate import (
     HIDDEN,
     NOISES,
     PAPER_RATES,

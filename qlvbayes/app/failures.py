@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from qlvbayes.checks import InputError
+from qlvbayes.io.checks import InputError
 
 Told = dict[str, Any]
 

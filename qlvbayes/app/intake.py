@@ -13,16 +13,16 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from qlvbayes.app.columns import asked, renamed
-from qlvbayes.checks import InputError
-from qlvbayes.data import Measurements, read_measurements
-from qlvbayes.files import results_folder, write_whole
-from qlvbayes.formats.answers import SIGNS, Answers, UnsureError
-from qlvbayes.formats.catalogue import FORMATS
-from qlvbayes.formats.conversion import convert
-from qlvbayes.formats.recognise import head_of, matching
-from qlvbayes.formats.tidy import write_tidy
-from qlvbayes.reading.dialect import sniff
-from qlvbayes.units import column_name
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.data import Measurements, read_measurements
+from qlvbayes.io.files import results_folder, write_whole
+from qlvbayes.io.formats.answers import SIGNS, Answers, UnsureError
+from qlvbayes.io.formats.catalogue import FORMATS
+from qlvbayes.io.formats.conversion import convert
+from qlvbayes.io.formats.recognise import head_of, matching
+from qlvbayes.io.formats.tidy import write_tidy
+from qlvbayes.io.reading.dialect import sniff
+from qlvbayes.io.units import column_name
 
 DATA = "data.csv"
 BENCH = "bench.json"

@@ -19,19 +19,19 @@ from typing import Any
 from qlvbayes.app.childpipes import Parent
 from qlvbayes.app.dealing import deal
 from qlvbayes.app.failures import told_of
-from qlvbayes.choices import Choices
-from qlvbayes.data import read_measurements
 from qlvbayes.diagnosis.decision import Decision
 from qlvbayes.diagnosis.standing import Enough, Standing
-from qlvbayes.inference.ensemble import Progress, Settings
+from qlvbayes.fitting.ensemble import Progress, Settings
+from qlvbayes.fitting.results import Saved, load
+from qlvbayes.fitting.runs import record_run
+from qlvbayes.io.data import read_measurements
+from qlvbayes.model.choices import Choices
+from qlvbayes.pipeline.checking import check_into
+from qlvbayes.pipeline.comparing import compare_into
+from qlvbayes.pipeline.diagnosing import diagnose_into
+from qlvbayes.pipeline.fitting import fit_into
+from qlvbayes.pipeline.watcher import Watcher
 from qlvbayes.report.write import write_report
-from qlvbayes.results import Saved, load
-from qlvbayes.runs import record_run
-from qlvbayes.study.checking import check_into
-from qlvbayes.study.comparing import compare_into
-from qlvbayes.study.diagnosing import diagnose_into
-from qlvbayes.study.fitting import fit_into
-from qlvbayes.study.watcher import Watcher
 
 _BEAT = 0.4  # s between lines of progress: more than two a second
 _NICE = 5  # added: the page's own worker goes first

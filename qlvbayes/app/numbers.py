@@ -13,20 +13,20 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from qlvbayes.app.bench.bench import Bench
+from qlvbayes.app.bench.model import ByHand
 from qlvbayes.app.intake import opened, read_in
 from qlvbayes.app.tables import constants_csv, residuals_csv
-from qlvbayes.bench.bench import Bench
-from qlvbayes.bench.model import ByHand
-from qlvbayes.checks import InputError
-from qlvbayes.choices import Choices
-from qlvbayes.curves import Curves
-from qlvbayes.data import Measurements, read_measurements
 from qlvbayes.diagnosis.protocol import protocol_of
 from qlvbayes.diagnosis.result import CellError
-from qlvbayes.experiment import Experiment, prepare
-from qlvbayes.prediction import looked_at
-from qlvbayes.runtime import forget_compiled
-from qlvbayes.summary import FitSummary
+from qlvbayes.fitting.curves import Curves
+from qlvbayes.fitting.prediction import looked_at
+from qlvbayes.fitting.summary import FitSummary
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.data import Measurements, read_measurements
+from qlvbayes.io.runtime import forget_compiled
+from qlvbayes.model.choices import Choices
+from qlvbayes.preprocess.experiment import Experiment, prepare
 
 _STUDIES = 4  # kept
 _BENCHES = 6  # kept: some ten MB each

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from qlvbayes.app.failures import Told, refused
-from qlvbayes.files import write_json
+from qlvbayes.io.files import write_json
 
 BENCH = "bench.json"
 _PRIVATE = ".private"  # uploads, and truths that are not to be told yet

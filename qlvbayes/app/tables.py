@@ -6,9 +6,9 @@ import csv
 import io
 from collections.abc import Mapping
 
-from qlvbayes.bench.bench import Bench, Look
-from qlvbayes.bench.model import ByHand
-from qlvbayes.units import column_name
+from qlvbayes.app.bench.bench import Bench, Look
+from qlvbayes.app.bench.model import ByHand
+from qlvbayes.io.units import column_name
 
 
 def residuals_csv(bench: Bench, look: Look) -> str:

@@ -19,8 +19,8 @@ import msgspec
 from qlvbayes.app.childpipes import Parent
 from qlvbayes.app.failures import RefusedError, refused, told_of
 from qlvbayes.app.numbers import CALLS, FIRST
-from qlvbayes.checks import InputError
-from qlvbayes.runtime import one_blas_thread
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.runtime import one_blas_thread
 
 Request = dict[str, Any]
 Pieces = Iterator[Any]

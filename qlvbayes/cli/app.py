@@ -13,9 +13,9 @@ from typing import Annotated
 import typer
 
 import qlvbayes.app
-from qlvbayes.checks import InputError
 from qlvbayes.cli.options import EffectsFile
 from qlvbayes.effects.userfile import load
+from qlvbayes.io.checks import InputError
 
 _NEEDED = ("starlette", "uvicorn", "python_multipart")
 

@@ -19,15 +19,15 @@ from rich.progress import (
 )
 from rich.table import Table
 
-from qlvbayes.checks import InputError
 from qlvbayes.cli.benchmark_wide import run_wide_benchmark
 from qlvbayes.cli.console import err, out
 from qlvbayes.cli.options import Style, split_names
-from qlvbayes.files import results_folder, write_json
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.files import results_folder, write_json
 
 if TYPE_CHECKING:
-    from qlvbayes.benchmark.report import Report
-    from qlvbayes.benchmark.run import Tell
+    from qlvbayes.evaluation.report import Report
+    from qlvbayes.evaluation.run import Tell
 
 
 def benchmark(
@@ -69,10 +69,10 @@ def benchmark(
             run_wide_benchmark(studies, seed, results_folder(output), as_json, tell)
         return
     # here, so that the other commands do not wait for what only this one needs
-    from qlvbayes.benchmark.keeping import Kept
-    from qlvbayes.benchmark.plan import Plan
-    from qlvbayes.benchmark.report import Report
-    from qlvbayes.benchmark.run import kept_file, run_studies
+    from qlvbayes.evaluation.keeping import Kept
+    from qlvbayes.evaluation.plan import Plan
+    from qlvbayes.evaluation.report import Report
+    from qlvbayes.evaluation.run import kept_file, run_studies
 
     names = tuple(split_names(effects))
     plan = Plan(seed, noise, names) if names else Plan(seed, noise)
@@ -112,7 +112,7 @@ def counting(what: str) -> Iterator[Tell]:
 
 def rates_table(report: Report) -> Table:
     """Every rate, over all studies and over those that could be seen."""
-    from qlvbayes.benchmark.scores import QUESTIONS
+    from qlvbayes.evaluation.scores import QUESTIONS
 
     title = f"{len(report.cases)} blind studies, seed {report.plan.seed}, {report.plan.noise} noise"
     table = Table(title=title, title_justify="left", title_style="bold")

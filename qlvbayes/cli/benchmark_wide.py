@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 
 from qlvbayes.cli.console import out
-from qlvbayes.files import write_json
+from qlvbayes.io.files import write_json
 
 if TYPE_CHECKING:
-    from qlvbayes.benchmark.run import Tell
-    from qlvbayes.benchmark.widereport import WideReport
+    from qlvbayes.evaluation.run import Tell
+    from qlvbayes.evaluation.widereport import WideReport
 
 
 def run_wide_benchmark(studies: int, seed: int, folder: Path, as_json: bool, tell: Tell) -> None:
     """Run what is missing, write OUT/benchmark.json, show the rates."""
-    from qlvbayes.benchmark.keeping import Kept, code_digest
-    from qlvbayes.benchmark.population import Population
-    from qlvbayes.benchmark.widereport import WideReport
-    from qlvbayes.benchmark.widerun import run_population
+    from qlvbayes.evaluation.keeping import Kept, code_digest
+    from qlvbayes.evaluation.population import Population
+    from qlvbayes.evaluation.widereport import WideReport
+    from qlvbayes.evaluation.widerun import run_population
 
     population = Population(seed)
     path = folder / "studies" / f"{population.key}-{code_digest()}.jsonl"
@@ -37,7 +37,7 @@ def run_wide_benchmark(studies: int, seed: int, folder: Path, as_json: bool, tel
 
 def wide_table(report: WideReport) -> Table:
     """Every rate over the studies that could be seen, with its one-sided 95 % bound."""
-    from qlvbayes.benchmark.counting import COUNTS, bound
+    from qlvbayes.evaluation.counting import COUNTS, bound
 
     title = f"{len(report.cases)} studies of the wide population, seed {report.seed}"
     table = Table(title=title, title_justify="left", title_style="bold")

@@ -8,16 +8,16 @@ from typing import Annotated
 
 import typer
 
-from qlvbayes.checks import InputError
 from qlvbayes.cli.console import out
 from qlvbayes.cli.options import Style
 from qlvbayes.cli.tables import pads_table
 from qlvbayes.cli.terminal import Terminal, show_figures
-from qlvbayes.data import Measurements, read_measurements
-from qlvbayes.results import Saved, load
-from qlvbayes.study.checking import check_into
-from qlvbayes.study.drawing import draw_forces_at_rates
-from qlvbayes.summary import FitSummary
+from qlvbayes.fitting.results import Saved, load
+from qlvbayes.fitting.summary import FitSummary
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.data import Measurements, read_measurements
+from qlvbayes.pipeline.checking import check_into
+from qlvbayes.pipeline.drawing import draw_forces_at_rates
 
 
 def check(

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from qlvbayes.checks import InputError
 from qlvbayes.cli.console import out
 from qlvbayes.cli.options import AsJson, Seed, Style, split_names
 from qlvbayes.cli.terminal import Terminal, show_figures
-from qlvbayes.study.comparing import (
+from qlvbayes.io.checks import InputError
+from qlvbayes.pipeline.comparing import (
     FOLDER,
     Group,
     compare_into,
@@ -24,7 +24,7 @@ from qlvbayes.study.comparing import (
 )
 
 if TYPE_CHECKING:
-    from qlvbayes.results import Saved
+    from qlvbayes.fitting.results import Saved
 
 
 def compare_command(

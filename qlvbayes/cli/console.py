@@ -17,7 +17,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from qlvbayes.inference.ensemble import Progress as Report
+from qlvbayes.fitting.ensemble import Progress as Report
 
 WIDE = 140  # columns of a table where the output is no terminal
 

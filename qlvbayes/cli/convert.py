@@ -10,15 +10,15 @@ from typing import Annotated
 
 import typer
 
-from qlvbayes.checks import InputError
 from qlvbayes.cli.console import err, out, waiting
 from qlvbayes.cli.options import AsJson, Style, split_names
-from qlvbayes.formats.answers import FILE, SIGNS, Answers, UnsureError
-from qlvbayes.formats.catalogue import FORMATS
-from qlvbayes.formats.conversion import Conversion, convert, told
-from qlvbayes.formats.format import AbstractFormat
-from qlvbayes.formats.tidy import write_tidy
-from qlvbayes.formats.userfile import load
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.formats.answers import FILE, SIGNS, Answers, UnsureError
+from qlvbayes.io.formats.catalogue import FORMATS
+from qlvbayes.io.formats.conversion import Conversion, convert, told
+from qlvbayes.io.formats.format import AbstractFormat
+from qlvbayes.io.formats.tidy import write_tidy
+from qlvbayes.io.formats.userfile import load
 
 
 def convert_command(

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
-from qlvbayes.checks import InputError
 from qlvbayes.cli.console import out
 from qlvbayes.cli.options import AsJson, Seed, Style, split_names
 from qlvbayes.cli.terminal import Terminal, show_figures
-from qlvbayes.nexttest.series import MOST
-from qlvbayes.wording import plain
+from qlvbayes.diagnosis.nexttest.series import MOST
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.wording import plain
 
 if TYPE_CHECKING:
-    from qlvbayes.nexttest.result import Bits, NextTests
+    from qlvbayes.diagnosis.nexttest.result import Bits, NextTests
 
 _FILES = ("posterior.nc", "diagnosis.json")
 
@@ -65,7 +65,7 @@ def design_command(
     for the rig and for 'predict --program') and the figure design.
     """
     # here, so that other commands do not wait for JAX
-    from qlvbayes.study.designing import design_into
+    from qlvbayes.pipeline.designing import design_into
 
     watcher = Terminal(quiet=as_json)
     found, figures = [], []

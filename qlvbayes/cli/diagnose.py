@@ -8,7 +8,6 @@ from typing import Annotated
 
 import typer
 
-from qlvbayes.checks import InputError
 from qlvbayes.cli.console import command_line, out, waiting
 from qlvbayes.cli.options import (
     Add,
@@ -33,10 +32,11 @@ from qlvbayes.cli.options import (
     thresholds,
 )
 from qlvbayes.cli.terminal import Terminal
-from qlvbayes.data import read_measurements
 from qlvbayes.diagnosis.diagnose import EVIDENCES
-from qlvbayes.runs import record_run
-from qlvbayes.study.diagnosing import diagnose_into
+from qlvbayes.fitting.runs import record_run
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.data import read_measurements
+from qlvbayes.pipeline.diagnosing import diagnose_into
 
 Evidence = Annotated[str, typer.Option(help=f"One of {', '.join(EVIDENCES)}.")]
 

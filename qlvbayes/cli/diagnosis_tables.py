@@ -5,7 +5,7 @@ from __future__ import annotations
 from rich.table import Table
 
 from qlvbayes.diagnosis.result import DiagnosisResult, Estimate, Laws, Ranked, Stage
-from qlvbayes.wording import plain
+from qlvbayes.io.wording import plain
 
 _MOST = 8  # hypotheses shown
 

@@ -6,12 +6,12 @@ import json
 
 from rich.table import Table
 
-from qlvbayes.choices import Choices
 from qlvbayes.cli.console import out
 from qlvbayes.cli.options import AsJson, EffectsFile
 from qlvbayes.effects.catalogue import by_family
 from qlvbayes.effects.effect import AbstractEffect
-from qlvbayes.units import PAD
+from qlvbayes.io.units import PAD
+from qlvbayes.model.choices import Choices
 
 
 def effects(effects_file: EffectsFile = None, as_json: AsJson = False) -> None:

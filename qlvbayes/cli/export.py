@@ -8,11 +8,11 @@ from typing import Annotated
 
 import typer
 
-from qlvbayes.checks import InputError
 from qlvbayes.cli.console import out, waiting
 from qlvbayes.cli.options import split_names
-from qlvbayes.exports.catalogue import TARGETS, find
-from qlvbayes.exports.write import DRAWS, export
+from qlvbayes.io.checks import InputError
+from qlvbayes.use.exports.catalogue import TARGETS, find
+from qlvbayes.use.exports.write import DRAWS, export
 
 _NAMES = "|".join(target.name for target in TARGETS)
 

@@ -8,7 +8,6 @@ from typing import Annotated
 
 import typer
 
-from qlvbayes.checks import InputError
 from qlvbayes.cli.console import command_line, out, waiting
 from qlvbayes.cli.options import (
     Add,
@@ -31,12 +30,13 @@ from qlvbayes.cli.options import (
     model_choices,
 )
 from qlvbayes.cli.terminal import Terminal
-from qlvbayes.data import read_measurements
-from qlvbayes.fit import METHODS
-from qlvbayes.inference.ensemble import Settings
-from qlvbayes.runs import record_run
-from qlvbayes.study.drawing import draw_constants, references_of
-from qlvbayes.study.fitting import fit_into
+from qlvbayes.fitting.ensemble import Settings
+from qlvbayes.fitting.fit import METHODS
+from qlvbayes.fitting.runs import record_run
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.data import read_measurements
+from qlvbayes.pipeline.drawing import draw_constants, references_of
+from qlvbayes.pipeline.fitting import fit_into
 
 
 def fit(

@@ -6,12 +6,12 @@ import json
 
 from rich.table import Table
 
-from qlvbayes.choices import Choices
 from qlvbayes.cli.console import out
 from qlvbayes.cli.options import AsJson, LawsFile
+from qlvbayes.io.units import PAD
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
-from qlvbayes.units import PAD
+from qlvbayes.model.choices import Choices
 
 Kind = type[AbstractElastic] | type[AbstractRelaxation]
 

@@ -8,7 +8,6 @@ import sys
 
 import typer
 
-from qlvbayes.checks import InputError
 from qlvbayes.cli.app import app_command
 from qlvbayes.cli.benchmark import benchmark
 from qlvbayes.cli.check import check
@@ -24,6 +23,7 @@ from qlvbayes.cli.predict import predict_command
 from qlvbayes.cli.report import report
 from qlvbayes.cli.simulate import simulate
 from qlvbayes.cli.study import study_command
+from qlvbayes.io.checks import InputError
 
 INTERRUPTED = 130
 

@@ -7,14 +7,14 @@ from typing import Annotated
 
 import typer
 
-from qlvbayes.checks import InputError
-from qlvbayes.choices import Choices
-from qlvbayes.data import Measurements, Pad
-from qlvbayes.defaults import NOISES
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.effects.catalogue import find
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.data import Measurements, Pad
 from qlvbayes.laws.catalogue import LAWS, names
 from qlvbayes.laws.relaxation.prony import MOST, Prony
+from qlvbayes.model.choices import Choices
+from qlvbayes.model.defaults import NOISES
 
 Out = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")]
 Pads = Annotated[str, typer.Option(help="Only these pads, as 'B,C'.")]

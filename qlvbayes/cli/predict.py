@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
-from qlvbayes.checks import InputError
 from qlvbayes.cli.console import out
 from qlvbayes.cli.options import AsJson, Style, split_names
 from qlvbayes.cli.terminal import Terminal, show_figures
 from qlvbayes.diagnosis.result import DiagnosisResult
-from qlvbayes.study.comparing import saved_pads
+from qlvbayes.io.checks import InputError
+from qlvbayes.pipeline.comparing import saved_pads
 
 if TYPE_CHECKING:
-    from qlvbayes.prescribed.forecast import Forecast
-    from qlvbayes.prescribed.hypotheses import Hypotheses
-    from qlvbayes.results import Saved
+    from qlvbayes.fitting.results import Saved
+    from qlvbayes.use.prescribed.forecast import Forecast
+    from qlvbayes.use.prescribed.hypotheses import Hypotheses
 
 _WHICH = ("averaged", "fitted")
 
@@ -56,8 +56,8 @@ def predict_command(
     # here, so that other commands do not wait for matplotlib
     from qlvbayes.plots.files import save_figure
     from qlvbayes.plots.prediction import plot_prediction
-    from qlvbayes.prescribed.forecast import predict_program
-    from qlvbayes.prescribed.writing import content, write_forecast
+    from qlvbayes.use.prescribed.forecast import predict_program
+    from qlvbayes.use.prescribed.writing import content, write_forecast
 
     if hypotheses not in _WHICH:
         raise InputError(f"no way {hypotheses!r}", remedy=f"use one of {', '.join(_WHICH)}")
@@ -83,7 +83,7 @@ def predict_command(
 
 def _sources(folder: Path, which: str, watcher: Terminal) -> list[Saved | Hypotheses]:
     """Of each pad its fit, or what its diagnosis left; InputError where there is neither."""
-    from qlvbayes.prescribed.hypotheses import FILE, Hypotheses
+    from qlvbayes.use.prescribed.hypotheses import FILE, Hypotheses
 
     files = sorted(folder.glob(f"*/{FILE}")) if which == "averaged" else []
     left = {found.pad: found for found in map(Hypotheses.read, files)}

@@ -9,9 +9,9 @@ from typing import Annotated
 import typer
 
 from qlvbayes.app.intake import opened
-from qlvbayes.checks import InputError
 from qlvbayes.cli.console import out, waiting
-from qlvbayes.files import write_whole
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.files import write_whole
 from qlvbayes.report.write import write_report
 
 

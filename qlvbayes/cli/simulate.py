@@ -10,10 +10,10 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from qlvbayes.checks import InputError
 from qlvbayes.cli.console import out, waiting
 from qlvbayes.cli.options import split_names
-from qlvbayes.synthetic import (
+from qlvbayes.io.checks import InputError
+from qlvbayes.simulate import (
     NOISES,
     PROTOCOLS,
     SPECIMENS,

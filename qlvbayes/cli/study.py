@@ -31,10 +31,10 @@ from qlvbayes.cli.options import (
     thresholds,
 )
 from qlvbayes.cli.terminal import Terminal
-from qlvbayes.data import read_measurements
-from qlvbayes.inference.ensemble import Settings
+from qlvbayes.fitting.ensemble import Settings
+from qlvbayes.io.data import read_measurements
+from qlvbayes.pipeline.run import run_study
 from qlvbayes.report.write import REPORT
-from qlvbayes.study.run import run_study
 
 
 def study_command(

@@ -8,9 +8,9 @@ from math import floor, log10
 from rich.table import Table
 from rich.text import Text
 
-from qlvbayes.residuals import CheckResult
-from qlvbayes.summary import Constant, FitSummary
-from qlvbayes.wording import plain
+from qlvbayes.fitting.residuals import CheckResult
+from qlvbayes.fitting.summary import Constant, FitSummary
+from qlvbayes.io.wording import plain
 
 
 def significant(value: float, sd: float) -> str:

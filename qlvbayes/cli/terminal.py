@@ -6,18 +6,18 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 
-from qlvbayes.checked import CheckedPad
-from qlvbayes.choices import Choices
 from qlvbayes.cli.console import err, out, sampling, waiting
 from qlvbayes.cli.diagnosis_tables import ranking_table, steps_table
 from qlvbayes.cli.tables import check_table, constants_table
 from qlvbayes.diagnosis.verdict import Diagnosis
-from qlvbayes.experiment import Experiment
-from qlvbayes.inference.ensemble import Progress
-from qlvbayes.parameters import described, fields_of
-from qlvbayes.study.watcher import Watcher
-from qlvbayes.summary import FitSummary
-from qlvbayes.wording import plain
+from qlvbayes.fitting.checked import CheckedPad
+from qlvbayes.fitting.ensemble import Progress
+from qlvbayes.fitting.summary import FitSummary
+from qlvbayes.io.wording import plain
+from qlvbayes.model.choices import Choices
+from qlvbayes.model.parameters import described, fields_of
+from qlvbayes.pipeline.watcher import Watcher
+from qlvbayes.preprocess.experiment import Experiment
 
 
 class Terminal(Watcher):

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from msgspec.structs import replace
 
-from qlvbayes.checks import InputError
 from qlvbayes.comparison.contrast import BY_CHANCE, Comparison, Contrast, Omnibus
 from qlvbayes.comparison.hierarchy import DRAWS, fluid_draws
 from qlvbayes.comparison.joint import joint_test, smallest_tail
@@ -18,9 +17,10 @@ from qlvbayes.comparison.settings import Settings, choose
 from qlvbayes.comparison.shared import shared_constants
 from qlvbayes.comparison.side import Side, Source, side_of
 from qlvbayes.comparison.words import paragraphs
-from qlvbayes.fit import Fit
-from qlvbayes.results import Saved
-from qlvbayes.units import UnitSystem
+from qlvbayes.fitting.fit import Fit
+from qlvbayes.fitting.results import Saved
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.units import UnitSystem
 
 REGION = 0.10  # of practical equivalence: ratios within 1/1.1 .. 1.1
 _PAIRS = 4000

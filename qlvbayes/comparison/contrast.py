@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from qlvbayes.resultfile import Part, Result
-from qlvbayes.units import PAD, UnitSystem
+from qlvbayes.io.resultfile import Part, Result
+from qlvbayes.io.units import PAD, UnitSystem
 
 SHARE = 0.90  # of the draws, that an interval holds
 DECIDED = 0.975  # probability of direction at which one is called greater

@@ -14,9 +14,9 @@ from jaxtyping import Array
 
 from qlvbayes.comparison import programmes
 from qlvbayes.comparison.settings import Settings
-from qlvbayes.model import Model
-from qlvbayes.motion import Motion
-from qlvbayes.units import UnitSystem
+from qlvbayes.io.units import UnitSystem
+from qlvbayes.laws.motion import Motion
+from qlvbayes.model.model import Model
 
 _CLOSE = 1e-4  # of the depth, between the forces whose slope is the stiffness
 _BATCH = 256

@@ -6,9 +6,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from qlvbayes.checks import InputError
 from qlvbayes.comparison.contrast import ReadAt
-from qlvbayes.covered import Covered
+from qlvbayes.io.checks import InputError
+from qlvbayes.preprocess.covered import Covered
 
 _ROUND = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
 _UNKNOWN = Covered(depth=1.0, slowest=0.1, fastest=10.0, quickest=0.1, hold=30.0, tests=0)

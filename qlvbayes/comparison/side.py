@@ -7,20 +7,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from qlvbayes.checks import InputError
-from qlvbayes.choices import Choices
 from qlvbayes.comparison.readings import read
 from qlvbayes.comparison.settings import Settings
-from qlvbayes.conversion import factors
-from qlvbayes.covered import Covered, covered
-from qlvbayes.drawn import described_model, drawn_models, pad_alone, rig_effects
-from qlvbayes.elsewhere import check_draws, infer_choices, wanted_names
-from qlvbayes.fit import Fit
+from qlvbayes.fitting.fit import Fit
+from qlvbayes.fitting.results import Saved
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.laws.catalogue import find_elastic
-from qlvbayes.model import Model
-from qlvbayes.parameters import fields_of
-from qlvbayes.results import Saved
-from qlvbayes.units import PAD, UnitSystem
+from qlvbayes.model.choices import Choices
+from qlvbayes.model.conversion import factors
+from qlvbayes.model.drawn import described_model, drawn_models, pad_alone, rig_effects
+from qlvbayes.model.elsewhere import check_draws, infer_choices, wanted_names
+from qlvbayes.model.model import Model
+from qlvbayes.model.parameters import fields_of
+from qlvbayes.preprocess.covered import Covered, covered
 
 MOST_DRAWS = 1000  # of a pad, evenly out of all
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from qlvbayes.comparison.contrast import Comparison, Contrast, Interval
 from qlvbayes.comparison.numbers import written
-from qlvbayes.files import results_folder, write_whole
+from qlvbayes.io.files import results_folder, write_whole
 
 _TEX = str.maketrans(
     {

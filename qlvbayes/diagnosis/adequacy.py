@@ -36,12 +36,12 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.stats import chi2
 
 from qlvbayes.diagnosis.settings import Settings
-from qlvbayes.experiment import Experiment, Trial
 from qlvbayes.inference.density import Point
 from qlvbayes.inference.floor_covariance import covariance
-from qlvbayes.kinematics.phases import Phase
-from qlvbayes.noisefloor import NoiseFloor
-from qlvbayes.records.record import Blocks, Record
+from qlvbayes.model.record import Blocks, Record
+from qlvbayes.preprocess.experiment import Experiment, Trial
+from qlvbayes.preprocess.noisefloor import NoiseFloor
+from qlvbayes.preprocess.phases import Phase
 
 _ORDERS = 4
 _DRAWS = 12  # of the floor, over which p-values are averaged

@@ -11,7 +11,7 @@ from scipy.special import ndtri
 from qlvbayes.diagnosis.search import Weighed
 from qlvbayes.diagnosis.verdict import Diagnosis
 from qlvbayes.diagnosis.work import Work
-from qlvbayes.experiment import Trial
+from qlvbayes.preprocess.experiment import Trial
 
 Array = NDArray[np.float64]
 

@@ -10,17 +10,17 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from qlvbayes.diagnosis.families import Families
+from qlvbayes.diagnosis.nexttest.belief import Belief, normalised
+from qlvbayes.diagnosis.nexttest.design import Design, drawn
+from qlvbayes.diagnosis.nexttest.errors import Errors
+from qlvbayes.diagnosis.nexttest.hypotheses import explanation_of_mode
+from qlvbayes.diagnosis.nexttest.information import evidence
+from qlvbayes.diagnosis.nexttest.rig import Rig
+from qlvbayes.diagnosis.nexttest.screening import TOGETHER, screened
 from qlvbayes.diagnosis.result import Suggestion
 from qlvbayes.diagnosis.search import Search, Weighed, _in_proportion, described
-from qlvbayes.experiment import Experiment
 from qlvbayes.inference.density import Density
-from qlvbayes.nexttest.belief import Belief, normalised
-from qlvbayes.nexttest.design import Design, drawn
-from qlvbayes.nexttest.errors import Errors
-from qlvbayes.nexttest.hypotheses import explanation_of_mode
-from qlvbayes.nexttest.information import evidence
-from qlvbayes.nexttest.rig import Rig
-from qlvbayes.nexttest.screening import TOGETHER, screened
+from qlvbayes.preprocess.experiment import Experiment
 
 _LONGEST = 600.0  # s, with the pause before it: what 'design' takes for granted
 _TOLD = 5

@@ -7,7 +7,6 @@ from contextlib import suppress
 
 from msgspec.structs import replace
 
-from qlvbayes.choices import Choices
 from qlvbayes.diagnosis.audit import nested_audit
 from qlvbayes.diagnosis.result import Used
 from qlvbayes.diagnosis.search import Tell
@@ -18,9 +17,10 @@ from qlvbayes.diagnosis.verdict import Diagnosis
 from qlvbayes.diagnosis.workbench import as_chosen, search_of
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.effects.effect import AbstractEffect
-from qlvbayes.experiment import Experiment
-from qlvbayes.pulling import pull_notices
-from qlvbayes.runtime import forget_compiled, one_blas_thread
+from qlvbayes.io.runtime import forget_compiled, one_blas_thread
+from qlvbayes.model.choices import Choices
+from qlvbayes.preprocess.experiment import Experiment
+from qlvbayes.preprocess.pulling import pull_notices
 
 EVIDENCES = ("laplace", "nested")
 

@@ -24,7 +24,7 @@ from qlvbayes.diagnosis.search import Weighed
 from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.evidence import evidence
 from qlvbayes.inference.modes import find_mode
-from qlvbayes.kinematics.phases import phase_index
+from qlvbayes.preprocess.phases import phase_index
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -28,9 +28,9 @@ from qlvbayes.diagnosis.result import (
 from qlvbayes.diagnosis.samples import Samples, cell_errors, rmse
 from qlvbayes.diagnosis.search import Search, Weighed
 from qlvbayes.diagnosis.standing import weights_of
-from qlvbayes.experiment import Experiment
 from qlvbayes.inference.space import Hypothesis
-from qlvbayes.parameters import unit_kinds
+from qlvbayes.model.parameters import unit_kinds
+from qlvbayes.preprocess.experiment import Experiment
 
 Array = NDArray[np.float64]
 

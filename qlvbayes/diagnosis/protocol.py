@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from qlvbayes.effects.effect import Protocol
-from qlvbayes.experiment import Experiment, Trial
+from qlvbayes.preprocess.experiment import Experiment, Trial
 
 _NEARLY = 0.02  # of the depth, or of the peak force: nearer to zero counts as having returned
 

@@ -8,8 +8,8 @@ from typing import Annotated
 import msgspec
 
 from qlvbayes.diagnosis.settings import Settings
-from qlvbayes.resultfile import Part, Result
-from qlvbayes.units import PAD, UnitSystem
+from qlvbayes.io.resultfile import Part, Result
+from qlvbayes.io.units import PAD, UnitSystem
 
 
 class Estimate(Part, frozen=True):

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes.diagnosis.result import CellError
-from qlvbayes.experiment import Experiment, Trial
+from qlvbayes.fitting.prediction import looked_at, single_samples
 from qlvbayes.inference.space import Hypothesis, Space
-from qlvbayes.kinematics.phases import KINDS
-from qlvbayes.prediction import looked_at, single_samples
-from qlvbayes.records.batching import batch
-from qlvbayes.records.record import Record
+from qlvbayes.model.record import Record
+from qlvbayes.preprocess.batching import batch
+from qlvbayes.preprocess.experiment import Experiment, Trial
+from qlvbayes.preprocess.phases import KINDS
 
 Array = NDArray[np.float64]
 

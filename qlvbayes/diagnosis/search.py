@@ -15,7 +15,6 @@ from itertools import repeat
 import numpy as np
 from numpy.typing import NDArray
 
-from qlvbayes.checks import NoFiniteForceError
 from qlvbayes.diagnosis.families import Families
 from qlvbayes.diagnosis.prior import log_prior
 from qlvbayes.diagnosis.settings import Settings
@@ -33,8 +32,9 @@ from qlvbayes.inference.space import (
     in_natural_amplitude,
     median,
 )
+from qlvbayes.io.checks import NoFiniteForceError
+from qlvbayes.laws.scales import SHARE
 from qlvbayes.priors.natural import Natural
-from qlvbayes.scales import SHARE
 
 Array = NDArray[np.float64]
 Tell = Callable[[str], None]

@@ -9,7 +9,6 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from qlvbayes.carried import carried_notices, clock_notices
 from qlvbayes.diagnosis.decision import Decision
 from qlvbayes.diagnosis.design import suggest
 from qlvbayes.diagnosis.outcome import LEAST, Outcome
@@ -27,9 +26,10 @@ from qlvbayes.diagnosis.verdict import Diagnosis
 from qlvbayes.diagnosis.vetoes import decided
 from qlvbayes.diagnosis.work import Work
 from qlvbayes.effects.effect import AbstractEffect
-from qlvbayes.experiment import Experiment
-from qlvbayes.records.record import Record
-from qlvbayes.unresolved import unresolved_times
+from qlvbayes.laws.unresolved import unresolved_times
+from qlvbayes.model.record import Record
+from qlvbayes.preprocess.carried import carried_notices, clock_notices
+from qlvbayes.preprocess.experiment import Experiment
 
 Array = NDArray[np.float64]
 

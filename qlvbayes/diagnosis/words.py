@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from qlvbayes.diagnosis.result import Bend, DiagnosisResult
 from qlvbayes.diagnosis.work import Work
-from qlvbayes.units import UnitSystem
-from qlvbayes.wording import joined, plain
+from qlvbayes.io.units import UnitSystem
+from qlvbayes.io.wording import joined, plain
 
 _PHASE = {"ramp": "ramp", "hold": "hold", "unload": "unloading", "recovery": "recovery"}
 _MOST_BENDS = 3

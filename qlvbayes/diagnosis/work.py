@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from qlvbayes.diagnosis.adequacy import Adequacy
 from qlvbayes.diagnosis.samples import Samples
 from qlvbayes.diagnosis.search import Search, Weighed
-from qlvbayes.experiment import Experiment
+from qlvbayes.preprocess.experiment import Experiment
 
 
 @dataclass(frozen=True, eq=False)

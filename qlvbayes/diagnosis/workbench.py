@@ -5,24 +5,24 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from qlvbayes.checks import InputError
-from qlvbayes.choices import Choices
 from qlvbayes.diagnosis.families import Families
 from qlvbayes.diagnosis.protocol import protocol_of
 from qlvbayes.diagnosis.search import Search, Tell
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE
 from qlvbayes.effects.effect import AbstractEffect
-from qlvbayes.experiment import Experiment
+from qlvbayes.fitting.marginal import known_floor
 from qlvbayes.inference.density import Density
 from qlvbayes.inference.discrepancy import Discrepancy
-from qlvbayes.inference.marginal import known_floor
 from qlvbayes.inference.space import Hypothesis, Space, in_natural_amplitude
+from qlvbayes.io.checks import InputError
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
 from qlvbayes.laws.relaxation.prony import Prony
-from qlvbayes.model import Model
-from qlvbayes.noise import AbstractGaussian, Floor
+from qlvbayes.model.choices import Choices
+from qlvbayes.model.model import Model
+from qlvbayes.model.noise import AbstractGaussian, Floor
+from qlvbayes.preprocess.experiment import Experiment
 from qlvbayes.priors.natural import in_own_numbers
 
 

@@ -9,9 +9,9 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
-from qlvbayes.law import Law, touching
-from qlvbayes.motion import Motion
-from qlvbayes.scales import Scales
+from qlvbayes.laws.layered import Law, touching
+from qlvbayes.laws.motion import Motion
+from qlvbayes.laws.scales import Scales
 
 
 class Adhesion(AbstractEffect):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from qlvbayes.checks import InputError
 from qlvbayes.effects.adhesion import Adhesion
 from qlvbayes.effects.channel_lag import ChannelLag
 from qlvbayes.effects.contact_offset import ContactOffset
@@ -33,6 +32,7 @@ from qlvbayes.effects.strain_dependent_rate import StrainDependentRate
 from qlvbayes.effects.strain_dependent_strength import StrainDependentStrength
 from qlvbayes.effects.stress_softening import StressSoftening
 from qlvbayes.effects.viscous_drag import ViscousDrag
+from qlvbayes.io.checks import InputError
 
 EFFECTS: tuple[type[AbstractEffect], ...] = (
     ViscousDrag,

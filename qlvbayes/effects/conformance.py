@@ -17,14 +17,14 @@ from jaxtyping import Array
 from qlvbayes.effects.adhesion import Adhesion
 from qlvbayes.effects.catalogue import EFFECTS, EVERY
 from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
-from qlvbayes.law import Contact, Law, Layer
+from qlvbayes.io.units import PAD
 from qlvbayes.laws.elastic.exponential import Exponential
+from qlvbayes.laws.layered import Contact, Law, Layer
+from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.relaxation.prony import Prony
-from qlvbayes.motion import Line, Motion
+from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import HalfNormal, Normal
 from qlvbayes.priors.distributions import AbstractScalarPrior
-from qlvbayes.scales import Scales
-from qlvbayes.units import PAD
 
 _DRAWS = 24
 _REDUCED = 4  # draws at which a form is compared with its listed law

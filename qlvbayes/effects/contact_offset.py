@@ -8,9 +8,9 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level
-from qlvbayes.law import Law, State, at_depth, line_at_depth
-from qlvbayes.motion import Line, Motion
-from qlvbayes.scales import Scales
+from qlvbayes.laws.layered import Law, State, at_depth, line_at_depth
+from qlvbayes.laws.motion import Line, Motion
+from qlvbayes.laws.scales import Scales
 
 _REST = 1e5  # s at the first depth before the test, where contact came first
 

@@ -10,10 +10,10 @@ from typing import ClassVar, Self
 import equinox as eqx
 from jaxtyping import Array
 
-from qlvbayes.checks import InputError
-from qlvbayes.law import Law, State
-from qlvbayes.motion import Line, Motion
-from qlvbayes.scales import Scales
+from qlvbayes.io.checks import InputError
+from qlvbayes.laws.layered import Law, State
+from qlvbayes.laws.motion import Line, Motion
+from qlvbayes.laws.scales import Scales
 
 
 class Level(IntEnum):

@@ -9,12 +9,12 @@ from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.effects.spans import resolved_rates
-from qlvbayes.hereditary import at_first, hereditary_force, hereditary_step
-from qlvbayes.law import Law, State
+from qlvbayes.laws.hereditary import at_first, hereditary_force, hereditary_step
+from qlvbayes.laws.layered import Law, State
+from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.relaxation.prony import Prony
-from qlvbayes.motion import Line, Motion
+from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import LogUniform
-from qlvbayes.scales import Scales
 
 
 class ExtraRelaxationMode(AbstractEffect):

@@ -10,13 +10,13 @@ from jaxtyping import Array
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.effects.history import material_duration, material_time
 from qlvbayes.effects.spans import resolved_times
-from qlvbayes.hereditary import Relaxing, hereditary_force, hereditary_step
-from qlvbayes.law import Law, State
 from qlvbayes.laws.elastic.linear import Linear
+from qlvbayes.laws.hereditary import Relaxing, hereditary_force, hereditary_step
+from qlvbayes.laws.layered import Law, State
+from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.relaxation.prony import Prony
-from qlvbayes.motion import Line, Motion
+from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import HalfNormal, LogUniform
-from qlvbayes.scales import Scales
 
 
 class FluidPressure(AbstractEffect):

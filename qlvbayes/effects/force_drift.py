@@ -8,9 +8,9 @@ from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.effects.spans import duration
-from qlvbayes.law import Law
-from qlvbayes.motion import Motion
-from qlvbayes.scales import Scales
+from qlvbayes.laws.layered import Law
+from qlvbayes.laws.motion import Motion
+from qlvbayes.laws.scales import Scales
 
 
 class ForceDrift(AbstractEffect):

@@ -11,9 +11,9 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level
-from qlvbayes.law import Law
-from qlvbayes.motion import Motion
-from qlvbayes.scales import Scales
+from qlvbayes.laws.layered import Law
+from qlvbayes.laws.motion import Motion
+from qlvbayes.laws.scales import Scales
 
 _STEPS = 4  # of a Newton iteration whose slope is right to a few per cent
 

@@ -8,12 +8,12 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level
-from qlvbayes.hereditary import Relaxing, hereditary_force, hereditary_step
-from qlvbayes.law import Law, State
 from qlvbayes.laws.elastic.linear import Linear
+from qlvbayes.laws.hereditary import Relaxing, hereditary_force, hereditary_step
+from qlvbayes.laws.layered import Law, State
+from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.relaxation.prony import Prony
-from qlvbayes.motion import Line, Motion
-from qlvbayes.scales import Scales, lognormal
+from qlvbayes.laws.scales import Scales, lognormal
 
 
 class Friction(AbstractEffect):

@@ -10,9 +10,9 @@ from jaxtyping import Array
 
 from qlvbayes.effects.contact_offset import ContactOffset, rested
 from qlvbayes.effects.effect import AbstractEffect, Level
-from qlvbayes.law import Law, at_depth
-from qlvbayes.motion import Motion
-from qlvbayes.scales import Scales, lognormal
+from qlvbayes.laws.layered import Law, at_depth
+from qlvbayes.laws.motion import Motion
+from qlvbayes.laws.scales import Scales, lognormal
 
 
 class GradualContact(AbstractEffect):

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
-from qlvbayes.smoothmath import exp_slope
+from qlvbayes.laws.smoothmath import exp_slope
 
 
 def largest(depth: Array, ago: Array | None = None) -> Array:

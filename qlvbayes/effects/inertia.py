@@ -7,9 +7,9 @@ from typing import Any, ClassVar, Self
 from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level
-from qlvbayes.law import Law
-from qlvbayes.motion import Motion
-from qlvbayes.scales import Scales
+from qlvbayes.laws.layered import Law
+from qlvbayes.laws.motion import Motion
+from qlvbayes.laws.scales import Scales
 
 
 class Inertia(AbstractEffect):

@@ -9,11 +9,11 @@ from jaxtyping import Array
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.effects.fluid_leak import FluidLeak
 from qlvbayes.effects.spans import duration
-from qlvbayes.law import Law
-from qlvbayes.motion import Motion
+from qlvbayes.laws.layered import Law
+from qlvbayes.laws.motion import Motion
+from qlvbayes.laws.scales import Scales
+from qlvbayes.laws.smoothmath import exp_slope
 from qlvbayes.priors import HalfNormal
-from qlvbayes.scales import Scales
-from qlvbayes.smoothmath import exp_slope
 
 _LEVELS = 4.0  # times one over the study's duration, sd of the rate back: it may level off within
 _REACHED = 0.3  # of rate x duration is lost in the end at the median of that rate

@@ -10,9 +10,9 @@ from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
 from qlvbayes.effects.history import largest
-from qlvbayes.law import Law, State, at_depth, line_at_depth
-from qlvbayes.motion import Line, Motion
-from qlvbayes.scales import Scales
+from qlvbayes.laws.layered import Law, State, at_depth, line_at_depth
+from qlvbayes.laws.motion import Line, Motion
+from qlvbayes.laws.scales import Scales
 
 
 class PermanentSet(AbstractEffect):

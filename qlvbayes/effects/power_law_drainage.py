@@ -11,11 +11,11 @@ from jaxtyping import Array
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.effects.fluid_pressure import FluidPressure
 from qlvbayes.effects.history import material_time
-from qlvbayes.law import Law
-from qlvbayes.motion import Motion
+from qlvbayes.laws.layered import Law
+from qlvbayes.laws.motion import Motion
+from qlvbayes.laws.scales import Scales
+from qlvbayes.laws.smoothmath import exp_slope
 from qlvbayes.priors import Uniform
-from qlvbayes.scales import Scales
-from qlvbayes.smoothmath import exp_slope
 
 _NONE = 1e-12  # of the stroke: below it nothing is there to drain, and the power is a straight line
 _NEAR = 1e-5  # relative gap, below which a secant is the tangent in its middle to 1e-10

@@ -9,10 +9,10 @@ from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.effects.friction import Friction, slide
-from qlvbayes.law import Law
-from qlvbayes.motion import Motion
+from qlvbayes.laws.layered import Law
+from qlvbayes.laws.motion import Motion
+from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors import Uniform
-from qlvbayes.scales import Scales, lognormal
 
 
 class PressureFriction(AbstractEffect):

@@ -9,10 +9,10 @@ from jaxtyping import Array
 from qlvbayes.effects.clock_curve import LARGEST, curve
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.effects.spans import duration
-from qlvbayes.law import Law
-from qlvbayes.motion import Motion
+from qlvbayes.laws.layered import Law
+from qlvbayes.laws.motion import Motion
+from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import Normal
-from qlvbayes.scales import Scales
 
 
 class SlowChange(AbstractEffect):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from qlvbayes.scales import Scales
+from qlvbayes.laws.scales import Scales
 
 
 def duration(scales: Scales) -> float:

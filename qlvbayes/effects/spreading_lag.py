@@ -9,13 +9,13 @@ from jaxtyping import Array
 
 from qlvbayes.effects.channel_lag import ChannelLag, joined_with
 from qlvbayes.effects.effect import AbstractEffect, Level
-from qlvbayes.hereditary import hereditary_force
-from qlvbayes.law import Law
 from qlvbayes.laws.elastic.linear import Linear
+from qlvbayes.laws.hereditary import hereditary_force
+from qlvbayes.laws.layered import Law
+from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.relaxation.prony import Prony
-from qlvbayes.motion import Motion
+from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import Uniform
-from qlvbayes.scales import Scales
 
 _INSTANT = 1e-30  # s, a filter that changes nothing and yet has a slope along its time
 

@@ -8,10 +8,10 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level
-from qlvbayes.law import Law, State
-from qlvbayes.motion import Line, Motion
+from qlvbayes.laws.layered import Law, State
+from qlvbayes.laws.motion import Line, Motion
+from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import LogUniform
-from qlvbayes.scales import Scales
 
 _THINNEST = 0.05  # share of its thickness that the film keeps
 

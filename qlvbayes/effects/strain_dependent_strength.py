@@ -8,9 +8,9 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level
-from qlvbayes.law import Law, State
-from qlvbayes.motion import Line, Motion
-from qlvbayes.scales import Scales
+from qlvbayes.laws.layered import Law, State
+from qlvbayes.laws.motion import Line, Motion
+from qlvbayes.laws.scales import Scales
 
 
 class StrainDependentStrength(AbstractEffect):

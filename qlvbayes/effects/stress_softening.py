@@ -9,9 +9,9 @@ from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
 from qlvbayes.effects.history import largest
-from qlvbayes.law import Law, State
-from qlvbayes.motion import Line, Motion
-from qlvbayes.scales import Scales
+from qlvbayes.laws.layered import Law, State
+from qlvbayes.laws.motion import Line, Motion
+from qlvbayes.laws.scales import Scales
 
 
 class StressSoftening(AbstractEffect):

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from qlvbayes.checks import InputError
 from qlvbayes.effects.catalogue import EVERY, names
 from qlvbayes.effects.effect import AbstractEffect
-from qlvbayes.usermodule import check_own, own_classes
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.usermodule import check_own, own_classes
 
 
 def load(path: str | Path) -> tuple[type[AbstractEffect], ...]:

@@ -7,9 +7,9 @@ from typing import Any, ClassVar, Self
 from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level
-from qlvbayes.law import Law, State
-from qlvbayes.motion import Line, Motion
-from qlvbayes.scales import Scales
+from qlvbayes.laws.layered import Law, State
+from qlvbayes.laws.motion import Line, Motion
+from qlvbayes.laws.scales import Scales
 
 
 class ViscousDrag(AbstractEffect):

@@ -1,1 +1,1 @@
-"""Ways to find a posterior: optimum with normal approximation, least squares, emcee."""
+"""The evidence of hypotheses: one density, its modes, importance sampling, nested sampling."""

@@ -27,10 +27,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from qlvbayes.experiment import Experiment, Trial
 from qlvbayes.inference.features import Features, Places
 from qlvbayes.inference.whitening import Whitener
-from qlvbayes.records.record import Blocks
+from qlvbayes.model.record import Blocks
+from qlvbayes.preprocess.experiment import Experiment, Trial
 
 Array = NDArray[np.float64]
 

@@ -24,11 +24,11 @@ from numpy.typing import NDArray
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.inference.linearised import compiled
 from qlvbayes.laws.elastic.law import AbstractElastic
+from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
-from qlvbayes.model import Model
-from qlvbayes.motion import Motion
-from qlvbayes.records.record import Record
-from qlvbayes.scales import Scales
+from qlvbayes.laws.scales import Scales
+from qlvbayes.model.model import Model
+from qlvbayes.model.record import Record
 
 Array = NDArray[np.float64]
 

@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from qlvbayes.experiment import Experiment, Trial
-from qlvbayes.kinematics.phases import KINDS, phase_index
-from qlvbayes.records.record import Blocks
+from qlvbayes.model.record import Blocks
+from qlvbayes.preprocess.experiment import Experiment, Trial
+from qlvbayes.preprocess.phases import KINDS, phase_index
 
 Array = NDArray[np.float64]
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from qlvbayes.noisefloor import NoiseFloor
-from qlvbayes.noisefloor.averages import rate, regression, variance
-from qlvbayes.records.record import Blocks
+from qlvbayes.model.record import Blocks
+from qlvbayes.preprocess.noisefloor import NoiseFloor
+from qlvbayes.preprocess.noisefloor.averages import rate, regression, variance
 
 _LEAST = 1e-6  # sd of a block mean, over the largest force, that keeps covariances invertible
 

@@ -12,7 +12,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from qlvbayes.inference import linearised
 from qlvbayes.inference.subset import Ensemble, Part, Subset
-from qlvbayes.noise import AbstractGaussian, AbstractNoise
+from qlvbayes.model.noise import AbstractGaussian, AbstractNoise
 
 CHUNK = 10  # directions along which the model is run at once
 ROUND = 16  # directions come in multiples of this, so that few sizes are compiled

@@ -13,9 +13,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from qlvbayes.noise import AbstractGaussian
-from qlvbayes.posterior import Posterior
-from qlvbayes.records.record import Blocks, Record
+from qlvbayes.model.noise import AbstractGaussian
+from qlvbayes.model.posterior import Posterior
+from qlvbayes.model.record import Blocks, Record
 
 # what LLVM's costly passes would gain in speed cannot be measured; they take a third of the time
 compiled = partial(jax.jit, compiler_options={"xla_llvm_disable_expensive_passes": True})

@@ -21,7 +21,7 @@ from blackjax.ns.utils import finalise, log_weights
 from jaxtyping import Array
 from scipy.special import logsumexp
 
-from qlvbayes.posterior import Posterior, draw_priors
+from qlvbayes.model.posterior import Posterior, draw_priors
 
 LIVE = 80
 _AT_ONCE = 4  # live points over those replaced together

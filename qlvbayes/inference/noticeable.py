@@ -23,8 +23,8 @@ import math
 from scipy.stats import norm
 
 from qlvbayes.inference.discrepancy import TOLERANCE
+from qlvbayes.laws.scales import SHARE
 from qlvbayes.priors import HalfNormal, Normal
-from qlvbayes.scales import SHARE
 
 _EXACT = 1e-9  # of t: sd of an amplitude that is known exactly
 _FAR = 1e3  # sds below zero, from which it makes no difference

@@ -24,13 +24,13 @@ from qlvbayes.inference.engine import FEW, Engine, filled_up
 from qlvbayes.inference.fixedrates import FixedRates, relaxation_of
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
-from qlvbayes.model import Model
-from qlvbayes.noise import AbstractNoise
-from qlvbayes.parameters import names
-from qlvbayes.posterior import Posterior, is_prior, value_shape
+from qlvbayes.model.model import Model
+from qlvbayes.model.noise import AbstractNoise
+from qlvbayes.model.parameters import names
+from qlvbayes.model.posterior import Posterior, is_prior, value_shape
+from qlvbayes.model.record import Record
 from qlvbayes.priors.distributions import AbstractPrior
 from qlvbayes.priors.natural import AbstractDirect, Natural, Quadratic, natural
-from qlvbayes.records.record import Record
 
 Array = NDArray[np.float64]
 

@@ -9,9 +9,9 @@ import jax
 import numpy as np
 
 from qlvbayes.effects.effect import AbstractEffect
-from qlvbayes.parameters import names, unit_kinds
-from qlvbayes.posterior import Posterior, draw_priors, is_prior, value_shape
-from qlvbayes.records.record import Record
+from qlvbayes.model.parameters import names, unit_kinds
+from qlvbayes.model.posterior import Posterior, draw_priors, is_prior, value_shape
+from qlvbayes.model.record import Record
 
 _DRAWS = 25
 

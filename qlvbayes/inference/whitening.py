@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from qlvbayes.inference.floor_covariance import covariance
-from qlvbayes.noisefloor import NoiseFloor
-from qlvbayes.records.record import Blocks
+from qlvbayes.model.record import Blocks
+from qlvbayes.preprocess.noisefloor import NoiseFloor
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
-from qlvbayes.checks import InputError
+from qlvbayes.io.checks import InputError
 from qlvbayes.laws.elastic.cubic import Cubic
 from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.elastic.hertz import HertzPower

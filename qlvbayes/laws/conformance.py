@@ -9,14 +9,14 @@ from typing import TypeVar
 import jax
 import numpy as np
 
+from qlvbayes.io.units import PAD
 from qlvbayes.laws.checkelastic import check_elastic
 from qlvbayes.laws.checkrelaxation import check_relaxation
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.lawerror import LawError
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
+from qlvbayes.laws.scales import Scales
 from qlvbayes.priors.distributions import AbstractPrior
-from qlvbayes.scales import Scales
-from qlvbayes.units import PAD
 
 Law = TypeVar("Law", bound=AbstractElastic | AbstractRelaxation)
 

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from qlvbayes.checks import InputError
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.usermodule import check_own, own_classes
 from qlvbayes.laws.catalogue import LAWS, Laws, names
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
-from qlvbayes.usermodule import check_own, own_classes
 
 
 def load(path: str | Path) -> Laws:

@@ -11,14 +11,14 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from qlvbayes.benchmark.confusion import Confusion
-from qlvbayes.benchmark.plan import family
-from qlvbayes.benchmark.rate import Rate
-from qlvbayes.benchmark.reliability import Reliability
-from qlvbayes.benchmark.report import Report
-from qlvbayes.benchmark.scores import could_be_seen, heldout_ratios
+from qlvbayes.evaluation.confusion import Confusion
+from qlvbayes.evaluation.plan import family
+from qlvbayes.evaluation.rate import Rate
+from qlvbayes.evaluation.reliability import Reliability
+from qlvbayes.evaluation.report import Report
+from qlvbayes.evaluation.scores import could_be_seen, heldout_ratios
 from qlvbayes.plots.style import BLACK, DOUBLE, MM, colours, narrow, style
-from qlvbayes.synthetic import FORMS, OUTSIDE
+from qlvbayes.simulate import FORMS, OUTSIDE
 
 _ROW = 4.2  # mm
 _LEAST_ROWS = 6  # that the columns' labels fit

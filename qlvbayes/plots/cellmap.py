@@ -15,9 +15,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
+from qlvbayes.io.units import UnitSystem
+from qlvbayes.io.wording import plain
 from qlvbayes.plots.style import BLACK
-from qlvbayes.units import UnitSystem
-from qlvbayes.wording import plain
 
 _WIDE = 50.0  # a worst ratio: from there on the colour bar shows powers of ten only
 _COLOURS = "Blues"  # darker is worse, in grey too

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from qlvbayes.constants_table import Entry, rounded
+from qlvbayes.fitting.constants_table import Entry, rounded
 from qlvbayes.plots.naming import parameter_label
 from qlvbayes.plots.style import DOUBLE, MM, colours, narrow, shortened, style
 

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from qlvbayes.formats.conversion import Conversion, Tidied
+from qlvbayes.io.formats.conversion import Conversion, Tidied
 from qlvbayes.plots.style import BLACK, DOUBLE, MM, colours, narrow, quantity, shortened, style
 
 _PANEL = 36.0  # mm, height of a row of panels

@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from qlvbayes.diagnosis.result import DiagnosisResult, Stage
+from qlvbayes.io.units import UnitSystem
 from qlvbayes.plots.naming import broken, heading, three
 from qlvbayes.plots.style import BLACK, DOUBLE, MM, colours, narrow, quantity, style, title_look
-from qlvbayes.units import UnitSystem
 
 _HEIGHT, _HEIGHT_TIGHT, _UPRIGHT = 76.0, 92.0, 28.0  # mm; more for names that stand upright
 _NAME, _NAME_TIGHT = 18, 10  # characters a line, of an effect's name

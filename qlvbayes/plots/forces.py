@@ -9,6 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from qlvbayes.fitting.prediction import Prediction
+from qlvbayes.io.units import UnitSystem
 from qlvbayes.plots.panels import leaders, lines_of, name_row, place_panels
 from qlvbayes.plots.stretches import (
     RESTS,
@@ -33,8 +35,6 @@ from qlvbayes.plots.style import (
     shortened,
     style,
 )
-from qlvbayes.prediction import Prediction
-from qlvbayes.units import UnitSystem
 
 _ROW, _FRAME = 33.0, 14.0  # mm, a row of panels and the legend
 _NAME, _NAME_TIGHT = 40, 20  # characters of a test's name

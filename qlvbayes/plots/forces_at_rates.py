@@ -12,6 +12,8 @@ from matplotlib.legend_handler import HandlerTuple
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from qlvbayes.fitting.prediction import Prediction
+from qlvbayes.io.units import UnitSystem
 from qlvbayes.plots.style import (
     BLACK,
     DOUBLE,
@@ -26,8 +28,6 @@ from qlvbayes.plots.style import (
     style,
 )
 from qlvbayes.plots.timeline import decades, logarithmic, since_contact
-from qlvbayes.prediction import Prediction
-from qlvbayes.units import UnitSystem
 
 RATES = (0.1, 1.0, 30.0)  # mm/s, the paper's Fig. 5
 _PANEL, _FRAME, _LINE = 46.0, 12.0, 4.2  # mm: a panel, what is around them, a line of the legend

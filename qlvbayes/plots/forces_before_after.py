@@ -16,6 +16,7 @@ from scipy.special import ndtri
 from qlvbayes.diagnosis.curves import Band, Curve, curves
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.verdict import Diagnosis
+from qlvbayes.io.units import UnitSystem
 from qlvbayes.plots.naming import broken, heading, model_name
 from qlvbayes.plots.panels import leaders, lines_of, name_row, place_panels
 from qlvbayes.plots.stretches import (
@@ -42,7 +43,6 @@ from qlvbayes.plots.style import (
     style,
     title_look,
 )
-from qlvbayes.units import UnitSystem
 
 _FRAME = 26.0  # mm, title, legend and key
 _ROW = 40.0  # mm, a test

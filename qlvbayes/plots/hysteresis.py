@@ -13,6 +13,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
+from qlvbayes.fitting.prediction import Prediction
+from qlvbayes.io.units import UnitSystem
 from qlvbayes.plots.stretches import RESTS, Stretch, by_rate, divide
 from qlvbayes.plots.style import (
     BLACK,
@@ -26,8 +28,6 @@ from qlvbayes.plots.style import (
     shortened,
     style,
 )
-from qlvbayes.prediction import Prediction
-from qlvbayes.units import UnitSystem
 
 _PANEL, _FRAME = 48.0, 16.0  # mm: a row of panels, and what is around them
 _ACROSS, _ACROSS_TIGHT = 3, 2  # panels

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from textwrap import fill
 
 from qlvbayes.diagnosis.result import DiagnosisResult
+from qlvbayes.io.wording import plain
 from qlvbayes.plots.style import quantity, shortened
-from qlvbayes.wording import plain
 
 _INDEXED = re.compile(r"([a-z])\[(\d+)\]")
 

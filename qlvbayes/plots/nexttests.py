@@ -9,11 +9,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from qlvbayes.nexttest.belief import Belief
-from qlvbayes.nexttest.design import Design
-from qlvbayes.nexttest.records import record_of
-from qlvbayes.nexttest.result import NextTests
-from qlvbayes.nexttest.rig import Rig
+from qlvbayes.diagnosis.nexttest.belief import Belief
+from qlvbayes.diagnosis.nexttest.design import Design
+from qlvbayes.diagnosis.nexttest.records import record_of
+from qlvbayes.diagnosis.nexttest.result import NextTests
+from qlvbayes.diagnosis.nexttest.rig import Rig
 from qlvbayes.plots.style import (
     BLACK,
     DOUBLE,

@@ -13,13 +13,13 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, MaxNLocator, StrMethodFormatter
 
-from qlvbayes.drawn import described_fields
-from qlvbayes.fit import Fit
+from qlvbayes.fitting.fit import Fit
+from qlvbayes.fitting.results import Saved
+from qlvbayes.model.drawn import described_fields
 from qlvbayes.plots.density import draw_curve, draw_regions, limits
 from qlvbayes.plots.naming import parameter_label, parameter_lines
 from qlvbayes.plots.style import BLACK, DOUBLE, MM, colours, narrow, shortened, style
 from qlvbayes.plots.ternary import draw_ternary
-from qlvbayes.results import Saved
 
 _LEFT, _RIGHT, _BOTTOM = 13.0, 3.0, 8.0  # mm around the panels, without the labels' lines
 _TOP, _TOP_TIGHT = 12.0, 26.0  # mm

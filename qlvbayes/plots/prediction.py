@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from qlvbayes.plots.style import BLACK, DOUBLE, MM, colours, narrow, quantity, shortened, style
-from qlvbayes.prescribed.forecast import Forecast
+from qlvbayes.use.prescribed.forecast import Forecast
 
 _PANEL, _FRAME = 42.0, 16.0  # mm: a row of panels, and what is around them
 _BANDS = ((0.9, 0.25), (0.5, 0.5))  # share of the draws, opacity

@@ -8,7 +8,8 @@ from math import floor, inf, log10
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from qlvbayes.kinematics.phases import KINDS
+from qlvbayes.fitting.residuals import Cell, CheckResult
+from qlvbayes.io.units import UnitSystem
 from qlvbayes.plots.cellmap import (
     draw_colours,
     draw_empty,
@@ -19,8 +20,7 @@ from qlvbayes.plots.cellmap import (
     worst_of,
 )
 from qlvbayes.plots.style import MIDDLE, MM, narrow, quantity, rated, shortened, style
-from qlvbayes.residuals import Cell, CheckResult
-from qlvbayes.units import UnitSystem
+from qlvbayes.preprocess.phases import KINDS
 
 _ROW, _FRAME = 9.0, 28.0  # mm, a row of cells and what is around them
 _LEAST_ROWS = 3  # that the colour bar's label fits

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from qlvbayes.kinematics.phases import KINDS, Phase
+from qlvbayes.preprocess.phases import KINDS, Phase
 
 WHOLE = "whole test"
 RESTS = ("hold", "recovery")

@@ -12,8 +12,8 @@ from typing import Any
 import matplotlib
 from cycler import cycler
 
-from qlvbayes.checks import InputError
-from qlvbayes.wording import plain
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.wording import plain
 
 MM = 1.0 / 25.4  # inches
 SINGLE, MIDDLE, DOUBLE = 85.0, 120.0, 180.0  # mm, one, one and a half and two columns

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from qlvbayes.fitting.residuals import Cell, CheckResult
+from qlvbayes.io.wording import joined
 from qlvbayes.report.boxes import besides, seen
 from qlvbayes.report.collect import PadResults, Results
 from qlvbayes.report.comparing import Comparing
 from qlvbayes.report.constants import constants_words
 from qlvbayes.report.failing import model_name, where
 from qlvbayes.report.numbers import NBSP
-from qlvbayes.residuals import Cell, CheckResult
-from qlvbayes.wording import joined
 
 _VERDICTS = {
     "adequate": "nothing that these tests can show",

@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 
-from qlvbayes.checks import InputError
-from qlvbayes.choices import Choices
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.effects.catalogue import find
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.wording import joined
+from qlvbayes.model.choices import Choices
 from qlvbayes.report.collect import PadResults
 from qlvbayes.report.numbers import number, percent, with_unit
-from qlvbayes.wording import joined
 
 
 @dataclass(frozen=True)

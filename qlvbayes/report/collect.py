@@ -9,15 +9,15 @@ from typing import TypeVar
 import h5py
 import numpy as np
 
-from qlvbayes.checks import InputError
 from qlvbayes.comparison.contrast import Comparison
-from qlvbayes.curves import Curves
 from qlvbayes.diagnosis.result import DiagnosisResult
+from qlvbayes.fitting.curves import Curves
+from qlvbayes.fitting.residuals import CheckResult
+from qlvbayes.fitting.runs import Run, Runs
+from qlvbayes.fitting.summary import FitSummary
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.resultfile import Result
 from qlvbayes.report.draws import summary_of_draws
-from qlvbayes.residuals import CheckResult
-from qlvbayes.resultfile import Result
-from qlvbayes.runs import Run, Runs
-from qlvbayes.summary import FitSummary
 
 Kind = TypeVar("Kind", bound=Result)
 

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from qlvbayes.comparison.contrast import Comparison, Contrast
+from qlvbayes.io.wording import joined
 from qlvbayes.report.collect import Compared
 from qlvbayes.report.numbers import DASH, number, percent
-from qlvbayes.wording import joined
 
 _FIRST = 2  # paragraphs before the figure
 _KINDS = {"greater": "differs", "less": "differs", "equal": "equal"}

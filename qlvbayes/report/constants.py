@@ -7,14 +7,14 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from qlvbayes.checks import InputError
-from qlvbayes.choices import Choices
+from qlvbayes.fitting.summary import Constant
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.wording import joined
 from qlvbayes.laws.catalogue import find_elastic, find_relaxation
+from qlvbayes.model.choices import Choices
 from qlvbayes.report.boxes import seen
 from qlvbayes.report.collect import Model, PadResults
 from qlvbayes.report.numbers import DASH, NBSP, number, to_sd, with_unit
-from qlvbayes.summary import Constant
-from qlvbayes.wording import joined
 
 _INDEXED = re.compile(r"([cv])\[(\d+)\]")
 _MEANINGS = {

@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from qlvbayes.drawn import described_fields
-from qlvbayes.inference.diagnostics import diagnose_chain
-from qlvbayes.results import load
-from qlvbayes.summary import FitSummary, constant_of
+from qlvbayes.fitting.diagnostics import diagnose_chain
+from qlvbayes.fitting.results import load
+from qlvbayes.fitting.summary import FitSummary, constant_of
+from qlvbayes.model.drawn import described_fields
 
 
 def summary_of_draws(path: Path) -> tuple[FitSummary, dict]:

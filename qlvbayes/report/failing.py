@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from qlvbayes import residuals
+from qlvbayes.fitting import residuals
+from qlvbayes.fitting.residuals import CheckResult
+from qlvbayes.io.wording import joined
 from qlvbayes.report.collect import Model, PadResults
 from qlvbayes.report.numbers import number, percent, with_unit
-from qlvbayes.residuals import CheckResult
-from qlvbayes.wording import joined
 
 _PHASES = {"ramp": "ramp", "hold": "hold", "unload": "unloading", "recovery": "recovery"}
 _DARKEST = 5.0  # times the noise, from where on a cell is as dark as can be

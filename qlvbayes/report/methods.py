@@ -7,12 +7,12 @@ import shlex
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from qlvbayes.checks import InputError
-from qlvbayes.choices import Choices
+from qlvbayes.fitting.summary import FitSummary
+from qlvbayes.io.checks import InputError
 from qlvbayes.laws.catalogue import find_elastic, find_relaxation
+from qlvbayes.model.choices import Choices
 from qlvbayes.report.collect import PadResults, Results
 from qlvbayes.report.numbers import DASH, number, percent, with_unit
-from qlvbayes.summary import FitSummary
 
 _NOISES = {
     "floor": "as measured at rest, without the model, and not fitted; what the model misses goes "

@@ -9,6 +9,7 @@ from importlib.resources import files
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from qlvbayes.io.wording import joined
 from qlvbayes.report.answers import answers, split_first
 from qlvbayes.report.boxes import Box, verdict_box
 from qlvbayes.report.charts import chart_of
@@ -20,7 +21,6 @@ from qlvbayes.report.failing import Failing, failing_of
 from qlvbayes.report.figures import Embedder, Figure
 from qlvbayes.report.methods import methods_of, source_name
 from qlvbayes.report.using import using_of
-from qlvbayes.wording import joined
 
 _PAD_FIGURES = (
     "forces",

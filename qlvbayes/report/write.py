@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from qlvbayes.files import write_whole
+from qlvbayes.io.files import write_whole
 from qlvbayes.report.collect import collect
 from qlvbayes.report.page import page
 

@@ -13,15 +13,15 @@ from unittest import mock
 
 from PIL import Image
 
-from qlvbayes.choices import Choices
 from qlvbayes.cli.main import run
-from qlvbayes.data import read_measurements
-from qlvbayes.experiment import prepare
-from qlvbayes.fit import fit_pad
-from qlvbayes.inference.ensemble import Settings
+from qlvbayes.fitting.ensemble import Settings
+from qlvbayes.fitting.fit import fit_pad
+from qlvbayes.io.data import read_measurements
+from qlvbayes.model.choices import Choices
 from qlvbayes.plots import diagnosis_files
 from qlvbayes.plots import files as plots_files
-from qlvbayes.synthetic import TABLE_1
+from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.simulate import TABLE_1
 
 PADS = Path(__file__).parents[2] / "data" / "pads.csv"
 COMMAND = Path(sys.executable).with_name("qlvbayes")

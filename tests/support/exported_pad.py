@@ -5,11 +5,11 @@ import json
 import numpy as np
 import xarray
 
-from qlvbayes.choices import Choices
-from qlvbayes.drawn import described_model
-from qlvbayes.exports.pad import read_pad
-from qlvbayes.parameters import fields_of
-from qlvbayes.synthetic import TABLE_1
+from qlvbayes.model.choices import Choices
+from qlvbayes.model.drawn import described_model
+from qlvbayes.model.parameters import fields_of
+from qlvbayes.simulate import TABLE_1
+from qlvbayes.use.exports.pad import read_pad
 
 DATE = "2026-01-31"
 TESTED = {"depth": 1.6, "slowest": 0.1, "fastest": 40.0, "quickest": 0.05, "hold": 30.0, "tests": 6}

@@ -3,12 +3,12 @@
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from qlvbayes.data import Test as Record
-from qlvbayes.experiment import Trial
-from qlvbayes.kinematics.phases import Phase
-from qlvbayes.kinematics.trajectory import smooth
+from qlvbayes.fitting.prediction import Prediction
+from qlvbayes.io.data import Test as Record
 from qlvbayes.plots.files import figure_of
-from qlvbayes.prediction import Prediction
+from qlvbayes.preprocess.experiment import Trial
+from qlvbayes.preprocess.phases import Phase
+from qlvbayes.preprocess.trajectory import smooth
 
 NOISE = 0.01
 RESTS = ("hold", "recovery")

@@ -6,13 +6,13 @@ import pytest
 from msgspec.structs import replace
 
 from qlvbayes import Choices
-from qlvbayes.benchmark.study import measured
 from qlvbayes.diagnosis.verdict import Diagnosis
-from qlvbayes.experiment import Experiment, prepare
-from qlvbayes.fit import build_posterior
+from qlvbayes.evaluation.study import measured
+from qlvbayes.fitting.fit import build_posterior
 from qlvbayes.inference.subset import Ensemble, with_every_effect
 from qlvbayes.laws.catalogue import LAWS
-from qlvbayes.synthetic import (
+from qlvbayes.preprocess.experiment import Experiment, prepare
+from qlvbayes.simulate import (
     NOISES,
     TABLE_1,
     Constants,

@@ -3,9 +3,9 @@
 import jax.numpy as jnp
 import numpy as np
 
-from qlvbayes.exports.formulas import FORMULAS
-from qlvbayes.law import Contact, Law
-from qlvbayes.motion import Motion
+from qlvbayes.laws.layered import Contact, Law
+from qlvbayes.laws.motion import Motion
+from qlvbayes.use.exports.formulas import FORMULAS
 
 LAWS = list(FORMULAS)
 

@@ -3,7 +3,7 @@
 import arviz_base
 import numpy as np
 
-from qlvbayes.synthetic import TABLE_1
+from qlvbayes.simulate import TABLE_1
 
 PLACES = {"depth": 1.0, "rates": [1.0], "frequencies": [0.3]}
 WIDTHS = {"m": 0.01, "b": 0.02, "c[1]": 0.01, "c[2]": 0.05, "v[1]": 0.02, "v[2]": 0.1}

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from qlvbayes.choices import Choices
-from qlvbayes.covered import Covered
-from qlvbayes.results import Saved
-from qlvbayes.synthetic import TABLE_1
+from qlvbayes.fitting.results import Saved
+from qlvbayes.model.choices import Choices
+from qlvbayes.preprocess.covered import Covered
+from qlvbayes.simulate import TABLE_1
 
 PAD = TABLE_1["B"]
 

@@ -3,8 +3,8 @@
 import jax.numpy as jnp
 import numpy as np
 
-from qlvbayes.motion import Motion
-from qlvbayes.synthetic import full_retraction_protocol, paper_protocol
+from qlvbayes.laws.motion import Motion
+from qlvbayes.simulate import full_retraction_protocol, paper_protocol
 
 CLOSE = 1e-4  # of the peak force
 START = 500.0  # s, the clock as the test begins

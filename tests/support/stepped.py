@@ -8,7 +8,7 @@ from qlvbayes import Model, Motion
 from qlvbayes.laws import (
     Prony,
 )
-from qlvbayes.stepping import begin, begin_at_force, step, step_to_force
+from qlvbayes.model.stepping import begin, begin_at_force, step, step_to_force
 
 TIME = np.linspace(0.0, 4.0, 401)
 DEPTH = np.interp(TIME, [0.0, 0.2, 2.0, 2.3, 3.0, 3.2], [0.0, 1.6, 1.6, -0.4, -0.4, 1.2])

@@ -8,8 +8,8 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from qlvbayes.laws.elastic.law import AbstractElastic
-from qlvbayes.scales import Scales, lognormal
-from qlvbayes.smoothmath import exp_difference_ratio, exp_growth
+from qlvbayes.laws.scales import Scales, lognormal
+from qlvbayes.laws.smoothmath import exp_difference_ratio, exp_growth
 
 
 class Exponential(AbstractElastic):

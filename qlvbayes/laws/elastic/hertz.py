@@ -9,7 +9,7 @@ from jaxtyping import Array
 
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.elastic.steps import quadratic_force_step
-from qlvbayes.scales import Scales, lognormal
+from qlvbayes.laws.scales import Scales, lognormal
 
 
 class HertzPower(AbstractElastic):

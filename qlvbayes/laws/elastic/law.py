@@ -8,7 +8,7 @@ from typing import ClassVar, Self
 import equinox as eqx
 from jaxtyping import Array
 
-from qlvbayes.scales import Scales
+from qlvbayes.laws.scales import Scales
 
 
 class AbstractElastic(eqx.Module):

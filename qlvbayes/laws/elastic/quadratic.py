@@ -8,9 +8,9 @@ from jaxtyping import Array
 
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.elastic.steps import first_moment
+from qlvbayes.laws.scales import Scales, lognormal
+from qlvbayes.laws.smoothmath import exp_slope
 from qlvbayes.priors import Normal
-from qlvbayes.scales import Scales, lognormal
-from qlvbayes.smoothmath import exp_slope
 
 
 class Quadratic(AbstractElastic):

@@ -10,7 +10,7 @@ from jaxtyping import Array
 
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.elastic.steps import quadratic_force_step
-from qlvbayes.scales import Scales, lognormal
+from qlvbayes.laws.scales import Scales, lognormal
 
 _PIECES = 6  # of depth: a contact that sets in halfway is then met to about 1 % of the peak force
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from qlvbayes.smoothmath import exp_slope
+from qlvbayes.laws.smoothmath import exp_slope
 
 _NEAR = 0.3  # decay below which the series of 13 terms is exact to 1e-15; division is above it
 

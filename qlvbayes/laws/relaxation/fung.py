@@ -10,7 +10,7 @@ from jaxtyping import Array
 from numpy.polynomial.legendre import leggauss
 
 from qlvbayes.laws.relaxation.law import AbstractRelaxation, decades_of, shared_out
-from qlvbayes.scales import Scales, lognormal
+from qlvbayes.laws.scales import Scales, lognormal
 
 _PER_DECADE = 4  # Gauss-Legendre nodes; with two more the error stays below 1e-6 of g(0)
 

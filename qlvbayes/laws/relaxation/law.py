@@ -10,7 +10,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from qlvbayes.scales import Scales
+from qlvbayes.laws.scales import Scales
 
 
 class AbstractRelaxation(eqx.Module):

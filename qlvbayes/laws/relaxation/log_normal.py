@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Array
 
 from qlvbayes.laws.relaxation.law import AbstractRelaxation, middle_of, shared_out
+from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors import LogNormal, Uniform
-from qlvbayes.scales import Scales, lognormal
 
 # sds of ln tau: the trapezoid ends where the normal density is 1e-6 of its peak, and its step of
 # 0.2 sds resolves a mode's decay (pi^2/1.6 e-folds) to sigma = 3.3

@@ -12,8 +12,8 @@ from jax.scipy.special import gammaln
 from jaxtyping import Array
 
 from qlvbayes.laws.relaxation.law import AbstractRelaxation, decades_of, middle_of, shared_out
+from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors import LogNormal, Uniform
-from qlvbayes.scales import Scales, lognormal
 
 _STEP = 0.58  # of ln(rate tau): the trapezoid's error, 2 |Gamma(alpha + 2 pi i/0.58)|/Gamma(alpha),
 # is 7e-7 at alpha = 1

@@ -7,8 +7,8 @@ from typing import Any, ClassVar, Self
 from jaxtyping import Array
 
 from qlvbayes.laws.relaxation.law import AbstractRelaxation, middle_of
+from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import Dirichlet, LogNormal, Ordered
-from qlvbayes.scales import Scales
 
 MOST = 6  # modes; more than that no test tells apart
 

@@ -11,8 +11,8 @@ from jaxtyping import Array
 
 from qlvbayes.laws.relaxation.law import AbstractRelaxation, middle_of, shared_out
 from qlvbayes.laws.relaxation.stable import log_rate_density
+from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import LogNormal, Uniform
-from qlvbayes.scales import Scales
 
 _NODES = 56  # of the trapezoid; fewer miss 1e-6 at beta = 0.15
 _FASTEST = 25.0  # ln(rate tau): below t = 2e-10 tau the spectrum's far end no longer relaxes

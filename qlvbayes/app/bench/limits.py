@@ -1,0 +1,53 @@
+"""How large an error noise alone makes in a cell of test and phase."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from qlvbayes.diagnosis.samples import Samples
+from qlvbayes.fitting.residuals import FALSE_ALARMS
+from qlvbayes.preprocess.phases import KINDS
+
+Array = NDArray[np.float64]
+
+_LEAST_SKEW = 1e-3  # of a mean square's third cumulant over its sd cubed: below, it is normal
+
+
+def cell_limits(samples: Samples) -> dict[tuple[str, str], float]:
+    """Of each test and phase the root mean square that noise exceeds in 1 % of pads, any cell.
+
+    Noise is the floor as measured: white, and correlated over its time. The constants are taken to
+    be known; a fit takes some of the noise, and the true error is a little less.
+    """
+    floor = samples.experiment.floor
+    cells = {}
+    for k, trial in enumerate(samples.trials):
+        time, phases = trial.test.time[samples.rows[k]], samples.phases(k)
+        white = floor.white * samples.weights[k]
+        for kind in KINDS:
+            here = phases == kind
+            if here.any():
+                apart = np.abs(time[here][:, None] - time[here])
+                covariance = floor.ou**2 * np.exp(-apart / floor.memory)
+                cells[trial.name, kind] = covariance + np.diag(white[here] ** 2)
+    level = FALSE_ALARMS / max(len(cells), 1)
+    return {cell: _limit(covariance, level) for cell, covariance in cells.items()}
+
+
+def _limit(covariance: Array, level: float) -> float:
+    """Root of the upper quantile of the mean square of a normal of this covariance (n, n).
+
+    By a chi-square with the same mean, variance and skewness (Pearson; Imhof 1961,
+    doi:10.1093/biomet/48.3-4.419).
+    """
+    scaled = covariance / len(covariance)
+    twice = scaled @ scaled
+    mean, variance = float(np.trace(scaled)), 2.0 * float(np.sum(scaled**2))
+    third = 8.0 * float(np.sum(twice * scaled))
+    if variance <= 0.0:
+        return float(np.sqrt(mean))
+    freedom = 8.0 * variance**3 / max(third, _LEAST_SKEW * variance**1.5) ** 2
+    place = (float(chi2.isf(level, freedom)) - freedom) / np.sqrt(2.0 * freedom)
+    return float(np.sqrt(max(mean + np.sqrt(variance) * place, 0.0)))

@@ -1,0 +1,117 @@
+"""A model as it is put together by hand, and the numbers its constants stand for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qlvbayes.inference.space import Hypothesis, Leaf, Parameters, Space, median
+from qlvbayes.io.checks import InputError
+from qlvbayes.priors.joint import Dirichlet, Ordered
+from qlvbayes.priors.natural import Natural
+
+Array = NDArray[np.float64]
+
+NOISE = "noise."  # what the names of the floor's constants begin with: measured, not moved
+_LEAST = 1e-9  # share, or relative distance of two rates, that stands for none where none has a log
+
+
+@dataclass(frozen=True)
+class ByHand:
+    """Laws and effects by name, and constants by name (`FitSummary.parameters`).
+
+    values: those that are missing are at their prior's median, an effect's amplitude at nothing.
+    """
+
+    elastic: str = "exponential"
+    relaxation: str = "prony:2"
+    effects: tuple[str, ...] = ()
+    values: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def hypothesis(self) -> Hypothesis:
+        """Its laws and effects."""
+        return Hypothesis(self.elastic, self.relaxation, frozenset(self.effects))
+
+
+def checked(model: ByHand, space: Space) -> None:
+    """InputError where a law or effect is unknown, or two effects are forms of one."""
+    _known("elastic law", model.elastic, space.elastic)
+    _known("relaxation", model.relaxation, space.relaxation)
+    families: dict[str, str] = {}
+    for name in model.effects:
+        _known("effect", name, space.effects)
+        other = families.setdefault(space.effects[name].family(), name)
+        if other != name:
+            text = f"{other} and {name} are forms of one effect"
+            raise InputError(text, remedy="take one of them out first")
+    for name, value in model.values.items():
+        if not np.isfinite(value):
+            raise InputError(f"{name} is no number", remedy="give a finite number")
+
+
+def _known(what: str, name: str, known: Mapping[str, object]) -> None:
+    if name not in known:
+        raise InputError(f"no {what} {name!r} here", remedy=f"use one of {', '.join(known)}")
+
+
+def constants_of(model: ByHand, space: Space) -> Array:
+    """(P,) constants in the order of the hypothesis's names; what is missing at its median.
+
+    Of shares that sum to one the first is what the others leave; rates are put in order.
+    """
+    own = space.parameters(model.hypothesis)
+    found = own.constants(nothing_added(own, space)[None])[0]
+    for leaf in own.leaves:
+        place = range(leaf.constants.start, leaf.constants.stop)
+        given = [model.values.get(own.names[k], np.nan) for k in place]
+        numbers = np.where(np.isfinite(given), given, found[list(place)])
+        found[list(place)] = _allowed(leaf, numbers)
+    return found
+
+
+def _allowed(leaf: Leaf, numbers: Array) -> Array:
+    if isinstance(leaf.prior, Dirichlet):
+        rest = np.maximum(numbers[1:], 0.0)
+        rest = rest / max(float(rest.sum()), 1.0)
+        return np.concatenate([[1.0 - float(rest.sum())], rest])
+    if isinstance(leaf.prior, Ordered):
+        return -np.sort(-np.maximum(numbers, _LEAST))
+    return numbers
+
+
+def theta_of(own: Parameters, constants: Array) -> Array:
+    """(F,) free numbers of constants (P,), brought within their bounds."""
+    theta = np.zeros(own.size)
+    for leaf in own.leaves:
+        values = constants[leaf.constants.start : leaf.constants.stop]
+        if isinstance(leaf.prior, Dirichlet):
+            values = np.maximum(values, _LEAST)
+        if isinstance(leaf.prior, Ordered):
+            values = values * (1.0 - _LEAST * np.arange(values.size))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            numbers = np.ravel(leaf.prior.unconstrain(values if values.size > 1 else values[0]))
+        theta[list(leaf.theta)] = np.nan_to_num(numbers, neginf=-_FAR, posinf=_FAR)
+    return np.asarray(own.within(theta))
+
+
+_FAR = 700.0  # a logarithm whose exponential a number can still hold
+
+
+def values_of(own: Parameters, constants: Array) -> dict[str, float]:
+    """Constants (P,) by name, without the noise's."""
+    pairs = zip(own.names, constants.tolist(), strict=True)
+    return {name: value for name, value in pairs if not name.startswith(NOISE)}
+
+
+def nothing_added(own: Parameters, space: Space) -> Array:
+    """(F,) free numbers at their priors' medians, every effect's amplitude at nothing."""
+    theta = median(space.plain_draws(own.hypothesis))
+    for name, leaf in own.by_name.items():
+        effect = name.partition(".")[0]
+        if isinstance(leaf.prior, Natural) and effect in own.hypothesis.effects:
+            theta[leaf.theta.start] = next(iter(space.effects[effect].null.values()))
+    return np.asarray(own.within(theta))

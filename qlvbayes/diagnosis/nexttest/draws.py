@@ -1,0 +1,84 @@
+"""The explanation that a fit gives: its model, normal with the moments of the posterior's draws."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import jax
+import numpy as np
+from jaxtyping import Array as JaxArray
+from numpy.typing import NDArray
+
+from qlvbayes.diagnosis.nexttest.belief import Explanation
+from qlvbayes.inference.engine import TOGETHER, filled_up
+from qlvbayes.model.choices import Choices
+from qlvbayes.model.drawn import described_model, drawn_models
+from qlvbayes.model.model import Model
+from qlvbayes.model.parameters import fields_of
+from qlvbayes.model.record import Record
+
+Array = NDArray[np.float64]
+
+_STILL = 1e-12  # of the largest variance: directions in which nothing varies
+_SHARES = "c["  # constants that sum to one
+
+
+def explanation_of_draws(
+    choices: Choices, names: Sequence[str], draws: Array, depth: float
+) -> Explanation:
+    """Of draws (n, P) of the named constants; depth: of the deepest test (mm).
+
+    Positive constants are normal in their logarithm; fractions that sum to one go on doing so.
+    """
+    model = described_model(choices, depth)
+    fields = list(fields_of(model))
+    own = [name for field in fields for name in field.names]
+    values = np.stack([draws[:, list(names).index(name)] for name in own], axis=1)
+    in_log = np.all(values > 0.0, axis=0)
+    scaled = np.where(in_log, np.log(np.where(in_log, values, 1.0)), values)
+    mean, root = scaled.mean(axis=0), _root(np.atleast_2d(np.cov(scaled.T)))
+    shares = np.array([name.startswith(_SHARES) for name in own])
+    sums = bool(shares.any()) and np.allclose(values[:, shares].sum(axis=1), 1.0)
+
+    def constants(z: Array) -> Array:
+        found = mean + z @ root.T
+        found[:, in_log] = np.exp(found[:, in_log])
+        if sums:
+            found[:, shares] /= found[:, shares].sum(axis=1, keepdims=True)
+        return found
+
+    def run(rows: Array, record: Record) -> Array:
+        full = filled_up(rows)
+        parts = [drawn_models(model, own, full[k : k + TOGETHER])
+                 for k in range(0, len(full), TOGETHER)]  # fmt: skip
+        return np.concatenate([np.asarray(_forces(part, record)) for part in parts])[: len(rows)]
+
+    whole = drawn_models(model, own, constants(np.zeros((1, root.shape[1]))))
+    fractions, rates = jax.vmap(lambda one: one.relaxation.spectrum())(whole)
+    words = " + ".join((choices.law, choices.relaxing, *choices.effects))
+    return Explanation(
+        words,
+        1.0,
+        root.shape[1],
+        tuple(own),
+        tuple(field.unit for field in fields for _ in field.names),
+        constants,
+        run,
+        np.asarray(fractions)[0, 1:],
+        np.asarray(rates)[0],
+    )
+
+
+def _root(covariance: Array) -> Array:
+    """(P, F) with root root^T = covariance, without directions in which nothing varies."""
+    values, vectors = np.linalg.eigh(covariance)
+    kept = values > _STILL * max(float(values.max(initial=0.0)), 1e-300)
+    return np.asarray(vectors[:, kept] * np.sqrt(values[kept]))
+
+
+@jax.jit
+def _forces(models: Model, record: Record) -> JaxArray:
+    def one(model: Model) -> JaxArray:
+        return jax.vmap(lambda test: test.average(model.force(test.motion)))(record)
+
+    return jax.vmap(one)(models)

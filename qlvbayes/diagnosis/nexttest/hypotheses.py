@@ -1,0 +1,129 @@
+"""Explanations from a diagnosis: hypotheses, normal with the moments of their posteriors."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from qlvbayes.diagnosis.nexttest.belief import Explanation
+from qlvbayes.inference.density import Density, Point
+from qlvbayes.inference.space import Hypothesis
+from qlvbayes.model.parameters import unit_kinds
+from qlvbayes.model.record import Record
+
+Array = NDArray[np.float64]
+
+_DRAWS = 384  # by which moments are found,
+_ROUNDS = 3  # each of a normal with the moments that the one before it found
+_WIDER = 1.2  # by which its sds are larger
+_SOUND = 0.2  # share of effective draws, from which Laplace's normal is taken as it is
+_TEMPER = 60.0  # effective draws, that weights are evened out to where there are fewer
+
+
+def explanation_of_mode(
+    density: Density,
+    hypothesis: Hypothesis,
+    point: Point,
+    covariance: Array,
+    size: float,
+    probability: float,
+    words: str,
+    cause: str = "",
+) -> Explanation:
+    """A hypothesis about a mode, from Laplace's covariance (F, F) there; size: of the discrepancy.
+
+    words, cause: as of `Explanation`.
+
+    Where a number is at a bound, or the curvature there says little of what the tests allow,
+    Laplace's normal would expect forces that the tests have ruled out: its draws are weighed by
+    the tests first.
+    """
+    space, own = density.space, point.own
+    mean, root = _moments(density, hypothesis, point, covariance, size)
+    kept = len(own.names) - len(own.posterior.noise.units)  # the noise's come last and are fixed
+
+    def constants(z: Array) -> Array:
+        return own.constants(own.within(mean + z @ root.T))[:, :kept]
+
+    def run(rows: Array, record: Record) -> Array:
+        noise = np.tile(own.fixed[kept:], (len(rows), 1))
+        return space.forces(hypothesis, np.concatenate([rows, noise], axis=1), record)
+
+    centre = own.constants(own.within(mean)[None])[0]
+    model = own.posterior.with_constants(jnp.asarray(centre))[0]
+    fractions, rates = model.relaxation.spectrum()
+    return Explanation(
+        words,
+        probability,
+        root.shape[1],
+        tuple(own.names[:kept]),
+        tuple(unit_kinds(own.posterior)[:kept]),
+        constants,
+        run,
+        np.asarray(fractions)[1:],
+        np.asarray(rates),
+        cause,
+    )
+
+
+def _moments(
+    density: Density, hypothesis: Hypothesis, point: Point, covariance: Array, size: float
+) -> tuple[Array, Array]:
+    """Mean (F,) of the posterior's numbers, and a root (F, F) of their covariance."""
+    mean, root = point.theta, _root(covariance)
+    rng = np.random.default_rng(0)
+    for k in range(_ROUNDS):
+        normal = rng.standard_normal((_DRAWS, mean.size))
+        theta = mean + _WIDER * normal @ root.T
+        log = _log_density(density, hypothesis, point, theta, size) + 0.5 * np.sum(normal**2, 1)
+        if not np.isfinite(log).any() or (k == 0 and _effective(log) > _SOUND * _DRAWS):
+            break
+        weights = _evened(log)
+        mean = weights @ theta
+        spread = (theta - mean) * np.sqrt(weights)[:, None]
+        root = _root(spread.T @ spread)
+    return mean, root
+
+
+def _log_density(
+    density: Density, hypothesis: Hypothesis, point: Point, theta: Array, size: float
+) -> Array:
+    """(K,) of rows theta (K, F), the prior quadratic about the mode; -inf beyond the bounds."""
+    own = point.own
+    inside = np.all((theta >= own.lowest) & (theta <= own.highest), axis=1)
+    found = density.space.forces(hypothesis, own.constants(own.within(theta)))
+    change = point.predicted - found
+    left = density.whitener(np.nan_to_num(change, posinf=0.0, neginf=0.0)) + point.residual
+    sized = density.discrepancy.at(size)
+    scaled = left * sized.root
+    taken = scaled @ sized.axes.T
+    misfit = np.sum(scaled**2, axis=1) - np.sum(taken**2, axis=1)
+    apart, prior = theta - point.theta, point.prior
+    loss = apart @ prior.gradient + 0.5 * np.einsum("kf,fg,kg->k", apart, prior.curvature, apart)
+    sound = inside & np.isfinite(change).all(axis=(1, 2))
+    return np.where(sound, -0.5 * misfit - loss, -np.inf)
+
+
+def _effective(log: Array) -> float:
+    """How many draws of equal weight would tell as much as those of log weights (K,)."""
+    weights = np.exp(log - log.max())
+    return float(weights.sum() ** 2 / np.sum(weights**2))
+
+
+def _evened(log: Array) -> Array:
+    """Weights (K,) of sum 1 whose effective number is no less than a few; the more even the less.
+
+    A few draws would span too few directions (tempered importance sampling).
+    """
+    for power in (1.0, 0.5, 0.25, 0.1, 0.03, 0.01):
+        if _effective(power * log) >= _TEMPER:
+            break
+    weights = np.exp(power * (log - log.max()))
+    return np.asarray(weights / weights.sum())
+
+
+def _root(covariance: Array) -> Array:
+    """(F, F) with root root^T = covariance."""
+    values, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))

@@ -1,0 +1,110 @@
+"""Designs as the likelihood would see them: few block means each, all of one shape."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from qlvbayes.diagnosis.nexttest.design import Design
+from qlvbayes.diagnosis.nexttest.rig import Rig
+from qlvbayes.inference.features import Places
+from qlvbayes.laws.motion import Motion
+from qlvbayes.model.record import Blocks, Record
+from qlvbayes.preprocess.phases import KINDS
+
+Array = NDArray[np.float64]
+
+BLOCKS = 128
+"""Means of a test."""
+POINTS = 320
+"""Of its motion: two nodes a mean, and up to 64 knots."""
+_EARLY = 1e-4  # of a rest: its first block
+_LONGER = 3.0  # than the block before it, at most: of few, the last would hold nearly all of a rest
+_MOVES = ("ramp", "unload")
+_MOVING = 1.0 / 3.0  # of the blocks, for all movements: forces are simpler there than in rests
+
+
+def record_of(designs: Sequence[Design], rig: Rig, clock: float) -> Record:
+    """Tests (T,) that begin when each has waited after ``clock`` (s), whose force is 0."""
+    motions, nodes, blocks = zip(*(_one(design, rig) for design in designs), strict=True)
+    time, place, speed, rate = (
+        jnp.asarray(np.stack(column)) for column in zip(*motions, strict=True)
+    )
+    start = jnp.asarray([clock + design.wait for design in designs])
+    columns = [jnp.asarray(np.stack(column)) for column in zip(*blocks, strict=True)]
+    motion = Motion(time, place, speed, rate, start)
+    return Record(motion, jnp.asarray(np.stack(nodes)), Blocks(*columns))
+
+
+def _one(design: Design, rig: Rig) -> tuple[tuple[Array, ...], NDArray[np.intp], tuple[Array, ...]]:
+    path = design.trajectory
+    edges = _edges(design, rig.interval)
+    begin, end = (np.concatenate(parts) for parts in zip(*edges, strict=True))
+    width = end - begin
+    count = _kept(np.maximum(np.round(width / rig.interval), 1.0), rig.rows)
+    middle, half = 0.5 * (begin + end), 0.5 * width * (1.0 - 1.0 / count)
+    # mean plus and minus one sd of evenly spaced readings
+    spread = width * np.sqrt(np.maximum(1.0 - count**-2, 0.0) / 12.0)
+    nodes = np.stack([middle - spread, middle + spread], axis=1)
+    grid = np.unique(np.concatenate([path.knots, nodes.ravel()]))
+    places = np.searchsorted(grid, nodes)
+    grid = _filled(grid, POINTS)
+    motion = (grid, path.displacement(grid), path.velocity(grid), path.acceleration(grid))
+    one, real = np.ones(begin.size), np.arange(BLOCKS) < begin.size
+    fields = (0.0 * one, count, middle - half, middle + half, one, one, 0.0 * one)
+    return motion, _filled(places, BLOCKS), (*(_filled(x, BLOCKS) for x in fields), real)
+
+
+def _kept(count: Array, rows: int) -> Array:
+    """Readings of each block, where a logger keeps no more than so many: none has more than c."""
+    if count.sum() <= rows:
+        return count
+    ordered = np.sort(count)
+    below = np.concatenate([[0.0], np.cumsum(ordered)[:-1]])
+    most = (rows - below) / np.arange(count.size, 0, -1)
+    first = int(np.argmax(most <= ordered))
+    return np.asarray(np.maximum(np.floor(np.minimum(count, most[first])), 1.0))
+
+
+def _edges(design: Design, interval: float) -> list[tuple[Array, Array]]:
+    """Begin and end of the blocks of each movement and rest."""
+    stretches = design.stretches
+    moves = sum(kind in _MOVES for kind, *_ in stretches)
+    rests = max(len(stretches) - moves, 1)
+    move = max(int(_MOVING * BLOCKS) // moves, 1)
+    rest = (BLOCKS - move * moves) // rests
+    found = []
+    for kind, start, stop in stretches:
+        length = stop - start
+        parts = int(np.clip(length / interval, 1, move if kind in _MOVES else rest))
+        if kind in _MOVES or parts < 3:
+            shares = np.linspace(0.0, 1.0, parts + 1)
+        else:
+            first = max(2.0 * interval / length, _EARLY, _LONGER ** (1.0 - parts))
+            shares = np.concatenate([[0.0], np.geomspace(min(first, 0.5), 1.0, parts)])
+        edges = start + length * shares
+        found.append((edges[:-1], edges[1:]))
+    return found
+
+
+def _filled(values: NDArray, size: int) -> NDArray:
+    missing = [(0, size - len(values))] + [(0, 0)] * (values.ndim - 1)
+    return np.pad(values, missing, mode="edge")
+
+
+def places_of(design: Design, rig: Rig, middle: Array, force: Array, peak: float) -> Places:
+    """Where a discrepancy is looked at, in the middle of the blocks (n,) of a design."""
+    stretches = design.stretches
+    starts = np.array([start for _, start, _ in stretches])
+    which = np.searchsorted(starts[1:], middle, side="right")
+    kinds = np.array([KINDS.index(kind) for kind, *_ in stretches])
+    smooth = [
+        np.log(np.maximum(middle - starts[which], 0.0) + rig.interval),
+        design.trajectory.displacement(middle) / rig.depth,
+        np.full(middle.shape, np.log(design.speed)),
+    ]
+    size = 0.5 + 0.5 * np.minimum(np.abs(force) / peak, 1.0)
+    return Places(np.stack(smooth, axis=1), size, kinds[which], np.zeros(middle.shape, np.intp))

@@ -1,0 +1,68 @@
+"""Many designs at once in closed form: the products by which `information` judges them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import jax
+import numpy as np
+from numpy.typing import NDArray
+
+from qlvbayes.diagnosis.nexttest.belief import Belief
+from qlvbayes.diagnosis.nexttest.design import Design
+from qlvbayes.diagnosis.nexttest.errors import Errors, Whitening
+from qlvbayes.diagnosis.nexttest.information import Products
+from qlvbayes.diagnosis.nexttest.records import record_of
+from qlvbayes.diagnosis.nexttest.rig import Rig
+from qlvbayes.model.record import Record
+
+Array = NDArray[np.float64]
+
+TOGETHER = 64
+"""Designs that are run at once: one compiled shape for any number of them."""
+
+
+def screened(
+    belief: Belief, designs: Sequence[Design], rig: Rig, errors: Errors, clock: float
+) -> tuple[Products, NDArray[np.bool_]]:
+    """Products of each design (T,), and which designs give finite forces."""
+    found = []
+    for first in range(0, len(designs), TOGETHER):
+        some = list(designs[first : first + TOGETHER])
+        full = some + some[:1] * (TOGETHER - len(some))
+        record = record_of(full, rig, clock)
+        found.append(_products(belief, some, record, rig, errors))
+    sizes = tuple(one.size for one in belief.explanations)
+    values = np.concatenate(found)
+    sound = np.asarray(np.isfinite(values).all(axis=(1, 2)))
+    return Products(np.where(sound[:, None, None], values, 0.0), sizes), sound
+
+
+def _products(
+    belief: Belief, designs: Sequence[Design], record: Record, rig: Rig, errors: Errors
+) -> Array:
+    rows = []
+    for one in belief.explanations:
+        force, slopes = one.slopes(np.zeros((1, one.size)), record)
+        rows.append(np.concatenate([force, slopes[0]]))
+    vectors = np.concatenate(rows)
+
+    def product(k: int) -> Array:
+        own = vectors[:, k]
+        if not np.isfinite(own).all():
+            return np.full((len(own), len(own)), np.nan)
+        white = whitening(designs[k], k, record, rig, errors, own[0])(own)
+        return np.asarray(white @ white.T)
+
+    with ThreadPoolExecutor(2) as pool:
+        return np.stack(list(pool.map(product, range(len(designs)))))
+
+
+def whitening(
+    design: Design, place: int, record: Record, rig: Rig, errors: Errors, force: Array
+) -> Whitening:
+    """Of a design that is at some place of a record; force (B,): about what will be measured."""
+    own = jax.tree.map(lambda x: np.asarray(x)[place], record)
+    covariance = errors.covariance(design, rig, own, force)
+    return Whitening(np.asarray(own.blocks.real), covariance)

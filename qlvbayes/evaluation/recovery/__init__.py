@@ -1,0 +1,8 @@
+"""Whether an effect's constants are recovered from simulated tests, at the right rate."""
+
+from qlvbayes.evaluation.recovery.rate import Recovery, recovery_rate
+
+__all__ = [
+    "Recovery",
+    "recovery_rate",
+]

@@ -1,0 +1,91 @@
+"""The bench: a small study, a pad with one relaxation mode, and the priors of both."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from qlvbayes.effects.effect import Protocol
+from qlvbayes.laws.elastic.exponential import Exponential
+from qlvbayes.laws.relaxation.prony import Prony
+from qlvbayes.laws.scales import Scales, lognormal
+from qlvbayes.model.defaults import default_noise
+from qlvbayes.model.model import Model
+from qlvbayes.model.posterior import Posterior
+from qlvbayes.model.record import Record
+from qlvbayes.preprocess.batching import batch
+from qlvbayes.preprocess.programme import Stroke, planned
+from qlvbayes.preprocess.reduction import planned_record
+from qlvbayes.preprocess.trajectory import Trajectory
+from qlvbayes.priors import Dirichlet, Ordered
+
+SHOWING = Protocol(unloads=True, returns=True, tests=2, bonded=False, curved=True)
+"""What the tests do."""
+
+_DEPTH, _HOLD, _PAUSE = 1.6, 10.0, 60.0  # mm, s, s
+_ACCELERATION = 100.0  # mm/s2
+_SLOW, _FAST = 1.0, 10.0  # mm/s
+_PEAK, _STIFFNESS = 3.0, 4.0  # N, N/mm
+_WHITE, _OU, _TAU = 3e-3, 1e-3, 1.0  # N, N, s
+_MOVING, _RESTING = 5, 10  # samples of a stretch of constant acceleration, and of a hold
+_SOONEST = 0.02  # s from the beginning of a hold to its first sample
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """The plain posterior, whose record holds no force yet, and the scales of its tests."""
+
+    posterior: Posterior
+    scales: Scales
+
+
+@cache
+def bench() -> Bench:
+    """A test at 1 mm/s that goes back to half depth, and one at 10 mm/s that retracts fully.
+
+    Pads differ from one like the paper's pad B by a factor 1.2 in m and b and 1.5 in the rate (one
+    sd). The package's own priors are for pads of which nothing is known; a draw from them may weigh
+    tons.
+    """
+    paths = [_path(_SLOW, 0.5 * _DEPTH), _path(_FAST, 0.0)]
+    second = float(paths[0].knots[-1]) + _PAUSE
+    record = batch([_record(paths[0], 0.0), _record(paths[1], second)])
+    scales = Scales(
+        force=_PEAK,
+        depth=_DEPTH,
+        shortest=_SOONEST,
+        longest=_HOLD,
+        white=_WHITE,
+        ou=_OU,
+        tau=_TAU,
+        speed=_FAST,
+        acceleration=_ACCELERATION,
+        clock=second + float(paths[1].knots[-1]),
+        stiffness=_STIFFNESS,
+    )
+    elastic = Exponential(lognormal(0.34, 1.2), lognormal(1.165, 1.2))
+    relaxation = Prony(Dirichlet([6.0, 14.0]), Ordered((lognormal(0.5, 1.5),)))
+    return Bench(
+        Posterior(Model(elastic, relaxation), default_noise(scales, "correlated"), record), scales
+    )
+
+
+def _path(rate: float, back: float) -> Trajectory:
+    return planned([Stroke(_DEPTH, rate, _HOLD), Stroke(back, rate, _HOLD)], _ACCELERATION)
+
+
+def _record(path: Trajectory, start: float) -> Record:
+    return planned_record(path, _times(path), start=start, blocks=False)
+
+
+def _times(path: Trajectory) -> np.ndarray:
+    """Few samples, each a block by itself: even ones on the move, ever fewer in a hold."""
+    moving = (np.arange(_MOVING) + 0.5) / _MOVING
+    resting = np.geomspace(_SOONEST / _HOLD, 1.0, _RESTING)
+    found = [np.zeros(1)]
+    for start, stop in zip(path.knots[:-1], path.knots[1:], strict=True):
+        at_rest = path.velocity(np.array([0.5 * (start + stop)]))[0] == 0.0
+        found.append(start + (stop - start) * (resting if at_rest else moving))
+    return np.concatenate(found)

@@ -1,0 +1,32 @@
+"""Run what is not kept yet."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+from qlvbayes.evaluation.case import run_case
+from qlvbayes.evaluation.keeping import Kept, code_digest
+from qlvbayes.evaluation.plan import Plan
+
+Tell = Callable[[int, int], None]
+
+
+def kept_file(folder: Path, plan: Plan) -> Path:
+    """Where the studies of a plan and of this code are kept."""
+    return folder / f"{plan.key}-{code_digest()}.jsonl"
+
+
+def run_studies(
+    plan: Plan, kept: Kept, indices: Iterable[int], tell: Tell = lambda done, total: None
+) -> None:
+    """Run the studies at some places, one after the other; ``tell`` hears how many are done.
+
+    Each keeps the digest of the code that it was run by.
+    """
+    digest = code_digest()
+    missing = [index for index in indices if index not in kept.cases]
+    tell(0, len(missing))
+    for done, index in enumerate(missing, start=1):
+        kept.add(run_case(plan, index) | {"code": digest})
+        tell(done, len(missing))

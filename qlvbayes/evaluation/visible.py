@@ -1,0 +1,98 @@
+r"""Could the tests show what is hidden? From the simulator alone.
+
+The pattern of an effect is the difference of two simulations without noise, with it and without,
+both with all other hidden effects. The part of it that no constant of the pad takes is what is left
+after a least-squares fit of the simulator's own slopes by its law's constants (finite differences
+in their logarithms), all whitened by the true covariance of the errors:
+
+.. math:: \chi^2 = \min_x |L^{-1} (p - S x)|^2, \qquad L L^T = \Sigma.
+
+An effect with k constants could be seen where :math:`\chi^2 - k \ln(1 + \chi^2) > 10`, twice the
+log Bayes factor with each constant known to about :math:`1/\chi` of its prior. Nothing of the
+model or of the diagnosis takes part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import log1p
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from qlvbayes.evaluation.wide import WideStudy
+from qlvbayes.simulate import Effect
+
+SEEN = 10.0  # expected 2 ln(Bayes factor)
+_MOST = 150  # samples a test: errors with a memory make the rest nearly the same
+_STEP = 1e-3  # of a constant's logarithm
+_FLOOR = 1e-4  # share of the peak force that counts as error where there is none
+
+
+def visible(study: WideStudy) -> dict[str, float]:
+    """Expected 2 ln(Bayes factor) of each hidden effect."""
+    if not study.effects:
+        return {}
+    places = [_some(t.size) for t in study.times]
+    times = [t[k] for t, k in zip(study.times, places, strict=True)]
+    whole = study.forces(study.law, study.effects, times)
+    factors = _factors(study, times, whole)
+    slopes = _slopes(study, times, whole)
+    found = {}
+    for effect in study.effects:
+        others = [other for other in study.effects if other is not effect]
+        rest = study.forces(study.law, others, times)
+        pattern = [a - b for a, b in zip(whole, rest, strict=True)]
+        found[effect.name] = _promise(_leftover(factors, pattern, slopes), effect)
+    return found
+
+
+def _promise(chi2: float, effect: Effect) -> float:
+    count = sum(isinstance(value, float) for value in effect.parameters.values())
+    return chi2 - count * log1p(chi2)
+
+
+def _leftover(
+    factors: Sequence[np.ndarray], pattern: Sequence[np.ndarray], slopes: Sequence[np.ndarray]
+) -> float:
+    """chi^2 of a pattern beside the slopes (n, k) of every test."""
+    left = np.concatenate(
+        [solve_triangular(f, p, lower=True) for f, p in zip(factors, pattern, strict=True)]
+    )
+    taken = np.concatenate(
+        [solve_triangular(f, s, lower=True) for f, s in zip(factors, slopes, strict=True)]
+    )
+    scale = np.linalg.norm(taken, axis=0)
+    taken = taken / np.where(scale > 0.0, scale, 1.0)
+    x, *_ = np.linalg.lstsq(taken, left, rcond=None)
+    return float(np.sum((left - taken @ x) ** 2))
+
+
+def _slopes(
+    study: WideStudy, times: Sequence[np.ndarray], whole: Sequence[np.ndarray]
+) -> list[np.ndarray]:
+    """dF/dln(constant) of the law, (n, k) a test."""
+    numbers = study.law.numbers
+    columns = []
+    for k, value in enumerate(numbers):
+        moved = (*numbers[:k], value * (1.0 + _STEP), *numbers[k + 1 :])
+        changed = study.forces(study.law.with_numbers(moved), study.effects, times)
+        columns.append([(a - b) / _STEP for a, b in zip(changed, whole, strict=True)])
+    return [np.column_stack(test) for test in zip(*columns, strict=True)]
+
+
+def _factors(
+    study: WideStudy, times: Sequence[np.ndarray], whole: Sequence[np.ndarray]
+) -> list[np.ndarray]:
+    """Cholesky factor of the errors' covariance in every test."""
+    factors = []
+    for motion, t, force in zip(study.session.motions.values(), times, whole, strict=True):
+        speed, slope = motion.velocity(t), np.gradient(force, t)
+        covariance = study.cell.covariance(t, force, slope, speed, study.peak)
+        floor = (_FLOOR * study.peak) ** 2 * np.eye(t.size)
+        factors.append(np.linalg.cholesky(covariance + floor))
+    return factors
+
+
+def _some(count: int) -> np.ndarray:
+    return np.unique(np.linspace(0, count - 1, min(count, _MOST)).astype(int))

@@ -1,0 +1,161 @@
+"""One study of the wide population: drawn, simulated and measured."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import log
+
+import numpy as np
+
+from qlvbayes.evaluation.population import Population, WideItem
+from qlvbayes.io.data import Pad, Test
+from qlvbayes.io.units import PAD
+from qlvbayes.simulate import Effect, HiddenPad, draw_effect_in, encode, thin
+from qlvbayes.simulate.hidden import NearContact
+from qlvbayes.simulate.laws import Law, draw_law
+from qlvbayes.simulate.loadcell import LoadCell, draw_cell
+from qlvbayes.simulate.programmes import Session, session
+
+SIZES = (0.005, 0.15)  # largest contribution of an effect over the peak force
+GAP_MM = (0.0, 0.02)  # the platen starts this far above the pad
+WIDTH_MM = (0.001, 0.005)  # contact comes within about this
+CREEP_MM = 4e-4  # most that the platen moves on in a hold: less than half an encoder step
+ROWS = 350  # of a thinned test
+HOLD_S = {"full": 4.0, "uniform": 10.0, "thinned": 30.0}  # by logger
+RATE_HZ = {"full": 1000.0, "uniform": 50.0, "thinned": 1000.0}
+_A_CYCLE = 20  # samples of a slow logger in a cycle of the sine
+_DEPTH = 1.6  # mm, about: sets the law's constants
+_CELLS = {False: 150, True: 12}  # of the solver in a stretch, by whether the motion is smooth
+_DRAWING_CELLS = {False: 45, True: 12}
+_SETTLED = 1e-7  # share of the stroke; drawing: 1e-5
+_DRAWING_SETTLED = 1e-5
+
+
+@dataclass(frozen=True, eq=False)
+class WideStudy:
+    """What is hidden and what was measured.
+
+    effects, sizes: hidden, and their sizes as asked for; rig: gap (mm) and width (mm) of the
+    contact; times: sampled moments of every test (s); peak: N; pad: as if read from a file.
+    """
+
+    item: WideItem
+    law: Law
+    effects: tuple[Effect, ...]
+    sizes: tuple[float, ...]
+    rig: NearContact
+    creep: float
+    session: Session
+    cell: LoadCell
+    times: tuple[np.ndarray, ...]
+    peak: float
+    pad: Pad
+
+    def material(self, law: Law, effects: Sequence[Effect]) -> HiddenPad:
+        """A pad of some law with some effects on this rig."""
+        return _material(law, (self.rig, *effects), self.session.smooth)
+
+    def forces(
+        self, law: Law, effects: Sequence[Effect], times: Sequence[np.ndarray]
+    ) -> list[np.ndarray]:
+        """True forces (N) at times of every test (s)."""
+        return run(self.material(law, effects), self.session, times)
+
+
+def make_wide(population: Population, index: int) -> WideStudy:
+    """Simulate the study at one place."""
+    item, rng = population.item(index), population.rng(index)
+    levels = item.levels
+    creep = float(rng.uniform(-CREEP_MM, CREEP_MM))
+    plan = session(
+        levels["protocol"], levels["history"] == "carried", HOLD_S[levels["logger"]], creep, rng
+    )
+    law = draw_law(levels["elastic"], levels["relaxation"], rng, _DEPTH)
+    rig = NearContact(float(rng.uniform(*GAP_MM)), float(rng.uniform(*WIDTH_MM)))
+    effects, sizes, peak = _hidden(item, law, rig, plan, rng)
+    cell = draw_cell(levels["noise"], peak, plan.longest_hold, rng)
+    pad = _material(law, (rig, *effects), plan.smooth)
+    times, measured = _measure(pad, plan, cell, peak, levels["logger"], rng, f"study {index}")
+    return WideStudy(item, law, effects, sizes, rig, creep, plan, cell, times, peak, measured)
+
+
+def run(pad: HiddenPad, plan: Session, times: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """True forces (N) at times of every test (s), with or without memory from test to test."""
+    motions = list(plan.motions.values())
+    if not plan.carried:
+        return [pad.force(m, t) for m, t in zip(motions, times, strict=True)]
+    clock = [m.start_s - motions[0].start_s for m in motions]
+    moments = np.concatenate([c + t for c, t in zip(clock, times, strict=True)])
+    edges = np.cumsum([t.size for t in times])[:-1]
+    whole = plan.whole
+    return np.split(pad.force(whole, np.minimum(moments, whole.duration)), edges)
+
+
+def _material(law: Law, effects: Sequence[Effect], smooth: bool) -> HiddenPad:
+    return HiddenPad(law, tuple(effects), cells=_CELLS[smooth], frame_speed=True, settled=_SETTLED)
+
+
+def _hidden(
+    item: WideItem, law: Law, rig: NearContact, plan: Session, rng: np.random.Generator
+) -> tuple[tuple[Effect, ...], tuple[float, ...], float]:
+    """Effects, their sizes, and the peak force (N) of the pad without them."""
+    pad = replace(
+        _material(law, (rig,), plan.smooth),
+        cells=_DRAWING_CELLS[plan.smooth],
+        settled=_DRAWING_SETTLED,
+    )
+    motions = list(plan.motions.values())
+    sizes = tuple(_spread(rng, *SIZES) for _ in item.names)
+    own = law.v if len(law.v) <= 3 else ()
+    effects = tuple(
+        draw_effect_in(name, rng, pad, motions, size, own)
+        for name, size in zip(item.names, sizes, strict=True)
+    )
+    peak = max(float(pad.force(m, np.linspace(0.0, m.duration, 400)).max()) for m in motions)
+    return effects, sizes, peak
+
+
+def _measure(
+    pad: HiddenPad,
+    plan: Session,
+    cell: LoadCell,
+    peak: float,
+    logger: str,
+    rng: np.random.Generator,
+    name: str,
+) -> tuple[tuple[np.ndarray, ...], Pad]:
+    """Sampled times of every test, and the tests as read by encoder and load cell."""
+    times, read, errors = [], [], []
+    for label, motion in plan.motions.items():
+        every = _clock(motion.duration, logger, label)
+        place, error = cell.position(motion.displacement(every)), cell.draw(every, rng)
+        kept = (
+            thin(every, encode(motion.displacement(every)), ROWS)
+            if logger == "thinned"
+            else np.arange(every.size)
+        )
+        times.append(every[kept])
+        read.append(place[kept])
+        errors.append(error[kept])
+    forces = run(pad, plan, [cell.moments(t, rng) for t in times])
+    tests = [
+        Test(label, name, t, d, cell.read(f, e, peak), start_s=motion.start_s, start_known=True)
+        for (label, motion), t, d, f, e in zip(
+            plan.motions.items(), times, read, forces, errors, strict=True
+        )
+    ]
+    return tuple(times), Pad(name, tuple(tests), PAD)
+
+
+def _clock(duration: float, logger: str, label: str) -> np.ndarray:
+    """Times (s) of a logger; a slow one takes 20 samples in a cycle of a sine."""
+    rate = RATE_HZ[logger]
+    if logger == "uniform" and label.endswith(" Hz"):
+        rate = _A_CYCLE * float(label.removesuffix(" Hz"))
+    return np.arange(int(duration * rate + 1e-6) + 1) / rate
+
+
+def _spread(rng: np.random.Generator, low: float, high: float) -> float:
+    """Log-uniform between two bounds."""
+    return float(np.exp(rng.uniform(log(low), log(high))))

@@ -1,0 +1,1 @@
+"""Constants from tests: least squares and emcee, predictions, where they fail, results."""

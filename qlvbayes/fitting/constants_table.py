@@ -1,0 +1,214 @@
+"""The constants of all pads in one table, beside reference values: CSV and LaTeX."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from math import floor, isfinite, log10
+from pathlib import Path
+
+from qlvbayes.fitting.summary import Constant, FitSummary
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.files import write_whole
+
+_COLUMNS = ["pad", "parameter", "value", "unit"]
+_HEADS = "pad,parameter,unit,median,low90,high90,reference"
+_INDEXED = re.compile(r"([a-z])\[(\d+)\]")
+_TEX = str.maketrans(
+    {
+        **{sign: f"\\{sign}" for sign in "&%$#_{}"},
+        "\\": r"\textbackslash{}",
+        "~": r"\textasciitilde{}",
+        "^": r"\textasciicircum{}",
+    }
+)
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A value of a constant from elsewhere, in a unit."""
+
+    value: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One constant of one pad: median and 90 % interval, and what a reference says, if it does.
+
+    A fixed constant has an interval of no width.
+    """
+
+    pad: str
+    parameter: str
+    unit: str
+    median: float
+    low: float
+    high: float
+    reference: float | None = None
+
+
+References = Mapping[tuple[str, str], Reference]
+
+
+def read_references(path: str | Path) -> dict[tuple[str, str], Reference]:
+    """Reference values by pad and parameter, from a CSV file: ``pad,parameter,value,unit``.
+
+    Lines that begin with # are comments. Raises InputError, with file and line, where the file is
+    not of this kind, a value is not a number or a constant is given twice.
+    """
+    file = Path(path)
+    try:
+        lines = file.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        remedy = f"name a CSV file with the columns {','.join(_COLUMNS)}"
+        raise InputError("these references cannot be read", file=file, remedy=remedy) from error
+    rows = [(k, line) for k, line in enumerate(lines, 1) if line.strip() and line[0] != "#"]
+    parsed = list(csv.reader([line for _, line in rows]))
+    if not parsed or [name.strip() for name in parsed[0]] != _COLUMNS:
+        line = rows[0][0] if rows else None
+        remedy = f"begin with the line {','.join(_COLUMNS)}"
+        raise InputError("not a table of references", file=file, line=line, remedy=remedy)
+    found: dict[tuple[str, str], Reference] = {}
+    for (number, _), cells in zip(rows[1:], parsed[1:], strict=True):
+        _add(found, [cell.strip() for cell in cells], file, number)
+    return found
+
+
+def _add(
+    found: dict[tuple[str, str], Reference], cells: Sequence[str], file: Path, line: int
+) -> None:
+    if len(cells) != len(_COLUMNS):
+        remedy = f"write {','.join(_COLUMNS)}"
+        raise InputError(f"{len(cells)} columns, not 4", file=file, line=line, remedy=remedy)
+    pad, parameter, text, unit = cells
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    if not isfinite(value):
+        remedy = "write a number or delete the row"
+        raise InputError(f"value is not a number ('{text}')", file=file, line=line, remedy=remedy)
+    if (pad, parameter) in found:
+        remedy = "delete one of them"
+        raise InputError(f"{parameter} of pad {pad} again", file=file, line=line, remedy=remedy)
+    found[pad, parameter] = Reference(value, unit)
+
+
+def that_fit(references: References, summaries: Iterable[FitSummary]) -> References:
+    """Those in the unit of the constant, which another elastic law may give another one."""
+    units = {(s.pad, name): c.unit for s in summaries for name, c in s.parameters.items()}
+    return {at: known for at, known in references.items() if units.get(at) in (None, known.unit)}
+
+
+def constants_table(
+    summaries: Iterable[FitSummary], references: References | None = None
+) -> list[Entry]:
+    """Every constant of every pad, pad by pad.
+
+    references: by pad and parameter. Raises InputError where one is given in another unit than
+    the constant has.
+    """
+    return [
+        _entry(s.pad, name, c, references or {})
+        for s in summaries
+        for name, c in s.parameters.items()
+    ]
+
+
+def _entry(pad: str, name: str, found: Constant, references: References) -> Entry:
+    reference = references.get((pad, name))
+    if reference is not None and reference.unit != found.unit:
+        raise InputError(
+            f"the reference of {name} of pad {pad} is in {reference.unit or 'no unit'}",
+            remedy=f"give it in {found.unit}",
+        )
+    value = None if reference is None else reference.value
+    return Entry(pad, name, found.unit, found.median, *found.hdi90, value)
+
+
+def as_csv(entries: Sequence[Entry]) -> str:
+    """A row a constant of a pad: median, ends of the 90 % interval, reference."""
+    file = io.StringIO()
+    table = csv.writer(file, lineterminator="\n")
+    table.writerow(_HEADS.split(","))
+    for e in entries:
+        numbers = [f"{x:.6g}" for x in (e.median, e.low, e.high)]
+        numbers += ["" if e.reference is None else f"{e.reference:.6g}"]
+        table.writerow([e.pad, e.parameter, e.unit, *numbers])
+    return file.getvalue()
+
+
+def as_latex(entries: Sequence[Entry]) -> str:
+    """A table for the booktabs package: a row a constant, a column a pad and its reference.
+
+    Median with the 90 % interval in brackets, to two digits of half its width. Constants of the
+    noise are left out.
+    """
+    shown = [e for e in entries if not e.parameter.startswith("noise.")]
+    pads = list(dict.fromkeys(e.pad for e in shown))
+    known = {e.pad for e in shown if e.reference is not None}
+    heads = [f"pad {_escaped(pad)}{' & reference' if pad in known else ''}" for pad in pads]
+    places = {(e.pad, e.parameter): e for e in shown}
+    units = {e.parameter: e.unit for e in shown}
+    rows = [
+        [symbol(name), "" if unit == "1" else _escaped(unit)]
+        + [cell for pad in pads for cell in _cells(places.get((pad, name)), pad in known)]
+        for name, unit in units.items()
+    ]
+    lines = [
+        "% needs \\usepackage{booktabs}; median [90 \\% highest-density interval]",
+        f"\\begin{{tabular}}{{ll{''.join('lr' if pad in known else 'l' for pad in pads)}}}",
+        "\\toprule",
+        " & ".join(["constant", "unit", *heads]) + " \\\\",
+        "\\midrule",
+        *(" & ".join(row) + " \\\\" for row in rows),
+        "\\bottomrule",
+        "\\end{tabular}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def write_constants(out: Path, entries: Sequence[Entry]) -> list[Path]:
+    """Write ``out``/constants.csv and .tex, whole or not at all; return their paths."""
+    texts = {"csv": as_csv(entries), "tex": as_latex(entries)}
+    for suffix, text in texts.items():
+        write_whole(out / f"constants.{suffix}", text.encode())
+    return [out / f"constants.{suffix}" for suffix in texts]
+
+
+def symbol(name: str) -> str:
+    """A constant's name as it is written in mathematics: 'c[0]' as '$c_0$'; others as they are."""
+    match = _INDEXED.fullmatch(name)
+    if match:
+        return f"${match[1]}_{match[2]}$"
+    return f"${name}$" if len(name) == 1 else _escaped(name)
+
+
+def rounded(entry: Entry) -> tuple[str, str, str]:
+    """Median, low and high to two digits of half the interval's width; four where it has none."""
+    half = 0.5 * (entry.high - entry.low)
+    values = (entry.median, entry.low, entry.high)
+    places = 1 - floor(log10(half)) if half > 0.0 else 7
+    if places > 6:
+        return f"{values[0]:.4g}", f"{values[1]:.4g}", f"{values[2]:.4g}"
+    median, low, high = (f"{round(x, places):.{max(places, 0)}f}" for x in values)
+    return median, low, high
+
+
+def _cells(entry: Entry | None, with_reference: bool) -> list[str]:
+    if entry is None:
+        return ["--", "--"] if with_reference else ["--"]
+    median, low, high = (text.replace("-", "$-$") for text in rounded(entry))
+    fixed = entry.low == entry.high
+    cells = [f"{median} (fixed)" if fixed else f"{median} [{low}, {high}]"]
+    if with_reference:
+        cells.append("--" if entry.reference is None else f"{entry.reference:g}")
+    return cells
+
+
+def _escaped(text: str) -> str:
+    return text.translate(_TEX)

@@ -1,0 +1,265 @@
+"""From a pad's tests to its constants, by emcee or by one of the paper's least-squares routes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+
+from qlvbayes.fitting import compiled
+from qlvbayes.fitting.chainstore import ChainStore
+from qlvbayes.fitting.diagnostics import diagnose_chain
+from qlvbayes.fitting.ensemble import STEPS_PER_TIME, Progress, Settings, key_of, sample
+from qlvbayes.fitting.marginal import floor_likelihood
+from qlvbayes.fitting.prediction import Prediction, predict
+from qlvbayes.fitting.residuals import CheckResult, check_experiment
+from qlvbayes.fitting.routes import LeastSquaresFit, one_step, two_step
+from qlvbayes.fitting.starting import starting_point
+from qlvbayes.fitting.summary import FitSummary, constant_of
+from qlvbayes.io.checks import InputError
+from qlvbayes.laws.unresolved import unresolved_times
+from qlvbayes.model.choices import Choices
+from qlvbayes.model.noise import Floor
+from qlvbayes.model.parameters import names, unit_kinds
+from qlvbayes.model.posterior import Posterior
+from qlvbayes.model.record import Record
+from qlvbayes.preprocess.carried import carried_notices, clock_notices
+from qlvbayes.preprocess.experiment import Experiment, Trial
+
+METHODS = ("emcee", "least-squares", "two-step")
+_KEPT = 2000  # draws kept in the results, at most
+_NORMAL_DRAWS = (4, 1000)  # chains and draws that stand for a normal approximation
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Draws of every constant of one pad.
+
+    theta (chains, draws, D) and constants (chains, draws, P) named by ``names``; ``every`` holds
+    the constants of the chain before thinning, from which means and diagnostics are computed;
+    settings: of the sampler, of which least squares heed the seed alone.
+    """
+
+    pad: str
+    method: str
+    choices: Choices
+    settings: Settings
+    experiment: Experiment
+    trials: tuple[Trial, ...]
+    posterior: Posterior
+    theta: np.ndarray
+    constants: np.ndarray
+    every: np.ndarray
+    enough: bool
+    facts: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the constants."""
+        return names(self.posterior)
+
+    @property
+    def units(self) -> list[str]:
+        """Unit of each constant."""
+        return [self.experiment.units.of(kind) for kind in unit_kinds(self.posterior)]
+
+    @property
+    def draws(self) -> dict[str, np.ndarray]:
+        """Draws (chains*draws,) of each constant by its name."""
+        columns = self.constants.reshape(-1, self.constants.shape[-1]).T
+        return dict(zip(self.names, columns, strict=True))
+
+    def summary(self) -> FitSummary:
+        """Means, sds, medians, intervals and diagnostics of every constant, before thinning."""
+        judged = diagnose_chain(self.every) if self.method == "emcee" else None
+        troubles = (*(judged.troubles if judged else ()), *_length_troubles(self))
+        return FitSummary(
+            pad=self.pad,
+            units=self.experiment.units,
+            effects=self.choices.effects,
+            sampler=self.method,
+            converged=not troubles,
+            troubles=troubles,
+            notices=tuple(_notices(self)),
+            settings=self.settings,
+            parameters={
+                name: constant_of(self.every[..., k], unit, k, judged)
+                for k, (name, unit) in enumerate(zip(self.names, self.units, strict=True))
+            },
+        )
+
+    def predict(self, trials: Sequence[Trial] | None = None, *, seed: int = 0) -> list[Prediction]:
+        """Predict tests sample by sample, with noise; all of the pad's where none are named.
+
+        Parameters
+        ----------
+        trials
+            Of ``experiment.trials``, or others in the same units.
+        seed
+            Of the draws that are picked, and of the noise.
+        """
+        chosen = self.experiment.trials if trials is None else trials
+        return predict(self.experiment, self.choices, self.draws, chosen, seed=seed)
+
+    def check(self, *, seed: int = 0) -> CheckResult:
+        """Where the model fails, test by test and phase by phase, of all the pad's tests.
+
+        Parameters
+        ----------
+        seed
+            Of the draws that are picked, and of the noise.
+        """
+        return check_experiment(self.experiment, self.choices, self.predict(seed=seed))
+
+
+def build_posterior(experiment: Experiment, choices: Choices, trials: Sequence[Trial]) -> Posterior:
+    """Model, noise and the block averages of some trials."""
+    model, noise = choices.build(experiment.scales)
+    experiment = replace(experiment, rested=choices.rested)
+    record = experiment.record(trials)
+    if not isinstance(noise, Floor):
+        return Posterior(model, noise, record)
+    floor = floor_likelihood(experiment, trials, record.blocks, noise)
+    return Posterior(model, noise, record, floor)
+
+
+def fit_pad(
+    experiment: Experiment,
+    choices: Choices,
+    *,
+    method: str = "emcee",
+    settings: Settings | None = None,
+    folder: Path | None = None,
+    progress: Progress | None = None,
+) -> Fit:
+    """Fit the trials whose role is ``fit``.
+
+    method: ``emcee`` samples the posterior; ``least-squares`` and ``two-step`` are the paper's
+    routes, whose draws come from the normal approximation at the optimum. ``folder`` is where the
+    growing chain is kept, so that a killed run resumes. Raises InputError on settings that do not
+    fit the model.
+    """
+    settings = settings or Settings()
+    experiment = replace(experiment, rested=choices.rested)
+    trials = experiment.with_role("fit")
+    if method == "emcee":
+        return _sampled(experiment, choices, trials, settings, folder, progress)
+    if method not in METHODS:
+        raise InputError(f"no method {method!r}", remedy=f"use one of {', '.join(METHODS)}")
+    white = replace(choices, noise="white")
+    posterior = build_posterior(experiment, white, trials)
+    rng = np.random.default_rng(settings.seed)
+    route = one_step if method == "least-squares" else two_step
+    found = route(experiment, posterior, rng)
+    return _approximated(experiment, white, settings, trials, method, found, rng)
+
+
+def _sampled(
+    experiment: Experiment,
+    choices: Choices,
+    trials: tuple[Trial, ...],
+    settings: Settings,
+    folder: Path | None,
+    progress: Progress | None,
+) -> Fit:
+    posterior = build_posterior(experiment, choices, trials)
+    rng = np.random.default_rng(settings.seed)
+    start = starting_point(posterior, experiment.floor, rng).normal
+    store = ChainStore(folder, key_of(posterior, settings)) if folder else None
+    chain = sample(posterior, start, settings, store, progress)
+    steps, walkers = chain.log_density.shape
+    thin = max(1, -(-steps * walkers // _KEPT))
+    theta = np.swapaxes(chain.theta, 0, 1)
+    every = _constants(posterior, theta, rng)
+    facts = {
+        "autocorrelation_steps": chain.autocorrelation,
+        "acceptance": chain.acceptance,
+        "steps": chain.steps,
+        "kept_steps": steps,
+        "walkers": walkers,
+        "thinned_by": thin,
+    }
+    return Fit(
+        experiment.pad,
+        "emcee",
+        choices,
+        settings,
+        experiment,
+        trials,
+        posterior,
+        theta[:, ::thin],
+        every[:, ::thin],
+        every,
+        chain.enough,
+        facts,
+    )
+
+
+def _approximated(
+    experiment: Experiment,
+    choices: Choices,
+    settings: Settings,
+    trials: tuple[Trial, ...],
+    method: str,
+    found: LeastSquaresFit,
+    rng: np.random.Generator,
+) -> Fit:
+    chains, draws = _NORMAL_DRAWS
+    theta = found.normal.draw(chains * draws, rng).reshape(chains, draws, -1)
+    constants = _constants(found.posterior, theta, rng)
+    facts = {"residual_sd": found.residual_sd, "starts_agreeing": found.agreeing}
+    return Fit(
+        experiment.pad,
+        method,
+        choices,
+        settings,
+        experiment,
+        trials,
+        found.posterior,
+        theta,
+        constants,
+        constants,
+        found.agreeing > 1,
+        facts,
+    )
+
+
+def _notices(fit: Fit) -> Iterator[str]:
+    """What the tests have from each other and cannot say, by the median constants."""
+    constants = np.median(fit.constants.reshape(-1, fit.constants.shape[-1]), axis=0)
+
+    def predicted(record: Record) -> np.ndarray:
+        posterior = replace(fit.posterior, record=record)
+        return np.asarray(compiled.predictions(posterior, constants[None]))[0]
+
+    yield from carried_notices(fit.experiment, fit.trials, fit.posterior.record, predicted)
+    if not fit.choices.rested:
+        yield from clock_notices(fit.experiment)
+    model = fit.posterior.with_constants(jnp.asarray(constants))[0]
+    times = unresolved_times(model.relaxation, fit.experiment.scales)
+    for text in (*fit.experiment.floor.notices, *times):
+        yield f"pad {fit.pad}: {text}"
+
+
+def _length_troubles(fit: Fit) -> list[str]:
+    if fit.method != "emcee":
+        return [] if fit.enough else ["no two starts came to the same optimum"]
+    steps, time = fit.facts["kept_steps"], fit.facts["autocorrelation_steps"]
+    if steps >= STEPS_PER_TIME * time:
+        return []
+    return [f"{steps:.0f} steps are less than {STEPS_PER_TIME} autocorrelation times of {time:.0f}"]
+
+
+def _constants(posterior: Posterior, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Of places (..., D); what the likelihood sums over is drawn, alike where a walker stayed."""
+    flat = theta.reshape(-1, theta.shape[-1])
+    if posterior.floor is None:
+        values = compiled.in_batches(compiled.constants, posterior, flat, size=4096)
+        return values.reshape(*theta.shape[:-1], -1)
+    visited, places = np.unique(flat, axis=0, return_inverse=True)
+    shares = rng.random(len(visited))
+    values = compiled.in_batches(compiled.drawn_constants, posterior, visited, shares)
+    return values[places.ravel()].reshape(*theta.shape[:-1], -1)

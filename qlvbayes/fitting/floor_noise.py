@@ -1,0 +1,66 @@
+"""Realisations of the noise floor at single readings, what is uncertain of it included."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from qlvbayes.model.record import Blocks
+from qlvbayes.preprocess.noisefloor import NoiseFloor
+
+_TINY = 1e-300  # variance gained over no time: no share of 0/0
+
+
+def realisations(
+    floors: Sequence[NoiseFloor], samples: Blocks, rng: np.random.Generator
+) -> np.ndarray:
+    """(len(floors), n) errors of single readings (n,), one realisation of each floor (N).
+
+    An error of the motion is drawn once for all readings.
+    """
+    time, weight, scale, extra = (
+        np.asarray(x) for x in (samples.first, samples.weight, samples.scale, samples.extra)
+    )
+    white, ou, tau = (
+        np.array([getattr(floor, name) for floor in floors])[:, None]
+        for name in ("white", "ou", "tau")
+    )
+    shape = (len(floors), time.size)
+    walk = _smooth_walk if floors[0].smooth else _walk
+    errors = scale * (white * weight * rng.standard_normal(shape) + ou * walk(time, tau[:, 0], rng))
+    return np.asarray(errors + extra * rng.standard_normal((len(floors), 1)))
+
+
+def _walk(time: np.ndarray, tau: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """(D, n) unit Ornstein-Uhlenbeck processes of correlation times tau (D,)."""
+    memory = np.exp(-np.diff(time) / tau[:, None])
+    kicks = rng.standard_normal((tau.size, time.size))
+    kicks[:, 1:] *= np.sqrt(1.0 - memory**2)
+    for k in range(1, time.size):
+        kicks[:, k] += memory[:, k - 1] * kicks[:, k - 1]
+    return kicks
+
+
+def _smooth_walk(time: np.ndarray, tau: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """(D, n) unit processes of correlation e^-x (cos x + sin x), x = t/tau; state: their slopes."""
+    found = np.empty((tau.size, time.size))
+    value, slope = rng.standard_normal((2, tau.size))
+    found[:, 0] = value
+    for k, gap in enumerate(np.diff(time), start=1):
+        x = gap / tau
+        decay, sine, cosine = np.exp(-x), np.sin(x), np.cos(x)
+        beside = np.sqrt(2.0) * sine
+        own = 1.0 - decay**2 * (2.0 + np.sin(2.0 * x) - np.cos(2.0 * x))
+        own = np.where(x < 1e-2, 8.0 / 3.0 * x**3 * (1.0 - 1.5 * x), own)
+        rest = 1.0 - decay**2 * (2.0 - np.cos(2.0 * x) - np.sin(2.0 * x))
+        tilt = decay**2 * 2.0 * np.sqrt(2.0) * sine**2 / np.sqrt(np.maximum(own, _TINY))
+        first, second = rng.standard_normal((2, tau.size))
+        value, slope = (
+            decay * ((cosine + sine) * value + beside * slope) + np.sqrt(own) * first,
+            decay * ((cosine - sine) * slope - beside * value)
+            + tilt * first
+            + np.sqrt(np.maximum(rest - tilt**2, 0.0)) * second,
+        )
+        found[:, k] = value
+    return found

@@ -1,0 +1,124 @@
+r"""From a pad's tests to the likelihood of a fit: measured noise, and a discrepancy summed over.
+
+The covariance of the floor, Sigma, and of a discrepancy of unit size, K = B^T B + rho (of
+`discrepancy`), are made diagonal together: with W Sigma W^T = 1 (of `whitening`) and the
+eigenvectors R of
+
+.. math:: W K W^T = R\, \text{diag}(\kappa)\, R^T, \quad A = R^T W.
+
+The rests leave the floor's scale open: its equally likely values phi are those of draws of the
+floor given the rests alone. They and the sizes of the discrepancy are summed over.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+
+from qlvbayes.inference.discrepancy import ROUGH, SIZES, TOLERANCE, Discrepancy
+from qlvbayes.model.floorlikelihood import FloorLikelihood
+from qlvbayes.model.noise import Floor
+from qlvbayes.model.posterior import Posterior
+from qlvbayes.model.record import Blocks
+from qlvbayes.preprocess.experiment import Experiment, Trial
+from qlvbayes.preprocess.noisefloor import NoiseFloor
+
+Array = NDArray[np.float64]
+
+_SCALES = 5  # draws of the floor: a median and 1.3 sds either way
+_SIZES = np.geomspace(SIZES[0], SIZES[-1], 2 * SIZES.size - 1)  # steps of a fifth: it is told
+
+
+def known_floor(floor: NoiseFloor, noise: Floor) -> NoiseFloor:
+    """The floor with what the user knows of it, which leaves nothing open."""
+    given = [float(value) for value in (noise.white, noise.ou, noise.tau)]
+    if np.isnan(given).all():
+        return floor
+    measured = (floor.white, floor.ou, floor.tau)
+    white, ou, tau = np.where(np.isnan(given), measured, given).tolist()
+    return replace(floor, white=white, ou=ou, tau=tau, rests=None)
+
+
+def floor_likelihood(
+    experiment: Experiment, trials: Sequence[Trial], blocks: Blocks, noise: Floor
+) -> FloorLikelihood:
+    """Of block means (T, B) of some trials of a pad."""
+    floor = known_floor(experiment.floor, noise)
+    experiment = replace(experiment, floor=floor)
+    made = Discrepancy.on(experiment, trials, blocks, TOLERANCE, _SIZES)
+    shapes, precisions = made.shapes, made.whitener.precisions
+    kappa, turn = np.linalg.eigh(shapes.T @ shapes + ROUGH * np.diag(precisions))
+    scales, sizes, log_prior = _pairs(floor, noise, made)
+    variances = scales[:, None] ** 2 + sizes[:, None] ** 2 * np.maximum(kappa, 0.0)
+    constant = 0.5 * np.sum(np.log(precisions / (2.0 * np.pi)))
+    known = (np.full(scales.size, value) for value in (floor.white, floor.ou, floor.tau))
+    return FloorLikelihood(
+        places=jnp.flatnonzero(jnp.asarray(blocks.real)),
+        axes=jnp.asarray(turn.T @ made.whitener.matrix),
+        precisions=jnp.asarray(1.0 / variances),
+        heights=jnp.asarray(log_prior + constant - 0.5 * np.log(variances).sum(axis=1)),
+        constants=jnp.asarray(np.column_stack([*known, scales, sizes])),
+    )
+
+
+def _pairs(floor: NoiseFloor, noise: Floor, made: Discrepancy) -> tuple[Array, Array, Array]:
+    """(C,) scales of the floor, sizes of the discrepancy, and log priors; what is given is sure.
+
+    Draws of the floor given the rests are equally likely; alike ones stand once.
+    """
+    found = np.array([one.total for one in floor.draws(_SCALES)]) / floor.total
+    scales, counts = np.unique(found, return_counts=True)
+    log_scales = np.log(counts / counts.sum())
+    sizes, log_sizes = made.sizes, made.log_prior
+    if np.isfinite(noise.factor):
+        scales, log_scales = np.array([float(noise.factor)]), np.zeros(1)
+    if np.isfinite(noise.remainder):
+        sizes, log_sizes = np.array([float(noise.remainder)]), np.zeros(1)
+    log_prior = log_scales[:, None] + log_sizes
+    return np.repeat(scales, sizes.size), np.tile(sizes, scales.size), log_prior.ravel()
+
+
+class Judged:
+    """Residuals (N, T, B) of draws, each with the pair of scale and size that its constants have.
+
+    Raises KeyError where a draw's constants (N, P) are not those of a pair.
+    """
+
+    def __init__(self, posterior: Posterior, predicted: Array, constants: Array) -> None:
+        floor = posterior.floor
+        assert floor is not None
+        self._axes = np.asarray(floor.axes)
+        self._precisions = np.asarray(floor.precisions)
+        self._back = np.linalg.inv(self._axes)
+        self._places = np.asarray(floor.places)
+        self._predicted = predicted.reshape(len(predicted), -1)[:, self._places]
+        measured = np.asarray(posterior.record.blocks.force).ravel()[self._places]
+        self._residuals = measured - self._predicted
+        pairs = {tuple(row): k for k, row in enumerate(np.asarray(floor.constants).tolist())}
+        rows = constants[:, -len(posterior.noise.units) :].tolist()
+        self._pairs = np.array([pairs[tuple(row)] for row in rows])
+        self._scales = np.asarray(floor.constants)[self._pairs, -2:-1]
+
+    def log_likelihoods(self) -> Array:
+        """(N, n) log density of each block mean given the ones before it, in the record's order."""
+        found = np.empty_like(self._residuals)
+        for pair in np.unique(self._pairs):
+            own = self._pairs == pair
+            root = np.linalg.cholesky((self._back / self._precisions[pair]) @ self._back.T)
+            errors = solve_triangular(root, self._residuals[own].T, lower=True).T
+            heights = np.log(np.diag(root)) + 0.5 * np.log(2.0 * np.pi)
+            found[own] = -0.5 * errors**2 - heights
+        return found
+
+    def replicates(self, rng: np.random.Generator) -> Array:
+        """(N, n) block means with the discrepancy that the measured ones imply, and new noise."""
+        left = self._scales**2 * self._precisions[self._pairs]  # share of a variance that is noise
+        draws = rng.standard_normal((2, *self._residuals.shape))
+        white = (1.0 - left) * (self._residuals @ self._axes.T)
+        white += self._scales * (np.sqrt(np.maximum(1.0 - left, 0.0)) * draws[0] + draws[1])
+        return self._predicted + white @ self._back.T

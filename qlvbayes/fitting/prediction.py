@@ -1,0 +1,221 @@
+"""What a posterior predicts of tests, sample by sample, with noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import jax
+import numpy as np
+
+from qlvbayes.fitting import compiled
+from qlvbayes.fitting.floor_noise import realisations
+from qlvbayes.fitting.marginal import known_floor
+from qlvbayes.fitting.missed import missed
+from qlvbayes.inference.features import Places
+from qlvbayes.model.choices import Choices
+from qlvbayes.model.noise import Floor
+from qlvbayes.model.parameters import names
+from qlvbayes.model.posterior import Posterior
+from qlvbayes.model.record import Record
+from qlvbayes.preprocess.batching import batch
+from qlvbayes.preprocess.experiment import Experiment, Trial
+from qlvbayes.preprocess.phases import phase_index
+from qlvbayes.preprocess.reduction import clear_of_kinks, reduce_test
+
+DRAWS = 400
+_ROWS = 300  # samples looked at in a phase, at most; spread evenly in the logarithm of time
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """One test's samples (n,) and what was predicted of them.
+
+    observed: measured force; mean: posterior mean of the model's force; low, high: 90 % predictive
+    interval with noise and with what the fit says that the model misses, which may lie beside the
+    mean; forces (draws, n): the model's force for each posterior draw; floor
+    (draws, n): realisations of the noise floor that was measured without the model, each of its own
+    draw of what the rests leave open.
+    """
+
+    trial: Trial
+    time: np.ndarray
+    phase: np.ndarray
+    observed: np.ndarray
+    mean: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    forces: np.ndarray
+    floor: np.ndarray
+
+    @property
+    def residual(self) -> np.ndarray:
+        """Observed minus predicted mean (n,)."""
+        return self.observed - self.mean
+
+
+def predict(
+    experiment: Experiment,
+    choices: Choices,
+    constants: dict[str, np.ndarray],
+    trials: Sequence[Trial],
+    *,
+    seed: int = 0,
+) -> list[Prediction]:
+    """Predict some trials from posterior draws of the named constants, each (draws,).
+
+    Long records are looked at in at most 300 samples a phase. Raises KeyError if a constant of the
+    model is missing from ``constants``.
+    """
+    experiment = replace(experiment, rested=choices.rested)
+    chosen = [_rows(trial) for trial in trials]
+    posterior = _sample_by_sample(experiment, choices, trials, chosen)
+    rng = np.random.default_rng(seed)
+    matrix = _some(constants, names(posterior), rng)
+    forces = compiled.in_batches(compiled.predictions, posterior, matrix, size=DRAWS // 4)
+    noise = _noise(posterior, matrix, rng)
+    floor = _floor_draws(experiment, posterior, rng)
+    if isinstance(posterior.noise, Floor):
+        known = replace(experiment, floor=known_floor(experiment.floor, posterior.noise))
+        noise += _missed(known, posterior, matrix, trials, chosen, forces.mean(axis=0), rng)
+    return [
+        _prediction(trial, rows, forces[:, k], noise[:, k], floor[:, k])
+        for k, (trial, rows) in enumerate(zip(trials, chosen, strict=True))
+    ]
+
+
+def _rows(trial: Trial) -> np.ndarray:
+    """Samples to look at: all of a short phase, some of a long one."""
+    place = phase_index(trial.phases, trial.test.time)
+    picked = []
+    for k in range(len(trial.phases)):
+        inside = np.flatnonzero(place == k)
+        if inside.size > _ROWS:
+            places = np.geomspace(1.0, inside.size, _ROWS).astype(int) - 1
+            inside = inside[np.unique(np.concatenate([places, [inside.size - 1]]))]
+        picked.append(inside)
+    return np.unique(np.concatenate(picked))
+
+
+def _sample_by_sample(
+    experiment: Experiment, choices: Choices, trials: Sequence[Trial], rows: list[np.ndarray]
+) -> Posterior:
+    model, noise = choices.build(experiment.scales)
+    records = [
+        single_samples(experiment, trial, chosen)
+        for trial, chosen in zip(trials, rows, strict=True)
+    ]
+    return Posterior(model, noise, batch(records))
+
+
+def looked_at(trial: Trial) -> np.ndarray:
+    """Which samples of a trial stand for all.
+
+    Samples too near a kink to tell on which side they lie are left out, as in the likelihood.
+    """
+    rows = _rows(trial)
+    return rows[clear_of_kinks(trial.test.time, trial.trajectory, trial.phases)[rows]]
+
+
+def single_samples(experiment: Experiment, trial: Trial, rows: np.ndarray) -> Record:
+    """The record of some samples of a trial, each its own block."""
+    test = trial.test
+    thinned = replace(
+        test,
+        time=test.time[rows],
+        displacement=test.displacement[rows],
+        force=test.force[rows],
+        force_sd=None if test.force_sd is None else test.force_sd[rows],
+    )
+    return reduce_test(
+        thinned,
+        trial.trajectory,
+        trial.phases,
+        sd_scale=experiment.sd_scale,
+        start=test.start_s - experiment.clock_zero,
+        blocks=False,
+        past=experiment.past(trial),
+        care=experiment.care,
+        begins=float(test.time[0]),
+        approached=trial.approached,
+    )
+
+
+def _some(
+    constants: dict[str, np.ndarray], order: list[str], rng: np.random.Generator
+) -> np.ndarray:
+    """(DRAWS, P) draws of the constants in the posterior's order."""
+    matrix = np.stack([np.ravel(constants[name]) for name in order], axis=-1)
+    return matrix[rng.integers(0, len(matrix), DRAWS)]
+
+
+def _noise(posterior: Posterior, matrix: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """(DRAWS, T, B) independent noise of single samples, each draw with its own sd."""
+    weight = posterior.record.blocks.weight
+    sds = jax.vmap(lambda x: posterior.with_constants(x)[1].sample_sd(weight))(matrix)
+    return np.asarray(sds) * rng.standard_normal((len(matrix), *weight.shape))
+
+
+def _missed(
+    experiment: Experiment,
+    posterior: Posterior,
+    matrix: np.ndarray,
+    trials: Sequence[Trial],
+    chosen: Sequence[np.ndarray],
+    forces: np.ndarray,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """(DRAWS, T, B) of what the model misses at the samples, where its force is (T, B)."""
+    names = [trial.name for trial in experiment.trials]
+    places = Places.joined(
+        [
+            Places.of(
+                experiment,
+                trial,
+                names.index(trial.name),
+                trial.test.time[rows],
+                forces[k, : rows.size],
+            )
+            for k, (trial, rows) in enumerate(zip(trials, chosen, strict=True))
+        ]
+    )
+    fitted = experiment.with_role("fit")
+    of_fit = Posterior(posterior.model, posterior.noise, experiment.record(fitted))
+    found = np.zeros((len(matrix), *forces.shape))
+    inside = np.zeros(forces.shape, dtype=bool)
+    for k, rows in enumerate(chosen):
+        inside[k, : rows.size] = True
+    found[:, inside] = missed(experiment, of_fit, fitted, matrix, places, rng)
+    return found
+
+
+def _floor_draws(
+    experiment: Experiment, posterior: Posterior, rng: np.random.Generator
+) -> np.ndarray:
+    """(DRAWS, T, B) realisations of the floor, each of its own draw of it given the rests."""
+    blocks = posterior.record.blocks
+    floors = experiment.floor.draws(DRAWS)
+    tests = [
+        jax.tree.map(lambda x, k=k: np.asarray(x[k]), blocks) for k in range(len(blocks.force))
+    ]
+    return np.stack([realisations(floors, test, rng) for test in tests], axis=1)
+
+
+def _prediction(
+    trial: Trial, rows: np.ndarray, forces: np.ndarray, noise: np.ndarray, floor: np.ndarray
+) -> Prediction:
+    count = rows.size
+    forces, noise, floor = forces[:, :count], noise[:, :count], floor[:, :count]
+    low, high = np.quantile(forces + noise, [0.05, 0.95], axis=0)
+    time = trial.test.time[rows]
+    return Prediction(
+        trial,
+        time,
+        trial.phase_of(time),
+        trial.test.force[rows],
+        forces.mean(axis=0),
+        low,
+        high,
+        forces,
+        floor,
+    )

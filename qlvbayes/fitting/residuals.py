@@ -1,0 +1,204 @@
+"""Where a model fails: test by test and phase by phase, against the noise floor."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated
+
+import msgspec
+import numpy as np
+from scipy.stats import chi2
+
+from qlvbayes.fitting.prediction import Prediction
+from qlvbayes.io.resultfile import Part, Result
+from qlvbayes.io.units import PAD, UnitSystem
+from qlvbayes.model.choices import Choices
+from qlvbayes.preprocess.experiment import Experiment
+from qlvbayes.preprocess.phases import KINDS, phase_index
+from qlvbayes.preprocess.pulling import pull_notices
+
+FALSE_ALARMS = 0.01  # probability that any cell of a right model is called failing
+
+
+class Cell(Part, frozen=True, rename={"rate": "rate_mm_s", "rmse": "rmse_N", "bias": "bias_N"}):
+    """One test's samples in one kind of phase.
+
+    rate: None where the test has none; rmse, bias: of observed minus predicted mean (N);
+    coverage90: share of samples within the 90 % predictive interval; p_value: probability of an
+    rmse at least as large if the model were right, from posterior draws plus the noise floor;
+    fails: whether structure beyond noise is left (1 % false alarms over all cells of the pad).
+    """
+
+    test: str
+    role: str
+    rate: float | None
+    phase: str
+    n: int
+    rmse: float
+    bias: float
+    coverage90: float
+    p_value: float | None = None
+    fails: bool = False
+
+
+class Cycle(Part, frozen=True, rename={"rmse": "rmse_N", "bias": "bias_N"}):
+    """One phase of a test that has several of its kind: a cycle's loading, a staircase's step.
+
+    number: from 1, in order of time; rmse, bias: as in `Cell` (N).
+    """
+
+    test: str
+    phase: str
+    number: int
+    n: int
+    rmse: float
+    bias: float
+
+
+class CheckResult(Result, frozen=True, kw_only=True, rename={"noise": "noise_N"}):
+    """All cells of one pad and the noise floor (sd, in the unit of force): ``check.json``.
+
+    false_alarms: probability that any cell of a right model is called failing; cycles: the phases
+    of tests that have several of a kind, one by one; notices: about the measurements and their
+    noise.
+    """
+
+    pad: str
+    effects: tuple[str, ...] = ()
+    units: UnitSystem = PAD
+    noise: float
+    cells: Annotated[tuple[Cell, ...], msgspec.Meta(min_length=1)]
+    cycles: tuple[Cycle, ...] = ()
+    notices: tuple[str, ...] = ()
+    false_alarms: float = FALSE_ALARMS
+
+    @property
+    def failing(self) -> list[Cell]:
+        """Cells in which structure beyond noise is left."""
+        return [cell for cell in self.cells if cell.fails]
+
+    @property
+    def worst(self) -> Cell | None:
+        """The one with the largest error among those that fail; None where none does."""
+        return max(self.failing, key=lambda cell: cell.rmse, default=None)
+
+
+def check(
+    pad: str,
+    noise: float,
+    predictions: Sequence[Prediction],
+    effects: Sequence[str] = (),
+    *,
+    units: UnitSystem = PAD,
+    notices: Sequence[str] = (),
+) -> CheckResult:
+    """Compare predictions with what was measured; cells without samples are left out."""
+    places = [
+        (prediction, kind)
+        for prediction in predictions
+        for kind in KINDS
+        if np.any(prediction.phase == kind)
+    ]
+    return CheckResult(
+        pad=pad,
+        effects=tuple(effects),
+        units=units,
+        noise=noise,
+        cells=tuple(_cell(*place, FALSE_ALARMS / len(places)) for place in places),
+        cycles=tuple(cycle for prediction in predictions for cycle in _cycles(prediction)),
+        notices=tuple(notices),
+    )
+
+
+def check_experiment(
+    experiment: Experiment, choices: Choices, predictions: Sequence[Prediction]
+) -> CheckResult:
+    """`check` with all that is known of the pad, and what one should know of its tests."""
+    bonded, effects = choices.bonded, choices.effects
+    pulling = pull_notices(experiment, bonded=bonded, effects=effects)
+    of_noise = [f"pad {experiment.pad}: {text}" for text in experiment.floor.notices]
+    return check(
+        experiment.pad,
+        experiment.floor.total,
+        predictions,
+        effects,
+        units=experiment.units,
+        notices=(*pulling, *of_noise),
+    )
+
+
+def _cell(prediction: Prediction, kind: str, level: float) -> Cell:
+    """level: p-value below which it fails."""
+    here = prediction.phase == kind
+    residual = prediction.residual[here]
+    inside = (prediction.observed >= prediction.low) & (prediction.observed <= prediction.high)
+    trial = prediction.trial
+    rmse = _rmse(residual)
+    p_value = _p_value(rmse, prediction, here)
+    return Cell(
+        test=trial.name,
+        role=trial.role,
+        rate=_finite(trial.rate),
+        phase=kind,
+        n=int(here.sum()),
+        rmse=rmse,
+        bias=float(residual.mean()),
+        coverage90=float(inside[here].mean()),
+        p_value=p_value,
+        fails=p_value < level,
+    )
+
+
+def _cycles(prediction: Prediction) -> list[Cycle]:
+    """Every phase by itself, of kinds that the test has several of."""
+    phases = prediction.trial.phases
+    place = phase_index(phases, prediction.time)
+    found = []
+    for kind in KINDS:
+        places = [k for k, phase in enumerate(phases) if phase.kind == kind]
+        for number, k in enumerate(places, start=1):
+            residual = prediction.residual[place == k]
+            if len(places) > 1 and residual.size:
+                name, bias = prediction.trial.name, float(residual.mean())
+                found.append(Cycle(name, kind, number, residual.size, _rmse(residual), bias))
+    return found
+
+
+def _rmse(residual: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(residual**2)))
+
+
+def _finite(rate: float) -> float | None:
+    return float(rate) if np.isfinite(rate) else None
+
+
+def _p_value(rmse: float, prediction: Prediction, here: np.ndarray) -> float:
+    """Upper tail of the mean square of normal errors, whose draws are a few hundred.
+
+    The mean square is a sum of chi-squares, few of them where noise is correlated over much of the
+    cell. A chi-square with the same mean, variance and skewness has the same upper tail (Pearson's
+    approximation; Imhof 1961, doi:10.1093/biomet/48.3-4.419).
+    """
+    error = (prediction.forces - prediction.mean + prediction.floor)[:, here]
+    mean, variance, third = _cumulants(error)
+    if variance <= 0.0:
+        return float(rmse**2 <= mean)
+    freedom = 8.0 * variance**3 / max(third, 1e-3 * variance**1.5) ** 2
+    place = (rmse**2 - mean) / np.sqrt(variance)
+    return float(chi2.sf(freedom + np.sqrt(2.0 * freedom) * place, freedom))
+
+
+def _cumulants(error: np.ndarray) -> tuple[float, float, float]:
+    """First three cumulants of the mean square of a normal error of which rows are draws.
+
+    With A the error's covariance over its length: tr A, 2 tr A^2 and 8 tr A^3. Products of
+    different draws estimate the traces without bias, and better than the squares' own moments.
+    """
+    draws, size = error.shape
+    products = error @ error.T / size
+    mean = float(np.trace(products)) / draws
+    np.fill_diagonal(products, 0.0)
+    twice = products @ products
+    second = np.trace(twice) / (draws * (draws - 1))
+    third = np.sum(twice * products) / (draws * (draws - 1) * (draws - 2))
+    return mean, 2.0 * float(second), 8.0 * float(third)

@@ -1,0 +1,300 @@
+"""A fit as an ArviZ file, and back: the only place that touches ArviZ's data structures."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import arviz_base
+import h5py
+import numpy as np
+import xarray
+
+import qlvbayes
+from qlvbayes.fitting import compiled
+from qlvbayes.fitting.fit import Fit
+from qlvbayes.fitting.marginal import Judged
+from qlvbayes.fitting.summary import FitSummary
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.files import write_whole
+from qlvbayes.io.units import PAD, UnitSystem
+from qlvbayes.model.choices import Choices
+from qlvbayes.model.elsewhere import (
+    check_draws,
+    flat_names,
+    infer_choices,
+    pad_name,
+    stated_units,
+    wanted_names,
+)
+from qlvbayes.model.parameters import all_fields, described
+from qlvbayes.preprocess.covered import Covered, covered
+
+_MEMBER = re.compile(r"(.+)\[(\d+)\]")
+
+
+@dataclass(frozen=True)
+class Saved:
+    """What a results file says: draws (chains, draws, P) of the constants and how they were got.
+
+    fluid: of the pad, where it is known; units: of its constants; covered: what its tests cover;
+    converged: whether nothing spoke against the sampling. A posterior made elsewhere has an empty
+    ``source``, ``sha256`` and ``fitted`` where its file does not say.
+    """
+
+    pad: str
+    names: tuple[str, ...]
+    constants: np.ndarray
+    choices: Choices
+    method: str
+    source: str
+    sha256: str
+    all_tests: bool
+    fitted: tuple[str, ...]
+    fluid: str | None = None
+    units: UnitSystem = PAD
+    covered: Covered | None = None
+    converged: bool = True
+
+    @property
+    def draws(self) -> np.ndarray:
+        """(chains*draws, P)."""
+        return self.constants.reshape(-1, self.constants.shape[-1])
+
+
+def to_arviz(
+    fit: Fit, summary: FitSummary, *, source: str, sha256: str, all_tests: bool, seed: int
+) -> xarray.DataTree:
+    """Posterior, posterior predictive, pointwise log likelihood, data and constant data.
+
+    Walkers are chains. The log likelihood of a block is conditional on the blocks before it in its
+    test. Units are attributes of the variables; everything else of the root.
+    """
+    posterior, dims, coords = _grouped(fit.names, fit.constants)
+    force = fit.experiment.units.force_name
+    real = np.asarray(fit.posterior.record.blocks.real)
+    shape = fit.theta.shape[:2]
+    likelihood, predicted = _judged(fit, real, seed)
+    facts, coords["block"] = _block_facts(fit, real), np.arange(int(real.sum()))
+    dims |= {name: ["block"] for name in (force, *facts)}
+    tree = arviz_base.from_dict(
+        {
+            "posterior": posterior,
+            "posterior_predictive": {force: predicted.reshape(*shape, -1)},
+            "log_likelihood": {force: likelihood.reshape(*shape, -1)},
+            "observed_data": {force: np.asarray(fit.posterior.record.blocks.force)[real]},
+            "constant_data": facts,
+        },
+        coords=coords,
+        dims=dims,
+    )
+    _label(tree, fit, force)
+    for node in tree.subtree:
+        node.attrs.pop("created_at", None)  # the same fit gives the same file
+    tree.attrs.update(_provenance(fit, summary, source, sha256, all_tests, seed))
+    return tree
+
+
+def _judged(fit: Fit, real: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """(draws, blocks) pointwise log likelihoods, and block means predicted with new noise."""
+    posterior = fit.posterior
+    if posterior.floor is not None:
+        constants = fit.constants.reshape(-1, fit.constants.shape[-1])
+        forces = compiled.in_batches(compiled.predictions, posterior, constants)
+        judged = Judged(posterior, forces, constants)
+        return judged.log_likelihoods(), judged.replicates(np.random.default_rng(seed))
+    flat = fit.theta.reshape(-1, fit.theta.shape[-1])
+    keys = _keys(len(flat), seed)
+    found = compiled.in_batches(compiled.judgements, posterior, flat, keys)
+    return found[:, 0, real], found[:, 1, real]
+
+
+def _keys(count: int, seed: int) -> np.ndarray:
+    """(count, 2) random keys, as numbers."""
+    return np.random.default_rng(seed).integers(0, 2**32, (count, 2), dtype=np.uint32)
+
+
+def _grouped(names: list[str], constants: np.ndarray) -> tuple[dict, dict, dict]:
+    """Variables (c and v as vectors), their dimensions and their coordinates."""
+    members: dict[str, list[tuple[int | None, int]]] = {}
+    for place, name in enumerate(names):
+        match = _MEMBER.fullmatch(name)
+        key, index = (match[1], int(match[2])) if match else (name, None)
+        members.setdefault(key, []).append((index, place))
+    variables, dims, coords = {}, {}, {}
+    for key, found in members.items():
+        places = [place for _, place in found]
+        if found[0][0] is None:
+            variables[key] = constants[..., places[0]]
+            continue
+        variables[key] = constants[..., places]
+        dims[key] = [f"{key}_index"]
+        coords[f"{key}_index"] = np.array([index for index, _ in found])
+    return variables, dims, coords
+
+
+def _block_facts(fit: Fit, real: np.ndarray) -> dict[str, np.ndarray]:
+    """What is known of each block: its test, times, samples and weight."""
+    blocks = fit.posterior.record.blocks
+    test = np.repeat(np.arange(len(real))[:, None], real.shape[1], axis=1)
+    return {
+        "test": test[real],
+        "first_s": np.asarray(blocks.first)[real],
+        "last_s": np.asarray(blocks.last)[real],
+        "samples": np.asarray(blocks.count)[real],
+        "weight": np.asarray(blocks.weight)[real],
+    }
+
+
+def _label(tree: xarray.DataTree, fit: Fit, force: str) -> None:
+    for name, unit in zip(fit.names, fit.units, strict=True):
+        match = _MEMBER.fullmatch(name)
+        tree["posterior"][match[1] if match else name].attrs["units"] = unit
+    for group in ("posterior_predictive", "observed_data"):
+        tree[group][force].attrs["units"] = fit.experiment.units.force
+    for name in ("first_s", "last_s"):
+        tree["constant_data"][name].attrs["units"] = "s"
+
+
+def _provenance(
+    fit: Fit, summary: FitSummary, source: str, sha256: str, all_tests: bool, seed: int
+) -> dict:
+    units = fit.experiment.units
+    return {
+        "schema": 1,
+        "pad": fit.pad,
+        "method": fit.method,
+        "converged": int(summary.converged),
+        "choices": json.dumps(fit.choices.as_dict()),
+        "priors": json.dumps(described(all_fields(fit.posterior))),
+        "effects": json.dumps(list(fit.choices.effects)),
+        "fitted_tests": json.dumps([trial.name for trial in fit.trials]),
+        "all_tests": int(all_tests),
+        "fluid": fit.experiment.fluid or "",
+        "covered": json.dumps(covered(fit.experiment).as_dict()),
+        "source": source,
+        "sha256": sha256,
+        "seed": seed,
+        "displacement_unit": units.displacement,
+        "force_unit": units.force,
+        "qlvbayes_version": qlvbayes.__version__,
+        **fit.facts,
+    }
+
+
+def save(tree: xarray.DataTree, path: Path) -> None:
+    """Write the file whole or not at all, with checksums of its numbers.
+
+    By way of memory: HDF5 brings the process down where the disk is full.
+    """
+    checksums = {
+        node.path: {name: {"fletcher32": True} for name in node.to_dataset(inherit=False).variables}
+        for node in tree.subtree
+    }
+    write_whole(path, tree.to_netcdf(engine="h5netcdf", encoding=checksums))
+
+
+def load(path: Path) -> Saved:
+    """Read a results file, or a posterior made elsewhere that has our names of the constants.
+
+    Parameters
+    ----------
+    path
+        An ArviZ file (NetCDF), as ``OUT/<pad>/posterior.nc``.
+
+    Raises
+    ------
+    InputError
+        It is neither; the error names what is missing.
+    """
+    try:
+        # h5netcdf, given what is no HDF5 file, prints a traceback when it is swept up
+        h5py.File(path).close()
+        tree = xarray.load_datatree(path, engine="h5netcdf")
+        posterior = tree["posterior"].to_dataset()
+        if "choices" not in tree.attrs:
+            return _from_elsewhere(posterior, tree.attrs, path)
+        return _ours(posterior, tree.attrs)
+    except (OSError, KeyError, ValueError, RuntimeError, TypeError) as error:
+        raise InputError(
+            f"not a results file of qlvbayes ({type(error).__name__})",
+            file=path,
+            remedy="run qlvbayes fit again",
+        ) from error
+
+
+def _ours(posterior: xarray.Dataset, attrs: dict) -> Saved:
+    names, columns = _flattened(posterior)
+    reach = attrs.get("covered")
+    return Saved(
+        pad=str(attrs["pad"]),
+        names=tuple(names),
+        constants=np.stack(columns, axis=-1),
+        choices=Choices.from_dict(json.loads(attrs["choices"])),
+        method=str(attrs["method"]),
+        source=str(attrs["source"]),
+        sha256=str(attrs["sha256"]),
+        all_tests=bool(attrs["all_tests"]),
+        fitted=tuple(json.loads(attrs["fitted_tests"])),
+        fluid=str(attrs["fluid"]) if attrs.get("fluid") else None,
+        units=stated_units(attrs.get("displacement_unit"), attrs.get("force_unit"), {}),
+        covered=Covered(**json.loads(reach)) if reach else None,
+        converged=bool(attrs.get("converged", True)),
+    )
+
+
+def _from_elsewhere(posterior: xarray.Dataset, attrs: dict, path: Path) -> Saved:
+    """A posterior of another program; attributes of the same names as ours are heeded."""
+    if not {"chain", "draw"} <= set(posterior.sizes):
+        raise InputError(
+            "not a results file: its posterior has no dimensions chain and draw",
+            file=path,
+            remedy="write it with arviz, or run qlvbayes fit",
+        )
+    units = stated_units(
+        attrs.get("displacement_unit"),
+        attrs.get("force_unit"),
+        {str(key): str(v.attrs.get("units", "")) for key, v in posterior.data_vars.items()},
+    )
+    found = dict(zip(*_flattened(posterior), strict=True))
+    try:
+        choices = infer_choices(
+            found,
+            bonded=bool(attrs.get("bonded", units.bonded_default)),
+            effects_file=attrs.get("effects_file"),
+        )
+        draws = {name: np.asarray(found[name], float) for name in wanted_names(choices, found)}
+        check_draws(choices, draws)
+    except InputError as error:
+        raise InputError(str(error), file=path) from error
+    return Saved(
+        pad=str(attrs.get("pad", pad_name(path))),
+        names=tuple(draws),
+        constants=np.stack(list(draws.values()), axis=-1),
+        choices=choices,
+        method=str(attrs.get("method", attrs.get("inference_library", "elsewhere"))),
+        source=str(attrs.get("source", "")),
+        sha256=str(attrs.get("sha256", "")),
+        all_tests=bool(attrs.get("all_tests", False)),
+        fitted=(),
+        fluid=str(attrs["fluid"]) if attrs.get("fluid") else None,
+        units=units,
+    )
+
+
+def _flattened(posterior: xarray.Dataset) -> tuple[list[str], list[np.ndarray]]:
+    """Names and draws (chain, draw) of every number; a vector's members are named by index."""
+    names, columns = [], []
+    for key, variable in posterior.data_vars.items():
+        values = variable.transpose("chain", "draw", ...).to_numpy()
+        if values.ndim == 2:
+            names.append(str(key))
+            columns.append(values)
+        elif values.ndim == 3:
+            dim = str(variable.dims[-1])
+            labels = posterior[dim].values.tolist() if dim in posterior.coords else []
+            names += flat_names(str(key), labels, values.shape[-1])
+            columns += list(np.moveaxis(values, -1, 0))
+    return names, columns

@@ -1,0 +1,126 @@
+"""The paper's two routes to the constants, by least squares.
+
+One step (Eq. 9): all constants from the ramp and the hold of one test together. Two steps: m and b
+from the fastest ramp taken as purely elastic, then the relaxation from the hold.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import jax.numpy as jnp
+import numpy as np
+from scipy.linalg import block_diag
+
+from qlvbayes.fitting import compiled
+from qlvbayes.fitting.least_squares import least_squares, normal_approximation, without_noise
+from qlvbayes.fitting.normal import NormalApproximation
+from qlvbayes.laws.relaxation.prony import Prony
+from qlvbayes.model.noise import White
+from qlvbayes.model.posterior import Posterior
+from qlvbayes.preprocess.experiment import Experiment, Trial
+
+_AGREEMENT = 1.001  # starts within 0.1 % of the best cost count as agreeing
+
+
+@dataclass(frozen=True)
+class LeastSquaresFit:
+    """Normal approximation over the posterior's theta, with white noise of the residual's sd.
+
+    posterior: with the noise as fitted; residual_sd: root mean square of the block means' residuals
+    (N); agreeing: how many starts came to the best optimum.
+    """
+
+    posterior: Posterior
+    normal: NormalApproximation
+    residual_sd: float
+    agreeing: int
+
+
+def one_step(
+    experiment: Experiment, posterior: Posterior, rng: np.random.Generator
+) -> LeastSquaresFit:
+    """Minimise the time integral of the squared residual over first ramp and hold."""
+    bare = without_noise(posterior)
+    trials = experiment.with_role("fit")
+    scale = _scale(bare, [_span(trial, ("ramp", "hold")) for trial in trials], weigh=True)
+    fits = least_squares(bare, scale, rng)
+    normal, _ = normal_approximation(bare, scale, fits.thetas[0])
+    return _finish(posterior, bare, scale, normal, _agreeing(fits.costs))
+
+
+def two_step(
+    experiment: Experiment, posterior: Posterior, rng: np.random.Generator
+) -> LeastSquaresFit:
+    """Elastic constants from the fastest ramp, then fractions and rates from the hold."""
+    bare = without_noise(posterior)
+    fastest = max(experiment.trials, key=lambda trial: trial.rate)
+    ramp = Posterior(
+        replace(bare.model, relaxation=Prony(jnp.array([1.0, 0.0]), jnp.array([1.0]))),
+        bare.noise,
+        experiment.record([fastest]),
+    )
+    ramp_scale = _scale(ramp, [_span(fastest, ("ramp",))], weigh=False)
+    ramp_fits = least_squares(ramp, ramp_scale, rng)
+    first, _ = normal_approximation(ramp, ramp_scale, ramp_fits.thetas[0])
+
+    elastic = ramp.bind(jnp.asarray(first.mean))[0].elastic
+    hold = Posterior(replace(bare.model, elastic=elastic), bare.noise, bare.record)
+    trials = experiment.with_role("fit")
+    hold_scale = _scale(hold, [_span(trial, ("hold",)) for trial in trials], weigh=True)
+    hold_fits = least_squares(hold, hold_scale, rng)
+    second, _ = normal_approximation(hold, hold_scale, hold_fits.thetas[0])
+
+    mean = np.concatenate([first.mean, second.mean])
+    normal = NormalApproximation(mean, block_diag(first.covariance, second.covariance))
+    agreeing = min(_agreeing(ramp_fits.costs), _agreeing(hold_fits.costs))
+    return _finish(posterior, bare, hold_scale, normal, agreeing)
+
+
+def _span(trial: Trial, kinds: tuple[str, ...]) -> tuple[float, float]:
+    """From the beginning of the first ramp (or of the hold after it) to the end of that hold."""
+    ramps = [k for k, phase in enumerate(trial.phases) if phase.kind == "ramp"]
+    first = ramps[0] if ramps else 0
+    chosen = [p for p in trial.phases[first : first + 2] if p.kind in kinds]
+    chosen = chosen or list(trial.phases)
+    return chosen[0].start, chosen[-1].stop
+
+
+def _scale(posterior: Posterior, spans: list[tuple[float, float]], *, weigh: bool) -> np.ndarray:
+    """(T, B) what residuals are divided by: infinite outside the spans.
+
+    With ``weigh``, one over the root of a block's duration, so that the sum is the time integral
+    of Eq. 9; else one over the root of its samples.
+    """
+    blocks = posterior.record.blocks
+    first, last, count = (np.asarray(x) for x in (blocks.first, blocks.last, blocks.count))
+    middle = 0.5 * (first + last)
+    low, high = (np.array(x)[:, None] for x in zip(*spans, strict=True))
+    weight = count
+    if weigh:
+        edges = np.concatenate([first, last[:, -1:]], axis=1)
+        weight = np.maximum(np.diff(edges, axis=1), 1e-9)
+    inside = (middle >= low) & (middle <= high) & np.asarray(blocks.real)
+    weight = weight / np.mean(weight[inside])
+    return np.where(inside, 1.0 / np.sqrt(weight), np.inf)
+
+
+def _agreeing(costs: tuple[float, ...]) -> int:
+    return sum(cost <= _AGREEMENT * costs[0] + 1e-12 for cost in costs)
+
+
+def _finish(
+    posterior: Posterior,
+    bare: Posterior,
+    scale: np.ndarray,
+    normal: NormalApproximation,
+    agreeing: int,
+) -> LeastSquaresFit:
+    """Give the white noise the residual's root mean square over the blocks that were fitted."""
+    values, _ = compiled.residuals_and_slopes(
+        bare, np.where(np.isinf(scale), np.inf, 1.0), normal.mean
+    )
+    used = max(int(np.sum(np.isfinite(scale))), 1)
+    residual_sd = float(np.sqrt(np.sum(np.asarray(values) ** 2) / used))
+    fitted = Posterior(posterior.model, White(residual_sd), posterior.record)
+    return LeastSquaresFit(fitted, normal, residual_sd, agreeing)

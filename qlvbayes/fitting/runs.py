@@ -1,0 +1,92 @@
+"""How results were made, so that they can be made again: ``run.json``."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from msgspec import field, to_builtins
+
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.data import Measurements
+from qlvbayes.io.resultfile import Part, Result
+from qlvbayes.model.choices import Choices
+
+_LIBRARIES = (
+    "qlvbayes",
+    "jax",
+    "jaxlib",
+    "equinox",
+    "emcee",
+    "blackjax",
+    "numpy",
+    "scipy",
+    "arviz",
+    "xarray",
+    "pandas",
+    "matplotlib",
+)
+
+
+class Run(Part, frozen=True):
+    """One command: its data with their digest, its seed, the model's choices, versions used.
+
+    choices: as `Choices.as_dict` gives them, for a file of laws or effects may have gone since;
+    settings: what else the step was told, ``sampler`` and ``thresholds`` among it.
+    """
+
+    command: str
+    source: str
+    sha256: str
+    seed: int
+    choices: dict[str, Any]
+    versions: dict[str, str]
+    settings: dict[str, Any] = field(default_factory=dict)
+
+
+class Runs(Result, frozen=True, kw_only=True):
+    """The commands by which a folder of results was made, by step: ``run.json``."""
+
+    runs: dict[str, Run]
+
+
+def record_run(
+    out: Path,
+    step: str,
+    command: str,
+    study: Measurements,
+    choices: Choices,
+    seed: int,
+    settings: Mapping[str, object] | None = None,
+) -> None:
+    """Note in ``out/run.json`` by which command a step was made; ``study`` replaces all others.
+
+    settings: plain values and dataclasses.
+    """
+    path = out / "run.json"
+    runs = {} if step == "study" else _before(path)
+    told = to_builtins(dict(settings or {}))
+    chosen = choices.as_dict()
+    runs[step] = Run(command, study.source, study.sha256, seed, chosen, _versions(), told)
+    Runs(runs=runs).write(path)
+
+
+def _before(path: Path) -> dict[str, Run]:
+    try:
+        return Runs.read(path).runs
+    except (OSError, InputError):
+        return {}  # none yet, or not ours
+
+
+def _versions() -> dict[str, str]:
+    """Of Python and of the libraries that the numbers depend on."""
+    found = {"python": platform.python_version()}
+    for name in _LIBRARIES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found

@@ -1,0 +1,313 @@
+"""Measurements: a study of pads, each with its tests, read from one tidy CSV file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar, Literal, NoReturn, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.formats.conversion import Conversion
+from qlvbayes.io.formats.unasked import machine_file
+from qlvbayes.io.reading.badline import parse_number
+from qlvbayes.io.reading.csvtext import digest, unchanged
+from qlvbayes.io.reading.dialect import Dialect, sniff
+from qlvbayes.io.reading.table import Table, read_table
+from qlvbayes.io.reading.testchecks import Checker, Rows
+from qlvbayes.io.units import UnitSystem
+
+Floats = NDArray[np.float64]
+Role = Literal["fit", "validate"]
+Control = Literal["displacement", "force"]
+
+_CONTROLS: dict[str, Control] = {
+    "displacement": "displacement",
+    "strain": "displacement",
+    "force": "force",
+    "stress": "force",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Test:
+    """One test of one pad: n samples of time (s), displacement and force.
+
+    Displacement (or strain) and force (or stress) are in the file's own units, `Pad.units`.
+    `force_sd` (n,) is the measured standard deviation of each force, if there is one; `rate` the
+    declared loading rate, displacement over s; `start_s` the pad's clock at the first sample, and
+    `start_known` whether it was measured: else it is that of tests without a pause between them.
+    `control` is what was prescribed, if the file says.
+    """
+
+    __test__: ClassVar[bool] = False  # not one of pytest's
+
+    name: str
+    pad: str
+    time: Floats
+    displacement: Floats
+    force: Floats
+    force_sd: Floats | None = None
+    role: Role | None = None
+    rate: float | None = None
+    start_s: float = 0.0
+    start_known: bool = False
+    control: Control | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Pad:
+    """One pad and its tests, in the file's order; `fluid` is what fills it, if the file says."""
+
+    name: str
+    tests: tuple[Test, ...]
+    units: UnitSystem
+    fluid: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Measurements:
+    """All pads of one file, with where they came from and what was noticed on reading."""
+
+    pads: tuple[Pad, ...]
+    units: UnitSystem
+    source: str
+    sha256: str
+    notices: tuple[str, ...]
+
+    def pad(self, name: str) -> Pad:
+        """Return the pad of that name; InputError lists the known names otherwise."""
+        for pad in self.pads:
+            if pad.name == name:
+                return pad
+        known = ", ".join(pad.name for pad in self.pads)
+        raise InputError(f"no pad '{name}'", file=self.source, remedy=f"name one of: {known}")
+
+
+def read_measurements(path: str | Path) -> Measurements:
+    """Read a CSV or .csv.gz file, a row per sample.
+
+    Columns `time_s`, `displacement_mm` and `force_N`, or `strain` and `stress_kPa` in place of
+    the last two; other units by the suffix (`units.SUFFIXES`), and in them all results are given.
+    A `force_sd` or `rate` in another unit is converted, time to s. Optional: `force_sd_N`, `pad`,
+    `fluid` (or `group`, the same in all rows of a pad), `test`, `role`, `rate_mm_s`, `start_s`,
+    `control` (what was prescribed in the test: displacement or force).
+    Lines that begin with # are comments. Without `start_s` the tests of a pad follow one
+    another. A file of another layout is read by the format whose marks its first bytes show
+    (`formats`), if that needs no answer; the notices then say what was found. The arrays are
+    read-only.
+
+    Raises
+    ------
+    InputError
+        The file cannot be used as it is; the error names line and remedy.
+    """
+    file = Path(path)
+    with unchanged(file):
+        try:
+            dialect: Dialect | InputError = sniff(file)
+        except InputError as error:
+            dialect = error
+        if (found := machine_file(file, dialect)) is not None:
+            return Measurements(
+                _converted(found), found.units, str(path), digest(file), found.notices
+            )
+        if isinstance(dialect, InputError):
+            raise dialect
+        pads = _pads(file, dialect, read_table(file, dialect))
+        sha256 = digest(file)
+    return Measurements(pads, dialect.columns.units, str(path), sha256, _notices(dialect))
+
+
+def _converted(conversion: Conversion) -> tuple[Pad, ...]:
+    """Pads of a machine's file; without its clock the tests of one follow one another."""
+    tests: dict[str, list[Test]] = {}
+    for found in conversion.tests:
+        of_pad = tests.setdefault(found.pad, [])
+        start = found.start_s
+        if start is None:
+            start = of_pad[-1].start_s + float(of_pad[-1].time[-1]) if of_pad else 0.0
+        for values in (found.time, found.displacement, found.force):
+            values.setflags(write=False)
+        of_pad.append(
+            Test(
+                found.test, found.pad, found.time, found.displacement, found.force,
+                start_s=start, start_known=found.start_s is not None,
+            )
+        )  # fmt: skip
+    return tuple(Pad(name, tuple(of_pad), conversion.units) for name, of_pad in tests.items())
+
+
+def _pads(file: Path, dialect: Dialect, table: Table) -> tuple[Pad, ...]:
+    """Make the pads, each with its tests in order."""
+    builder = _Builder(file, dialect, table)
+    tests: dict[str, list[Test]] = {}
+    fluids: dict[str, str | None] = {}
+    for rows in _grouped(table):
+        of_pad = tests.setdefault(rows.pad, [])
+        of_pad.append(builder.test(rows, of_pad[-1] if of_pad else None))
+        builder.add_fluid(rows, fluids)
+    units = dialect.columns.units
+    return tuple(Pad(name, tuple(of_pad), units, fluids[name]) for name, of_pad in tests.items())
+
+
+def _notices(dialect: Dialect) -> tuple[str, ...]:
+    notices = [dialect.notice] if dialect.notice else []
+    if ignored := dialect.columns.ignored:
+        notices.append(f"columns not used: {', '.join(ignored)}")
+    return tuple(notices)
+
+
+def _grouped(table: Table) -> Iterator[Rows]:
+    """Yield the tests in order of first appearance; rows of one name are one test."""
+    runs = table.runs
+    nothing = np.zeros(len(runs.starts) - 1, np.int64)
+    pads, tests = runs.codes.get("pad", nothing), runs.codes.get("test", nothing)
+    bounds = runs.starts.tolist()
+    stretches: dict[tuple[int, int], list[slice]] = {}
+    for n, key in enumerate(zip(pads.tolist(), tests.tolist(), strict=True)):
+        stretches.setdefault(key, []).append(slice(bounds[n], bounds[n + 1]))
+    pad_names = runs.texts.get("pad", ["pad"])
+    test_names = runs.texts.get("test", ["test"])
+    for (pad, test), parts in stretches.items():
+        yield Rows(pad_names[pad], test_names[test], tuple(_joined(parts)))
+
+
+def _joined(parts: list[slice]) -> Iterator[slice]:
+    """Join stretches that touch: there only role, rate or start changed."""
+    current = parts[0]
+    for part in parts[1:]:
+        if part.start == current.stop:
+            current = slice(current.start, part.stop)
+        else:
+            yield current
+            current = part
+    yield current
+
+
+@dataclass(frozen=True)
+class _Builder:
+    """Makes the tests of a table."""
+
+    file: Path
+    dialect: Dialect
+    table: Table
+
+    def test(self, rows: Rows, before: Test | None) -> Test:
+        """Make one test; `before` is the pad's previous one."""
+        self._names(rows)
+        numbers = {key: rows.take(column) for key, column in self.table.numbers.items()}
+        checker = Checker(self.file, self.table, self.dialect.columns)
+        control = self._control(rows)
+        checker.check(rows, numbers, loaded=control == "force")
+        for values in numbers.values():
+            values.setflags(write=False)
+        return Test(
+            name=rows.test,
+            pad=rows.pad,
+            time=numbers["time"],
+            displacement=numbers["displacement"],
+            force=numbers["force"],
+            force_sd=numbers.get("force_sd"),
+            role=self._role(rows),
+            rate=self._rate(rows),
+            start_s=self._start(rows, before),
+            start_known=self._number(rows, "start") is not None,
+            control=control,
+        )
+
+    def add_fluid(self, rows: Rows, fluids: dict[str, str | None]) -> None:
+        """Note the fluid of the test's pad, which must be that of the pad's other tests."""
+        fluid = self._label(rows, "fluid") or None
+        if fluid:
+            self._names_folder(rows, "fluid", fluid)
+        before = fluids.setdefault(rows.pad, fluid)
+        if before != fluid:
+            name = self.dialect.columns.labels["fluid"].name
+            what = f"{name} changes from '{before or ''}' to '{fluid or ''}'"
+            self._fail(rows, rows.row(0), what, f"write one {name} for all rows of a pad")
+
+    def _fail(self, rows: Rows, row: int, message: str, remedy: str) -> NoReturn:
+        line = self.table.line(row)
+        where = f" in test '{rows.test}' of pad '{rows.pad}'"
+        raise InputError(message + where, file=self.file, line=line, remedy=remedy)
+
+    def _names(self, rows: Rows) -> None:
+        first = rows.row(0)
+        for key, name in (("pad", rows.pad), ("test", rows.test)):
+            if not name:
+                self._fail(rows, first, f"{key} is empty", "write its name")
+        self._names_folder(rows, "pad", rows.pad)
+
+    def _names_folder(self, rows: Rows, what: str, name: str) -> None:
+        if "/" in name or "\\" in name or name.startswith("."):
+            remedy = (
+                "write it without / and \\ and a leading point: results go to a folder so named"
+            )
+            message = f"the {what}'s name '{name}' cannot name a folder"
+            self._fail(rows, rows.row(0), message, remedy)
+
+    def _label(self, rows: Rows, key: str) -> str:
+        """Text of a label, the same in all rows of the test; empty if there is no such column."""
+        runs = self.table.runs
+        if key not in runs.codes:
+            return ""
+        codes, texts = runs.codes[key], runs.texts[key]
+        first: int | None = None
+        for stretch in rows.stretches:
+            begin = int(np.searchsorted(runs.starts, stretch.start))
+            end = int(np.searchsorted(runs.starts, stretch.stop))
+            first = int(codes[begin]) if first is None else first
+            if (other := codes[begin:end] != first).any():
+                n = begin + int(np.argmax(other))
+                name = self.dialect.columns.labels[key].name
+                what = f"{name} changes from '{texts[first]}' to '{texts[int(codes[n])]}'"
+                self._fail(rows, int(runs.starts[n]), what, f"write one {name} for all its rows")
+        return texts[cast(int, first)]
+
+    def _role(self, rows: Rows) -> Role | None:
+        role = self._label(rows, "role")
+        if role not in ("fit", "validate", ""):
+            what = f"role '{role}' is unknown"
+            self._fail(rows, rows.row(0), what, "write fit, validate or nothing")
+        return cast(Role, role) if role else None
+
+    def _control(self, rows: Rows) -> Control | None:
+        control = self._label(rows, "control")
+        if control and control not in _CONTROLS:
+            what = f"control '{control}' is unknown"
+            self._fail(rows, rows.row(0), what, "write displacement, force or nothing")
+        return _CONTROLS.get(control)
+
+    def _number(self, rows: Rows, key: str) -> float | None:
+        """Return the number declared for a test, None where the cell is empty."""
+        text = self._label(rows, key)
+        if not text:
+            return None
+        value = parse_number(text, self.dialect.decimal)
+        column = self.dialect.columns.labels[key]
+        if value is None or not math.isfinite(value):
+            what = f"{column.name} is not a number ('{text[:40]}')"
+            self._fail(rows, rows.row(0), what, "write a number or leave it empty")
+        return value * column.scale.up / column.scale.down
+
+    def _rate(self, rows: Rows) -> float | None:
+        rate = self._number(rows, "rate")
+        if rate is not None and rate <= 0:
+            name = self.dialect.columns.labels["rate"].name
+            what = f"{name} is not positive ({rate:g})"
+            self._fail(rows, rows.row(0), what, "write the speed of loading without sign")
+        return rate
+
+    def _start(self, rows: Rows, before: Test | None) -> float:
+        """Return the declared start, or the end of the pad's previous test."""
+        start = self._number(rows, "start")
+        if start is not None:
+            return start
+        if before is None:
+            return 0.0
+        return before.start_s + float(before.time[-1] - before.time[0])

@@ -1,0 +1,11 @@
+"""Files as testing machines write them: one format a file, and what they say made tidy."""
+
+from qlvbayes.io.formats.catalogue import FORMATS
+from qlvbayes.io.formats.conformance import check_format
+from qlvbayes.io.formats.format import AbstractFormat
+
+__all__ = [
+    "FORMATS",
+    "AbstractFormat",
+    "check_format",
+]

@@ -1,0 +1,73 @@
+"""What the user says of files that do not say it themselves, and what is asked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.formats.machineunits import named_units
+
+SIGNS = {"none": (1, 1), "displacement": (-1, 1), "force": (1, -1), "both": (-1, -1)}
+"""Which columns are turned over, to their factors."""
+FILE = "file"  # after --contact: the file's own zero
+
+
+@dataclass(frozen=True)
+class Answers:
+    """What is said beforehand; None or empty where the files are to tell.
+
+    sign: a key of ``SIGNS``; contact: a displacement as the file writes it, or ``FILE``;
+    units: of time, displacement and force; area: the specimen's (mm2); pads and tests: names.
+    """
+
+    sign: str | None = None
+    contact: float | str | None = None
+    units: tuple[str, str, str] | None = None
+    area: float | None = None
+    pads: tuple[str, ...] = ()
+    tests: tuple[str, ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        sign: str | None = None,
+        contact: str | None = None,
+        units: str | None = None,
+        area: float | None = None,
+        pads: tuple[str, ...] = (),
+        tests: tuple[str, ...] = (),
+    ) -> Answers:
+        """From the words of the command line; InputError where one is none."""
+        if sign is not None and sign not in SIGNS:
+            raise InputError(f"no sign {sign!r}", remedy=f"use one of {', '.join(SIGNS)}")
+        if area is not None and not area > 0.0:
+            raise InputError(f"the area {area:g} is not positive", remedy="give it in mm2")
+        place = None if contact is None else _place(contact)
+        named = None if units is None else named_units(units)
+        return cls(sign, place, named, area, pads, tests)
+
+
+class UnsureError(InputError):
+    """Something that the file does not tell; ``option`` says it, ``question`` asks for it."""
+
+    def __init__(self, message: str, *, file: Path, option: str, question: str, say: str) -> None:
+        super().__init__(message, file=file, remedy=f"say it with --{option} {say}")
+        self.option = option
+        self.question = question
+        self._parts = message, file, say
+
+    def elsewhere(self, command: str) -> InputError:
+        """The same for a command that does not take the option: another one does."""
+        message, file, say = self._parts
+        return InputError(message, file=file, remedy=f"say it to {command} --{self.option} {say}")
+
+
+def _place(text: str) -> float | str:
+    if text == FILE:
+        return FILE
+    try:
+        return float(text)
+    except ValueError:
+        remedy = f"give it in the unit of the tidy file, or '{FILE}' for the file's own zero"
+        raise InputError(f"no place of contact {text!r}", remedy=remedy) from None

@@ -1,0 +1,80 @@
+"""Instron's Bluehill 3: names of the columns in one row, units in parentheses in the next."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from pathlib import Path
+from typing import ClassVar
+
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.formats.columns import quantities
+from qlvbayes.io.formats.format import AbstractFormat, Recording, Sight
+from qlvbayes.io.formats.textfile import Lines, cells_of, content, decoded, separator_of
+from qlvbayes.io.formats.texttable import in_two_rows, seconds_of, table
+
+
+class BluehillThree(AbstractFormat):
+    """Optional pairs of key and value, a blank line, then the table.
+
+    Numbers may be quoted, with a decimal comma within commas or with commas at thousands.
+    """
+
+    name: ClassVar[str] = "bluehill-3"
+    machine: ClassVar[str] = "Instron, Bluehill 2 and 3 (raw data as CSV)"
+    marks: ClassVar[str] = "a row of names with time, and a row of units, each in parentheses"
+    reads: ClassVar[str] = "Time, (Compressive) Extension, (Compressive) Load; start time, label"
+    reference: ClassVar[str] = "Bluehill 3 reference manual, exported raw data"
+
+    @staticmethod
+    def sniff(head: bytes) -> Sight:
+        """A row of names above a row of units in parentheses."""
+        lines = Lines.of(decoded(head).encode())
+        named = any(_is_names(cells) for _, cells in lines.cells())
+        return Sight.of(
+            {
+                "a row of names with time and load": named,
+                "units in parentheses in the row below": _header(lines) is not None,
+            }
+        )
+
+    @staticmethod
+    def read(path: Path) -> tuple[Recording, ...]:
+        """One test a file."""
+        data = content(path)
+        lines = Lines.of(data)
+        header = _header(lines)
+        if header is None:
+            raise InputError("no row of units", file=path, remedy="export the raw data again")
+        separator = separator_of(lines.texts[header])
+        names = cells_of(lines.texts[header], separator)
+        units = cells_of(lines.texts[header + 1], separator)
+        said = _said(lines, header)
+        return (
+            table(
+                in_two_rows(names, units), data[lines.starts[header + 2] :], separator, path,
+                header, name=said.get("specimen label", ""),
+                began=seconds_of(said.get("general : start time", "")),
+            ),
+        )  # fmt: skip
+
+
+def _is_names(cells: list[str]) -> bool:
+    found = quantities(in_two_rows(cells, []))
+    return "time" in found and ("force" in found or "stress" in found)
+
+
+def _header(lines: Lines) -> int | None:
+    rows = list(lines.cells())
+    for (number, names), (_, units) in itertools.pairwise(rows):
+        written = [unit for unit in units if unit]
+        bracketed = [bool(re.fullmatch(r"\([^()]*\)", unit)) for unit in written]
+        if len(written) >= 3 and all(bracketed) and _is_names(names):
+            return number
+    return None
+
+
+def _said(lines: Lines, header: int) -> dict[str, str]:
+    """The pairs of key and value above the table."""
+    pairs = [cells for number, cells in lines.cells() if number < header and len(cells) > 1]
+    return {key.lower().removesuffix(":").strip(): value for key, value, *_ in pairs}

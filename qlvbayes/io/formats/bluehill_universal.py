@@ -1,0 +1,67 @@
+"""Instron's Bluehill Universal: a table of results, then the raw data below a line that says so."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import ClassVar
+
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.formats.columns import quantities
+from qlvbayes.io.formats.format import AbstractFormat, Recording, Sight
+from qlvbayes.io.formats.textfile import Lines, cells_of, content, decoded, separator_of
+from qlvbayes.io.formats.texttable import in_cells, table
+
+_TITLES = ("raw data", "rohdaten", "donnees brutes", "données brutes", "datos sin procesar")
+
+
+class BluehillUniversal(AbstractFormat):
+    """Results, a line ``Raw Data``, names with units in parentheses, rows; also as UTF-16."""
+
+    name: ClassVar[str] = "bluehill-universal"
+    machine: ClassVar[str] = "Instron, Bluehill Universal (results and raw data as CSV)"
+    marks: ClassVar[str] = "a line 'Raw Data' and below it names with units in parentheses"
+    reads: ClassVar[str] = "Time (s), Displacement (mm), Force (N) below 'Raw Data'"
+    reference: ClassVar[str] = "Bluehill Universal, exported raw data"
+
+    @staticmethod
+    def sniff(head: bytes) -> Sight:
+        """A line that begins the raw data, and names with units."""
+        lines = Lines.of(decoded(head).encode())
+        title = _title(lines)
+        named = title is not None and _names(lines, title) is not None
+        return Sight.of(
+            {
+                "a line 'Raw Data'": title is not None,
+                "names with units in parentheses below it": named,
+            }
+        )
+
+    @staticmethod
+    def read(path: Path) -> tuple[Recording, ...]:
+        """One test a file."""
+        data = content(path)
+        lines = Lines.of(data)
+        title = _title(lines)
+        header = None if title is None else _names(lines, title)
+        if header is None:
+            raise InputError("no names below 'Raw Data'", file=path, remedy="export it again")
+        separator = separator_of(lines.texts[header])
+        columns = in_cells(cells_of(lines.texts[header], separator))
+        return (table(columns, data[lines.starts[header + 1] :], separator, path, header),)
+
+
+def _title(lines: Lines) -> int | None:
+    for number, cells in lines.cells():
+        if cells and cells[0].lower().startswith(_TITLES) and not any(cells[1:]):
+            return number
+    return None
+
+
+def _names(lines: Lines, title: int) -> int | None:
+    """The first row below the title, where it names columns with units."""
+    for number, cells in lines.cells():
+        if number > title and any(cells):
+            found = quantities(in_cells(cells))
+            fitting = "time" in found and bool(found["time"].unit) and len(found) > 2
+            return number if fitting else None
+    return None

@@ -1,0 +1,57 @@
+"""Optics11 Chiaro and Piuma: a header of settings, then time, load and indentation."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import ClassVar
+
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.formats.columns import quantities
+from qlvbayes.io.formats.format import AbstractFormat, Recording, Sight
+from qlvbayes.io.formats.textfile import Lines, cells_of, content, decoded
+from qlvbayes.io.formats.texttable import in_cells, seconds_of, table
+
+
+class Chiaro(AbstractFormat):
+    """``Time (s), Load (uN), Indentation (nm), Cantilever (nm), Piezo (nm)`` between tabs.
+
+    The depth is the indentation, which has the bending of the cantilever taken off.
+    """
+
+    name: ClassVar[str] = "chiaro"
+    machine: ClassVar[str] = "Optics11 Chiaro, Piuma (text)"
+    marks: ClassVar[str] = "a line 'k (N/m)', and names with Load (uN) and Indentation (nm)"
+    reads: ClassVar[str] = "Time (s), Indentation (nm), Load (uN); date"
+    reference: ClassVar[str] = "Optics11 Life, Piuma and Chiaro user manual, data files"
+
+    @staticmethod
+    def sniff(head: bytes) -> Sight:
+        """The cantilever's stiffness, and the names."""
+        lines = Lines.of(decoded(head).encode())
+        return Sight.of(
+            {
+                "a line 'k (N/m)'": any(text.startswith("k (N/m)") for text in lines.texts),
+                "names with Load and Indentation": _header(lines) is not None,
+            }
+        )
+
+    @staticmethod
+    def read(path: Path) -> tuple[Recording, ...]:
+        """One indentation a file."""
+        data = content(path)
+        lines = Lines.of(data)
+        header = _header(lines)
+        if header is None:
+            raise InputError("no row of names", file=path, remedy="export the file again")
+        columns = in_cells(cells_of(lines.texts[header], "\t"))
+        first = cells_of(lines.texts[0], "\t")
+        said = dict(zip(first[::2], first[1::2], strict=False))
+        began = seconds_of(f"{said.get('Date', '')} {said.get('Time', '')}")
+        return (table(columns, data[lines.starts[header + 1] :], "\t", path, header, began=began),)
+
+
+def _header(lines: Lines) -> int | None:
+    for number, text in enumerate(lines.texts):
+        if "\tIndentation (" in text and "time" in quantities(in_cells(cells_of(text, "\t"))):
+            return number
+    return None

@@ -1,0 +1,129 @@
+"""The rules that every format keeps, as one function to be called in a test."""
+
+from __future__ import annotations
+
+import inspect
+import tempfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.formats.catalogue import FORMATS
+from qlvbayes.io.formats.format import HEAD, AbstractFormat, Recording, Sight
+
+_WORDS = ("name", "machine", "marks", "reads", "reference")
+_QUANTITIES = (("time",), ("displacement", "strain"), ("force", "stress"))
+_TIDY = b"pad,test,time_s,displacement_mm,force_N\nB,slow,0,0,0.01\nB,slow,0.01,0.02,0.03\n"
+_CUTS = (0.999, 0.97, 0.7, 0.3, 0.05)  # shares of a file that are left of it
+_HEADS = (0, 1, 2, 3, 7, 64, 511, 1024)  # bytes of a head that is cut
+
+
+class FormatError(AssertionError):
+    """A format breaks a rule; the text says which."""
+
+
+def check_format(kind: type[AbstractFormat], files: Sequence[str | Path]) -> None:
+    """Check that a format keeps the rules, on files of its own (two or more different ones).
+
+    It declares itself; it knows its own files and no tidy file, and no other format claims them;
+    it looks at any bytes without an error; what it reads are columns of one length with finite
+    numbers, told apart by quantity; and of a file that is cut, has NULs, a byte order mark or is
+    UTF-16 it gives tests or an InputError, never anything else.
+
+    Parameters
+    ----------
+    kind
+        The format's class.
+    files
+        Two or more that are its own.
+
+    Raises
+    ------
+    FormatError
+        A rule is broken; the text says which.
+    """
+    _check_declarations(kind)
+    if len(files) < 2:
+        raise FormatError(f"{kind.name}: give two files or more, of different tests or machines")
+    heads = {Path(file): Path(file).read_bytes()[:HEAD] for file in files}
+    for file, head in heads.items():
+        if not kind.sniff(head).whole:
+            missing = ", ".join(kind.sniff(head).missing)
+            raise FormatError(f"{kind.name} does not know its own file {file.name}: no {missing}")
+        _check_alone(kind, file, head)
+        _check_sniff(kind, head)
+        for recording in kind.read(file):
+            _check_recording(kind, file, recording)
+        _check_damage(kind, file)
+    if kind.sniff(_TIDY).whole:
+        raise FormatError(f"{kind.name} claims a tidy file")
+
+
+def _check_declarations(kind: type[AbstractFormat]) -> None:
+    if inspect.isabstract(kind):
+        lacking = ", ".join(sorted(kind.__abstractmethods__))
+        raise FormatError(f"{kind.__name__} lacks {lacking}")
+    for word in _WORDS:
+        text = getattr(kind, word, "")
+        if not text.strip() or "\n" in text:
+            raise FormatError(f"{kind.__name__}: {word} must be one line of text")
+
+
+def _check_alone(kind: type[AbstractFormat], file: Path, head: bytes) -> None:
+    claim = [other.name for other in FORMATS if other is not kind and other.sniff(head).whole]
+    if claim:
+        raise FormatError(f"{kind.name}: {', '.join(claim)} claims {file.name} too")
+
+
+def _check_sniff(kind: type[AbstractFormat], head: bytes) -> None:
+    noise = np.random.default_rng(0).bytes(HEAD)
+    odd = [head[:size] for size in _HEADS] + [noise, bytes(HEAD), b"\n" * 99, head[::2], head[::-1]]
+    for some in odd:
+        try:
+            sight = kind.sniff(some)
+        except Exception as error:
+            what = f"{type(error).__name__}: {error}"
+            raise FormatError(f"{kind.name}: sniff fails on some bytes ({what})") from error
+        if not isinstance(sight, Sight):
+            raise FormatError(f"{kind.name}: sniff must return a Sight")
+
+
+def _check_recording(kind: type[AbstractFormat], file: Path, found: Recording) -> None:
+    channels = (found.time, found.way, found.load)
+    for channel, quantities in zip(channels, _QUANTITIES, strict=True):
+        if channel.quantity not in quantities:
+            what = f"'{channel.name}' is {channel.quantity}, not {' or '.join(quantities)}"
+            raise FormatError(f"{kind.name}, {file.name}: {what}")
+        values = np.asarray(channel.values)
+        if values.dtype != np.float64 or values.shape != found.time.values.shape:
+            raise FormatError(f"{kind.name}, {file.name}: '{channel.name}' is not (n,) of float64")
+        if not np.isfinite(values).all():
+            raise FormatError(f"{kind.name}, {file.name}: '{channel.name}' is not finite")
+
+
+def _check_damage(kind: type[AbstractFormat], file: Path) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        hurt = Path(folder) / file.name
+        for what, data in _damaged(file.read_bytes()):
+            hurt.write_bytes(data)
+            try:
+                kind.read(hurt)
+            except InputError:
+                continue
+            except Exception as error:
+                text = f"{type(error).__name__}: {error}"
+                raise FormatError(
+                    f"{kind.name}: reading {file.name} {what} ends in {text[:200]}"
+                ) from error
+
+
+def _damaged(data: bytes) -> Iterator[tuple[str, bytes]]:
+    for share in _CUTS:
+        yield f"cut to {share:.1%}", data[: int(share * len(data))]
+    middle = len(data) // 2
+    yield "with NULs", data[:middle] + bytes(9) + data[middle:]
+    yield "with a byte order mark", b"\xef\xbb\xbf" + data
+    yield "as UTF-16", data.decode("latin-1").encode("utf-16")
+    yield "with nothing in it", b""

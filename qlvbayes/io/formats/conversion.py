@@ -1,0 +1,487 @@
+"""Machine files made tidy: units, signs, contact, order; and all that was found, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.formats.answers import FILE, SIGNS, Answers, UnsureError
+from qlvbayes.io.formats.catalogue import FORMATS
+from qlvbayes.io.formats.contact import Contact, find_contact
+from qlvbayes.io.formats.format import AbstractFormat, Channel, Floats, Recording
+from qlvbayes.io.formats.machineunits import Unit, unit_of
+from qlvbayes.io.formats.naming import pads_of, tests_of
+from qlvbayes.io.formats.recognise import recognised
+from qlvbayes.io.formats.sampling import ClockError, Sampling, on_one_clock, rising, sampling_of
+from qlvbayes.io.formats.signs import Signs, find_signs
+from qlvbayes.io.reading.testchecks import LEAST_SAMPLES, wrong_signs
+from qlvbayes.io.units import STRAIN, UnitSystem, unit_system
+from qlvbayes.io.wording import joined
+
+LEAD = 1.0  # s kept before contact: they show the force's zero and its noise
+_REST = 0.01  # share of the peak force below which a first row is taken to touch with none
+_AGREES = 2.0  # standard errors within which the file's own zero is kept
+
+
+@dataclass(frozen=True, eq=False)
+class Tidied:
+    """One test made tidy, and how: what was found in it, each with its numbers.
+
+    ``time`` (s) begins at zero; ``displacement`` and ``force`` are in ``units``, pressing
+    positive. ``start_s`` is the pad's clock at the first row, where the files tell it. ``contact``
+    is what the rise of the force shows, in the file's own zero; ``zero`` what was taken off the
+    displacement.
+    """
+
+    file: Path
+    format: type[AbstractFormat]
+    pad: str
+    test: str
+    units: UnitSystem
+    time: Floats
+    displacement: Floats
+    force: Floats
+    start_s: float | None
+    signs: Signs
+    contact: Contact | None
+    zero: float
+    sampling: Sampling
+    dropped: dict[str, int]
+    findings: tuple[str, ...]
+
+    def as_dict(self) -> dict[str, object]:
+        """For JSON."""
+        contact = None
+        if self.contact is not None:
+            contact = {"place": self.contact.place, "sd": self.contact.sd}
+        return {
+            "file": str(self.file),
+            "format": self.format.name,
+            "pad": self.pad,
+            "test": self.test,
+            "units": asdict(self.units),
+            "turned": {"displacement": self.signs.way < 0, "force": self.signs.load < 0},
+            "contact": contact,
+            "zero": self.zero,
+            "rows": len(self.time),
+            "step_s": self.sampling.step,
+            "lag_s": self.sampling.lag,
+            "start_s": self.start_s,
+            "dropped": self.dropped,
+            "findings": list(self.findings),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Conversion:
+    """All tests of some files, in one system of units."""
+
+    tests: tuple[Tidied, ...]
+    units: UnitSystem
+
+    @property
+    def notices(self) -> tuple[str, ...]:
+        """What was found, a line each."""
+        return tuple(line for test in self.tests for line in told(test))
+
+
+def told(test: Tidied) -> list[str]:
+    """What was found in a test, as lines that begin with its name."""
+    dropped = [f"dropped: {rows} {why}" for why, rows in test.dropped.items()]
+    source = f"{test.file.name} is a file of {test.format.machine}"
+    return [f"{test.test}: {line}" for line in (source, *test.findings, *dropped)]
+
+
+def convert(
+    files: Sequence[Path],
+    answers: Answers = Answers(),  # noqa: B008 (frozen)
+    kinds: Sequence[type[AbstractFormat]] = FORMATS,
+) -> Conversion:
+    """Read machine files and make them tidy.
+
+    Raises
+    ------
+    UnsureError
+        A sign, the contact, a unit or the area is not told by the file and not by ``answers``.
+    InputError
+        A file is of no known layout, damaged, or holds no usable test.
+    """
+    read = [(file, kind, kind.read(file)) for file in files for kind in [recognised(file, kinds)]]
+    pads = pads_of([file for file, _, _ in read], answers.pads)
+    stages = []
+    for (file, kind, recordings), pad in zip(read, pads, strict=True):
+        stages += _of_file(file, kind, recordings, pad, answers)
+    if not stages:
+        raise InputError("no test can be used", file=files[0], remedy="look at the file")
+    named = [(stage.pad, stage.recording.name, stage.file) for stage in stages]
+    names = tests_of(named, answers.tests)
+    units = stages[0].units
+    clocks = _clocks(stages)
+    return Conversion(
+        tuple(
+            stage.tidied(name, units, clock)
+            for stage, name, clock in zip(stages, names, clocks, strict=True)
+        ),
+        units,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Stage:
+    """One recording on its way: columns in tidy units, in order, signs right, zero found."""
+
+    file: Path
+    kind: type[AbstractFormat]
+    pad: str
+    recording: Recording
+    units: UnitSystem
+    time: Floats
+    way: Floats
+    load: Floats
+    signs: Signs
+    contact: Contact | None
+    zero: float
+    sampling: Sampling
+    dropped: dict[str, int]
+    findings: tuple[str, ...]
+    first: float = 0.0  # time of the first row kept, on the file's clock (s)
+
+    @property
+    def began(self) -> float | None:
+        """Date of the first row that is kept (s since 1970)."""
+        return None if self.recording.began is None else self.recording.began + self.first
+
+    def tidied(self, name: str, units: UnitSystem, start: float | None) -> Tidied:
+        """With its name, in the units of all."""
+        if units.dimensionless != self.units.dimensionless:
+            raise InputError(
+                "this file has strain and stress and others have displacement and force",
+                file=self.file,
+                remedy="convert them one by one",
+            )
+        way = (
+            self.way * self.units.factor_to(units, "displacement")
+            if units != self.units
+            else self.way
+        )
+        load = (
+            self.load * self.units.factor_to(units, "force") if units != self.units else self.load
+        )
+        return Tidied(
+            self.file, self.kind, self.pad, name, units, self.time, way, load, start, self.signs,
+            self.contact, self.zero, self.sampling, self.dropped, self.findings,
+        )  # fmt: skip
+
+
+def _of_file(
+    file: Path,
+    kind: type[AbstractFormat],
+    recordings: Sequence[Recording],
+    pad: str,
+    answers: Answers,
+) -> list[_Stage]:
+    """The usable tests of a file; a later one that begins in contact has the zero of the first."""
+    stages: list[_Stage] = []
+    unusable = 0
+    for recording in recordings:
+        if _is_still(recording):
+            unusable += len(recording.time.values)
+            continue
+        before = next((s for s in reversed(stages) if s.contact is not None), None)
+        stages.append(_stage(file, kind, recording, pad, answers, before))
+    if unusable and stages:
+        dropped = {**stages[0].dropped, "rows of parts in which nothing moves": unusable}
+        stages[0] = replace(stages[0], dropped=dropped)
+    if not stages:
+        raise InputError(
+            f"no test of {LEAST_SAMPLES} rows or more in which displacement and force change",
+            file=file,
+            remedy="check the channels or export it again",
+        )
+    return stages
+
+
+def _is_still(recording: Recording) -> bool:
+    columns = (recording.way.values, recording.load.values)
+    return len(recording.time.values) < LEAST_SAMPLES or any(
+        np.ptp(column) == 0.0 for column in columns
+    )
+
+
+def _stage(
+    file: Path,
+    kind: type[AbstractFormat],
+    recording: Recording,
+    pad: str,
+    answers: Answers,
+    before: _Stage | None,
+) -> _Stage:
+    units, columns, said = _in_units(file, recording, answers)
+    dropped = dict(recording.dropped)
+    time, way, load, sampling = _in_order(file, columns, dropped)
+    signs = _signs(file, way, load, answers)
+    way, load = way * signs.way, load * signs.load
+    if wrong := () if units.dimensionless else wrong_signs(way, load):
+        what = f"the specimen is pressed with {joined([*wrong])} negative"
+        if answers.sign is None:
+            raise _unsure_of_sign(file, what)
+        remedy = "leave --sign out"
+        raise InputError(f"with --sign {answers.sign} {what}", file=file, remedy=remedy)
+    contact = None if units.dimensionless else find_contact(way, load)
+    place, of_force, told = _zero(file, way, load, signs, units, contact, before, answers)
+    way, load = way - place, load - of_force
+    first = 0 if contact is None else int(np.searchsorted(time, time[contact.rows] - LEAD))
+    if len(time) - first < LEAST_SAMPLES:
+        remedy = "export the whole test"
+        raise InputError(f"only {len(time) - first} rows are left", file=file, remedy=remedy)
+    if first:
+        dropped[f"rows of the approach, more than {LEAD:g} s before contact"] = first
+    findings = (
+        f"units {said}",
+        _sign_told(signs, recording, answers),
+        told,
+        sampling.told() + _clocks_told(recording, sampling),
+    )
+    begin = float(time[first])
+    own = contact if contact is not None or before is None else before.contact
+    return _Stage(
+        file, kind, pad, recording, units, time[first:] - begin, way[first:], load[first:], signs,
+        own, place, sampling, dropped, findings, begin,
+    )  # fmt: skip
+
+
+def _in_units(
+    file: Path, recording: Recording, answers: Answers
+) -> tuple[UnitSystem, list[Floats], str]:
+    """Columns in tidy units: time, way, load and, if it is there, the load's own clock."""
+    given = answers.units or (None, None, None)
+    channels = [recording.time, recording.way, recording.load]
+    units = [_unit(file, channel, said) for channel, said in zip(channels, given, strict=True)]
+    columns = [
+        c.values * u.factor if u.factor != 1.0 else c.values
+        for c, u in zip(channels, units, strict=True)
+    ]
+    clock = {"s": 1.0, "ms": 1e-3, "min": 60.0}
+    columns[0] = columns[0] * clock[units[0].tidy]
+    if recording.load_time is not None:
+        own = _unit(file, recording.load_time, given[0])
+        columns.append(recording.load_time.values * own.factor * clock[own.tidy])
+    way, load, columns[2] = _with_area(file, units[1], units[2], columns[2], answers.area)
+    told = ", ".join(f"{c.name} in {_written(u, c)}" for c, u in zip(channels, units, strict=True))
+    system = unit_system(way.tidy or STRAIN.displacement, load.tidy)
+    return system, columns, f"{told}; written as {way.tidy or '1'} and {load.tidy}"
+
+
+def _written(unit: Unit, channel: Channel) -> str:
+    return channel.unit or f"{unit.tidy or '1'} (as said)"
+
+
+def _unit(file: Path, channel: Channel, said: str | None) -> Unit:
+    """The unit of a channel, as the file or the user says it; both must agree."""
+    alternatives = {"displacement": ("displacement", "strain"), "force": ("force", "stress")}
+    quantities = alternatives.get(channel.quantity, (channel.quantity,))
+    for text in (channel.unit, said):
+        found = [unit_of(text, quantity) for quantity in quantities] if text else []
+        unit = next((unit for unit in found if unit is not None), None)
+        if unit is None:
+            continue
+        if text is channel.unit and said is not None:
+            others = [unit_of(said, quantity) for quantity in quantities]
+            if unit not in others:
+                raise InputError(
+                    f"'{channel.name}' is in {channel.unit}, and --units says {said}",
+                    file=file,
+                    remedy="leave --units out",
+                )
+        return unit
+    written = f"the unit '{channel.unit}'" if channel.unit else "no unit"
+    raise UnsureError(
+        f"the column '{channel.name}' ({channel.quantity}) has {written}",
+        file=file,
+        option="units",
+        question="units of time, displacement and force, as s,mm,N",
+        say="s,mm,N",
+    )
+
+
+def _with_area(
+    file: Path, way: Unit, load: Unit, values: Floats, area: float | None
+) -> tuple[Unit, Unit, Floats]:
+    """Stress beside strain, force beside displacement: by the area where the file mixes them."""
+    strained, stressed = way.quantity == "strain", load.quantity == "stress"
+    if strained == stressed:
+        return way, load, values
+    if area is None:
+        wanted = "stress" if strained else "force"
+        raise UnsureError(
+            f"the file has {way.quantity} and {load.quantity}, and no area to make {wanted} of it",
+            file=file,
+            option="area",
+            question="area of the specimen in mm2",
+            say="MM2",
+        )
+    newtons = {"N": 1.0, "mN": 1e-3, "uN": 1e-6, "nN": 1e-9}
+    megapascals = {"MPa": 1.0, "kPa": 1e-3, "Pa": 1e-6}  # 1 MPa is 1 N/mm2
+    if strained:
+        return way, Unit("stress", "kPa"), values * (1e3 * newtons[load.tidy] / area)
+    return way, Unit("force", "N"), values * (megapascals[load.tidy] * area)
+
+
+def _in_order(
+    file: Path, columns: list[Floats], dropped: dict[str, int]
+) -> tuple[Floats, Floats, Floats, Sampling]:
+    time, way, load, *own = columns
+    try:
+        if own:
+            way, kept, lag = on_one_clock(time, way, own[0], dropped)
+            return own[0][kept], way, load[kept], sampling_of(own[0][kept], lag)
+        time, (way, load) = rising(time, [way, load], dropped)
+    except ClockError as error:
+        remedy = "sort the rows, or export with more decimals of time"
+        raise InputError(str(error), file=file, remedy=remedy) from error
+    return time, way, load, sampling_of(time)
+
+
+def _signs(file: Path, way: Floats, load: Floats, answers: Answers) -> Signs:
+    found = find_signs(way, load)
+    if answers.sign is not None:
+        of_way, of_load = SIGNS[answers.sign]
+        return replace(found, way=of_way, load=of_load, doubt="")
+    if found.doubt:
+        raise _unsure_of_sign(file, found.doubt)
+    return found
+
+
+def _unsure_of_sign(file: Path, doubt: str) -> UnsureError:
+    return UnsureError(
+        f"which way presses cannot be told: {doubt}",
+        file=file,
+        option="sign",
+        question="which columns are to be turned over so that pressing is positive "
+        f"({', '.join(SIGNS)})",
+        say="|".join(SIGNS),
+    )
+
+
+def _sign_told(signs: Signs, recording: Recording, answers: Answers) -> str:
+    turned = [
+        channel.name
+        for channel, factor in ((recording.way, signs.way), (recording.load, signs.load))
+        if factor < 0
+    ]
+    what = f"turned over: {' and '.join(turned)}" if turned else "kept as written"
+    if answers.sign is not None:
+        return f"sign {what}, as said"
+    return (
+        f"sign {what} (the peak force lies {signs.travel:.0%} of the travel from the start, and "
+        f"is {min(signs.swing, 999.0):.3g} times the swing to the other side; a pull looks alike)"
+    )
+
+
+def _zero(
+    file: Path,
+    way: Floats,
+    load: Floats,
+    signs: Signs,
+    units: UnitSystem,
+    contact: Contact | None,
+    before: _Stage | None,
+    answers: Answers,
+) -> tuple[float, float, str]:
+    """What is taken off displacement and force, and how that is told."""
+    length, force = units.displacement, units.force
+    if answers.contact == FILE:
+        return 0.0, 0.0, "contact at the file's own zero, as said"
+    if answers.contact is not None:
+        place = signs.way * float(answers.contact)
+        return place, 0.0, f"contact at {float(answers.contact):.6g} {length}, as said"
+    if units.dimensionless:
+        return 0.0, 0.0, "strain has the file's own zero: a fixed specimen has no contact"
+    if contact is not None:
+        return _at_contact(contact, signs, length, force)
+    if before is not None:
+        return before.zero, 0.0, (
+            f"contact at {signs.way * before.zero:.6g} {length}, the zero of the file's test "
+            "before: this one begins in contact"
+        )  # fmt: skip
+    return _at_start(file, way, load, signs, units)
+
+
+def _at_contact(
+    contact: Contact, signs: Signs, length: str, force: str
+) -> tuple[float, float, str]:
+    offset = contact.force if abs(contact.force) > _AGREES * contact.force_sd else 0.0
+    off = (
+        f"taken off the force: {contact.force:.3g} +- {contact.force_sd:.1g} {force} before contact"
+    )
+    told = f"; {off}" if offset else ""
+    if abs(contact.place) <= _AGREES * contact.sd:
+        return 0.0, offset, (
+            f"contact {signs.way * contact.place:.4g} +- {contact.sd:.2g} {length} agrees with the "
+            f"file's zero, which is kept{told}"
+        )  # fmt: skip
+    return contact.place, offset, (
+        f"contact at {signs.way * contact.place:.6g} +- {contact.sd:.2g} {length} of the file, "
+        f"where the force begins to rise; that is the new zero{told}"
+    )  # fmt: skip
+
+
+def _at_start(
+    file: Path, way: Floats, load: Floats, signs: Signs, units: UnitSystem
+) -> tuple[float, float, str]:
+    """The zero of a test that begins in contact: its first row, if that touches with no force."""
+    peak = float(load.max())
+    few = load[: max(1, min(5, len(load) // 100))]
+    first = float(np.median(few))
+    share = abs(first) / peak if peak > 0.0 else 1.0
+    if share > _REST:
+        raise UnsureError(
+            f"the test begins in contact, with {signs.load * first:.3g} {units.force} "
+            f"({share:.1%} of the peak force): where the specimen is first touched is not in it",
+            file=file,
+            option="contact",
+            question=f"displacement at first contact in {units.displacement}, before it is set to "
+            f"zero, or '{FILE}' for its own zero",
+            say="VALUE, or --contact file for the file's own zero",
+        )
+    place = float(way[0])
+    near = abs(place) <= _REST * float(np.ptp(way))
+    where = "the file's own zero" if near else f"the first row, {signs.way * place:.6g}"
+    # the force of the first row over the mean stiffness bounds how far contact may lie above
+    reach = abs(first) / peak * float(way[int(np.argmax(load))] - place)
+    return (0.0 if near else place), 0.0, (
+        f"contact at {where} {units.displacement}: there is no approach, and the first row has "
+        f"{share:.2%} of the peak force (it may lie {reach:.2g} {units.displacement} higher)"
+    )  # fmt: skip
+
+
+def _clocks_told(recording: Recording, sampling: Sampling) -> str:
+    if recording.load_time is None or sampling.lag is None:
+        return ""
+    return (
+        f"; two clocks: {recording.load_time.name} of the force runs "
+        f"{sampling.lag * 1e3:.4g} ms behind {recording.time.name} row by row; the displacement "
+        "is brought to the force's times"
+    )
+
+
+def _clocks(stages: Sequence[_Stage]) -> list[float | None]:
+    """The pad's clock at the first row of each test, where all tests of a pad tell their date."""
+    starts: list[float | None] = []
+    for stage in stages:
+        of_pad = [other for other in stages if other.pad == stage.pad]
+        began = [other.began for other in of_pad]
+        known = [date for date in began if date is not None]
+        whole = len(known) == len(of_pad) > 1 and _in_turn(of_pad, known)
+        starts.append(stage.began - known[0] if whole and stage.began is not None else None)
+    return starts
+
+
+def _in_turn(stages: Sequence[_Stage], began: Sequence[float]) -> bool:
+    """Whether each test begins after the one before has ended, to the second that dates have."""
+    ends = [date + float(stage.time[-1]) for date, stage in zip(began, stages, strict=True)]
+    return all(after >= end - 1.0 for end, after in zip(ends, began[1:], strict=False))

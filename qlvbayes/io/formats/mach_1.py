@@ -1,0 +1,75 @@
+"""Biomomentum Mach-1: blocks of information and of data, one pair a function; gram-force."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import ClassVar
+
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.formats.format import AbstractFormat, Recording, Sight
+from qlvbayes.io.formats.textfile import cells_of, content, decoded
+from qlvbayes.io.formats.texttable import in_cells, seconds_of, table
+
+_BLOCK = re.compile(rb"<INFO>(.*?)<END INFO>.*?<DATA>[ \t]*\n(.*?)(?:<END DATA>|\Z)", re.DOTALL)
+_LEAST = 10  # lines, below which a block cannot be a test
+_STRUCTURE = re.compile(rb"^<[^>\n]*>[^\n]*\n", re.MULTILINE)
+
+
+class MachOne(AbstractFormat):
+    """``<INFO>`` and ``<DATA>`` blocks: every function that moved is a test.
+
+    Position grows downwards, force is negative in compression.
+    """
+
+    name: ClassVar[str] = "mach-1"
+    machine: ClassVar[str] = "Biomomentum Mach-1 (text)"
+    marks: ClassVar[str] = "a first line <Mach-1 File>, and a block <INFO>"
+    reads: ClassVar[str] = "Time, s; Position (z), mm; Fz, gf or N, of every <DATA> block (a test)"
+    reference: ClassVar[str] = "Mach-1 Motion user manual, data files"
+
+    @staticmethod
+    def sniff(head: bytes) -> Sight:
+        """Its first line and its first block."""
+        text = decoded(head)
+        return Sight.of(
+            {
+                "a first line <Mach-1 File>": text.lstrip().startswith("<Mach-1 File>"),
+                "a block <INFO>": "<INFO>" in text,
+            }
+        )
+
+    @staticmethod
+    def read(path: Path) -> tuple[Recording, ...]:
+        """One test a block; blocks of a few lines, or without force, are left out."""
+        data = content(path)
+        blocks = [match.groups() for match in _BLOCK.finditer(data)]
+        long = [(info, rows) for info, rows in blocks if rows.count(b"\n") > _LEAST]
+        if not long:
+            remedy = "export the file again, with its data"
+            raise InputError("there is no block <DATA> with rows", file=path, remedy=remedy)
+        return tuple(
+            _test(info, rows, path, len(long) > 1, k) for k, (info, rows) in enumerate(long, 1)
+        )
+
+
+def _test(info: bytes, rows: bytes, path: Path, several: bool, number: int) -> Recording:
+    header, _, rest = rows.partition(b"\n")
+    columns = in_cells(cells_of(header.decode("utf-8", "replace"), "\t"))
+    said = dict(_pairs(info))
+    began = seconds_of(f"{said.get('Date', '')} {said.get('Time', '')}".split(".")[0])
+    name = _function(info)
+    told = f"{number} {name}".strip() if several else name
+    plain = _STRUCTURE.sub(b"", rest)  # marks between the parts of one function
+    return table(columns, plain, "\t", path, 0, name=told, began=began)
+
+
+def _pairs(info: bytes) -> list[tuple[str, str]]:
+    lines = info.decode("utf-8", "replace").split("\n")
+    return [(k.strip(" :"), v.strip()) for k, _, v in (line.partition("\t") for line in lines) if v]
+
+
+def _function(info: bytes) -> str:
+    """Name of the function that moved the stage: '<Stress Relaxation>' in the information."""
+    names = re.findall(r"<([^>/]+)>", info.decode("utf-8", "replace"))
+    return next((name for name in names if not name.startswith("END")), "")

@@ -1,0 +1,102 @@
+"""Units as machines write them, and the tidy unit that each becomes."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.units import SUFFIXES
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit: what it measures, the tidy unit that its values become, and by which factor."""
+
+    quantity: str
+    tidy: str
+    factor: float = 1.0
+
+
+STANDARD_GRAVITY = 9.80665  # m/s2, exact by definition (CGPM 1901): N in one kgf
+_POUND = 4.4482216152605  # N, exact: 0.45359237 kg under standard gravity
+_INCH = 25.4  # mm, exact
+
+_SPELLED: dict[str, dict[str, tuple[str, ...]]] = {
+    "time": {"s": ("sec", "secs", "second", "seconds", "sek"), "ms": ("msec",), "min": ()},
+    "displacement": {
+        "mm": ("millimeter", "millimetre"),
+        "um": ("micron", "microns", "micrometer"),
+        "nm": (),
+        "m": ("meter", "metre"),
+    },
+    "force": {"N": ("newton", "newtons"), "mN": (), "uN": (), "nN": ()},
+    "strain": {"": ("mm/mm", "m/m", "1", "-", "strain")},
+    "stress": {"kPa": (), "MPa": ("n/mm2", "n/mm^2"), "Pa": ("n/m2", "n/m^2")},
+}
+_FURTHER = {
+    "h": Unit("time", "s", 3600.0),
+    "us": Unit("time", "s", 1e-6),
+    "cm": Unit("displacement", "mm", 10.0),
+    "in": Unit("displacement", "mm", _INCH),
+    "inch": Unit("displacement", "mm", _INCH),
+    "kN": Unit("force", "N", 1e3),
+    "pN": Unit("force", "nN", 1e-3),
+    "gf": Unit("force", "N", 1e-3 * STANDARD_GRAVITY),
+    "g": Unit("force", "N", 1e-3 * STANDARD_GRAVITY),
+    "kgf": Unit("force", "N", STANDARD_GRAVITY),
+    "lbf": Unit("force", "N", _POUND),
+    "%": Unit("strain", "", 0.01),
+    "GPa": Unit("stress", "MPa", 1e3),
+    "psi": Unit("stress", "kPa", 1e-3 * _POUND / (_INCH * 1e-3) ** 2),
+}
+
+
+def _table() -> dict[str, Unit]:
+    found = dict(_FURTHER)
+    for quantity, units in _SPELLED.items():
+        for tidy, others in units.items():
+            found |= dict.fromkeys((tidy, *others) if tidy else others, Unit(quantity, tidy))
+    return found
+
+
+_KNOWN = _table()
+_BY_LOWER: dict[str, list[str]] = {}
+for _name in _KNOWN:
+    _BY_LOWER.setdefault(_name.lower(), []).append(_name)
+
+
+def unit_of(text: str, quantity: str) -> Unit | None:
+    """The unit that a text means for a quantity, or None: '(µN)' is uN of a force.
+
+    Capitals count only where two units differ by nothing else.
+    """
+    plain = re.sub("[µμ]", "u", text.strip(" ()[]'\"")).replace("²", "2")
+    exact = _KNOWN.get(plain)
+    if exact is not None and exact.quantity == quantity:
+        return exact
+    alike = [_KNOWN[name] for name in _BY_LOWER.get(plain.lower(), ())]
+    meant = {unit for unit in alike if unit.quantity == quantity}
+    return meant.pop() if len(meant) == 1 else None
+
+
+def named_units(text: str) -> tuple[str, str, str]:
+    """``s,mm,N`` as the units of time, displacement (or strain) and force (or stress).
+
+    Raises InputError where one is unknown.
+    """
+    parts = [part.strip() for part in text.split(",")]
+    remedy = "write for example s,mm,N or s,%,kPa: of time, displacement or strain, force or stress"
+    if len(parts) != 3:
+        raise InputError(f"--units {text!r} are not three units", remedy=remedy)
+    for part, quantities in zip(parts, QUANTITIES, strict=True):
+        if all(unit_of(part, quantity) is None for quantity in quantities):
+            known = ", ".join(SUFFIXES[quantities[0]])
+            raise InputError(
+                f"--units: {part!r} is no unit of {' or '.join(quantities)}",
+                remedy=f"{remedy}; known are {known} and others",
+            )
+    return parts[0], parts[1], parts[2]
+
+
+QUANTITIES = (("time",), ("displacement", "strain"), ("force", "stress"))

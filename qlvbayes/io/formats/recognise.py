@@ -1,0 +1,100 @@
+"""Of which layout a file is, from its first bytes; the nearest where it is of none."""
+
+from __future__ import annotations
+
+import gzip
+import re
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.formats.format import HEAD, AbstractFormat, Sight
+from qlvbayes.io.wording import joined
+
+_NEAR = 0.5  # share of its marks that a layout must show to be called near
+
+
+def head_of(path: Path) -> bytes:
+    """The first bytes of a file, gzip undone; InputError where it cannot be read."""
+    try:
+        with path.open("rb") as stream:
+            zipped = stream.read(2) == b"\x1f\x8b"
+        if not zipped:
+            with path.open("rb") as stream:
+                return stream.read(HEAD)
+        with gzip.open(path, "rb") as stream:
+            return stream.read(HEAD)
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+        remedy = "copy or compress it again"
+        raise InputError(
+            "the gzip data are cut off or damaged", file=path, remedy=remedy
+        ) from error
+    except IsADirectoryError as error:
+        raise InputError("this is a folder", file=path, remedy="name the files in it") from error
+    except FileNotFoundError as error:
+        raise InputError("no such file", file=path, remedy="check the path") from error
+    except OSError as error:
+        remedy = "check its permissions"
+        raise InputError(f"cannot be read ({error.strerror})", file=path, remedy=remedy) from error
+
+
+def matching(
+    head: bytes, kinds: Sequence[type[AbstractFormat]]
+) -> tuple[list[type[AbstractFormat]], type[AbstractFormat] | None, Sight]:
+    """The formats whose marks are all there; the nearest of the others, and what it shows."""
+    sights = {kind: kind.sniff(head) for kind in kinds}
+    whole = [kind for kind, sight in sights.items() if sight.whole]
+    others = [kind for kind in kinds if kind not in whole and sights[kind].share >= _NEAR]
+    nearest = max(others, key=lambda kind: sights[kind].share, default=None)
+    return whole, nearest, Sight((), ()) if nearest is None else sights[nearest]
+
+
+def recognised(path: Path, kinds: Sequence[type[AbstractFormat]]) -> type[AbstractFormat]:
+    """The one format of a file.
+
+    Raises
+    ------
+    InputError
+        None fits, with the nearest and what it lacks; or several do.
+    """
+    head = head_of(path)
+    if not head.strip(b"\0 \t\r\n"):
+        raise InputError("the file is empty", file=path, remedy="export the measurements again")
+    whole, nearest, sight = matching(head, kinds)
+    if len(whole) == 1:
+        return whole[0]
+    if _is_tidy(head):
+        raise InputError(
+            "the file is tidy already", file=path, remedy="give it to fit, diagnose or study"
+        )
+    if whole:
+        names = joined([kind.name for kind in whole])
+        raise InputError(
+            f"the layouts {names} all fit", file=path, remedy="export it in another way"
+        )
+    if nearest is None:
+        raise InputError(
+            "no known layout",
+            file=path,
+            remedy="export CSV with time_s, displacement_mm, force_N, or describe the layout with "
+            "--formats-file",
+        )
+    raise InputError(
+        f"no known layout; the nearest is {nearest.name}, which shows {joined(list(sight.found))} "
+        f"but not {joined(list(sight.missing))}",
+        file=path,
+        remedy="export it again, or describe the layout with --formats-file",
+    )
+
+
+_MEASURED = (("displacement", "force"), ("strain", "stress"))
+
+
+def _is_tidy(head: bytes) -> bool:
+    """Whether the first line names the columns of a tidy file, as in ``time_s``."""
+    first = head.partition(b"\n")[0].decode("utf-8-sig", "replace")
+    columns = {name.strip(' "').partition("_")[0] for name in re.split("[,;\t]", first)}
+    return "time" in columns and (
+        {"displacement", "force"} <= columns or {"strain", "stress"} <= columns
+    )

@@ -1,0 +1,109 @@
+"""The rows of a recording in order on one clock, and how it was sampled."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from qlvbayes.io.formats.format import Floats
+
+_REPEATED = 0.2  # share of rows with the time of the row above, from which on a clock is too coarse
+_UNEVEN = 1.5  # the 95th over the 5th percentile of the steps
+_GAP = 1.5  # steps, from which on samples are missing in an even record
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """How a test was sampled: rows, median step (s), its 5th and 95th percentile, samples missing.
+
+    ``lag`` is by how much the force's clock is behind the displacement's at the same row (s), where
+    there are two.
+    """
+
+    rows: int
+    step: float
+    low: float
+    high: float
+    missing: int
+    lag: float | None = None
+
+    @property
+    def even(self) -> bool:
+        """Whether all steps are about the same."""
+        return self.high < _UNEVEN * self.low
+
+    def told(self) -> str:
+        """In one line."""
+        steps = f"{self.step:.4g} s a row" if self.even else (
+            f"uneven, {self.low:.3g} to {self.high:.3g} s a row"
+        )  # fmt: skip
+        missing = f", {self.missing} samples missing in gaps" if self.missing else ""
+        return f"{self.rows} rows, {steps}{missing}"
+
+
+def sampling_of(time: Floats, lag: float | None = None) -> Sampling:
+    """Steps of a clock that rises."""
+    steps = np.diff(time)
+    step = float(np.median(steps))
+    low, high = (float(x) for x in np.percentile(steps, (5, 95)))
+    gaps = steps[steps > _GAP * step] if high < _UNEVEN * low else steps[:0]
+    missing = int(np.sum(np.round(gaps / step) - 1.0))
+    return Sampling(len(time), step, low, high, missing, lag)
+
+
+class ClockError(ValueError):
+    """A clock that cannot be put in order; the text says what it does."""
+
+
+def rising(
+    time: Floats, columns: list[Floats], dropped: dict[str, int]
+) -> tuple[Floats, list[Floats]]:
+    """Without the rows whose time is that of the row above, which are counted.
+
+    Raises
+    ------
+    ClockError
+        Time falls, or repeats so often that it is too coarse.
+    """
+    steps = np.diff(time)
+    if (steps < 0).any():
+        row = int(np.argmax(steps < 0)) + 1
+        raise ClockError(
+            f"time falls from {time[row - 1]:.6g} to {time[row]:.6g} s at row {row + 1}"
+        )
+    same = np.append(False, steps == 0)
+    count = int(np.count_nonzero(same))
+    if count > _REPEATED * len(time):
+        raise ClockError(f"{count} of {len(time)} rows have the time of the row above")
+    if not count:
+        return time, columns
+    dropped["rows with the time of the row above"] = count
+    return time[~same], [column[~same] for column in columns]
+
+
+def on_one_clock(
+    time: Floats, way: Floats, load_time: Floats, dropped: dict[str, int]
+) -> tuple[Floats, slice, float]:
+    """Displacement at the force's times, the rows of these that it covers, and the median lag.
+
+    Displacement is what is interpolated: it is smooth, and the force keeps its noise.
+
+    Raises
+    ------
+    ClockError
+        The clocks do not overlap, or one of them falls.
+    """
+    if (np.diff(time) <= 0).any() or (np.diff(load_time) <= 0).any():
+        raise ClockError("one of the two clocks does not rise")
+    inside = np.flatnonzero((load_time >= time[0]) & (load_time <= time[-1]))
+    if 2 * len(inside) < len(load_time):
+        raise ClockError(
+            f"the two clocks do not overlap ({time[0]:.6g} to {time[-1]:.6g} s, "
+            f"{load_time[0]:.6g} to {load_time[-1]:.6g} s)"
+        )
+    kept = slice(int(inside[0]), int(inside[-1]) + 1)
+    lost = len(load_time) - len(inside)
+    if lost:
+        dropped["rows of the force outside the displacement's clock"] = lost
+    return np.interp(load_time[kept], time, way), kept, float(np.median(load_time - time))

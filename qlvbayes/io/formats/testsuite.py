@@ -1,0 +1,74 @@
+"""MTS TestSuite: four lines that name the test, then names and units in two rows."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import ClassVar
+
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.formats.format import AbstractFormat, Recording, Sight
+from qlvbayes.io.formats.textfile import Lines, cells_of, content, decoded, separator_of
+from qlvbayes.io.formats.texttable import are_units, in_two_rows, seconds_of, table
+
+
+class TestSuite(AbstractFormat):
+    """With a byte order mark; forces often in kN; compression is negative in both columns."""
+
+    __test__: ClassVar[bool] = False  # not one of pytest's
+    name: ClassVar[str] = "testsuite"
+    machine: ClassVar[str] = "MTS TestSuite (data acquisition as CSV or text)"
+    marks: ClassVar[str] = "lines 'Test Run:' and 'Date:', and a row of units without parentheses"
+    reads: ClassVar[str] = "(Running) Time, (Axial) Displacement, (Axial) Force; run name and date"
+    reference: ClassVar[str] = "MTS TestSuite, exported raw data"
+
+    @staticmethod
+    def sniff(head: bytes) -> Sight:
+        """What names the run, and the row of units."""
+        lines = Lines.of(decoded(head).encode())
+        said = _said(lines)
+        return Sight.of(
+            {
+                "a line 'Test Run:'": "test run" in said,
+                "a line 'Date:'": "date" in said,
+                "a row of units below the names": _header(lines) is not None,
+            }
+        )
+
+    @staticmethod
+    def read(path: Path) -> tuple[Recording, ...]:
+        """One test a file."""
+        data = content(path)
+        lines = Lines.of(data)
+        header = _header(lines)
+        if header is None:
+            raise InputError("no row of units", file=path, remedy="export the raw data again")
+        separator = separator_of(lines.texts[header])
+        names = cells_of(lines.texts[header], separator)
+        units = cells_of(lines.texts[header + 1], separator)
+        said = _said(lines)
+        return (
+            table(
+                in_two_rows(names, units), data[lines.starts[header + 2] :], separator, path,
+                header, name=said.get("test run", ""), began=seconds_of(said.get("date", "")),
+            ),
+        )  # fmt: skip
+
+
+def _said(lines: Lines) -> dict[str, str]:
+    """Test, run and date, from the lines that tell them."""
+    found = {}
+    for text in lines.texts:
+        plain = text.strip().strip('"')
+        if match := re.match(r"(File Path|Test Run|Test|Date)(?: Name)?\s*:[\s\",;]*(.*)", plain):
+            found[match[1].lower()] = match[2].strip(' "')
+    return found
+
+
+def _header(lines: Lines) -> int | None:
+    """The row of names: the one above a row of units."""
+    for number, cells in lines.cells():
+        bare = [cell for cell in cells if cell]
+        if number and len(bare) > 2 and are_units(bare) and not any("(" in c for c in bare):
+            return number - 1
+    return None

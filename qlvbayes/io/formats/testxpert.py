@@ -1,0 +1,79 @@
+"""ZwickRoell testXpert as text: localised names, rows from before the approach, uneven sampling."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import ClassVar
+
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.formats.columns import plain_name, quantities
+from qlvbayes.io.formats.format import AbstractFormat, Recording, Sight
+from qlvbayes.io.formats.textfile import Lines, cells_of, content, decoded, separator_of
+from qlvbayes.io.formats.texttable import are_units, in_cells, in_two_rows, seconds_of, table
+
+OWN_WORDS = ("standardkraft", "standard force", "force standard", "fuerza estandar")
+"""testXpert's names of the force, without accents."""
+
+
+class TestXpert(AbstractFormat):
+    """Key and value pairs, then names with units in the row below or in brackets."""
+
+    __test__: ClassVar[bool] = False  # not one of pytest's
+    name: ClassVar[str] = "testxpert"
+    machine: ClassVar[str] = "ZwickRoell, testXpert II and III (text: .txt, .tra, .csv)"
+    marks: ClassVar[str] = "testXpert's own names (Standardkraft, Standard force) beside a time"
+    reads: ClassVar[str] = "Prüfzeit or Test time, Standardweg or Standard travel, Standardkraft"
+    reference: ClassVar[str] = "testXpert, export of curves"
+
+    @staticmethod
+    def sniff(head: bytes) -> Sight:
+        """Its name of the force in a row with a time, and units."""
+        lines = Lines.of(decoded(head).encode())
+        header = names_row([cells for _, cells in lines.cells()])
+        return Sight.of(
+            {
+                "a row of names with Standardkraft or Standard force and a time": header >= 0,
+                "units in brackets or in the row below": header >= 0
+                and bool(_units(lines, header)),
+            }
+        )
+
+    @staticmethod
+    def read(path: Path) -> tuple[Recording, ...]:
+        """One test a file."""
+        data = content(path)
+        lines = Lines.of(data)
+        header = names_row([cells for _, cells in lines.cells()])
+        kind = _units(lines, header) if header >= 0 else ""
+        if not kind:
+            remedy = "export the curves again"
+            raise InputError("no row of names with units", file=path, remedy=remedy)
+        separator = separator_of(lines.texts[header])
+        names = cells_of(lines.texts[header], separator)
+        below = cells_of(lines.texts[header + 1], separator)
+        columns = in_cells(names) if kind == "beside" else in_two_rows(names, below)
+        first = header + 1 + (kind == "below")
+        dates = [seconds_of(cell) for _, cells in lines.cells() for cell in cells if ":" in cell]
+        began = next((date for date in dates if date is not None), None)
+        rows = data[lines.starts[first] :]
+        return (table(columns, rows, separator, path, header, began=began),)
+
+
+def names_row(rows: Sequence[Sequence[str]]) -> int:
+    """Which row names columns in testXpert's words; -1 where none does."""
+    for number, cells in enumerate(rows):
+        columns = in_cells(cells)
+        own = any(plain_name(column.name) in OWN_WORDS for column in columns)
+        if own and "time" in quantities(columns):
+            return number
+    return -1
+
+
+def _units(lines: Lines, header: int) -> str:
+    """Where the units stand: 'beside' the names, 'below' them, or nowhere."""
+    separator = separator_of(lines.texts[header])
+    if all(column.unit for column in in_cells(cells_of(lines.texts[header], separator))):
+        return "beside"
+    below = lines.texts[header + 1] if header + 1 < len(lines.texts) else ""
+    return "below" if are_units(cells_of(below, separator)) else ""

@@ -1,0 +1,94 @@
+"""ZwickRoell testXpert as an Excel workbook, by openpyxl: a sheet a specimen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.formats.columns import chosen, plain_name, recording
+from qlvbayes.io.formats.format import AbstractFormat, Floats, Recording, Sight
+from qlvbayes.io.formats.namedarrays import damaged, needed
+from qlvbayes.io.formats.testxpert import names_row
+from qlvbayes.io.formats.texttable import in_cells, in_two_rows
+
+_HEADER_ROWS = 60  # of a sheet, among which the names stand
+_MEAN = ("mean", "mittelwert", "moyenne", "media", "average")
+_LEAST = 10  # rows, below which a sheet holds results and no curve
+
+
+class TestXpertExcel(AbstractFormat):
+    """Localised names in one row, units in the next; the mean specimen's sheet is no test."""
+
+    __test__: ClassVar[bool] = False  # not one of pytest's
+    name: ClassVar[str] = "testxpert-excel"
+    machine: ClassVar[str] = "ZwickRoell, testXpert II and III (Excel; needs openpyxl)"
+    marks: ClassVar[str] = "an Excel workbook (.xlsx); a sheet with testXpert's own names"
+    reads: ClassVar[str] = "every specimen's sheet (a test each), without the mean specimen's"
+    reference: ClassVar[str] = "testXpert, export to Excel; ECMA-376"
+
+    @staticmethod
+    def sniff(head: bytes) -> Sight:
+        """A zip that holds a workbook."""
+        return Sight.of(
+            {
+                "a zip archive": head.startswith(b"PK\x03\x04"),
+                "an Excel workbook in it": b"[Content_Types].xml" in head or b"xl/work" in head,
+            }
+        )
+
+    @staticmethod
+    def read(path: Path) -> tuple[Recording, ...]:
+        """One test a sheet."""
+        openpyxl = needed("openpyxl", "openpyxl", path)
+        try:
+            book = openpyxl.load_workbook(path, read_only=True, data_only=True)
+            sheets = {sheet.title: list(sheet.iter_rows(values_only=True)) for sheet in book}
+            book.close()
+        except Exception as error:  # a cut zip ends in any error of its reader
+            raise damaged(path, error) from error
+        tests, means = [], 0
+        for title, rows in sheets.items():
+            header = names_row([_texts(row) for row in rows[:_HEADER_ROWS]])
+            if header < 0 or len(rows) - header < _LEAST:
+                continue
+            if plain_name(title).startswith(_MEAN):
+                means += len(rows) - header - 1
+                continue
+            tests.append(_test(title, rows, header, path))
+        if not tests:
+            raise InputError(
+                f"no sheet has testXpert's names ({', '.join(sheets)[:80]})",
+                file=path,
+                remedy="export the curves from testXpert, or save the sheet as CSV",
+            )
+        if means:
+            dropped = {**tests[0].dropped, "rows of the mean specimen's sheet": means}
+            tests[0] = replace(tests[0], dropped=dropped)
+        return tuple(tests)
+
+
+def _texts(row: Any) -> list[str]:
+    return ["" if cell is None else str(cell) for cell in row]
+
+
+def _test(title: str, rows: list[Any], header: int, path: Path) -> Recording:
+    names, below = _texts(rows[header]), _texts(rows[header + 1])
+    beside = in_cells(names)
+    written = [column for column in beside if column.name]
+    columns = beside if all(c.unit for c in written) else in_two_rows(names, below)
+    picked = chosen(columns, path, header + 1)
+    values = [_numbers(rows[header + 1 :], named.place) for named in picked.values()]
+    good = np.logical_and.reduce([np.isfinite(column) for column in values])
+    units = int(columns is not beside)  # the row of units is none of the lost ones
+    lost = int(np.count_nonzero(~good)) - units
+    dropped = {"rows without numbers": lost} if lost else {}
+    return recording(columns, picked, [column[good] for column in values], dropped, title)
+
+
+def _numbers(rows: list[Any], place: int) -> Floats:
+    cells = [row[place] if place < len(row) else None for row in rows]
+    return np.array([c if isinstance(c, (int, float)) else np.nan for c in cells], dtype=float)

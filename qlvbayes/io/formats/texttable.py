@@ -1,0 +1,71 @@
+"""A recording from a table in a text file: names, units and rows of numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+from qlvbayes.io.formats.columns import Named, chosen, recording, split_header
+from qlvbayes.io.formats.format import Recording
+from qlvbayes.io.formats.machineunits import unit_of
+from qlvbayes.io.formats.textfile import read_rows
+
+_DATES = (
+    "%A, %B %d, %Y %H:%M:%S", "%a, %B %d, %Y %H:%M:%S", "%A, %B %d, %Y %I:%M:%S %p",
+    "%Y-%m-%d %H:%M:%S", "%Y-%m-%dT%H:%M:%S", "%d/%m/%Y %H:%M:%S", "%d.%m.%Y %H:%M:%S",
+    "%m/%d/%Y %I:%M:%S %p",
+)  # fmt: skip
+
+
+def in_cells(cells: Sequence[str]) -> list[Named]:
+    """Columns whose units stand behind their names, in one row."""
+    return [Named(place, *split_header(cell)) for place, cell in enumerate(cells)]
+
+
+def in_two_rows(names: Sequence[str], units: Sequence[str]) -> list[Named]:
+    """Columns whose units stand in the row below their names."""
+    padded = [*units, *[""] * len(names)]
+    return [Named(place, name, padded[place].strip(" ()[]'\"")) for place, name in enumerate(names)]
+
+
+def are_units(cells: Sequence[str]) -> bool:
+    """Whether a row holds units, one of them of time and one of force or stress."""
+    kinds = ("time", "force", "stress")
+    of = {kind: any(unit_of(cell, kind) for cell in cells if cell.strip()) for kind in kinds}
+    return of["time"] and (of["force"] or of["stress"])
+
+
+def table(
+    columns: Sequence[Named],
+    rows: bytes,
+    separator: str,
+    file: Path,
+    line: int,
+    *,
+    name: str = "",
+    began: float | None = None,
+) -> Recording:
+    """Read the columns of time, displacement and force from rows of text; ``line`` is the names'.
+
+    Raises
+    ------
+    InputError
+        A column is not there, or the rows cannot be read.
+    """
+    picked = chosen(columns, file, line + 1)
+    found = read_rows(rows, separator, [named.place for named in picked.values()], file)
+    return recording(columns, picked, found.columns, found.dropped, name, began)
+
+
+def seconds_of(text: str) -> float | None:
+    """A date as seconds since 1970 on the machine's own clock, None where it is unclear.
+
+    Days before months where a slash parts them and no AM or PM is written.
+    """
+    for form in _DATES:
+        try:
+            return datetime.strptime(text.strip(), form).replace(tzinfo=UTC).timestamp()
+        except ValueError:
+            continue
+    return None

@@ -1,0 +1,65 @@
+"""A conversion as one tidy CSV file."""
+
+from __future__ import annotations
+
+import gzip
+import io
+from pathlib import Path
+
+import numpy as np
+
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.files import write_whole
+from qlvbayes.io.formats.conversion import Conversion
+from qlvbayes.io.formats.format import Floats
+from qlvbayes.io.units import column_name
+
+_FINEST = 1e-10  # of the largest value: the last digit written, far below any step of a sensor
+
+
+def write_tidy(conversion: Conversion, path: Path) -> None:
+    """Write all tests, with what was found in comments above them; whole or not at all.
+
+    Raises InputError where the name is no .csv or .csv.gz, OSError where it cannot be written.
+    """
+    if not path.name.lower().endswith((".csv", ".csv.gz")):
+        remedy = "give a name that ends in .csv or .csv.gz"
+        raise InputError("this is no name of a CSV file", file=path, remedy=remedy)
+    text = tidy_text(conversion)
+    write_whole(path, gzip.compress(text, mtime=0) if path.suffix.lower() == ".gz" else text)
+
+
+def tidy_text(conversion: Conversion) -> bytes:
+    """The file's bytes."""
+    units = conversion.units
+    way = column_name(units.displacement_name, "" if units.dimensionless else units.displacement)
+    clocked = any(test.start_s is not None for test in conversion.tests)
+    names = ["pad", "test", *(["start_s"] if clocked else []), "time_s", way]
+    names.append(column_name(units.force_name, units.force))
+    out = io.BytesIO()
+    for line in conversion.notices:
+        out.write(f"# {line}\n".encode())
+    out.write((",".join(names) + "\n").encode())
+    for test in conversion.tests:
+        start = "" if test.start_s is None else f"{test.start_s:.9g}"
+        labels = ",".join([test.pad, test.test, *([start] if clocked else [])])
+        out.write(_rows(labels, [test.time, test.displacement, test.force]))
+    return out.getvalue()
+
+
+def _rows(labels: str, columns: list[Floats]) -> bytes:
+    """Lines of a test; numbers to nine decimals or so, as their size asks."""
+    decimals = [_decimals(column) for column in columns]
+    line = ",".join([labels.replace("%", "%%"), *(f"%.{d}f" for d in decimals)]) + "\n"
+    table = np.stack(columns, axis=1)
+    many = 4096
+    parts = []
+    for start in range(0, len(table), many):
+        block = table[start : start + many]
+        parts.append((line * len(block)) % tuple(block.ravel().tolist()))
+    return "".join(parts).encode()
+
+
+def _decimals(column: Floats) -> int:
+    largest = float(np.abs(column).max())
+    return int(np.clip(-np.floor(np.log10(largest * _FINEST)), 0, 15)) if largest > 0.0 else 1

@@ -1,0 +1,72 @@
+"""Bose (now TA) WinTest: a name ended by a NUL, and a header before every scan."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import ClassVar
+
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.formats.format import AbstractFormat, Recording, Sight
+from qlvbayes.io.formats.textfile import Lines, cells_of, content, decoded, separator_of
+from qlvbayes.io.formats.texttable import in_two_rows, table
+
+
+class WinTest(AbstractFormat):
+    """``"Points","Elapsed Time","Disp","Load",`` and a row of units, again before each scan.
+
+    Every scan is a test; one of fewer than ten rows is a header left over, and dropped.
+    """
+
+    name: ClassVar[str] = "wintest"
+    machine: ClassVar[str] = "Bose or TA ElectroForce, WinTest (text)"
+    marks: ClassVar[str] = "names with 'Elapsed Time', and units with 'Sec' in the row below"
+    reads: ClassVar[str] = "Elapsed Time, Disp, Load of every scan (a test each)"
+    reference: ClassVar[str] = "WinTest, exported data acquisition"
+
+    @staticmethod
+    def sniff(head: bytes) -> Sight:
+        """The names, and WinTest's own unit of time below them."""
+        lines = Lines.of(decoded(head).encode())
+        headers = _headers(lines)
+        return Sight.of(
+            {
+                "names with 'Elapsed Time'": bool(headers),
+                "'Sec' in the row below": any(_units(lines, number) for number in headers),
+            }
+        )
+
+    @staticmethod
+    def read(path: Path) -> tuple[Recording, ...]:
+        """One test a scan."""
+        data = content(path)
+        lines = Lines.of(data)
+        header = next((number for number in _headers(lines) if _units(lines, number)), None)
+        if header is None:
+            raise InputError("no names and units", file=path, remedy="export the file again")
+        text = lines.texts[header]
+        separator = separator_of(text)
+        columns = in_two_rows(cells_of(text, separator), _units(lines, header))
+        scans = data[lines.starts[header] :].split(text.encode() + b"\n")[1:]
+        filled = [scan for scan in scans if scan.count(b"\n") > _LEAST]
+        several = len(filled) > 1
+        return tuple(
+            table(
+                columns, scan.partition(b"\n")[2], separator, path, header,
+                name=f"scan {number}" if several else "",
+            )
+            for number, scan in enumerate(filled, 1)
+        )  # fmt: skip
+
+
+_LEAST = 10  # lines, below which a scan cannot be a test
+
+
+def _headers(lines: Lines) -> list[int]:
+    return [n for n, cells in lines.cells() if "Elapsed Time" in cells[:2] and len(cells) > 2]
+
+
+def _units(lines: Lines, header: int) -> list[str]:
+    """The row of units below the names; empty where there is none."""
+    below = lines.texts[header + 1] if header + 1 < len(lines.texts) else ""
+    cells = cells_of(below, separator_of(lines.texts[header]))
+    return cells if "Sec" in cells else []

@@ -1,0 +1,227 @@
+"""The header line of a measurement file: which column is which quantity, in which unit."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NoReturn
+
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.units import (
+    PAD,
+    SAME,
+    STRAIN,
+    SUFFIXES,
+    Scale,
+    UnitSystem,
+    column_name,
+    unit_system,
+)
+
+LABELS = ("pad", "fluid", "test", "role", "control")
+_OTHER_NAMES = {"group": "fluid"}
+_OPTIONAL = ("force_sd", "stress_sd", "start", "rate")
+# The longer name first: force_sd_N is not force in 'sd_N'.
+_QUANTITIES = sorted(SUFFIXES, key=len, reverse=True)
+_COUNTERPART = {
+    "strain": "displacement",
+    "displacement": "strain",
+    "stress": "force",
+    "force": "stress",
+}
+_OTHER_WORDS = {
+    "time": ("t",),
+    "displacement": ("disp", "position", "depth", "indentation", "stroke", "extension"),
+    "force": ("load", "f"),
+    "strain": ("eps", "epsilon"),
+    "stress": ("sigma",),
+}
+_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column: its place in the row, its name in the file, its unit and what makes it ours.
+
+    Ours is the displacement column's unit for displacement and rate, the force column's for force
+    and its sd, and s for time.
+    """
+
+    index: int
+    name: str
+    suffix: str = ""
+    scale: Scale = SAME
+
+
+@dataclass(frozen=True)
+class Columns:
+    """The columns that are read; `numbers` by time, displacement, force and force_sd."""
+
+    units: UnitSystem
+    numbers: dict[str, Column]
+    labels: dict[str, Column]
+    ignored: tuple[str, ...]
+    width: int
+
+
+def read_columns(names: list[str], file: Path, line: int) -> Columns:
+    """Give every column its quantity and unit.
+
+    Raises
+    ------
+    InputError
+        A quantity is missing, doubled, of unknown unit or of the other system of units.
+    """
+    header = _Header(names, file, line)
+    header.refuse_numbers()
+    found = header.find()
+    units = header.choose_units(found)
+    header.refuse_missing(found, units)
+    numbers = {
+        "time": found["time"],
+        "displacement": found[units.displacement_name],
+        "force": found[units.force_name],
+    }
+    if (measured := f"{units.force_name}_sd") in found:
+        numbers["force_sd"] = found[measured]
+    labels = {key: found[key] for key in (*LABELS, "rate", "start") if key in found}
+    own = _Own(numbers["displacement"].scale, numbers["force"].scale)
+    numbers, labels = own.scaled(numbers), own.scaled(labels)
+    used = {column.index for column in (*numbers.values(), *labels.values())}
+    ignored = tuple(name for i, name in enumerate(names) if i not in used and name)
+    return Columns(_units_of(units, numbers), numbers, labels, ignored, len(names))
+
+
+def _units_of(kind: UnitSystem, numbers: dict[str, Column]) -> UnitSystem:
+    """The units of the file's displacement and force columns."""
+    way = kind.displacement if kind.dimensionless else numbers["displacement"].suffix
+    return unit_system(way, numbers["force"].suffix)
+
+
+@dataclass(frozen=True)
+class _Own:
+    """The ratios of the file's own units of displacement and force to the usual ones."""
+
+    displacement: Scale
+    force: Scale
+
+    def scaled(self, columns: dict[str, Column]) -> dict[str, Column]:
+        """The columns with the ratio of each one's unit to the file's own."""
+        own = dict.fromkeys(("displacement", "rate"), self.displacement)
+        own |= dict.fromkeys(("force", "force_sd"), self.force)
+        return {
+            key: replace(column, scale=column.scale.over(own.get(key, SAME)))
+            for key, column in columns.items()
+        }
+
+
+def split_name(name: str) -> tuple[str, str] | None:
+    """Quantity and suffix of a column name, or None: 'Force_sd_mN' -> ('force_sd', 'mN')."""
+    lower = _OTHER_NAMES.get(name.lower(), name.lower())
+    if lower in LABELS or lower == "strain":
+        return lower, ""
+    for quantity in _QUANTITIES:
+        if lower == quantity or lower.startswith(f"{quantity}_"):
+            return quantity, re.sub("[µμ]", "u", name[len(quantity) + 1 :])
+    return None
+
+
+@dataclass(frozen=True)
+class _Header:
+    names: list[str]
+    file: Path
+    line: int
+
+    def fail(self, message: str, remedy: str) -> NoReturn:
+        raise InputError(message, file=self.file, line=self.line, remedy=remedy)
+
+    def refuse_numbers(self) -> None:
+        if sum(bool(_NUMBER.fullmatch(name)) for name in self.names) >= 2:
+            self.fail(
+                "the first line has numbers, not column names",
+                "add a header line such as time_s,displacement_mm,force_N",
+            )
+
+    def find(self) -> dict[str, Column]:
+        found: dict[str, Column] = {}
+        unknown: list[tuple[str, str, str]] = []
+        for index, name in enumerate(self.names):
+            if (parts := split_name(name)) is None:
+                continue
+            quantity, suffix = parts
+            scales = SUFFIXES.get(quantity, {"": SAME})
+            if suffix not in scales:
+                unknown.append((quantity, suffix, name))
+                continue
+            if quantity in found:
+                both = f"'{found[quantity].name}' and '{name}'"
+                self.fail(f"two columns for {quantity}: {both}", "delete one of them")
+            found[quantity] = Column(index, name, suffix, scales[suffix])
+        for quantity, suffix, name in unknown:
+            self.refuse_unit(quantity, suffix, name, found)
+        return found
+
+    def refuse_unit(self, quantity: str, suffix: str, name: str, found: dict[str, Column]) -> None:
+        """Refuse an unknown unit, unless the quantity is there: force_raw beside force_N."""
+        if quantity in found or _COUNTERPART.get(quantity) in found:
+            return
+        what = f"the unit '{suffix}' of '{name}' is unknown" if suffix else f"'{name}' has no unit"
+        self.fail(what, f"rename it to {_spellings(quantity)} and convert its values to that unit")
+
+    def choose_units(self, found: dict[str, Column]) -> UnitSystem:
+        for pad, strain in (("displacement", "strain"), ("force", "stress")):
+            if pad in found and strain in found:
+                both = f"'{found[pad].name}' and '{found[strain].name}'"
+                self.fail(f"two columns for one quantity: {both}", "delete one of them")
+        units = STRAIN if "strain" in found or "stress" in found else PAD
+        other = PAD if units is STRAIN else STRAIN
+        for key in (other.displacement_name, other.force_name, f"{other.force_name}_sd"):
+            if key in found:
+                self.fail(
+                    f"'{found[key].name}' does not go with {units.displacement_name} and "
+                    f"{units.force_name}",
+                    "give displacement with force, or strain with stress",
+                )
+        strained = units is STRAIN
+        if "rate" in found and (found["rate"].suffix == "1_s") != strained:
+            right = "1_s" if strained else "mm_s"
+            self.fail(f"'{found['rate'].name}' is of the wrong unit", f"give rate_{right}")
+        return units
+
+    def refuse_missing(self, found: dict[str, Column], units: UnitSystem) -> None:
+        needed = ("time", units.displacement_name, units.force_name)
+        missing = [quantity for quantity in needed if quantity not in found]
+        if not missing:
+            return
+        remedies = [remedy for quantity in missing if (remedy := self.rename(quantity))]
+        if len(self.names) == 1:
+            remedies = ["separate the columns by commas"]
+        elif len(remedies) < len(missing):
+            wanted = ", ".join(_default(quantity) for quantity in missing)
+            remedies.append(f"the columns needed are {wanted}")
+        shown = ", ".join(self.names[:12])[:200]
+        self.fail(
+            f"no column for {' and '.join(missing)} (the file has: {shown})", "; ".join(remedies)
+        )
+
+    def rename(self, quantity: str) -> str | None:
+        """Remedy for a column that means the quantity but is not spelled so: 'Force [N]'."""
+        words = (quantity, *_OTHER_WORDS[quantity])
+        for name in self.names:
+            first, *rest = re.findall(r"[A-Za-zµμ]+|$", name)
+            if first.lower() in words:
+                units = [re.sub("[µμ]", "u", unit) for unit in rest]
+                known = [unit for unit in units if unit and unit in SUFFIXES[quantity]]
+                new = column_name(quantity, known[-1]) if known else _spellings(quantity)
+                return f"rename '{name}' to {new}"
+        return None
+
+
+def _default(quantity: str) -> str:
+    return column_name(quantity, next(iter(SUFFIXES[quantity])))
+
+
+def _spellings(quantity: str) -> str:
+    names = [column_name(quantity, suffix) for suffix in SUFFIXES[quantity]]
+    return " or ".join(names)

@@ -1,0 +1,137 @@
+"""What a test must be for the model to say anything about it: order in time, motion, force."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.reading.header import Columns
+from qlvbayes.io.reading.table import Table
+
+LEAST_SAMPLES = 10
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Where one test stands in the table: stretches of rows, and its names."""
+
+    pad: str
+    test: str
+    stretches: tuple[slice, ...]
+
+    def take(self, column: Floats) -> Floats:
+        """Return the test's part of a column: a view where its rows lie together."""
+        if len(self.stretches) == 1:
+            return column[self.stretches[0]]
+        return np.concatenate([column[stretch] for stretch in self.stretches])
+
+    def row(self, sample: int) -> int:
+        """Row of the table that holds a sample of the test."""
+        for stretch in self.stretches:
+            size = stretch.stop - stretch.start
+            if sample < size:
+                return int(stretch.start + sample)
+            sample -= size
+        raise IndexError(sample)
+
+
+@dataclass(frozen=True)
+class Checker:
+    """Refuses a test with the line and the remedy."""
+
+    file: Path
+    table: Table
+    columns: Columns
+
+    def check(self, rows: Rows, numbers: dict[str, Floats], *, loaded: bool = False) -> None:
+        """Raise InputError unless the test can be used.
+
+        loaded: whether force is prescribed, which then may stay what it is from the first row on.
+        """
+        self._time(rows, numbers["time"])
+        if (size := len(numbers["time"])) < LEAST_SAMPLES:
+            what = f"{_title(rows)} has {size} rows, at least {LEAST_SAMPLES} are needed"
+            self.fail(rows, 0, what, "add the missing rows or delete the test")
+        for key in ("displacement", "force"):
+            held = key == "force" and loaded and numbers[key].max() > 0.0
+            if numbers[key].min() == numbers[key].max() and not held:
+                what = f"{self._name(key)} never changes in {_title(rows)}"
+                self.fail(rows, 0, what, "check the channel or delete the test")
+        if "force_sd" in numbers and numbers["force_sd"].min() <= 0:
+            bad = int(np.argmax(numbers["force_sd"] <= 0))
+            what = f"{self._name('force_sd')} is not positive ({numbers['force_sd'][bad]:g})"
+            self.fail(rows, bad, what, "write its standard deviation or delete the column")
+        if not self.columns.units.dimensionless:
+            self._signs(rows, numbers["displacement"], numbers["force"])
+
+    def fail(self, rows: Rows, sample: int, message: str, remedy: str) -> NoReturn:
+        """Raise the error at a sample of the test."""
+        line = self.table.line(rows.row(sample))
+        raise InputError(message, file=self.file, line=line, remedy=remedy)
+
+    def _name(self, key: str) -> str:
+        return self.columns.numbers[key].name
+
+    def _time(self, rows: Rows, time: Floats) -> None:
+        """Time must increase; say whether it restarts, repeats or runs back."""
+        stuck = time[1:] <= time[:-1]
+        if not stuck.any():
+            return
+        at = int(np.argmax(stuck)) + 1
+        before, now = float(time[at - 1]), float(time[at])
+        where = f"in {_title(rows)} ({now:.9g} s after {before:.9g} s)"
+        name = self._name("time")
+        if now == before:
+            remedy = "write time with more decimals or delete the repeated row"
+            self.fail(rows, at, f"{name} repeats {where}", remedy)
+        if now - time[0] > 0.1 * (before - time[0]):
+            self.fail(rows, at, f"{name} runs backwards {where}", "sort the test's rows by time")
+        named = "test" in self.columns.labels
+        remedy = "give each test its own name" if named else "add a test column naming each test"
+        self.fail(rows, at, f"{name} restarts {where}", remedy)
+
+    def _signs(self, rows: Rows, displacement: Floats, force: Floats) -> None:
+        """Refuse a pad whose force or displacement is plainly of the wrong sign."""
+        wrong = wrong_signs(displacement, force)
+        if wrong:
+            names = " and ".join(self._name(key) for key in wrong)
+            what = f"in {_title(rows)} the pad is loaded with {names} of the wrong sign"
+            self.fail(rows, 0, what, f"multiply {names} by -1")
+
+
+def wrong_signs(displacement: Floats, force: Floats) -> tuple[str, ...]:
+    """Which of displacement and force grow downwards in the first loading, if that is plain.
+
+    Pressing a pad makes both grow. Plain is: the stroke is more than 5 % of the largest
+    displacement, force follows displacement over the stroke with a correlation beyond 0.8, and
+    the force is of one sign within a fifth of its peak. A record in doubt passes.
+    """
+    away = np.abs(displacement - displacement[0])
+    end = int(np.argmax(away >= 0.95 * away.max())) + 1
+    d, f = displacement[:end], force[:end]
+    small = away.max() <= 0.05 * np.abs(displacement).max()
+    if small or d.min() == d.max() or f.min() == f.max():
+        return ()
+    along = float(np.corrcoef(d, f)[0, 1])
+    grows = bool(d[-1] > d[0])
+    low, high = float(force.min()), float(force.max())
+    pulled, pressed = high <= -0.2 * low, low >= -0.2 * high
+    if grows and along < -0.8 and pulled:
+        return ("force",)
+    if not grows and along < -0.8 and pressed and abs(f[0]) < 0.2 * high:
+        return ("displacement",)
+    below = displacement.max() <= -0.05 * displacement.min()
+    if not grows and along > 0.8 and pulled and below:
+        return "displacement", "force"
+    return ()
+
+
+def _title(rows: Rows) -> str:
+    return f"test '{rows.test}' of pad '{rows.pad}'"

@@ -1,1 +1,0 @@
-"""What the platen did: a smooth trajectory and its phases."""

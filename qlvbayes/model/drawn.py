@@ -1,0 +1,65 @@
+"""A posterior's draws as models whose constants are numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import jax
+import numpy as np
+
+from qlvbayes.effects.effect import Level
+from qlvbayes.io.checks import InputError
+from qlvbayes.laws.scales import Scales
+from qlvbayes.model.choices import Choices
+from qlvbayes.model.model import Model
+from qlvbayes.model.parameters import Field, fields_of
+from qlvbayes.model.posterior import is_prior, value_shape
+
+# priors are replaced by draws, so that their scales do not matter but for the number of nodes of a
+# continuous spectrum: ten decades (s) hold those of any tests
+_SCALES = Scales(force=1.0, depth=1.0, shortest=1e-5, longest=1e5, white=1e-2, ou=1e-2, tau=1.0)
+
+
+def described_model(choices: Choices, depth: float = 1.0) -> Model:
+    """The model in words and priors; InputError where the choices do not fit together.
+
+    depth: of the deepest test, over which a free curve of the stiffness has its knots.
+    """
+    return choices.build(replace(_SCALES, depth=depth))[0]
+
+
+def described_fields(choices: Choices) -> list[Field]:
+    """The fields of the model, then of the noise."""
+    model, noise = choices.build(_SCALES)
+    return [*fields_of(model), *fields_of(noise)]
+
+
+def rig_effects(model: Model) -> tuple[str, ...]:
+    """Effects of the frame and the sensors, which are not the pad's."""
+    return tuple(effect.name for effect in model.effects if effect.level >= Level.FRAME)
+
+
+def pad_alone(model: Model) -> Model:
+    """The model less the effects of the rig."""
+    for name in rig_effects(model):
+        model = model.without(name)
+    return model
+
+
+def drawn_models(model: Model, names: Sequence[str], draws: np.ndarray) -> Model:
+    """A model whose numbers have a leading axis: the draws (n, P) of the named constants.
+
+    Raises InputError if a constant of the model is not among the names.
+    """
+    columns = {name: draws[:, k] for k, name in enumerate(names)}
+    wanted = [field.names for field in fields_of(model)]
+    missing = [name for names in wanted for name in names if name not in columns]
+    if missing:
+        raise InputError(f"the posterior lacks {', '.join(missing)}", remedy="add its draws")
+    leaves, shape = jax.tree.flatten(model, is_leaf=is_prior)
+    numbers = [
+        np.stack([columns[name] for name in names], axis=-1).reshape(-1, *value_shape(leaf))
+        for names, leaf in zip(wanted, leaves, strict=True)
+    ]
+    return jax.tree.unflatten(shape, numbers)

@@ -1,0 +1,84 @@
+"""The dual problem: the displacement of a whole test whose force is prescribed."""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike
+
+from qlvbayes.io.checks import InputError
+from qlvbayes.model.model import Model
+from qlvbayes.model.stepping import begin_at_force, step_to_force, without_inverse, without_steps
+
+
+def displacement_from_force(model: Model, time: ArrayLike, force: ArrayLike) -> Array:
+    r"""Displacement at which a specimen has a force, point after point.
+
+    It solves :math:`F[\delta](t_k) = F_k`, with the displacement linear between
+    points, so that creep comes out to second order in the spacing, and `Model.force` of the answer
+    gives the force back. Creep under a dead weight is a constant force. The specimen is at rest
+    until the first point; a first force other than zero is put on at once. A loose specimen carries
+    no force below zero: there the platen rests on its surface. Where no displacement has the force
+    (a law that softens) it is not a number from there on. O(N); differentiable in model and force,
+    also under jit and vmap (Findley, Lai & Onaran 1976, ch. 5, for the linear case).
+
+    Parameters
+    ----------
+    model
+        With a number for every constant.
+    time
+        (N,) in s, rising.
+    force
+        (N,) in N.
+
+    Returns
+    -------
+    Array
+        (N,) in mm.
+
+    Raises
+    ------
+    InputError
+        An effect of the model does not go step by step; the arrays differ in shape; time runs back.
+    """
+    check_inverse(model)
+    time, force = jnp.asarray(time, dtype=float), jnp.asarray(force, dtype=float)
+    if time.ndim != 1 or time.shape != force.shape:
+        raise InputError(
+            f"time {time.shape} and force {force.shape}", remedy="give both as rows of one length"
+        )
+    if not isinstance(time, jax.core.Tracer) and np.any(np.diff(time) < 0.0):
+        raise InputError("time runs back", remedy="order the points by time")
+    return _displacements(model, time, force)
+
+
+def check_inverse(model: Model) -> None:
+    """Raise InputError naming the effects with which no displacement is found from a force."""
+    check_steps(model)
+    if names := without_inverse(model):
+        raise InputError(
+            f"{' and '.join(names)}: what is read is the force of an earlier moment, so that no "
+            "displacement is found from a force",
+            remedy="leave the effect out, or prescribe the displacement",
+        )
+
+
+def check_steps(model: Model) -> None:
+    """Raise InputError naming the effects that do not go step by step."""
+    if names := without_steps(model):
+        raise InputError(
+            f"{' and '.join(names)}: no step by step form, so that no displacement is found from a "
+            "force",
+            remedy="leave the effect out, or prescribe the displacement",
+        )
+
+
+@jax.jit
+def _displacements(model: Model, time: Array, force: Array) -> Array:
+    def advance(state, point):  # type: ignore[no-untyped-def]
+        return step_to_force(model, state, *point)
+
+    state, first = begin_at_force(model, force[0])
+    _, others = jax.lax.scan(advance, state, (force[1:], jnp.diff(time)))
+    return jnp.concatenate([first[None], others])

@@ -1,0 +1,171 @@
+"""Posteriors made by other programs, with our names of the constants: which model they are of."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.units import PAD, STRAIN, UnitSystem, unit_system
+from qlvbayes.laws.catalogue import LAWS
+from qlvbayes.laws.relaxation.prony import Prony
+from qlvbayes.model.choices import Choices
+from qlvbayes.model.drawn import described_fields
+
+FEWEST = 100  # draws from which a 90 % interval can be read
+_NOISES = {
+    "floor": {f"noise.{name}" for name in ("white", "ou", "tau", "factor", "remainder")},
+    "correlated": {"noise.white", "noise.ou", "noise.tau"},
+    "white": {"noise.white"},
+    "student-t": {"noise.scale", "noise.nu"},
+}
+_SUM = 1e-3  # by which the fractions c may miss 1
+
+
+def infer_choices(
+    names: Iterable[str], *, bonded: bool = False, effects_file: str | None = None
+) -> Choices:
+    """The model that has constants of these names.
+
+    m and b make the exponential law, m alone the linear one, m and n Hertz's, and so on; c[0] ..
+    c[r] and v[1] .. v[r] make r modes, the constants of another relaxation that one;
+    ``effect.constant`` puts the effect in; ``noise.*`` is the noise (white where there is none,
+    `has_noise`). Raises InputError naming what is missing.
+    """
+    given = set(names)
+    if "m" not in given:
+        raise InputError("the posterior has no m, the stiffness", remedy="name its constant m")
+    fitting = [kind for kind in LAWS.elastic if set(kind.units) <= given]
+    law = max(fitting, key=lambda kind: len(kind.units)).name
+    modes = max((k for name in given for k in _indices(name, "v")), default=0)
+    modes = max([modes, *(k for name in given for k in _indices(name, "c"))])
+    relaxation = _relaxation(given)
+    if modes == 0 and relaxation == Prony.name:
+        raise InputError("the posterior has no v[1] and c[0], c[1]", remedy="add its relaxation")
+    effects = dict.fromkeys(name.split(".")[0] for name in sorted(given) if "." in name)
+    effects.pop("noise", None)
+    choices = Choices(
+        law=law,
+        modes=modes or Choices.modes,
+        relaxation=relaxation,
+        bonded=bonded,
+        noise=_noise(given),
+        effects=tuple(effects),
+        effects_file=effects_file,
+    )
+    wanted = [name for field in described_fields(choices) for name in field.names]
+    if not has_noise(given):
+        wanted = [name for name in wanted if not name.startswith("noise.")]
+    if missing := [name for name in wanted if name not in given]:
+        raise InputError(
+            f"the posterior lacks {', '.join(missing)}",
+            remedy=f"{_model(choices)} has {', '.join(wanted)}",
+        )
+    return choices
+
+
+def has_noise(names: Iterable[str]) -> bool:
+    """Whether there are constants of a noise model."""
+    return any(name.startswith("noise.") for name in names)
+
+
+def wanted_names(choices: Choices, given: Iterable[str]) -> list[str]:
+    """The names of a model's constants, in order; the noise's where they are given."""
+    noise = has_noise(given)
+    found = [name for field in described_fields(choices) for name in field.names]
+    return [name for name in found if noise or not name.startswith("noise.")]
+
+
+def check_draws(choices: Choices, draws: Mapping[str, np.ndarray]) -> None:
+    """InputError unless the draws can be ours: finite, fractions that sum to 1, falling rates."""
+    if (count := min(np.size(values) for values in draws.values())) < FEWEST:
+        raise InputError(f"only {count} draws", remedy=f"give {FEWEST} or more")
+    for name, values in draws.items():
+        if not np.all(np.isfinite(values)):
+            raise InputError(f"{name} has draws that are not finite", remedy="leave them out")
+    if not choices.is_prony:
+        return
+    total = sum(draws[f"c[{k}]"] for k in range(choices.modes + 1))
+    if np.max(np.abs(total - 1.0)) > _SUM:
+        raise InputError("the fractions c do not sum to 1", remedy="give c[0] as 1 less the others")
+    for k in range(1, choices.modes):
+        if np.median(draws[f"v[{k}]"]) < np.median(draws[f"v[{k + 1}]"]):
+            raise InputError(f"v[{k}] is below v[{k + 1}]", remedy="order the modes by falling v")
+
+
+def stated_units(
+    displacement: str | None, force: str | None, units: Mapping[str, str]
+) -> UnitSystem:
+    """The units that a file states; else those of m's unit; else mm and N, or for strain kPa.
+
+    units: of the constants, by name. Raises InputError where a stated unit is unknown.
+    """
+    m, _, of_m = units.get("m", "").partition("/")
+    if displacement is None and m and _known(of_m or STRAIN.displacement, m):
+        return unit_system(of_m or STRAIN.displacement, m)
+    usual = STRAIN if displacement == STRAIN.displacement else PAD
+    found = displacement or usual.displacement, force or usual.force
+    if not _known(*found):
+        raise InputError(
+            f"displacement in {found[0]} and force in {found[1]} do not go together",
+            remedy="state displacement_unit mm, um, nm or m with force_unit N, mN, uN or nN, or 1 "
+            "with kPa, MPa or Pa",
+        )
+    return unit_system(*found)
+
+
+def _known(displacement: str, force: str) -> bool:
+    try:
+        unit_system(displacement, force)
+    except KeyError:
+        return False
+    return True
+
+
+def flat_names(key: str, labels: Sequence[object], size: int) -> list[str]:
+    """Names of a vector's members: c from 0 and v from 1, or as its coordinate counts them."""
+    first = Prony.first_index.get(key, 0)
+    numbers = [label for label in labels if isinstance(label, (int, np.integer))]
+    counted = numbers == sorted(set(numbers)) and len(numbers) == size
+    # a coordinate that nobody chose counts from 0, also for v
+    chosen = counted and not (first and numbers[0] == 0)
+    places = numbers if chosen else range(first, first + size)
+    return [f"{key}[{int(k)}]" for k in places]
+
+
+def pad_name(path: Path) -> str:
+    """What a pad is called whose file does not say: its folder, as the results' folders are."""
+    return path.resolve().parent.name or path.stem
+
+
+def _model(choices: Choices) -> str:
+    if choices.is_prony:
+        return f"a model of {choices.modes} relaxation modes"
+    return f"a model with the relaxation {choices.relaxation}"
+
+
+def _relaxation(given: set[str]) -> str:
+    """The relaxation whose constants are all there, a Prony series where there is none."""
+    found = [kind.name for kind in LAWS.relaxation if set(kind.units) <= given]
+    return found[0] if found else Prony.name
+
+
+def _indices(name: str, key: str) -> list[int]:
+    match = re.fullmatch(rf"{key}\[(\d+)\]", name)
+    return [int(match[1])] if match else []
+
+
+def _noise(given: set[str]) -> str:
+    for kind, constants in _NOISES.items():
+        if constants <= given:
+            return kind
+    if has_noise(given):
+        found = ", ".join(sorted(name for name in given if name.startswith("noise.")))
+        raise InputError(
+            f"the posterior's noise has only {found}",
+            remedy="give noise.white, or also noise.ou and noise.tau, or noise.scale and noise.nu",
+        )
+    return "white"

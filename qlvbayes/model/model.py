@@ -1,0 +1,65 @@
+"""The model of a specimen: an elastic law, a relaxation, effects, and whether it can pull."""
+
+from __future__ import annotations
+
+import equinox as eqx
+from jaxtyping import Array
+
+from qlvbayes.effects.adhesion import Adhesion
+from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.io.checks import InputError
+from qlvbayes.laws.elastic.law import AbstractElastic
+from qlvbayes.laws.layered import Contact, Law, Layer
+from qlvbayes.laws.motion import Motion
+from qlvbayes.laws.relaxation.law import AbstractRelaxation
+
+
+class Model(eqx.Module):
+    """Quasi-linear viscoelastic specimen (Fung), the paper's Eq. 6, with effects around it.
+
+    elastic, relaxation: their laws; bonded: whether the specimen is fixed to
+    the platen (one that is not cannot pull, `law.Contact`); effects: in the order in which they
+    nest, innermost first, whatever the order in which they were added. A field of any part is a
+    number (fixed) or a prior (free).
+    """
+
+    elastic: AbstractElastic
+    relaxation: AbstractRelaxation
+    bonded: bool = eqx.field(static=True, default=False)
+    effects: tuple[AbstractEffect, ...] = ()
+
+    def __add__(self, effect: AbstractEffect) -> Model:
+        """The model with one more effect.
+
+        Raises InputError if it has the effect already, or if the effect cannot act on it.
+        """
+        if effect.name in [own.name for own in self.effects]:
+            raise InputError(f"the effect {effect.name} is in the model already")
+        if self.bonded and isinstance(effect, Adhesion):
+            raise InputError(
+                "adhesion changes nothing where the specimen is fixed to the platen",
+                remedy="use --loose",
+            )
+        effects = tuple(sorted((*self.effects, effect), key=lambda x: (x.level, x.rank)))
+        return Model(self.elastic, self.relaxation, self.bonded, effects)
+
+    def without(self, name: str) -> Model:
+        """The model less the effect of that name."""
+        kept = tuple(effect for effect in self.effects if effect.name != name)
+        return Model(self.elastic, self.relaxation, self.bonded, kept)
+
+    def force(self, motion: Motion) -> Array:
+        """Force (N,) in N at the motion's N grid points; every constant must be a number."""
+        return self.law.force(motion)
+
+    @property
+    def law(self) -> Law:
+        """The material under all that is around it."""
+        return Law(self.elastic, self.relaxation, self._layers())
+
+    def _layers(self) -> tuple[Layer, ...]:
+        """The effects, and the contact of a loose specimen between those of pad and of depth."""
+        if self.bonded or any(isinstance(effect, Adhesion) for effect in self.effects):
+            return self.effects
+        inner = sum(effect.level < Level.CONTACT for effect in self.effects)
+        return (*self.effects[:inner], Contact(), *self.effects[inner:])

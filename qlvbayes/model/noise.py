@@ -1,0 +1,262 @@
+r"""Measurement noise: its likelihood, sample by sample or over block averages, and its draws.
+
+A new noise model is one class here with three methods; its fields are numbers or priors.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import Any, ClassVar, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import jax.scipy.stats as jss
+from jaxtyping import Array
+
+from qlvbayes.model.record import Blocks
+
+__all__ = ["AbstractNoise", "Correlated", "Floor", "StudentT", "White"]
+
+
+class AbstractNoise(eqx.Module):
+    """What every noise model offers; ``units`` names the kind of unit of each constant."""
+
+    units: eqx.AbstractClassVar[dict[str, str]]
+    prefix: ClassVar[str] = "noise."
+
+    @abstractmethod
+    def log_likelihoods(self, residual: Array, blocks: Blocks) -> Array:
+        """(B,) log density of each block's residual (N) given the ones before it; 0 in padding."""
+
+    @abstractmethod
+    def draw(self, key: Array, blocks: Blocks) -> Array:
+        """(B,) one realisation of the noise of the block averages (N)."""
+
+    @abstractmethod
+    def sample_sd(self, weight: Array) -> Array:
+        """Standard deviation (N) of the noise of single samples of these weights."""
+
+
+class AbstractGaussian(AbstractNoise):
+    """Normal noise, whose likelihood is that of its innovations.
+
+    These are linear in the residual, so that the same filter whitens a model's sensitivities.
+    """
+
+    @abstractmethod
+    def innovations(self, residual: Array, blocks: Blocks) -> tuple[Array, Array]:
+        """(B,) what each residual (N) is beyond its expectation given the ones before; variances.
+
+        In padding the innovation is 0 and the variance 1.
+        """
+
+    def log_likelihoods(self, residual: Array, blocks: Blocks) -> Array:
+        """Log densities of the innovations."""
+        errors, variances = self.innovations(residual, blocks)
+        density = jss.norm.logpdf(errors, 0.0, jnp.sqrt(variances))
+        return jnp.where(blocks.real, density, 0.0)
+
+
+class White(AbstractGaussian):
+    """Independent normal noise of sd ``white`` (N) in every sample."""
+
+    white: Any
+    units: ClassVar[dict[str, str]] = {"white": "force"}
+
+    def _scale(self, blocks: Blocks) -> Array:
+        own = self.white * blocks.weight * blocks.scale
+        return jnp.hypot(own / jnp.sqrt(blocks.count), blocks.extra)
+
+    def innovations(self, residual: Array, blocks: Blocks) -> tuple[Array, Array]:
+        """The residuals, of variance (white scale)^2/count + extra^2."""
+        variances = jnp.where(blocks.real, self._scale(blocks) ** 2, 1.0)
+        return jnp.where(blocks.real, residual, 0.0), variances
+
+    def draw(self, key: Array, blocks: Blocks) -> Array:
+        """Normal with variance white^2/count."""
+        return self._scale(blocks) * jax.random.normal(key, blocks.force.shape)
+
+    def sample_sd(self, weight: Array) -> Array:
+        """White times weight."""
+        return self.white * weight
+
+
+class StudentT(AbstractNoise):
+    """Independent Student-t noise, for records with outliers.
+
+    scale: N, of a single sample; nu: degrees of freedom. A block average is taken as Student-t of
+    scale scale/sqrt(count) with the same nu, which keeps its tails.
+    """
+
+    scale: Any
+    nu: Any
+    units: ClassVar[dict[str, str]] = {"scale": "force", "nu": "count"}
+
+    def _scale(self, blocks: Blocks) -> Array:
+        return self.scale * blocks.weight / jnp.sqrt(blocks.count)
+
+    def log_likelihoods(self, residual: Array, blocks: Blocks) -> Array:
+        """Student-t of scale scale/sqrt(count)."""
+        density = jss.t.logpdf(residual, self.nu, 0.0, self._scale(blocks))
+        return jnp.where(blocks.real, density, 0.0)
+
+    def draw(self, key: Array, blocks: Blocks) -> Array:
+        """Student-t of scale scale/sqrt(count)."""
+        return self._scale(blocks) * jax.random.t(key, self.nu, blocks.force.shape)
+
+    def sample_sd(self, weight: Array) -> Array:
+        """Scale weight sqrt(nu/(nu - 2)); without the root where nu <= 2 has no variance."""
+        heavy = self.nu <= 2.0
+        ratio = jnp.where(heavy, 1.0, self.nu / jnp.where(heavy, 1.0, self.nu - 2.0))
+        return self.scale * weight * jnp.sqrt(ratio)
+
+
+class Correlated(AbstractGaussian):
+    r"""White noise plus an Ornstein-Uhlenbeck process, as a load cell has.
+
+    white: sd of the white part (N); ou: stationary sd of the correlated part (N); tau: its
+    correlation time (s), so that cov(t, s) = ou^2 e^{-abs(t - s)/tau}. The likelihood is a Kalman
+    filter, O(B), exact for averages over evenly spaced samples and for uneven gaps between them.
+    Measured sds weigh the white part only: a correlated part proportional to the data would draw
+    the fit below them (Peelle's puzzle). Noise that grows with the force is the same process times
+    ``Blocks.scale``; errors of the motion add ``Blocks.extra`` once a block.
+    """
+
+    white: Any
+    ou: Any
+    tau: Any
+    units: ClassVar[dict[str, str]] = {"white": "force", "ou": "force", "tau": "time"}
+
+    def innovations(self, residual: Array, blocks: Blocks) -> tuple[Array, Array]:
+        """What the Kalman filter leaves of the residuals."""
+        links = _links(blocks, self.tau)
+        white = (self.white * blocks.weight) ** 2 / blocks.count
+        white += (blocks.extra / blocks.scale) ** 2
+
+        def step(state: tuple[Array, Array], block: tuple) -> tuple[tuple[Array, Array], tuple]:
+            link, white_variance, value, real = block
+            mean = link.gap * state[0]
+            variance = link.gap**2 * state[1] + self.ou**2 * (1.0 - link.gap**2)
+            error = value - link.mean * mean
+            spread = link.mean**2 * variance + self.ou**2 * link.mean_variance + white_variance
+            shared = link.span * link.mean * variance + self.ou**2 * link.shared
+            gain = shared / spread
+            after = (
+                link.span * mean + gain * error,
+                link.span**2 * variance + self.ou**2 * (1.0 - link.span**2) - gain * shared,
+            )
+            kept = jax.tree.map(lambda new, old: jnp.where(real, new, old), after, state)
+            return kept, (error, spread)
+
+        start = (jnp.zeros(()), self.ou**2 * jnp.ones(()))
+        _, (errors, spreads) = jax.lax.scan(
+            step, start, (links, white, residual / blocks.scale, blocks.real)
+        )
+        errors, spreads = errors * blocks.scale, spreads * blocks.scale**2
+        return jnp.where(blocks.real, errors, 0.0), jnp.where(blocks.real, spreads, 1.0)
+
+    def draw(self, key: Array, blocks: Blocks) -> Array:
+        """One realisation, by the same recursion."""
+        links = _links(blocks, self.tau)
+        draws = jax.random.normal(key, (4, *blocks.force.shape))
+
+        def step(last: Array, block: tuple) -> tuple[Array, Array]:
+            link, (jump, inner, outer, _) = block
+            first = link.gap * last + self.ou * jnp.sqrt(1.0 - link.gap**2) * jump
+            mean_sd = jnp.sqrt(link.mean_variance)
+            slope = link.shared / jnp.where(mean_sd > 0.0, mean_sd, 1.0)
+            rest = jnp.maximum(1.0 - link.span**2 - slope**2, 0.0)
+            mean = link.mean * first + self.ou * mean_sd * inner
+            end = link.span * first + self.ou * (slope * inner + jnp.sqrt(rest) * outer)
+            return end, mean
+
+        start = self.ou * jax.random.normal(jax.random.fold_in(key, 1))
+        _, means = jax.lax.scan(step, start, (links, draws.T))
+        white = self.white * blocks.weight / jnp.sqrt(blocks.count) * draws[3]
+        return blocks.scale * (means + white)
+
+    def sample_sd(self, weight: Array) -> Array:
+        """Square root of (white weight)^2 + ou^2."""
+        return jnp.hypot(self.white * weight, self.ou)
+
+
+class Floor(AbstractGaussian):
+    """The noise floor as it was measured, not fitted, beside what a model misses.
+
+    white, ou, tau: as of `Correlated`, nan where they are the measured ones; factor: by which both
+    sds are larger than that; remainder: size of the discrepancy (N), its standard deviation where
+    the force is largest. The last two are nan where they are summed over (`floorlikelihood`). By
+    itself this is the noise without a discrepancy.
+    """
+
+    white: Any
+    ou: Any
+    tau: Any
+    factor: Any
+    remainder: Any
+    units: ClassVar[dict[str, str]] = {
+        "white": "force",
+        "ou": "force",
+        "tau": "time",
+        "factor": "count",
+        "remainder": "force",
+    }
+
+    @property
+    def _alone(self) -> Correlated:
+        return Correlated(self.factor * self.white, self.factor * self.ou, self.tau)
+
+    def innovations(self, residual: Array, blocks: Blocks) -> tuple[Array, Array]:
+        """Those of the correlated noise."""
+        return self._alone.innovations(residual, blocks)
+
+    def draw(self, key: Array, blocks: Blocks) -> Array:
+        """One realisation of the correlated noise."""
+        return self._alone.draw(key, blocks)
+
+    def sample_sd(self, weight: Array) -> Array:
+        """Square root of (white weight)^2 + ou^2."""
+        return self._alone.sample_sd(weight)
+
+
+class _Links(NamedTuple):
+    """How a block of a unit-variance OU process hangs on its first sample x, each (B,).
+
+    gap: decay from the previous block's last sample to x; span: from x to the last sample; mean:
+    regression of the block's mean on x; mean_variance: what is left of the mean's variance;
+    shared: covariance of that rest with the last sample's rest.
+    """
+
+    gap: Array
+    span: Array
+    mean: Array
+    mean_variance: Array
+    shared: Array
+
+
+def _links(blocks: Blocks, tau: Array) -> _Links:
+    r"""Closed forms for n samples h apart, rho = e^{-h/tau}.
+
+    With a = (1 - rho^n)/(n (1 - rho)) the mean's regression on x, the mean's full variance is
+    [(1 + rho)/(1 - rho) - 2 rho a/(1 - rho)]/n and the shared covariance a (1 - rho^{n-1}).
+    """
+    single = blocks.count < 2.0
+    count = jnp.where(single, 2.0, blocks.count)
+    length = jnp.where(single, 1.0, blocks.last - blocks.first)
+    step = length / (count - 1.0) / tau
+    before = jnp.concatenate([blocks.first[:1], blocks.last[:-1]])
+    gap = jnp.exp(-jnp.maximum(blocks.first - before, 0.0) / tau)
+    loss = -jnp.expm1(-step)
+    rho = 1.0 - loss
+    span = jnp.exp(-step * (count - 1.0))
+    mean = -jnp.expm1(-step * count) / (count * loss)
+    full = ((2.0 - loss) - 2.0 * rho * mean) / (count * loss)
+    variance = jnp.maximum(full - mean**2, 0.0)
+    return _Links(
+        gap,
+        jnp.where(single, 1.0, span),
+        jnp.where(single, 1.0, mean),
+        jnp.where(single, 0.0, variance),
+        jnp.where(single, 0.0, mean * (1.0 - span)),
+    )

@@ -1,0 +1,76 @@
+"""The names of a model's constants: ``m``, ``b``, ``c[0]``, ``v[1]``, ``noise.white``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, fields
+from typing import Any
+
+import equinox as eqx
+import numpy as np
+
+from qlvbayes.model.posterior import Posterior, is_prior, value_shape
+from qlvbayes.priors.distributions import AbstractPrior
+
+
+@dataclass(frozen=True)
+class Field:
+    """A field of a model or noise part: where it is, what stands in it, what unit it has."""
+
+    name: str
+    value: Any
+    unit: str
+    shape: tuple[int, ...]
+    first_index: int
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """One name for each number: ``m``, or ``c[0]``, ``c[1]``, ..."""
+        if not self.shape:
+            return (self.name,)
+        return tuple(f"{self.name}[{self.first_index + k}]" for k in range(self.shape[0]))
+
+
+def fields_of(part: eqx.Module, prefix: str = "") -> Iterator[Field]:
+    """Every number or prior in a module, depth first, in the order JAX flattens it."""
+    prefix = prefix + getattr(part, "prefix", "")
+    for field in fields(part):
+        if field.metadata.get("static", False):
+            continue
+        value = getattr(part, field.name)
+        if isinstance(value, tuple):
+            for member in value:
+                yield from fields_of(member, prefix)
+            continue
+        if isinstance(value, eqx.Module) and not isinstance(value, AbstractPrior):
+            yield from fields_of(value, prefix)
+            continue
+        first = getattr(part, "first_index", {}).get(field.name, 0)
+        unit = getattr(part, "units", {})[field.name]
+        yield Field(prefix + field.name, value, unit, value_shape(value), first)
+
+
+def all_fields(posterior: Posterior) -> list[Field]:
+    """Fields of the model, then of the noise."""
+    return [*fields_of(posterior.model), *fields_of(posterior.noise)]
+
+
+def names(posterior: Posterior) -> list[str]:
+    """Names of ``posterior.constants``, in order."""
+    return [name for field in all_fields(posterior) for name in field.names]
+
+
+def unit_kinds(posterior: Posterior) -> list[str]:
+    """Kind of unit of each of ``names``: stiffness, exponent, rate, force, time, fraction."""
+    return [field.unit for field in all_fields(posterior) for _ in field.names]
+
+
+def described(fields: Iterable[Field]) -> dict[str, str]:
+    """The prior of each field as it is written on the command line, or the value it is fixed at."""
+    return {field.name: _described(field.value) for field in fields}
+
+
+def _described(value: Any) -> str:
+    if is_prior(value):
+        return value.describe()
+    return "not sampled" if np.isnan(value).any() else f"fixed at {value}"

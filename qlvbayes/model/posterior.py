@@ -1,0 +1,172 @@
+"""The posterior density over a flat vector, and the names of what it is made of."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any, TypeGuard
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from qlvbayes.model.floorlikelihood import FloorLikelihood
+from qlvbayes.model.model import Model
+from qlvbayes.model.noise import AbstractNoise
+from qlvbayes.model.record import Record
+from qlvbayes.priors.distributions import AbstractPrior, AbstractScalarPrior
+
+
+def is_prior(node: object) -> TypeGuard[AbstractPrior]:
+    """Whether a field is free."""
+    return isinstance(node, AbstractPrior)
+
+
+class Posterior(eqx.Module):
+    """Prior times likelihood of some tests of one specimen.
+
+    model, noise: with priors where free; record: the tests, along a leading axis; floor: the
+    record's likelihood under measured noise, where the noise's constants are summed over. The flat
+    vector theta (D,) holds the free constants' unconstrained numbers in field order.
+    """
+
+    model: Model
+    noise: AbstractNoise
+    record: Record
+    floor: FloorLikelihood | None
+
+    def __init__(
+        self,
+        model: Model,
+        noise: AbstractNoise,
+        record: Record,
+        floor: FloorLikelihood | None = None,
+    ) -> None:
+        # arrays throughout, so that pads of one shape share one compiled function
+        as_arrays = lambda tree: jax.tree.map(jnp.asarray, tree)  # noqa: E731
+        self.model, self.noise, self.record, self.floor = map(
+            as_arrays, (model, noise, record, floor)
+        )
+
+    @property
+    def size(self) -> int:
+        """D, the number of free numbers."""
+        leaves = jax.tree.leaves((self.model, self.noise), is_leaf=is_prior)
+        return sum(leaf.size for leaf in leaves if is_prior(leaf))
+
+    def bind(self, theta: Array) -> tuple[Model, AbstractNoise, Array]:
+        """Model and noise with numbers for priors, and the log prior density over theta."""
+        (model, noise), log_priors = self._bound(theta)
+        return model, noise, jnp.sum(log_priors)
+
+    def log_priors(self, theta: Array) -> Array:
+        """(L,) log density of each prior over its part of theta, in field order."""
+        return self._bound(theta)[1]
+
+    def _bound(self, theta: Array) -> tuple[tuple[Model, AbstractNoise], Array]:
+        leaves, shape = jax.tree.flatten((self.model, self.noise), is_leaf=is_prior)
+        bound, log_priors, taken = [], [jnp.zeros(0)], 0
+        for leaf in leaves:
+            value = leaf
+            if is_prior(leaf):
+                value, log_density = leaf.constrain(theta[taken : taken + leaf.size])
+                log_priors.append(jnp.reshape(log_density, (1,)))
+                taken += leaf.size
+            bound.append(value)
+        return jax.tree.unflatten(shape, bound), jnp.concatenate(log_priors)
+
+    def predict(self, theta: Array) -> Array:
+        """Block means (T, B) of the force."""
+        model, _, _ = self.bind(theta)
+        return self.predict_with(model)
+
+    def predict_with(self, model: Model) -> Array:
+        """Block means (T, B) of a model whose constants are numbers."""
+        return jax.vmap(lambda record: record.average(model.force(record.motion)))(self.record)
+
+    def log_likelihood(self, theta: Array) -> Array:
+        """Log density of all block means."""
+        model, noise, _ = self.bind(theta)
+        return self._log_likelihood(model, noise)
+
+    def _log_likelihood(self, model: Model, noise: AbstractNoise) -> Array:
+        residuals = self.record.blocks.force - self.predict_with(model)
+        if self.floor is not None:
+            return self.floor.log_likelihood(residuals)
+        return jnp.sum(jax.vmap(noise.log_likelihoods)(residuals, self.record.blocks))
+
+    def log_density(self, theta: Array) -> Array:
+        """Log of prior density over theta times likelihood; -inf where not a number."""
+        model, noise, log_prior = self.bind(theta)
+        total = log_prior + self._log_likelihood(model, noise)
+        return jnp.where(jnp.isnan(total), -jnp.inf, total)
+
+    def constants(self, theta: Array) -> Array:
+        """(P,) every constant, fixed ones too, in the order of ``names``."""
+        model, noise, _ = self.bind(theta)
+        return jnp.concatenate([jnp.atleast_1d(x) for x in jax.tree.leaves((model, noise))])
+
+    def drawn_constants(self, theta: Array, share: Array) -> Array:
+        """The same, with what the likelihood sums over drawn: at this share of its posterior."""
+        found = self.constants(theta)
+        if self.floor is None:
+            return found
+        own = self.floor.drawn(self.record.blocks.force - self.predict(theta), share)
+        return jnp.concatenate([found[: -own.size], own])
+
+    def with_constants(self, constants: Array) -> tuple[Model, AbstractNoise]:
+        """Model and noise whose numbers are ``constants`` (P,), in the order of ``names``."""
+        leaves, shape = jax.tree.flatten((self.model, self.noise), is_leaf=is_prior)
+        bound, taken = [], 0
+        for leaf in leaves:
+            size = value_shape(leaf)
+            count = int(np.prod(size, dtype=int))
+            bound.append(jnp.reshape(constants[taken : taken + count], size))
+            taken += count
+        model, noise = jax.tree.unflatten(shape, bound)
+        return model, noise
+
+    def unconstrain(self, constants: np.ndarray) -> np.ndarray:
+        """(D,) theta of constants (P,) in the order of ``names``."""
+        parts, taken = [np.zeros(0)], 0
+        for leaf in jax.tree.leaves((self.model, self.noise), is_leaf=is_prior):
+            shape = value_shape(leaf)
+            count = int(np.prod(shape, dtype=int))
+            value = np.reshape(constants[taken : taken + count], shape)
+            taken += count
+            if is_prior(leaf):
+                parts.append(np.asarray(leaf.unconstrain(value)))
+        return np.concatenate(parts)
+
+
+def value_shape(field: Any) -> tuple[int, ...]:
+    """Shape of the number or numbers a field stands for."""
+    if isinstance(field, AbstractScalarPrior):
+        return ()
+    if isinstance(field, AbstractPrior):
+        leaves, structure = jax.tree.flatten(field)
+        return _constrained_shape(structure, tuple(map(np.shape, leaves)), field.size)
+    return np.shape(field)
+
+
+@cache  # asked for often, and traced each time
+def _constrained_shape(structure: Any, shapes: tuple, size: int) -> tuple[int, ...]:
+    prior = jax.tree.unflatten(structure, [jnp.ones(shape) for shape in shapes])
+    return tuple(jax.eval_shape(prior.constrain, jnp.zeros(size))[0].shape)
+
+
+def draw_priors(part: eqx.Module, count: int, rng: np.random.Generator) -> np.ndarray:
+    """(count, D) unconstrained numbers drawn from the priors in a model, noise or posterior."""
+    priors = [leaf for leaf in jax.tree.leaves(part, is_leaf=is_prior) if is_prior(leaf)]
+    values = [[prior.draw(rng) for prior in priors] for _ in range(count)]
+    columns = [
+        np.asarray(jax.vmap(prior.unconstrain)(np.stack(drawn)))
+        for prior, drawn in zip(priors, zip(*values, strict=True), strict=True)
+    ]
+    return np.concatenate([np.zeros((count, 0)), *columns], axis=1)
+
+
+def central(part: eqx.Module, draws: int = 50) -> np.ndarray:
+    """Median of the priors' unconstrained numbers (the same at every call)."""
+    return np.median(draw_priors(part, draws, np.random.default_rng(0)), axis=0)

@@ -1,0 +1,160 @@
+r"""A model that goes on step by step: the force of the next displacement, and the other way round.
+
+A material remembers one number a relaxing mode, so that a step costs O(modes) however long the
+motion has been. Displacement is linear in time over a step, for which the step is exact (Taylor,
+Pister & Goudreau 1970, doi:10.1002/nme.1620020106, with the exact integral). The displacement that
+gives a force is the root of a function that rises: Newton's steps inside a bracket.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike
+
+from qlvbayes.effects.effect import AbstractEffect
+from qlvbayes.laws.layered import Contact, Law
+from qlvbayes.laws.layered import State as LawState
+from qlvbayes.laws.motion import Line
+from qlvbayes.model.model import Model
+
+_CLOSE = 1e-7  # of the travel: the error after one more of Newton's steps is about its square
+_ROUNDING = 1e-15  # of the displacement, where a step is not told from rounding
+_MOST = 100  # steps; 60 halve a bracket down to rounding
+_WIDE = 1.0  # mm, or the file's unit: a first guess where the stiffness is zero, doubled as needed
+_FAR = 1e9  # mm, or the file's unit: off any specimen
+
+_Bracket = tuple[Array, Array, Array, Array, Array, Array]  # root, low, high, move, count, found
+
+
+class State(eqx.Module):
+    """Where the platen is (mm), and what the specimen and the rig remember."""
+
+    displacement: Array
+    law: LawState
+
+
+def begin(model: Model, displacement: ArrayLike = 0.0) -> State:
+    """The state of a specimen that was at rest at zero until its platen got to ``displacement``."""
+    place = jnp.asarray(displacement, dtype=float)
+    return State(place, model.law.begin(place))
+
+
+def step(model: Model, state: State, displacement: ArrayLike, dt: ArrayLike) -> tuple[State, Array]:
+    r"""State and force (N) after the platen went straight to ``displacement`` (mm) in ``dt`` (s).
+
+    .. math:: F = c_0 F_e(\delta) + \sum_i c_i q_i, \quad
+              q_i \leftarrow e^{-v_i h} q_i + \int_0^h e^{-v_i (h-s)} K(\delta) \dot\delta\, ds
+
+    and what the effects make of it. A ``dt`` of 0 is a jump, in which nothing flows and no speed is
+    felt. Every constant of the model must be a number. Raises InputError where an effect does not
+    go step by step (`without_steps`).
+    """
+    return _along(model.law, state, jnp.asarray(displacement) - state.displacement, dt)
+
+
+def step_to_force(
+    model: Model, state: State, force: ArrayLike, dt: ArrayLike
+) -> tuple[State, Array]:
+    """State and displacement (mm) after the straight line that ends at ``force`` (N) in ``dt`` (s).
+
+    Where a loose specimen carries no such force, as none is below zero, the platen ends where it
+    just touches it. Not a number where no displacement has the force. Differentiable in the
+    constants, the state and the force.
+    """
+    law = model.law
+    goal = jnp.maximum(jnp.asarray(force, dtype=float), _untouched(law, state, dt))
+    followed = _followed(law)
+
+    def excess(law: Law, state: State, travel: Array, goal: Array, dt: ArrayLike) -> Array:
+        return _along(law, state, travel, dt)[1] - goal
+
+    frozen = jax.lax.stop_gradient((followed, state, goal, jnp.asarray(dt, dtype=float)))
+    root = _root(
+        lambda travel: excess(frozen[0], frozen[1], travel, *frozen[2:]), frozen[1].displacement
+    )
+    # one more of Newton's steps, at fixed slope: it carries the root's derivatives
+    left, slope = _with_slope(lambda travel: excess(followed, state, travel, goal, dt), root)
+    slope = jax.lax.stop_gradient(slope)
+    travel = root - jnp.where(slope > 0.0, left / jnp.where(slope > 0.0, slope, 1.0), 0.0)
+    state, _ = _along(law, state, travel, dt)
+    return state, state.displacement
+
+
+def begin_at_force(model: Model, force: ArrayLike) -> tuple[State, Array]:
+    """State and displacement (mm) at once after ``force`` (N) was put on a specimen at rest."""
+    return step_to_force(model, begin(model), force, 0.0)
+
+
+def without_steps(model: Model) -> tuple[str, ...]:
+    """Names of the model's effects that do not go step by step."""
+    return tuple(e.name for e in model.effects if type(e).step is AbstractEffect.step)
+
+
+def without_inverse(model: Model) -> tuple[str, ...]:
+    """Names of the effects with which no displacement is found from a force, step by step."""
+    lost = without_steps(model)
+    return tuple(e.name for e in model.effects if e.name in lost or not e.inverts)
+
+
+def _along(law: Law, state: State, travel: Array, dt: ArrayLike) -> tuple[State, Array]:
+    duration = jnp.asarray(dt, dtype=float)
+    moving = duration > 0.0
+    velocity = jnp.where(moving, travel / jnp.where(moving, duration, 1.0), 0.0)
+    place = state.displacement + travel
+    inner, force = law.step(state.law, Line(duration, place, velocity))
+    return State(place, inner), force
+
+
+def _untouched(law: Law, state: State, dt: ArrayLike) -> Array:
+    """The force (N) with the platen off a loose specimen; none is lower. -inf of a bonded one."""
+    if not any(isinstance(layer, Contact) for layer in law.layers):
+        return jnp.asarray(-jnp.inf)
+    away = Line(jnp.asarray(dt, dtype=float), jnp.asarray(-_FAR), jnp.asarray(0.0))
+    return law.step(state.law, away)[1]
+
+
+def _followed(law: Law) -> Law:
+    """The law whose force rises with displacement beyond the loss of contact too."""
+    layers = tuple(Contact(True) if isinstance(x, Contact) else x for x in law.layers)
+    return Law(law.elastic, law.relaxation, layers)
+
+
+def _with_slope(function: Callable[[Array], Array], place: Array) -> tuple[Array, Array]:
+    value, slope = jax.jvp(function, (place,), (jnp.ones_like(place),))
+    return value, slope
+
+
+def _root(excess: Callable[[Array], Array], place: Array) -> Array:
+    """Where a rising function of the travel from ``place`` is zero; not a number where nowhere.
+
+    Newton's steps; where one leaves the bracket or is not half the one before, the bracket is
+    halved, or widened where one side is still open.
+    """
+
+    def close(travel: Array, move: Array) -> Array:
+        return jnp.abs(move) <= _CLOSE * jnp.abs(travel) + _ROUNDING * jnp.abs(place + travel)
+
+    def better(carry: _Bracket) -> _Bracket:
+        travel, low, high, last, count, _ = carry
+        value, slope = _with_slope(excess, travel)
+        value = jnp.where(jnp.isnan(value), jnp.inf, value)  # too deep for a number
+        low, high = jnp.where(value <= 0.0, travel, low), jnp.where(value >= 0.0, travel, high)
+        move = jnp.where(slope > 0.0, -value / jnp.where(slope > 0.0, slope, 1.0), jnp.nan)
+        good = (jnp.abs(move) <= 0.5 * last) & (travel + move >= low) & (travel + move <= high)
+        wide = jnp.sign(-value) * jnp.where(jnp.isfinite(last), 2.0 * last, _WIDE)
+        middle = 0.5 * (low + high) - travel
+        other = jnp.where(jnp.isfinite(middle), middle, wide)
+        move = jnp.where(value == 0.0, 0.0, jnp.where(good, move, other))
+        return travel + move, low, high, jnp.abs(move), count + 1, close(travel, move)
+
+    def going_on(carry: _Bracket) -> Array:
+        return ~carry[-1] & (carry[-2] < _MOST)
+
+    zero, infinite = jnp.zeros_like(place), jnp.full_like(place, jnp.inf)
+    first = (zero, -infinite, infinite, infinite, jnp.zeros((), int), jnp.zeros((), bool))
+    travel, *_, found = jax.lax.while_loop(going_on, better, first)
+    return jnp.where(found, travel, jnp.nan)

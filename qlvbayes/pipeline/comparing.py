@@ -1,0 +1,102 @@
+"""Pads or fluids of one study set against each other, with the files that it leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import combinations
+from pathlib import Path
+
+from qlvbayes.comparison.compare import REGION, compare
+from qlvbayes.comparison.contrast import Comparison
+from qlvbayes.comparison.writing import write_comparison
+from qlvbayes.fitting.results import Saved, load
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.data import Measurements, read_measurements
+from qlvbayes.pipeline.watcher import Watcher
+from qlvbayes.preprocess.covered import covered
+from qlvbayes.preprocess.experiment import prepare
+
+FOLDER = "compare"
+Group = tuple[str, Sequence[Saved]]
+
+
+def saved_pads(out: Path, data: Path | None = None) -> list[Saved]:
+    """Every fit in a folder; InputError where there is none.
+
+    Where a file does not say what its tests cover and which fluid is in the pad, the measurements
+    do, in ``data`` or where the file says they are, if they are there.
+    """
+    files = sorted(out.glob("*/posterior.nc"))
+    if not files:
+        raise InputError("no fit in this folder", file=out, remedy="run qlvbayes fit first")
+    studies: dict[Path, Measurements] = {}
+    return [_with_reach(load(file), data, studies) for file in files]
+
+
+def _with_reach(saved: Saved, data: Path | None, studies: dict[Path, Measurements]) -> Saved:
+    source = data or Path(saved.source)
+    if saved.covered is not None or not source.is_file():
+        return saved
+    if source not in studies:
+        studies[source] = read_measurements(source)
+    pad = studies[source].pad(saved.pad)
+    return replace(saved, covered=covered(prepare(pad)), fluid=saved.fluid or pad.fluid)
+
+
+def pad_pairs(pads: Sequence[Saved]) -> list[tuple[Group, Group]]:
+    """Every pair of pads."""
+    return list(combinations([(saved.pad, [saved]) for saved in pads], 2))
+
+
+def fluid_pairs(pads: Sequence[Saved]) -> list[tuple[Group, Group]]:
+    """Every pair of fluids of which there are two specimens or more."""
+    fluids: dict[str, list[Saved]] = {}
+    for saved in pads:
+        if saved.fluid:
+            fluids.setdefault(saved.fluid, []).append(saved)
+    several = [(fluid, group) for fluid, group in fluids.items() if len(group) > 1]
+    return list(combinations(several, 2))
+
+
+def compare_into(
+    out: Path,
+    first: Group,
+    second: Group,
+    *,
+    region: float = REGION,
+    depth: float | None = None,
+    rates: Sequence[float] | None = None,
+    frequencies: Sequence[float] | None = None,
+    seed: int = 0,
+    watcher: Watcher | None = None,
+) -> tuple[Comparison, list[Path]]:
+    """Compare; leave compare.json, .csv, .tex, .txt and the figure in ``out/compare/B-vs-C``.
+
+    Returns the comparison and the figures' paths. Raises InputError where the two cannot be
+    compared or nothing can be written.
+    """
+    names = first[0], second[0]
+    folder = out / FOLDER / f"{names[0]}-vs-{names[1]}"
+    with (watcher or Watcher()).doing(f"comparing {names[0]} with {names[1]}"):
+        found = compare(
+            first[1],
+            second[1],
+            names=names,
+            region=region,
+            depth=depth,
+            rates=rates,
+            frequencies=frequencies,
+            seed=seed,
+        )
+        write_comparison(folder, found)
+        figures = _figures(found, folder)
+    return found, figures
+
+
+def _figures(found: Comparison, folder: Path) -> list[Path]:
+    # here, so that the other steps do not wait for matplotlib
+    from qlvbayes.plots.contrasts import plot_contrasts
+    from qlvbayes.plots.files import save_figure
+
+    return [save_figure(plot_contrasts(found), folder / "contrasts")]

@@ -1,0 +1,74 @@
+"""The first step: sample a pad's posterior and leave it on disk."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from msgspec.structs import replace
+
+from qlvbayes.fitting.chainstore import remove_chain
+from qlvbayes.fitting.ensemble import Settings
+from qlvbayes.fitting.fit import fit_pad
+from qlvbayes.fitting.results import save, to_arviz
+from qlvbayes.fitting.summary import FitSummary
+from qlvbayes.io.data import Measurements, Pad
+from qlvbayes.io.files import results_folder
+from qlvbayes.model.choices import Choices
+from qlvbayes.pipeline.drawing import draw_fit
+from qlvbayes.pipeline.watcher import Watcher
+from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.preprocess.pulling import pull_notices
+
+
+def fit_into(
+    folder: Path,
+    pad: Pad,
+    study: Measurements,
+    choices: Choices,
+    *,
+    method: str,
+    all_tests: bool,
+    settings: Settings,
+    watcher: Watcher,
+    figures: bool = True,
+) -> FitSummary:
+    """Fit one pad; leave ``posterior.nc`` and ``summary.json`` in a folder.
+
+    figures: whether to leave pairs and programme (PNG and PDF) too. A killed run goes on where it
+    was. Raises InputError where a setting cannot be used or nothing
+    can be written.
+    """
+    with watcher.doing(f"pad {pad.name}: motion, phases and noise floor"):
+        experiment = prepare(pad, all_tests=all_tests)
+    choices.build(experiment.scales)  # a setting that cannot be used leaves nothing behind
+    results_folder(folder)
+    pulls = pull_notices(experiment, bonded=choices.bonded, effects=choices.effects)
+    notices = (*experiment.notices, *pulls)
+    for text in notices:
+        watcher.notice(text)
+    watcher.starting(experiment, choices)
+    chain = folder / "chain"
+    with watcher.sampling(f"pad {pad.name}: {method}") as progress:
+        found = fit_pad(
+            experiment, choices, method=method, settings=settings, folder=chain, progress=progress
+        )
+    summary = found.summary()
+    for text in summary.notices:
+        watcher.notice(text)
+    summary = replace(summary, notices=(*notices, *summary.notices))
+    with watcher.doing(f"pad {pad.name}: writing"):
+        tree = to_arviz(
+            found,
+            summary,
+            source=str(Path(study.source).resolve()),
+            sha256=study.sha256,
+            all_tests=all_tests,
+            seed=settings.seed,
+        )
+        save(tree, folder / "posterior.nc")
+        summary.write(folder / "summary.json")
+        if figures:
+            draw_fit(folder, found, experiment)
+    remove_chain(chain)
+    watcher.fitted(summary)
+    return summary

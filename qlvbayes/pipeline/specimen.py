@@ -1,0 +1,185 @@
+"""A study as one works with it by hand: its pads by name, each with what can be done with it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from qlvbayes.diagnosis.diagnose import diagnose
+from qlvbayes.diagnosis.search import Tell
+from qlvbayes.diagnosis.settings import Settings as Thresholds
+from qlvbayes.diagnosis.standing import Standing
+from qlvbayes.diagnosis.verdict import Diagnosis
+from qlvbayes.effects.effect import AbstractEffect
+from qlvbayes.fitting.ensemble import Progress, Settings
+from qlvbayes.fitting.fit import Fit, fit_pad
+from qlvbayes.io.data import Measurements, Pad, read_measurements
+from qlvbayes.model.choices import Choices
+from qlvbayes.preprocess.experiment import Experiment, prepare
+
+
+@dataclass(frozen=True, eq=False)
+class Specimen:
+    """One pad with its tests, ready to be fitted and diagnosed.
+
+    Where no `Choices` are given they are the defaults, bonded where the tests hold strain and
+    stress.
+    """
+
+    pad: Pad
+
+    def __repr__(self) -> str:
+        """``<pad B, 6 tests>``."""
+        count = len(self.pad.tests)
+        return f"<pad {self.pad.name}, {count} {'test' if count == 1 else 'tests'}>"
+
+    @cached_property
+    def experiment(self) -> Experiment:
+        """The tests made ready: motion, phases, rates, roles and the noise floor."""
+        return prepare(self.pad)
+
+    def fit(
+        self,
+        choices: Choices | None = None,
+        *,
+        method: str = "emcee",
+        all_tests: bool = False,
+        settings: Settings | None = None,
+        folder: str | Path | None = None,
+        progress: Progress | None = None,
+    ) -> Fit:
+        """Draw the model's constants from their posterior.
+
+        Parameters
+        ----------
+        choices
+            The model: laws, effects, noise, priors.
+        method
+            ``emcee`` samples; ``least-squares`` and ``two-step`` are the paper's routes, whose
+            draws come from the normal approximation at the optimum.
+        all_tests
+            Whether tests that would validate are fitted too.
+        settings
+            Of the sampler: walkers, steps and seed.
+        folder
+            Where the growing chain is kept, so that a killed run goes on where it was.
+        progress
+            Is told how far the sampling has come.
+
+        Raises
+        ------
+        InputError
+            A choice cannot be used with these tests.
+        """
+        ready = prepare(self.pad, all_tests=True) if all_tests else self.experiment
+        return fit_pad(
+            ready,
+            self._or_usual(choices),
+            method=method,
+            settings=settings,
+            folder=None if folder is None else Path(folder),
+            progress=progress,
+        )
+
+    def diagnose(
+        self,
+        choices: Choices | None = None,
+        *,
+        kinds: Sequence[type[AbstractEffect]] | None = None,
+        thresholds: Thresholds | None = None,
+        evidence: str = "laplace",
+        seed: int = 0,
+        tell: Tell = lambda text: None,
+        watch: Callable[[Standing], None] = lambda standing: None,
+    ) -> Diagnosis:
+        """Say what the model lacks, a law or effects, from all tests.
+
+        Parameters
+        ----------
+        choices
+            The model to start from.
+        kinds
+            Effects that are looked for: by default the list, and those of the choices' own file.
+        thresholds
+            Prior probabilities, and how sure the verdict must be.
+        evidence
+            ``nested`` samples the plain model and the two best hypotheses again by nested
+            sampling, a minute or two each.
+        seed
+            Of nested sampling.
+        tell
+            Hears what is being done.
+        watch
+            Sees at each such step what is known so far, and may raise `Enough` to end the search.
+
+        Raises
+        ------
+        InputError
+            The noise model is not Gaussian, or a choice cannot be used with these tests.
+        """
+        choices = self._or_usual(choices)
+        return diagnose(
+            self.experiment,
+            choices,
+            kinds=choices.candidates if kinds is None else kinds,
+            settings=thresholds,
+            evidence=evidence,
+            seed=seed,
+            tell=tell,
+            watch=watch,
+        )
+
+    def _or_usual(self, choices: Choices | None) -> Choices:
+        return choices or Choices(bonded=self.pad.units.bonded_default)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Study(Measurements):
+    """All pads of one file by name: ``study["B"]`` is a `Specimen`, and its names are iterated."""
+
+    def __getitem__(self, name: str) -> Specimen:
+        """Return the pad of that name; InputError lists the known names otherwise."""
+        return self._specimens[self.pad(name).name]
+
+    def __iter__(self) -> Iterator[str]:
+        """Yield the pads' names, in the file's order."""
+        return iter(self._specimens)
+
+    def __len__(self) -> int:
+        """How many pads there are."""
+        return len(self.pads)
+
+    def __repr__(self) -> str:
+        """``<study pads.csv: A, B, C>``."""
+        return f"<study {Path(self.source).name}: {', '.join(self)}>"
+
+    @cached_property
+    def _specimens(self) -> dict[str, Specimen]:
+        """Each once, so that its tests are made ready once."""
+        return {pad.name: Specimen(pad) for pad in self.pads}
+
+
+def read_study(path: str | Path) -> Study:
+    """Read a file of measurements, CSV or as a testing machine writes it.
+
+    Parameters
+    ----------
+    path
+        A tidy CSV or .csv.gz file, a row per sample: ``time_s``, ``displacement_mm`` and
+        ``force_N`` (or ``strain`` and ``stress_kPa``), and what `data.read_measurements` names
+        besides; or a file of a layout that its first bytes show (`qlvbayes.io.formats`).
+
+    Returns
+    -------
+    Study
+        The pads, with their units, and what was noticed on reading.
+
+    Raises
+    ------
+    InputError
+        The file cannot be used as it is; the error names line and remedy.
+    """
+    found = read_measurements(path)
+    return Study(found.pads, found.units, found.source, found.sha256, found.notices)

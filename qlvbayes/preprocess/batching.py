@@ -1,0 +1,75 @@
+"""Tests of different lengths as one batch, padded to sizes that many pads share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from qlvbayes.laws.motion import Motion
+from qlvbayes.model.record import Blocks, Record, held
+
+_LEAST = 32  # points or blocks
+
+
+def batch(records: Sequence[Record], like: Record | None = None) -> Record:
+    """Records along a leading axis; the grid's last point and masked blocks fill them up.
+
+    like: a batch whose sizes are taken where they are large enough.
+    """
+    points = _rounded(max(r.motion.time.shape[0] for r in records))
+    blocks = _rounded(max(r.blocks.force.shape[0] for r in records))
+    if like is not None:
+        points = max(points, like.motion.time.shape[-1])
+        blocks = max(blocks, like.blocks.force.shape[-1])
+    if any(r.motion.ago is not None for r in (*records, *([like] if like else []))):
+        records = [_with_ago(record) for record in records]
+    padded = [_pad(record, points, blocks) for record in records]
+    return jax.tree.map(lambda *leaves: jnp.asarray(np.stack(leaves)), *padded)
+
+
+def _rounded(size: int) -> int:
+    """Up to a power of two or three quarters of one: pads of few sizes share what is compiled.
+
+    Compiling for a size of its own takes longer than most pads' evaluations.
+    """
+    whole = max(_LEAST, 1 << (size - 1).bit_length())
+    return 3 * whole // 4 if size <= 3 * whole // 4 and whole > _LEAST else whole
+
+
+def _pad(record: Record, points: int, blocks: int) -> Record:
+    seen = record.motion
+    motion = Motion(
+        _extend(seen.time, points),
+        _extend(seen.displacement, points),
+        _extend(seen.velocity, points),
+        _extend(seen.acceleration, points),
+        seen.start,
+        None if seen.ago is None else _extend(seen.ago, points),
+        None if seen.bow is None else _extend(seen.bow, points),
+    )
+    size = record.blocks.force.shape[0]
+    full = Blocks(*(_extend(x, blocks) for x in jax.tree.leaves(record.blocks)))
+    real = np.arange(blocks) < size
+    # one sample, of no duration: the noise model's closed forms stay finite in padding
+    count = held(np.where(real, full.count, 1.0))
+    single = replace(full, count=count, real=held(real))
+    return Record(motion, _extend(record.nodes, blocks), single)
+
+
+def _with_ago(record: Record) -> Record:
+    """The record; that no earlier test is carried along in it, told by number."""
+    motion = record.motion
+    if motion.ago is not None:
+        return record
+    alone = replace(motion, ago=held(np.zeros(motion.time.shape, int)))
+    return Record(alone, record.nodes, record.blocks)
+
+
+def _extend(values: Array, size: int) -> Array:
+    missing = [(0, size - values.shape[0])] + [(0, 0)] * (values.ndim - 1)
+    return held(np.pad(np.asarray(values), missing, mode="edge"))

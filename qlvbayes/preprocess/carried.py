@@ -1,0 +1,103 @@
+"""How much of one test's force was still relaxing when the next began, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from qlvbayes.laws.motion import Motion
+from qlvbayes.model.record import Record
+from qlvbayes.preprocess.experiment import Experiment, Trial
+from qlvbayes.preprocess.past import ROUNDED, carried_tests, pause
+
+_SEEN = 0.25  # of the noise at rest: what the mean of sixteen independent samples tells from none
+
+Predict = Callable[[Record], np.ndarray]
+
+
+@dataclass(frozen=True)
+class CarriedOver:
+    """What a test has from the ones before it.
+
+    before: the test just before it; pause: seconds between them; size: largest change of its force
+    (N) against a beginning at rest; share: that over the largest force of the test before.
+    """
+
+    test: str
+    before: str
+    pause: float
+    size: float
+    share: float
+
+
+def carried_over(
+    experiment: Experiment, trials: Sequence[Trial], record: Record, predict: Predict
+) -> tuple[CarriedOver, ...]:
+    """What each of ``trials`` has from earlier tests; none where all began at rest.
+
+    record: of these trials; predict: block means (T, B) of the model for a record of that shape.
+    """
+    if record.motion.ago is None:
+        return ()
+    change = np.abs(predict(record) - predict(_forgetting(record)))
+    sizes = np.max(np.where(np.asarray(record.blocks.real), change, 0.0), axis=1)
+    every = [trial.test for trial in experiment.trials]
+    found = []
+    for trial, size in zip(trials, sizes, strict=True):
+        remembered = carried_tests(every.index(trial.test), every, experiment.longest)
+        if not remembered or experiment.rested:
+            continue
+        before = every[remembered[0]]
+        between = pause(before, trial.test) or 0.0
+        peak = float(np.max(np.abs(before.force)))
+        found.append(CarriedOver(trial.name, before.name, between, float(size), size / peak))
+    return tuple(found)
+
+
+def carried_notices(
+    experiment: Experiment, trials: Sequence[Trial], record: Record, predict: Predict
+) -> tuple[str, ...]:
+    """One sentence, on the test that has most from earlier ones, where that can be seen."""
+    found = carried_over(experiment, trials, record, predict)
+    seen = [one for one in found if one.size > _SEEN * experiment.floor.total]
+    if not seen:
+        return ()
+    most = max(seen, key=lambda one: one.share)
+    others = f"; {len(seen) - 1} more began so, with less" if len(seen) > 1 else ""
+    return (
+        f"pad {experiment.pad}: test {most.test} began {most.pause:.3g} s after {most.before} with "
+        f"{_percent(most.share)} of the largest force of {most.before} still relaxing, which the "
+        f"model carries along{others}",
+    )
+
+
+def clock_notices(experiment: Experiment) -> tuple[str, ...]:
+    """Tests that began, by the clock that was declared, before another had ended."""
+    tests = sorted((t.test for t in experiment.trials), key=lambda test: test.start_s)
+    early = [
+        f"pad {experiment.pad}: test {after.name} begins, by its start_s, before {before.name} has "
+        "ended: nothing is carried from one to the other"
+        for before, after in pairwise(tests)
+        if (pause(before, after) or 0.0) < -ROUNDED
+    ]
+    return tuple(early[:1])
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.2g} %"
+
+
+def _forgetting(record: Record) -> Record:
+    """The record, of the same shape, with every test begun at rest."""
+
+    def alone(motion: Motion) -> Motion:
+        return replace(motion.alone, ago=motion.ago)
+
+    return Record(
+        jax.vmap(alone)(jax.tree.map(jnp.asarray, record.motion)), record.nodes, record.blocks
+    )

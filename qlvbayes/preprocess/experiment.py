@@ -1,0 +1,216 @@
+"""A pad's tests made ready: motion, phases, rates, roles and the noise floor."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import jax.numpy as jnp
+import numpy as np
+
+from qlvbayes.io.data import Control, Pad, Test
+from qlvbayes.io.units import UnitSystem
+from qlvbayes.laws.scales import Scales
+from qlvbayes.model.noise import Correlated
+from qlvbayes.model.record import Record
+from qlvbayes.preprocess.batching import batch
+from qlvbayes.preprocess.loadcontrol import control_of, crept_path, force_phases, with_both_errors
+from qlvbayes.preprocess.noisefloor import NoiseFloor, measure
+from qlvbayes.preprocess.past import Past, past_of
+from qlvbayes.preprocess.phases import Phase, find_phases, loading_rate, phase_index
+from qlvbayes.preprocess.reduction import Care, reduce_test
+from qlvbayes.preprocess.segments import encoder_steps
+from qlvbayes.preprocess.stiffness import largest_stiffness
+from qlvbayes.preprocess.trajectory import Trajectory, smooth
+
+FIT_RATE = 20.0  # mm/s (or 1/s of a strain), the paper's identification test
+_CHORD_SHARE = 0.1  # of the noise, that the grid's straight lines may add
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One test with what was found in it; ``rate`` is the loading rate, displacement over s.
+
+    control: what was prescribed; phases are those of the force where that was.
+    """
+
+    test: Test
+    trajectory: Trajectory
+    phases: tuple[Phase, ...]
+    rate: float
+    role: str
+    control: Control = "displacement"
+
+    @property
+    def name(self) -> str:
+        """The test's name."""
+        return self.test.name
+
+    @property
+    def approached(self) -> bool:
+        """Whether a record that begins on the move came from zero by an approach before it.
+
+        Under a prescribed force it is creep from the beginning: the weight was put on at once.
+        """
+        return self.control == "displacement"
+
+    def phase_of(self, time: np.ndarray) -> np.ndarray:
+        """Kind of phase (N,) at each time."""
+        return np.array([phase.kind for phase in self.phases])[phase_index(self.phases, time)]
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """All trials of one pad, its units, its noise floor and, where it is known, its fluid.
+
+    rested: whether every test is taken to begin at rest, whatever came before it.
+    """
+
+    pad: str
+    units: UnitSystem
+    trials: tuple[Trial, ...]
+    floor: NoiseFloor
+    fluid: str | None = None
+    rested: bool = False
+
+    @property
+    def noise_at_rest(self) -> Correlated:
+        """The noise floor as a noise model."""
+        return Correlated(*map(jnp.asarray, (self.floor.white, self.floor.ou, self.floor.memory)))
+
+    @property
+    def care(self) -> Care:
+        """How finely records are to be described for this noise.
+
+        Straight lines may make a tenth of what the noise changes by between two readings.
+        """
+        floor, scales = self.floor, self.scales
+        change = np.sqrt(2.0 * -np.expm1(-scales.shortest / floor.memory))
+        sudden = float(np.hypot(floor.white, floor.ou * change))
+        return Care(floor, scales.stiffness, _CHORD_SHARE * sudden / scales.stiffness)
+
+    @property
+    def notices(self) -> tuple[str, ...]:
+        """One sentence on the tests that were taken as load-controlled without being told so."""
+        found = [t.name for t in self.trials if t.control == "force" and t.test.control is None]
+        if not found:
+            return ()
+        those = f"test {found[0]}" if len(found) == 1 else f"tests {', '.join(found)}"
+        return (
+            f"pad {self.pad}: in {those} the force is held while the displacement creeps, which is "
+            "taken as a prescribed force; a column control (displacement or force) says otherwise",
+        )
+
+    def with_role(self, role: str) -> tuple[Trial, ...]:
+        """The trials that are fitted, or those that validate."""
+        return tuple(trial for trial in self.trials if trial.role == role)
+
+    @property
+    def sd_scale(self) -> float:
+        """Root mean square of the measured sds over the whole pad (1 where none were measured)."""
+        squares = [t.test.force_sd**2 for t in self.trials if t.test.force_sd is not None]
+        return float(np.sqrt(np.mean(np.concatenate(squares)))) if squares else 1.0
+
+    @property
+    def scales(self) -> Scales:
+        """The sizes that default priors are scaled to."""
+        tests = [trial.test for trial in self.trials]
+        paths = [trial.trajectory for trial in self.trials]
+        floor = self.floor
+        return Scales(
+            force=max(float(np.max(np.abs(t.force))) for t in tests),
+            depth=max(float(np.max(np.abs(t.displacement))) for t in tests),
+            shortest=min(float(np.median(np.diff(t.time)[:200])) for t in tests),
+            longest=self.longest,
+            white=floor.white,
+            ou=floor.ou,
+            tau=floor.memory,
+            speed=max(path.top_speed for path in paths),
+            acceleration=max(path.top_acceleration for path in paths),
+            clock=max(t.start_s + float(t.time[-1]) for t in tests) - self.clock_zero,
+            stiffness=largest_stiffness(tests),
+            white_factor=max(1.2, floor.factor("white")),
+            tau_factor=max(3.0, floor.factor("tau")),
+        )
+
+    @property
+    def clock_zero(self) -> float:
+        """The clock (s) at the beginning of the pad's first test."""
+        return min(trial.test.start_s + float(trial.test.time[0]) for trial in self.trials)
+
+    def record(self, trials: Sequence[Trial]) -> Record:
+        """Block averages of some trials, as one batch."""
+        return batch(
+            [
+                reduce_test(
+                    t.test,
+                    t.trajectory,
+                    t.phases,
+                    sd_scale=self.sd_scale,
+                    start=t.test.start_s - self.clock_zero,
+                    past=self.past(t),
+                    care=self.care,
+                    approached=t.approached,
+                )
+                for t in trials
+            ]
+        )
+
+    def past(self, trial: Trial) -> Past | None:
+        """What a test remembers of those before it; None where it began at rest."""
+        if self.rested:
+            return None
+        names = [t.name for t in self.trials]
+        tests, paths = zip(*((t.test, t.trajectory) for t in self.trials), strict=True)
+        return past_of(names.index(trial.name), tests, paths, self.longest)
+
+    @property
+    def longest(self) -> float:
+        """Length (s) of the longest phase."""
+        return max(p.stop - p.start for trial in self.trials for p in trial.phases)
+
+
+def prepare(pad: Pad, *, all_tests: bool = False) -> Experiment:
+    """Find motion, phases, rates and the noise floor of a pad, and settle which tests are fitted.
+
+    Tests without a role: the one whose rate is nearest to 20 mm/s (in the logarithm) is fitted,
+    the others validate; ``all_tests`` fits every one.
+    """
+    steps = encoder_steps([test.displacement for test in pad.tests])
+    trials = [_trial(test, step) for test, step in zip(pad.tests, steps, strict=True)]
+    roles = _roles(trials, FIT_RATE * pad.units.mm_per_s)
+    trials = [replace(t, role=role) for t, role in zip(trials, roles, strict=True)]
+    if all_tests:
+        trials = [replace(t, role="fit") for t in trials]
+    tests = [trial.test for trial in trials]
+    of_a_step = largest_stiffness(tests) * max(steps)
+    read = with_both_errors(tests, [trial.control for trial in trials])
+    floor = measure(read, [t.phases for t in trials], of_a_step=of_a_step)
+    return Experiment(pad.name, pad.units, tuple(trials), floor, pad.fluid)
+
+
+def _trial(test: Test, step: float) -> Trial:
+    trajectory, control = smooth(test.time, test.displacement, step), control_of(test)
+    phases = find_phases(trajectory) if control == "displacement" else force_phases(test)
+    if control == "force":
+        trajectory = crept_path(trajectory, test)
+    rate = test.rate if test.rate is not None else _rate(trajectory, phases, control)
+    return Trial(test, trajectory, phases, rate, test.role or "", control)
+
+
+def _rate(trajectory: Trajectory, phases: tuple[Phase, ...], control: Control) -> float:
+    """The loading rate; of a weight that was put on at once the largest speed of the creep."""
+    if control == "force" and not any(phase.kind == "ramp" for phase in phases):
+        return trajectory.top_speed
+    return loading_rate(trajectory, phases)
+
+
+def _roles(trials: Sequence[Trial], fit_rate: float) -> list[str]:
+    if any(trial.role == "fit" for trial in trials):
+        return [trial.role or "validate" for trial in trials]
+    distance = [
+        np.inf if trial.role == "validate" else abs(np.log(trial.rate / fit_rate))
+        for trial in trials
+    ]
+    chosen = int(np.argmin(distance))
+    return ["fit" if k == chosen else "validate" for k in range(len(trials))]

@@ -1,0 +1,91 @@
+"""What is known of the noise, and how well."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from qlvbayes.preprocess.noisefloor.posterior import Rests
+
+Array = NDArray[np.float64]
+
+_SPREAD = 40  # draws that tell the spread
+_MOST = 5.0  # a wider prior would tell nothing
+
+
+@dataclass(frozen=True)
+class NoiseFloor:
+    r"""White noise of sd ``white`` plus a correlated process of sd ``ou``, both times s(F).
+
+    cov(t, t') = s(F) s(F') {white^2 [t = t'] + ou^2 rho(|t - t'|/tau)}, rho(x) = e^{-x} (an
+    Ornstein-Uhlenbeck process), or e^{-x} (cos x + sin x) where ``smooth``
+    (white noise through a second-order low-pass, Butterworth's, of cut-off 2^{1/2}/tau);
+    s(F) = (1 + growth |F|)/(1 + growth level).
+
+    Sds in units of force, at a force of ``level``; ``tau`` in s; ``growth`` in 1/force, 0 where the
+    noise does not grow with the force; ``step``: of the digitised force, 0 if none was seen, its
+    variance of step^2/12 is in ``white``. ``ou`` is 0 where no correlation is seen; ``tau`` is then
+    a neutral tenth of a hold. ``testable``: False where no hold shows whether the noise is
+    correlated; ``notices``: what the reader must know, in words; ``rests``: the readings behind
+    it, None where there were none.
+    """
+
+    white: float
+    ou: float
+    tau: float
+    growth: float = 0.0
+    level: float = 0.0
+    step: float = 0.0
+    smooth: bool = False
+    testable: bool = True
+    notices: tuple[str, ...] = ()
+    rests: Rests | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def total(self) -> float:
+        """The sd of a single reading."""
+        return float(np.hypot(self.white, self.ou))
+
+    @property
+    def memory(self) -> float:
+        """Correlation time (s) of the Ornstein-Uhlenbeck process with the same slow part."""
+        return self.tau
+
+    def scale(self, force: ArrayLike) -> Array:
+        """Sd at a force, any shape, over the one at ``level``."""
+        size = np.abs(np.asarray(force, dtype=np.float64))
+        return np.asarray((1.0 + self.growth * size) / (1.0 + self.growth * self.level))
+
+    def factor(self, name: str) -> float:
+        """By which one sd of what the rests leave open changes ``white`` or ``tau``, 5 at most."""
+        if self.ou == 0.0:  # its time is nobody's then
+            return 1.0
+        spread = np.std(np.log([getattr(floor, name) for floor in self.draws(_SPREAD)]))
+        return float(np.exp(min(spread, np.log(_MOST))))
+
+    def draws(self, count: int) -> list[NoiseFloor]:
+        """Equally likely floors (count of them, the same at every call), given the rests alone.
+
+        Without rests nothing is known of the uncertainty: all are this one.
+        """
+        if self.rests is None:
+            return [self] * count
+        return [self._like(one) for one in self.rests.draw(count)]
+
+    def weighted(self, count: int) -> tuple[list[NoiseFloor], Array]:
+        """Floors with weights (count,) of sum 1, the unlikely ones among them; see ``draws``."""
+        if self.rests is None:
+            return [self], np.ones(1)
+        found, weights = self.rests.weighted(count)
+        return [self._like(one) for one in found], weights
+
+    def rounded(self) -> NoiseFloor:
+        """The same with no less variance than rounding to ``step`` makes."""
+        least = np.sqrt(max(self.step**2 / 12.0 - self.ou**2, 0.0))
+        return replace(self, white=max(self.white, float(least)))
+
+    def _like(self, found: tuple[float, float, float]) -> NoiseFloor:
+        white, ou, tau = found
+        return replace(self, white=white, ou=ou, tau=tau).rounded()

@@ -1,0 +1,188 @@
+"""The noise of the load cell, measured at rest and without any model of the material."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import Bounds, minimize
+
+from qlvbayes.preprocess.noisefloor.floor import NoiseFloor
+from qlvbayes.preprocess.noisefloor.pool import Pool
+from qlvbayes.preprocess.noisefloor.posterior import Rests, usual_log_tau
+from qlvbayes.preprocess.noisefloor.rests import Record, Rest, find_rests
+from qlvbayes.preprocess.phases import Phase
+from qlvbayes.preprocess.segments import encoder_step, sensor_noise
+
+Array = NDArray[np.float64]
+
+_TREND_RATIOS = (2.0, 1.4)  # between neighbouring relaxation times of the trend
+_QUIET = 1e-3  # of the force range: below, the coarser trend would leave more than the noise
+_TAUS = 5
+_RATIOS = np.arange(-6.0, 10.0, 3.5)  # log of correlated over white variance
+_LEAST_RATIO = -9.0
+_MOST_RATIO = 9.2  # white sd 1 % of the correlated one: no model of the latter is any better
+_LONGEST = 0.5  # of the longest rest: a longer memory cannot be told from the trend
+_DECISIVE = 2.0  # log-likelihood by which the second process must win
+_GROWTHS = np.array([0.3, 1.0, 3.0, 10.0, 30.0])  # growth over the peak force, that is tried
+_GROWS = 4.0  # log-likelihood by which noise that grows with the force must win
+_STEP_SAMPLES = 20_000  # readings that show the step of a digitised force
+_LEAST_STEP = 1e-4  # of the force range: a smaller step is the file's last digit
+EXACT = 3e-4  # of the peak force: the motion between the readings is not known any better,
+_ROUNDED = 1.0 / np.sqrt(12.0)  # of an encoder step: sd of the displacement's rounding
+_TINY = float(np.finfo(np.float64).tiny) ** 0.5
+
+
+def measure(
+    tests: Sequence[Record], phases: Sequence[Sequence[Phase]], *, of_a_step: float = 0.0
+) -> NoiseFloor:
+    """Return the noise seen in the holds and recoveries of the tests, pooled.
+
+    In each rest the force is a smooth trend plus noise. The noise parameters maximise the
+    restricted likelihood, in which the trend costs its degrees of freedom, with a weak prior of the
+    correlation time. Up to 12 rests enter: single readings of a run, and means over all others. The
+    correlated part is reported only if it raises the log-likelihood by more than 2, noise that
+    grows with the force by more than 4. With a measured sd for each reading (``force_sd``) the
+    noise is taken as proportional to it, and the sds returned hold at its root mean square.
+
+    Without any usable rest the white noise comes from high-order differences of the records, and
+    whether noise is correlated is not testable. Noise below 3e-4 of the peak force and the rounding
+    of the encoder is taken as that much: the motion between the readings is not known any better.
+
+    Parameters
+    ----------
+    tests, phases
+        One entry a test; a test has ``time``, ``force`` and ``force_sd`` (or None), (n,) each.
+    of_a_step
+        Force that an encoder step makes, at most.
+    """
+    peak = max((float(np.abs(t.force).max()) for t in tests if t.force.size), default=0.0)
+    step = _force_step(tests)
+    rests = find_rests(tests, phases, step)
+    known = all(test.force_sd is None for test in tests)
+    floor = _pooled(rests, peak if known else 0.0) if rests else _without_rests(tests)
+    return _at_least(floor, step, float(np.hypot(EXACT * peak, _ROUNDED * of_a_step)))
+
+
+def _force_step(tests: Sequence[Record]) -> float:
+    """Step of the digitised force; 0 if none is seen or only that of the file's last digit."""
+    steps = [encoder_step(t.force[:_STEP_SAMPLES]) for t in tests if t.force.size > 2]
+    span = max((float(np.ptp(t.force)) for t in tests if t.force.size), default=0.0)
+    step = min(steps, default=0.0)
+    return step if step > _LEAST_STEP * span else 0.0
+
+
+def _without_rests(tests: Sequence[Record]) -> NoiseFloor:
+    found = [sensor_noise(t.time, t.force) for t in tests]
+    length = max((float(np.ptp(t.time)) for t in tests if t.time.size), default=0.0)
+    # one load cell reads all tests: a test that is fast against its readings shows more than noise
+    white = min((noise for noise in found if noise > 0.0), default=0.0)
+    notice = (
+        "no hold or recovery shows the noise: its white part comes from neighbouring readings, and "
+        "whether it is correlated is not testable; structure that looks like correlated noise "
+        "cannot be told from it"
+    )
+    return NoiseFloor(
+        white, 0.0, 0.1 * length if length > 0.0 else 1.0, testable=False, notices=(notice,)
+    )
+
+
+def _at_least(floor: NoiseFloor, step: float, least: float) -> NoiseFloor:
+    """Count the variance of rounding to a step, and no less than the motion makes."""
+    notices = floor.notices
+    if step > 0.0:
+        notices = (*notices, f"the force is digitised in steps of {step:.3g}, counted as noise")
+    floor = replace(floor, white=max(floor.white, _TINY), step=step, notices=notices).rounded()
+    if floor.total >= least:
+        return floor
+    notice = (
+        f"next to no noise is seen ({floor.total:.2g}): a floor of {least:.2g} is taken, as the "
+        "motion between the readings is known no better"
+    )
+    return replace(
+        floor, white=least / np.sqrt(2.0), ou=least / np.sqrt(2.0), growth=0.0, rests=None,
+        notices=(*notices, notice),
+    )  # fmt: skip
+
+
+def _pooled(rests: list[Rest], peak: float) -> NoiseFloor:
+    """White sd, correlated sd, its time and the growth, by restricted maximum likelihood.
+
+    peak: largest force; 0 where sds were measured, so that growth is not looked for.
+    """
+    pool = _pool(rests)
+    lengths = [float(np.ptp(r.time)) for r in rests]
+    neutral = 0.1 * float(np.median(lengths))
+    if not np.any(pool.y):
+        return NoiseFloor(0.0, 0.0, neutral)
+    found = _fitted(pool, max(lengths), float(np.median(lengths)))
+    growth, level = 0.0, float(np.mean(np.abs(pool.force)))
+    if peak > 0.0 and (grown := _growth(found, peak, level)) is not None:
+        growth, scaled = grown
+        found = _fitted(scaled, max(lengths), float(np.median(lengths)))
+    pool = found.pool
+    alone, variance = pool.of_white()
+    if found.best - alone < _DECISIVE:
+        white = float(np.sqrt(variance))
+        return NoiseFloor(white, 0.0, neutral, growth, level, rests=found)
+    white = float(np.sqrt(pool.likelihood(found.ratio, found.tau, found.smooth)[1]))
+    ou, tau = white * float(np.exp(0.5 * found.ratio)), float(np.exp(found.tau))
+    return NoiseFloor(white, ou, tau, growth, level, smooth=found.smooth, rests=found)
+
+
+def _pool(rests: list[Rest]) -> Pool:
+    """With the finer trend where the coarser one would leave more than the noise."""
+    span = max(float(np.ptp(r.force)) for r in rests)
+    for ratio in _TREND_RATIOS:
+        pool = Pool.of(rests, ratio)
+        averaged = pool.y[pool.count == pool.count.max()]
+        if np.sqrt(np.mean(averaged**2)) > _QUIET * span:
+            break
+    return pool
+
+
+def _fitted(pool: Pool, longest: float, usual: float) -> Rests:
+    """The more likely of both kinds of correlated noise, at its mode."""
+    gaps = pool.gaps[np.isfinite(pool.gaps)]
+    shortest = 3.0 * float(np.quantile(gaps, 0.1))
+    most = max(_LONGEST * longest, 2.0 * shortest)
+    taus = np.log([shortest, most])
+    bounds = np.array([[_LEAST_RATIO, taus[0]], [_MOST_RATIO, taus[1]]])
+    starts = [(r, t) for t in np.linspace(float(taus[0]), float(taus[1]), _TAUS) for r in _RATIOS]
+    rough = _mode(pool, bounds, usual_log_tau(usual), starts, smooth=False)
+    if rough.best - pool.of_white()[0] < _DECISIVE:
+        return rough
+    around = [(rough.ratio, max(rough.tau - lag, taus[0])) for lag in (0.5, 1.5, 3.0)]
+    smooth = _mode(pool, bounds, rough.usual, around, smooth=True)
+    return smooth if smooth.best > rough.best + _DECISIVE else rough
+
+
+def _mode(
+    pool: Pool, bounds: Array, usual: float, starts: list[tuple[float, float]], *, smooth: bool
+) -> Rests:
+    """The top of the posterior, from the best of some (log ratio, log tau)."""
+    found = Rests(pool, 0.0, 0.0, 0.0, bounds, usual, smooth, correlated=False)
+    start = min(starts, key=lambda at: found.loss(np.array(at)))
+    best = minimize(
+        found.loss, np.array(start), method="L-BFGS-B", bounds=Bounds(*bounds),
+        options={"maxiter": 15, "ftol": 1e-6},
+    )  # fmt: skip
+    ratio, tau = map(float, best.x)
+    gain = pool.likelihood(ratio, tau, smooth)[0]
+    sure = gain - pool.of_white()[0] > 3.0 * _DECISIVE
+    return replace(found, best=gain, ratio=ratio, tau=tau, correlated=sure)
+
+
+def _growth(found: Rests, peak: float, level: float) -> tuple[float, Pool] | None:
+    """Growth (1/force) of the sd with the force and the rests divided by it; None if none shows."""
+    best = None
+    least = found.best + _GROWS
+    for growth in _GROWTHS / peak:
+        scale = (1.0 + growth * np.abs(found.pool.force)) / (1.0 + growth * level)
+        scaled = found.pool.scaled(scale)
+        gain = scaled.likelihood(found.ratio, found.tau, found.smooth)[0]
+        if gain > least:
+            least, best = gain, (float(growth), scaled)
+    return best

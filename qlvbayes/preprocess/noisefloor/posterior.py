@@ -1,0 +1,154 @@
+"""How well the rests know the noise: draws of its white sd, correlated sd and correlation time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2, qmc
+from scipy.stats import t as student
+
+from qlvbayes.preprocess.noisefloor.pool import Pool
+
+Array = NDArray[np.float64]
+
+_POINTS = 32  # of the importance sample over (log ratio, log tau)
+_HEAVY = 5.0  # degrees of freedom of its Student-t
+_STEP = 0.1  # of both numbers, in the curvature's differences
+_WIDEST = 2.0  # sd of that t where the rests say little
+_USUAL_TAU = 0.05  # of a rest: a longer memory looks like the trend, so that there is a weak
+TAU_SD = 1.5  # prior, log-normal with this sd (a quarter of a rest is one away)
+_RATIO_SD = 3.0  # prior of the log ratio of variances: sds that differ up to 4.5 times, usually
+
+
+@dataclass(frozen=True, eq=False)
+class Rests:
+    """The pooled rests, and the noise of highest restricted likelihood.
+
+    ratio, tau: logarithms of the correlated variance over the white one, and of its time; bounds:
+    (2, 2) lowest and highest of both; usual: log of the prior's median time; correlated: whether
+    the correlated part is beyond doubt (else white noise alone has half the prior probability).
+    """
+
+    pool: Pool
+    best: float
+    ratio: float
+    tau: float
+    bounds: Array
+    usual: float
+    smooth: bool
+    correlated: bool
+
+    def log_likelihood(self, white: float, ou: float, tau: float) -> float:
+        """Restricted log-likelihood (up to a constant) of some noise."""
+        log_ratio = 2.0 * np.log(max(ou / white, 1e-3))
+        profile, variance = self.pool.likelihood(float(log_ratio), float(np.log(tau)), self.smooth)
+        size = variance / white**2
+        return profile - 0.5 * self.pool.freedom * (size - 1.0 - float(np.log(size)))
+
+    def draw(self, count: int) -> list[tuple[float, float, float]]:
+        """(white, ou, tau) of equally likely noises, the same at every call.
+
+        The scale's posterior at a given ratio and time is an inverse chi-square, exactly.
+        """
+        return self._chosen(count, self._sample[2])[0]
+
+    def weighted(self, count: int) -> tuple[list[tuple[float, float, float]], Array]:
+        """The same, with weights (count,) of sum 1, so that unlikely noises are among them."""
+        weights = self._sample[2]
+        found, chosen = self._chosen(count, np.sqrt(weights))
+        shares = np.sqrt(weights[chosen])
+        return found, shares / shares.sum()
+
+    def _chosen(
+        self, count: int, weights: Array
+    ) -> tuple[list[tuple[float, float, float]], NDArray[np.intp]]:
+        """Noises at places drawn by their weights, and which places those are."""
+        places, variances, _ = self._sample
+        shares = (np.arange(count) + 0.5) / count
+        chosen = np.searchsorted(np.cumsum(weights), shares * weights.sum())
+        chosen = np.clip(chosen, 0, weights.size - 1)
+        mixed = np.random.default_rng(0).permutation(count)
+        freedom = self.pool.freedom
+        scales = np.sqrt(freedom / chi2.ppf(shares[mixed], freedom))
+        found = []
+        for k, scale in zip(chosen, scales, strict=True):
+            white = float(np.sqrt(variances[k]) * scale)
+            ratio, tau = places[k]
+            found.append((white, white * float(np.exp(0.5 * ratio)), float(np.exp(tau))))
+        return found, chosen
+
+    @cached_property
+    def _sample(self) -> tuple[Array, Array, Array]:
+        """Places (n, 2) of (log ratio, log tau), their white variances and weights (n,).
+
+        Importance sampling from a Student-t at the mode; -inf for log ratio is white noise alone.
+        """
+        mode, root = np.array([self.ratio, self.tau]), self._spread()
+        normal = qmc.Sobol(3, seed=0).random(_POINTS)
+        z = student_t(normal)
+        places = mode + z @ root.T
+        inside = np.all((places > self.bounds[0]) & (places < self.bounds[1]), axis=1)
+        places, z = places[inside], z[inside]
+        found = [self.pool.likelihood(r, log_tau, self.smooth) for r, log_tau in places.tolist()]
+        logs, variances = np.array(found).T
+        proposal = -0.5 * (_HEAVY + 2.0) * np.log1p(np.sum(z**2, axis=1) / _HEAVY)
+        prior = self._log_prior(places[:, 1]) - 0.5 * (places[:, 0] / _RATIO_SD) ** 2
+        weights = np.exp(logs + prior - proposal - self.best)
+        if not self.correlated:
+            places, variances, weights = self._or_white(places, variances, weights, root)
+        return places, variances, weights / weights.sum()
+
+    def _or_white(
+        self, places: Array, variances: Array, weights: Array, root: Array
+    ) -> tuple[Array, Array, Array]:
+        """White noise alone beside them, as likely beforehand."""
+        log_white, variance = self.pool.of_white()
+        # mean likelihood over the prior: normal in log ratio and log tau
+        volume = 2.0 * np.pi * abs(float(np.linalg.det(root))) / _POINTS
+        density = 1.0 / (2.0 * np.pi * _RATIO_SD * TAU_SD)
+        alone = np.exp(log_white - self.best) / (volume * density)
+        place = np.array([[-np.inf, self.usual]])
+        return (
+            np.concatenate([places, place]),
+            np.append(variances, variance),
+            np.append(weights, alone),
+        )
+
+    def _log_prior(self, tau: Array) -> Array:
+        return -0.5 * ((tau - self.usual) / TAU_SD) ** 2
+
+    def loss(self, at: Array) -> float:
+        """Minus log posterior at (log ratio, log tau), up to a constant."""
+        return -self.pool.likelihood(float(at[0]), float(at[1]), self.smooth)[0] - float(
+            self._log_prior(np.asarray(at[1]))
+        )
+
+    def _spread(self) -> Array:
+        """(2, 2) root of the covariance at the mode; a direction left open is made wide."""
+        mode = np.array([self.ratio, self.tau])
+        mode = np.clip(mode, self.bounds[0] + _STEP, self.bounds[1] - _STEP)
+        here = self.loss(mode)
+        e = _STEP * np.eye(2)
+        up, down = ([self.loss(mode + sign * row) for row in e] for sign in (1.0, -1.0))
+        both = self.loss(mode + e[0] + e[1]) + self.loss(mode - e[0] - e[1])
+        diagonal = np.array(up) + np.array(down) - 2.0 * here
+        cross = 0.5 * (both - 2.0 * here - diagonal.sum())
+        curvature = np.array([[diagonal[0], cross], [cross, diagonal[1]]]) / _STEP**2
+        values, vectors = np.linalg.eigh(curvature)
+        sds = 1.2 / np.sqrt(np.maximum(values, (1.2 / _WIDEST) ** 2))
+        return np.asarray(vectors * sds)
+
+
+def student_t(uniform: Array) -> Array:
+    """(n, 2) draws of a bivariate Student-t from uniform ones (n, 3)."""
+    clipped = np.clip(uniform, 1e-4, 1.0 - 1e-4)
+    normal = student.ppf(clipped[:, :2], 1e9)
+    return np.asarray(normal * np.sqrt(_HEAVY / chi2.ppf(clipped[:, 2:], _HEAVY)))
+
+
+def usual_log_tau(longest: float) -> float:
+    """Log of the prior's median correlation time for rests of that length (s)."""
+    return float(np.log(_USUAL_TAU * longest))

@@ -1,0 +1,172 @@
+"""Which readings of a record show the noise alone: those of its holds and recoveries."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import qr
+
+from qlvbayes.preprocess.phases import Phase
+
+Array = NDArray[np.float64]
+
+_MOST_RESTS = 12
+_BURST, _SPREAD = 120, 120  # readings in a row; means over the others of a rest
+_GAPS = (1, 1, 2, 3, 5, 8, 13, 21)  # samples between the readings in a row
+_FEWEST_SAMPLES = 24
+_CONTACT = 0.02  # of the largest force: below, contact may be lost
+
+
+class Record(Protocol):
+    """The part of a test that is read here."""
+
+    @property
+    def time(self) -> Array:
+        """Time in s."""
+        ...
+
+    @property
+    def force(self) -> Array:
+        """Force in N (or stress in kPa)."""
+        ...
+
+    @property
+    def force_sd(self) -> Array | None:
+        """Sd of each reading, where known."""
+        ...
+
+
+@dataclass(frozen=True)
+class Rest:
+    """One rest: all readings (n,) and the first one (k,) of each run that is averaged.
+
+    scale: (n,) relative sd of each reading.
+    """
+
+    time: Array
+    force: Array
+    scale: Array
+    begin: NDArray[np.intp]
+
+    @property
+    def count(self) -> Array:
+        """Readings in each run (k,)."""
+        return np.diff(np.append(self.begin, self.time.size)).astype(np.float64)
+
+    @property
+    def length(self) -> Array:
+        """Time (k,) from a run's first reading to its last."""
+        last = np.append(self.begin[1:], self.time.size) - 1
+        return np.asarray(self.time[last] - self.time[self.begin])
+
+    def mean(self, values: Array) -> Array:
+        """Means over the runs (k, ...) of values (n, ...)."""
+        total = np.add.reduceat(values, self.begin, axis=0)
+        return np.asarray(total / self.count.reshape(-1, *[1] * (values.ndim - 1)))
+
+
+def find_rests(
+    tests: Sequence[Record], phases: Sequence[Sequence[Phase]], step: float
+) -> list[Rest]:
+    """The best-sampled rests, one of each test before a second of any."""
+    ranked: list[tuple[int, int, Rest]] = []
+    for test, cut in zip(tests, phases, strict=True):
+        of_test = []
+        for phase in cut:
+            if phase.kind not in ("hold", "recovery"):
+                continue
+            inside = np.flatnonzero((test.time > phase.start) & (test.time <= phase.stop))
+            inside = inside[_regained(test.force, inside) :]
+            # The kinks may be misplaced by a few samples.
+            margin = min(5, inside.size // 8)
+            inside = inside[margin : inside.size - margin]
+            if inside.size >= _FEWEST_SAMPLES and not _silent(test.force, inside, step):
+                of_test.append((inside.size, _rest(test, inside)))
+        of_test.sort(key=lambda item: -item[0])
+        ranked += [(turn, -size, rest) for turn, (size, rest) in enumerate(of_test)]
+    ranked.sort(key=lambda item: item[:2])
+    return [rest for _, _, rest in ranked[:_MOST_RESTS]]
+
+
+def _regained(force: Array, inside: NDArray[np.intp]) -> int:
+    """First reading of a rest after which a pad that had lost contact is pressed again; 0 if none.
+
+    Until then it reads zero; a trend with a kink would be taken for noise.
+    """
+    free = np.flatnonzero(force[inside] < _CONTACT * np.abs(force).max(initial=0.0))
+    return 0 if free.size == 0 or free[-1] == inside.size - 1 else int(free[-1]) + 1
+
+
+def _silent(force: Array, inside: NDArray[np.intp], step: float) -> bool:
+    """Tell a reading that repeats itself and shows no noise: out of contact or clipped.
+
+    A digitised force repeats itself too; it is silent only at zero or at the end of its range.
+    """
+    there = force[inside]
+    if not np.mean(np.diff(there) == 0.0) > 0.5:
+        return False
+    usual = float(np.median(there))
+    return step == 0.0 or abs(usual) < step or usual >= float(force.max())
+
+
+def _rest(test: Record, inside: NDArray[np.intp]) -> Rest:
+    scale = np.ones(inside.size)
+    if test.force_sd is not None:
+        scale = test.force_sd[inside] / np.sqrt(np.mean(np.square(test.force_sd)))
+        scale = np.maximum(scale, 1e-3)
+    kept, begin = _kept(test.time[inside])
+    inside = inside[kept]
+    return Rest(test.time[inside], test.force[inside], scale[kept], begin)
+
+
+def _kept(time: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Readings that are used, and which of them begin a run that is averaged.
+
+    Single readings at gaps of many sizes, where they are densest, show the white noise and short
+    memories alike; means over a quarter of the way to the next show the long ones. Early runs are
+    short, as the trend is steep there.
+    """
+    n = time.size
+    if n <= _BURST + _SPREAD:
+        return np.arange(n), np.arange(n)
+    steps = np.cumsum(np.resize(_GAPS, _BURST))
+    steps = steps[steps < n // 2]
+    late = np.linspace(n // 5, n - steps[-1] - 1, 200).astype(int)
+    start = int(late[np.argmin(time[late + steps[-1]] - time[late])])
+    first = max(time[1] - time[0], 1e-3 * np.ptp(time))
+    after = time[0] + np.geomspace(first, np.ptp(time), 40)
+    even = np.linspace(time[0], time[-1], _SPREAD - 40)
+    others = np.clip(np.searchsorted(time, np.concatenate([after, even])), 0, n - 1)
+    others = np.setdiff1d(others, np.arange(start, start + steps[-1] + 1))
+    begin = np.unique(np.concatenate([others, start + steps]))
+    length = np.maximum(np.diff(np.append(begin, n)) // 4, 1)
+    length[np.isin(begin, start + steps)] = 1
+    ends = np.cumsum(length)
+    kept = np.arange(ends[-1]) - np.repeat(ends - length, length) + np.repeat(begin, length)
+    return kept, ends - length
+
+
+def trend(rest: Rest, ratio: float) -> Array:
+    """Orthonormal basis (k, p) of smooth relaxation, as means over the runs.
+
+    Any combination of 1, t and exp(-t/T_j), the T_j a factor ``ratio`` apart, from a few
+    thousandths of the length of the rest to all of it.
+    """
+    t = rest.time - rest.time[0]
+    length = float(t[-1])
+    shortest = max(2.0 * float(t[1]), 2e-4 * length)
+    times = length / ratio ** np.arange(1.0 + np.log(length / shortest) // np.log(ratio))
+    times = times[: max(1, rest.begin.size // 6)]
+    basis = rest.mean(np.column_stack([np.ones_like(t), t / length, np.exp(-t[:, None] / times)]))
+    q, r, _ = qr(basis / run_scale(rest)[:, None], mode="economic", pivoting=True)
+    size = np.abs(np.diag(r))
+    return np.asarray(q[:, size > 1e-10 * size[0]], dtype=np.float64)
+
+
+def run_scale(rest: Rest) -> Array:
+    """Relative sd (k,) of a reading in each run: root mean square."""
+    return np.sqrt(rest.mean(rest.scale**2))

@@ -1,0 +1,174 @@
+r"""The earlier tests of a pad, whose force may still be relaxing when a test begins.
+
+The hereditary integral runs on through the pauses: a mode of rate v brings e^{-v pause} of its
+overstress along. Only slow modes survive a pause, so that a few dozen straight lines stand for an
+earlier test. A deviation e(s) of the depth from them changes a mode's overstress at the time t by
+at most
+
+.. math:: K_{max} \int v e^{-v(t - s)} |e(s)|\, ds \le K_{max} \int |e|\, ds / (e\,(t - s_1)),
+
+with s_1 where it ends, whatever v is, and by at most K_max max|e|: so it is bounded without knowing
+the rates.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from qlvbayes.io.data import Test
+from qlvbayes.preprocess.grid import grid_times, path_at
+from qlvbayes.preprocess.trajectory import Trajectory
+
+REST = 3.0
+"""Pauses of so many longest phases are rest.
+
+The slowest rate that tests can tell is about one over their longest phase; of such a mode a pause
+like this leaves e^-3 = 5 %, and of quicker ones less.
+"""
+
+ROUNDED = 0.01  # s, by which a declared clock may be rounded
+_FAITHFUL = 2e-5  # of the stroke: bound of a straight line's error, see above; a fifth of a grid's
+_MOST = 64  # points of an earlier test
+_STEPS = 6  # points of a stroke, for effects that bend its line
+_STAND = 0.02  # of a test: shorter lines are not split
+_AFTER_STOP = np.geomspace(0.004, 0.7, 8)  # places of points in a longer one, for the same reason
+_STAYED = 0.02  # of the stroke: depths of an end and a beginning that are one
+
+
+@dataclass(frozen=True)
+class Past:
+    """What a pad did before a test: straight lines of the depth against the test's own time.
+
+    time (H,): s, before the test's first sample, never decreasing; displacement (H,): mm; ago (H,):
+    how many tests before, as in `Motion`; stays: whether the platen stood in the last pause where
+    the last test ended.
+    """
+
+    time: np.ndarray
+    displacement: np.ndarray
+    ago: np.ndarray
+    stays: bool
+
+
+def pause(before: Test, after: Test) -> float | None:
+    """Seconds from a test's last sample to another's first; None where the clock is not known."""
+    if not (before.start_known and after.start_known):
+        return None
+    return after.start_s - _end(before)
+
+
+def carried_tests(place: int, tests: Sequence[Test], longest: float) -> list[int]:
+    """Places of the tests before ``tests[place]`` that it remembers, the last one first.
+
+    Back from it by the clock, up to a pause that is rest (`REST` times ``longest``, the longest
+    phase of the tests in s), or one that is not known, or a test that had not ended.
+    """
+    order = sorted(range(len(tests)), key=lambda k: tests[k].start_s)
+    found: list[int] = []
+    for before, after in reversed(list(pairwise(order[: order.index(place) + 1]))):
+        between = pause(tests[before], tests[after])
+        if between is None or not -ROUNDED <= between < REST * longest:
+            break
+        found.append(before)
+    return found
+
+
+def past_of(
+    place: int, tests: Sequence[Test], paths: Sequence[Trajectory], longest: float
+) -> Past | None:
+    """What ``tests[place]`` remembers, ``paths`` being the motions of all tests; None if nothing.
+
+    In a pause the platen is at zero from the end of the test before, unless the next test begins
+    where that one ended: then it stayed there.
+    """
+    remembered = carried_tests(place, tests, longest)
+    if not remembered:
+        return None
+    test, own = tests[place], paths[place]
+    zero = test.start_s - float(test.time[0])  # the clock at the test's time 0
+    pieces, after = [], place
+    for k, other in enumerate(remembered, start=1):
+        shift = tests[other].start_s - float(tests[other].time[0]) - zero
+        stays = _stays(tests[other], paths[other], tests[after], paths[after])
+        time, depth = _lines(tests[other], paths[other], float(test.time[0]) - shift)
+        if not stays:
+            # at once: a step at the test's end, then zero until the next test begins
+            until = tests[after].start_s - tests[other].start_s + float(tests[other].time[0])
+            time = np.concatenate([time, [time[-1], until]])
+            depth = np.concatenate([depth, [0.0, 0.0]])
+        pieces.append((time + shift, depth, np.full(time.size, k)))
+        after = other
+    fields = (np.concatenate(parts) for parts in zip(*reversed(pieces), strict=True))
+    time, depth, ago = fields
+    stays = _stays(tests[remembered[0]], paths[remembered[0]], test, own)
+    return Past(np.maximum.accumulate(time), depth, ago, stays)
+
+
+def _end(test: Test) -> float:
+    """The clock (s) at a test's last sample."""
+    return test.start_s + float(test.time[-1] - test.time[0])
+
+
+def _stays(before: Test, path: Trajectory, after: Test, next_path: Trajectory) -> bool:
+    """Whether a test begins where the one before ended, away from zero."""
+    near = _STAYED * float(np.ptp(path.displacement(path.knots)))
+    end = float(path.displacement(before.time[-1:])[0])
+    begin = float(next_path.displacement(after.time[:1])[0])
+    return abs(end - begin) <= near < abs(end)
+
+
+def _lines(test: Test, path: Trajectory, until: float) -> tuple[np.ndarray, np.ndarray]:
+    """Times and depths of a test, as few as are faithful enough for a test that begins later."""
+    time = grid_times(path, test.time[-1:], float(test.time[0]), bowed=False)
+    depth = path_at(path, time, float(test.time[0]))
+    kept = _thinned(time, depth, until)
+    split = _split(time[kept], depth[kept])
+    return split, np.interp(split, time[kept], depth[kept])
+
+
+def _split(time: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    """Times of the lines' ends and of points between, on which effects change the lines.
+
+    A frame that gives way creeps on while the platen stands: points grow apart after a stop. Time
+    that runs by depth is not even on a ramp: points are even in depth.
+    """
+    travel = _STEPS * np.abs(np.diff(depth)) / float(np.ptp(depth))
+    found = [time]
+    for begin, end, steps in zip(time[:-1], time[1:], travel, strict=True):
+        if steps > 1.0:
+            found.append(np.linspace(begin, end, math.ceil(steps) + 1))
+        elif end - begin > _STAND * (time[-1] - time[0]):
+            found.append(begin + (end - begin) * _AFTER_STOP)
+    return np.unique(np.concatenate(found))
+
+
+def _thinned(time: np.ndarray, depth: np.ndarray, until: float) -> np.ndarray:
+    """Places of the points kept: lines are split where they err most, the worst line first."""
+    least = _FAITHFUL * float(np.ptp(depth))
+    kept = [0, time.size - 1]
+    lines = [_line(time, depth, until, 0, time.size - 1)]
+    while len(kept) < _MOST and -lines[0][0] > least:
+        _, low, middle, high = heapq.heappop(lines)
+        kept.append(middle)
+        for ends in ((low, middle), (middle, high)):
+            heapq.heappush(lines, _line(time, depth, until, *ends))
+    return np.sort(kept)
+
+
+def _line(
+    time: np.ndarray, depth: np.ndarray, until: float, low: int, high: int
+) -> tuple[float, int, int, int]:
+    """Minus the bound of a straight line's error, and where it begins, errs most and ends."""
+    inner = slice(low, high + 1)
+    straight = np.interp(time[inner], [time[low], time[high]], [depth[low], depth[high]])
+    error = np.abs(depth[inner] - straight)
+    bound = float(error.max())
+    if (gap := until - float(time[high])) > 0.0:
+        bound = min(bound, float(np.trapezoid(error, time[inner])) / (math.e * gap))
+    return -bound, low, low + int(error.argmax()), high

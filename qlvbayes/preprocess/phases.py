@@ -1,0 +1,198 @@
+"""Cut a motion into the phases an experimenter would name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qlvbayes.io.checks import InputError
+from qlvbayes.preprocess.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+Kind = Literal["ramp", "hold", "unload", "recovery"]
+KINDS: tuple[Kind, ...] = ("ramp", "hold", "unload", "recovery")
+
+_LEAST_SHARE = 0.01  # of the stroke: a smaller movement is drift or jitter
+_LEAST_STEPS = 5.0  # encoder steps, for the same reason
+_CREEP = 0.02  # of a movement's own speed: slower ends of it belong to the rest
+_DWELL = 0.2  # of the shorter movement beside it: a longer slow turn is a rest
+_LEAST_SPEED = 1e-4  # of the record's top speed
+
+
+@dataclass(frozen=True)
+class Phase:
+    """One phase from ``start`` to ``stop`` (s).
+
+    ``ramp``: moving toward greater depth; ``hold``: at rest, also before the first movement;
+    ``unload``: moving back; ``recovery``: at rest after an unload.
+    """
+
+    kind: Kind
+    start: float
+    stop: float
+
+
+def find_phases(trajectory: Trajectory) -> tuple[Phase, ...]:
+    """Return the phases of a record: contiguous, in order of time, from its start to its end.
+
+    A movement counts if it covers more than 1 % of the stroke and five encoder steps; less is
+    drift or jitter and belongs to the rest around it. A pause too short for such a movement at the
+    neighbouring speed does not divide a ramp. A rest before the first movement is a hold if it is
+    longer than that movement, else part of it.
+    """
+    times, depth = _turning_points(trajectory)
+    moves = _movements(times, depth, trajectory.resolution)
+    start, stop = float(times[0]), float(times[-1])
+    phases: list[Phase] = []
+    resting: Kind = "hold"
+    at = start
+    moves = _turning(_from_the_start(moves, times), times, trajectory)
+    for first, last, sign in moves:
+        if times[first] > at:
+            phases.append(Phase(resting, at, float(times[first])))
+        at = float(times[last])
+        phases.append(Phase("ramp" if sign > 0 else "unload", float(times[first]), at))
+        resting = "hold" if sign > 0 else "recovery"
+    if at < stop:
+        phases.append(Phase(resting, at, stop))
+    return tuple(phases)
+
+
+def phase_index(phases: Sequence[Phase], time: Array) -> NDArray[np.intp]:
+    """Place (N,) among the phases of each time (N,); the first one's before they begin."""
+    return np.searchsorted([phase.start for phase in phases[1:]], time, side="right")
+
+
+def loading_rate(trajectory: Trajectory, phases: tuple[Phase, ...]) -> float:
+    """Return the mean speed of the first ramp between 20 and 80 % of its stroke (mm/s).
+
+    rate = 0.6 (d_1 - d_0) / (t_80 - t_20): acceleration and braking lie outside, unless the ramp
+    is little else.
+
+    Raises
+    ------
+    InputError
+        The phases hold no ramp.
+    """
+    ramp = next((p for p in phases if p.kind == "ramp"), None)
+    if ramp is None:
+        raise InputError("the record holds no loading ramp")
+    t = np.linspace(ramp.start, ramp.stop, 4001)
+    depth = np.maximum.accumulate(trajectory.displacement(t))
+    stroke = float(depth[-1] - depth[0])
+    early, late = np.interp(depth[0] + np.array([0.2, 0.8]) * stroke, depth, t)
+    return 0.6 * stroke / float(late - early)
+
+
+def _turning_points(trajectory: Trajectory) -> tuple[Array, Array]:
+    """Knots and reversals with their depth: between two of them the motion is monotone."""
+    times = np.unique(np.concatenate([trajectory.knots, trajectory.turning_points]))
+    return times, trajectory.displacement(times)
+
+
+def _from_the_start(moves: list[tuple[int, int, int]], times: Array) -> list[tuple[int, int, int]]:
+    """The first movement begins with the record if the rest before it is shorter than it is.
+
+    The encoder shows a slow start late; a rest worth the name lasts longer.
+    """
+    if not moves:
+        return moves
+    first, last, sign = moves[0]
+    late = times[first] - times[0] < times[last] - times[first]
+    return [(0, last, sign), *moves[1:]] if late else moves
+
+
+def _turning(
+    moves: list[tuple[int, int, int]], times: Array, trajectory: Trajectory
+) -> list[tuple[int, int, int]]:
+    """Opposite movements meet where they turn, unless the platen rested there or dwelt long.
+
+    The slow ends of smooth cycles are no rest.
+    """
+    joined = moves[:1]
+    for first, last, sign in moves[1:]:
+        before, end, way = joined[-1]
+        pause = times[first] - times[end]
+        shorter = min(times[end] - times[before], times[last] - times[first])
+        meeting = way != sign and first > end and pause < _DWELL * shorter
+        if meeting and not _rests(trajectory, times[end : first + 1]):
+            depth = trajectory.displacement(times[end : first + 1])
+            first = end + int(np.argmax(way * depth))
+            joined[-1] = (before, first, way)
+        joined.append((first, last, sign))
+    if joined and not _rests(trajectory, times[joined[-1][1] :]):
+        first, last, sign = joined[-1]
+        if times[-1] - times[last] < _DWELL * (times[last] - times[first]):
+            joined[-1] = (first, times.size - 1, sign)
+    return joined
+
+
+def _rests(trajectory: Trajectory, times: Array) -> bool:
+    """Whether the platen stands still between two of these neighbouring times."""
+    return bool(np.any(trajectory.velocity(0.5 * (times[1:] + times[:-1])) == 0.0))
+
+
+def _movements(times: Array, depth: Array, resolution: float) -> list[tuple[int, int, int]]:
+    """(first, last, sign) of the movements, as indices of ``times``."""
+    stroke = float(np.ptp(depth))
+    if stroke == 0.0:
+        return []
+    least = max(_LEAST_SHARE * stroke, _LEAST_STEPS * resolution)
+    speed = np.abs(np.diff(depth)) / np.diff(times)
+    moves = []
+    for first, last, sign in _swings(depth, least):
+        moves += [
+            (a, b, sign)
+            for a, b in _between_pauses(times, depth, first, last, least)
+            if abs(depth[b] - depth[a]) >= least
+            and abs(depth[b] - depth[a]) > _LEAST_SPEED * speed.max() * (times[b] - times[a])
+        ]
+    return moves
+
+
+def _swings(depth: Array, least: float) -> list[tuple[int, int, int]]:
+    """Alternating rises and falls of at least ``least``; smaller reversals are ignored."""
+    swings: list[tuple[int, int, int]] = []
+    low = high = pivot = extreme = sign = 0
+    for i, d in enumerate(depth):
+        if sign == 0:
+            low, high = (i if d < depth[low] else low), (i if d > depth[high] else high)
+            if depth[high] - depth[low] >= least:
+                sign, pivot = (1, low) if high == i else (-1, high)
+                extreme = i
+        elif sign * (d - depth[extreme]) > 0.0:
+            extreme = i
+        elif sign * (depth[extreme] - d) >= least:
+            swings.append((pivot, extreme, sign))
+            sign, pivot, extreme = -sign, extreme, i
+    if sign:
+        swings.append((pivot, extreme, sign))
+    return swings
+
+
+def _between_pauses(
+    times: Array, depth: Array, first: int, last: int, least: float
+) -> list[tuple[int, int]]:
+    """Divide a swing at its pauses and leave out its slow ends."""
+    steps = np.abs(np.diff(depth[first : last + 1]))
+    gaps = np.diff(times[first : last + 1])
+    quick = steps / gaps
+    # Speed at which most of the distance is covered.
+    order = np.argsort(quick)
+    covered = np.cumsum(steps[order])
+    typical = float(quick[order][np.searchsorted(covered, 0.05 * covered[-1])])
+    moving = quick > _CREEP * typical
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], moving, [False]]).astype(int)))
+    runs = [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
+    joined = [runs[0]]
+    for a, b in runs[1:]:
+        pause = gaps[joined[-1][1] : a].sum()
+        if pause < least / typical:
+            joined[-1] = (joined[-1][0], b)
+        else:
+            joined.append((a, b))
+    return [(first + a, first + b) for a, b in joined]

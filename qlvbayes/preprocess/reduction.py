@@ -1,0 +1,244 @@
+"""Dense records to block averages: short blocks where things change, growing ones in holds.
+
+No sample is thrown away: each belongs to one block, whose mean enters the likelihood with the
+noise of that mean. Within a block the model is averaged with two nodes at the mean time plus and
+minus one sd of the sample times, exact for a force that is cubic in time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import jax
+import numpy as np
+
+from qlvbayes.io.data import Test
+from qlvbayes.laws.motion import Motion
+from qlvbayes.model.record import Blocks, Record, held
+from qlvbayes.preprocess.grid import grid_times, path_at
+from qlvbayes.preprocess.noisefloor import NoiseFloor
+from qlvbayes.preprocess.past import Past
+from qlvbayes.preprocess.phases import Phase, find_phases
+from qlvbayes.preprocess.trajectory import Trajectory
+
+GROWTH = 0.2  # a block's width over the time since its phase began
+MOVING_BLOCKS = 20  # at least so many in a ramp or unloading,
+RESTING_BLOCKS = 8  # and in a hold
+_MOST_KINKS = 40
+_BESIDE = 1.2  # sampling intervals either side of a kink that are left out,
+_SPARED = 0.03  # if they are at most this share of the phases around it
+_EVEN = 1.5  # a gap this much longer than one beside it ends a block
+_SURE = 3.0  # sds of the displacement over which a slope is known
+
+
+@dataclass(frozen=True)
+class Care:
+    """How finely a record is to be described, given what its noise would hide.
+
+    floor: tells how noise grows with the force; stiffness: the pad's largest (N/mm), by which an
+    error of the motion becomes one of the force; chord: how far the grid's straight lines may be
+    from the motion (mm), where less than usual.
+    """
+
+    floor: NoiseFloor
+    stiffness: float
+    chord: float
+
+
+def block_edges(phases: Sequence[Phase], kinks: np.ndarray, shortest: float) -> np.ndarray:
+    """Times at which blocks begin and end; no block crosses a phase's end or a kink."""
+    edges = [np.array([phases[0].start])]
+    for phase in phases:
+        parts = MOVING_BLOCKS if phase.kind in ("ramp", "unload") else RESTING_BLOCKS
+        edges.append(_phase_edges(phase, parts, shortest))
+    if kinks.size <= _MOST_KINKS:
+        edges.append(kinks)
+    return np.unique(np.concatenate(edges))
+
+
+def _phase_edges(phase: Phase, parts: int, shortest: float) -> np.ndarray:
+    """Widths grow with the time since the phase began, up to its length over ``parts``."""
+    length = phase.stop - phase.start
+    longest = length / parts
+    edges, elapsed = [], 0.0
+    while elapsed < length:
+        elapsed += min(max(GROWTH * elapsed, shortest), max(longest, shortest))
+        edges.append(elapsed)
+    edges[-1] = length
+    return phase.start + np.array(edges)
+
+
+def _beginnings(time: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """First sample of each block: at an edge, and after a gap that interrupts even spacing.
+
+    The noise of a block's mean is that of evenly spaced samples; a burst between sparse samples,
+    as loggers leave, is a block of its own.
+    """
+    owner = np.searchsorted(edges, time, side="right")
+    gap = np.diff(time)
+    before, after = np.append(gap[:1], gap[:-1]), np.append(gap[1:], gap[-1:])
+    uneven = gap > _EVEN * np.minimum(before, after)
+    first = np.concatenate([[True], (np.diff(owner) > 0) | uneven])
+    return np.flatnonzero(first)
+
+
+def clear_of_kinks(time: np.ndarray, trajectory: Trajectory, phases: Sequence[Phase]) -> np.ndarray:
+    """(n,) False for samples so near a kink that they do not tell on which side they lie."""
+    clear = np.ones(time.size, dtype=bool)
+    for low, high in _doubtful(time, trajectory, phases):
+        clear &= (time < low) | (time > high)
+    return clear
+
+
+def _doubtful(
+    time: np.ndarray, trajectory: Trajectory, phases: Sequence[Phase]
+) -> list[tuple[float, float]]:
+    """Stretches around the kinks whose place the samples do not tell.
+
+    A sample either side, and the time in which the change of speed makes an encoder step. Only
+    densely sampled records can spare them.
+    """
+    kinks, jumps = trajectory.kinks, trajectory.speed_jumps
+    if kinks.size > _MOST_KINKS:
+        return []
+    if trajectory.start_velocity[0] or trajectory.start_acceleration[0]:  # moves from the start
+        kinks = np.concatenate([trajectory.knots[:1], kinks])
+        jumps = np.concatenate([np.abs(trajectory.start_velocity[:1]), jumps])
+    lengths = np.array([phase.stop - phase.start for phase in phases])
+    ends = np.array([phase.stop for phase in phases])
+    found = []
+    for kink, jump in zip(kinks, jumps, strict=True):
+        place = min(int(np.searchsorted(ends, kink)), lengths.size - 1)
+        around = lengths[max(place - 1, 0) : place + 2].min()
+        at = int(np.clip(np.searchsorted(time, kink), 1, time.size - 1))
+        reach = _BESIDE * float(time[at] - time[at - 1])
+        if reach > _SPARED * around:
+            continue
+        if jump > 0.0:
+            reach += min(trajectory.resolution / jump, _SPARED * around)
+        found.append((kink - reach, kink + reach))
+    return found
+
+
+def reduce_test(
+    test: Test,
+    trajectory: Trajectory,
+    phases: Sequence[Phase],
+    *,
+    sd_scale: float = 1.0,
+    start: float = 0.0,
+    blocks: bool = True,
+    past: Past | None = None,
+    care: Care | None = None,
+    begins: float | None = None,
+    approached: bool = True,
+) -> Record:
+    """The record of one test: block means, their nodes, and the motion on a grid of times.
+
+    sd_scale: what measured sds are divided by; start: the pad's clock at time 0 (s); blocks: False
+    keeps every sample by itself; past: what the test remembers of earlier ones; care: None where
+    force and noise are not known yet; begins: when the test began (s), of some of its samples only;
+    approached: whether a record that begins on the move came from zero by an approach before it.
+    """
+    begin = np.arange(test.time.size)
+    kept = np.ones(begin.size, dtype=bool)
+    if blocks:
+        shortest = 2.0 * float(np.median(np.diff(test.time)[:200]))
+        doubtful = _doubtful(test.time, trajectory, phases)
+        edges = block_edges(phases, trajectory.kinks, shortest)
+        edges = np.unique(np.concatenate([edges, *map(np.array, doubtful)]))
+        begin = _beginnings(test.time, edges)
+        kept = clear_of_kinks(test.time, trajectory, phases)[begin]
+    averaged = jax.tree.map(lambda x: held(np.asarray(x)[kept]), _average(test, begin, sd_scale))
+    centre, half = (x[kept] for x in _nodes(test.time, begin))
+    nodes = np.stack([centre - half, centre + half])
+    if care is not None:
+        averaged = _with_care(averaged, trajectory, centre, care)
+    chord = np.inf if care is None else care.chord
+    begun = approached and (past is None or not past.stays)
+    first = float(test.time[0]) if begins is None else begins
+    grid = grid_times(trajectory, np.unique(nodes), first, chord=chord, begun=begun)
+    motion = _motion(trajectory, grid, first, start)
+    places = np.searchsorted(grid, nodes).T
+    if past is not None:
+        motion, places = _remembering(motion, past), places + past.time.size
+    return Record(motion, held(places), averaged)
+
+
+def planned_record(
+    trajectory: Trajectory, time: np.ndarray, *, start: float, blocks: bool = True
+) -> Record:
+    """The record of a test that is not done yet, whose force is 0; see ``reduce_test``."""
+    test = Test("", "", time, trajectory.displacement(time), np.zeros_like(time))
+    return reduce_test(test, trajectory, find_phases(trajectory), start=start, blocks=blocks)
+
+
+def _motion(trajectory: Trajectory, grid: np.ndarray, first: float, start: float) -> Motion:
+    displacement = path_at(trajectory, grid, first)
+    middle = trajectory.displacement(0.5 * (grid[1:] + grid[:-1]))
+    off = middle - 0.5 * (displacement[1:] + displacement[:-1])
+    bow = np.append(0.0, np.where(grid[:-1] < first, 0.0, off))
+    velocity, acceleration = trajectory.velocity(grid), trajectory.acceleration(grid)
+    return Motion(
+        held(grid),
+        held(displacement),
+        held(velocity),
+        held(acceleration),
+        start,
+        bow=held(bow),
+    )
+
+
+def _remembering(motion: Motion, past: Past) -> Motion:
+    """The motion with the earlier tests before it, at rest between their points."""
+    first = np.nextafter(float(motion.time[0]), -np.inf)
+    time = held(np.minimum(past.time, first))
+    still = np.zeros(time.shape)
+    join = lambda x, y: held(np.concatenate([x, y]))  # noqa: E731
+    return Motion(
+        join(time, motion.time),
+        join(past.displacement, motion.displacement),
+        join(still, motion.velocity),
+        join(still, motion.acceleration),
+        motion.start,
+        join(past.ago, np.zeros(motion.time.shape, past.ago.dtype)),
+        None if motion.bow is None else join(still, motion.bow),
+    )
+
+
+def _average(test: Test, begin: np.ndarray, sd_scale: float) -> Blocks:
+    count = np.diff(np.append(begin, test.time.size)).astype(float)
+    last = np.append(begin[1:], test.time.size) - 1
+    force = np.add.reduceat(test.force, begin) / count
+    weight = np.ones_like(count)
+    if test.force_sd is not None:
+        weight = np.sqrt(np.add.reduceat((test.force_sd / sd_scale) ** 2, begin) / count)
+    times = test.time[begin], test.time[last]
+    fields = (force, count, *times, weight, np.ones_like(count), 0.0 * count, count > 0.0)
+    return Blocks(*map(held, fields))
+
+
+def _with_care(blocks: Blocks, trajectory: Trajectory, centre: np.ndarray, care: Care) -> Blocks:
+    """Noise at each block's force, and what an error of the motion makes of it.
+
+    The stiffness is the record's own slope, no steeper than the pad's steepest.
+    """
+    force, depth = np.asarray(blocks.force), trajectory.displacement(centre)
+    sd = trajectory.displacement_sd(centre)
+    stiffness = np.zeros_like(force)
+    if force.size > 2:
+        rise, way = np.gradient(force), np.gradient(depth)
+        sure = np.maximum(way**2, np.maximum(_SURE * sd, 1e-9 * np.ptp(depth) + 1e-100) ** 2)
+        stiffness = np.abs(rise * way) / sure
+    extra = np.minimum(stiffness, care.stiffness) * sd
+    return replace(blocks, scale=held(care.floor.scale(force)), extra=held(extra))
+
+
+def _nodes(time: np.ndarray, begin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and sd (both (B,)) of each block's sample times."""
+    count = np.diff(np.append(begin, time.size))
+    offset = time - np.repeat(time[begin], count)
+    mean = np.add.reduceat(offset, begin) / count
+    spread = np.add.reduceat((offset - np.repeat(mean, count)) ** 2, begin) / count
+    return time[begin] + mean, np.sqrt(spread)

@@ -1,0 +1,220 @@
+"""The motion between two rests: constant accelerations or a smooth curve, as the record says.
+
+Both are fitted, and of those that are faithful to the readings the one that takes fewer numbers
+from the record is kept: a trapezoid of velocity needs a few pieces of constant acceleration, a
+sine a few spans of a quintic spline.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from qlvbayes.preprocess import quintic
+from qlvbayes.preprocess.freeknots import (
+    Joints,
+    Pieces,
+    Window,
+    insert_until_faithful,
+    optimise,
+    pieces,
+    residuals,
+    with_knot_at_worst,
+)
+from qlvbayes.preprocess.segments import Rest, Tolerance
+
+Array = NDArray[np.float64]
+
+_FEWEST_PER_PIECE = 5
+_FEWEST_RESOLVED = 3  # samples that show an acceleration
+_EXTRA_KNOTS = 2
+_INWARD = 0.8  # of the first span: how far an end may move into it
+_FEW_KNOTS = 10  # beyond, another one is not tried
+_PLAIN = 4  # pieces of a trapezoid of velocity and one more: nothing smooth is simpler
+_PER_PIECE = 2.5  # numbers a piece costs: its acceleration, its knot, now and then a kink
+_PER_KINK = 2.5  # times the numbers that a curve may take where the pieces end in straight lines
+_MOST_PIECES = 400  # beyond, only a smooth curve is tried first
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A fitted stretch: its window, its joints, their degree, and the motion piece by piece.
+
+    ``numbers``: how many numbers the record had to give for it.
+    """
+
+    window: Window
+    joints: Joints
+    degree: int
+    pieces: Pieces
+    numbers: int
+
+
+def fitted(
+    t: Array,
+    x: Array,
+    segments: list[tuple[int, int]],
+    before: Rest | None,
+    after: Rest | None,
+    tol: Tolerance,
+) -> Stretch:
+    """Fit the motion between two rests (None: the record begins or ends in motion)."""
+    first = 0 if before is None else before.stop
+    stop = t.size if after is None else after.first
+    low = first - 1 if before is not None else first
+    high = stop if after is not None else stop - 1
+    left, right = (r.level if r is not None else None for r in (before, after))
+    window = _window(t, x, first, stop, before, after)
+    if stop - first < 3:
+        joints = Joints(t[low : high + 1], np.ones(high + 1 - low, dtype=bool), left, right)
+        return _constant(joints, window)
+    # The last piece of a record that ends in motion may be a leftover of a few samples.
+    end = stop if after is not None else stop - _FEWEST_PER_PIECE
+    cuts = [0.5 * (t[i - 1] + t[i]) for i, _ in segments if first < i < end]
+    knots = np.array([t[low], *cuts, t[high]])
+    if knots.size - 1 <= _PLAIN:
+        plain = _simplest(knots, left, right, window, tol)
+        if _worst(plain, window) <= tol.rest:
+            return _constant(plain, window)
+    ends = Joints(knots[[0, -1]], np.array([False, False]), left, right)
+    curve = _smooth(ends, window, tol)
+    if curve is not None and (
+        curve.numbers <= _PER_PIECE * knots.size or knots.size > _MOST_PIECES
+    ):
+        return curve
+    plain = _simplest(knots, left, right, window, tol)
+    faithful = insert_until_faithful(plain, window, tol.rest)
+    found = _constant(faithful, window)
+    price = _PER_KINK if faithful.knots.size > plain.knots.size else 1.0
+    return curve if curve is not None and curve.numbers < price * found.numbers else found
+
+
+def _constant(joints: Joints, window: Window) -> Stretch:
+    """Pieces of constant acceleration; a free knot costs its place beside its coefficient."""
+    inner = joints.kinked[1:-1]
+    numbers = 2 * inner.size + int(inner.sum()) + 3
+    return Stretch(window, joints, 2, pieces(joints, window), numbers)
+
+
+def _smooth(ends: Joints, window: Window, tol: Tolerance) -> Stretch | None:
+    """A quintic spline; None if none is faithful."""
+    spline, faithful = quintic.refined(ends, window, tol)
+    if ends.left is not None or ends.right is not None:
+        for side in (0, -1):
+            spline = _with_better_end(spline, side, window)
+        ends = Joints(
+            spline.joints.knots[[0, -1]], spline.joints.kinked[[0, -1]], ends.left, ends.right
+        )
+        spline, faithful = quintic.refined(ends, window, tol)
+    if not faithful:
+        return None
+    return Stretch(window, spline.joints, quintic.DEGREE, quintic.pieces(spline), spline.numbers)
+
+
+def _with_better_end(spline: quintic.Quintic, side: int, window: Window) -> quintic.Quintic:
+    """Move an end that joins a rest to where the squared residuals nearby are least."""
+    joints = spline.joints
+    if (joints.left if side == 0 else joints.right) is None:
+        return spline
+    here, beside = joints.knots[side], joints.knots[1 if side == 0 else -2]
+    few = joints.knots[:6] if side == 0 else joints.knots[-6:]
+    outward = few[0] - few[-1] if side == 0 else few[-1] - few[0]
+    near = np.sort(np.array([here + outward, here + _INWARD * (beside - here)]))
+    near = np.clip(near, window.earliest, window.latest)
+    inside = (window.time >= min(near[0], few[0])) & (window.time <= max(near[1], few[-1]))
+    part = replace(window, time=window.time[inside], displacement=window.displacement[inside])
+
+    def lost(place: float) -> float:
+        return float(np.sum(quintic.fit(_local(joints, side, place), part).residuals ** 2))
+
+    place = float(minimize_scalar(lost, bounds=near, method="bounded", options={"maxiter": 25}).x)
+    if lost(place) >= lost(float(here)):
+        return spline
+    moved = joints.knots.copy()
+    moved[side] = place
+    return replace(spline, joints=replace(joints, knots=moved))
+
+
+def _local(joints: Joints, side: int, place: float) -> Joints:
+    """The joints next to one end, with that end elsewhere."""
+    part = slice(0, 6) if side == 0 else slice(-6, None)
+    knots = joints.knots[part].copy()
+    knots[side] = place
+    whole = joints.knots.size <= 6
+    left = joints.left if side == 0 or whole else None
+    right = joints.right if side == -1 or whole else None
+    return Joints(knots, joints.kinked[part], left, right)
+
+
+def _window(
+    t: Array, x: Array, first: int, stop: int, before: Rest | None, after: Rest | None
+) -> Window:
+    """Take in part of the rests beside a stretch, so that its end knots can move.
+
+    A rest is at its level between its readings too: where they are sparser than the stretch's,
+    some are put between them, or the motion could do anything there.
+    """
+    reach = max(20, (stop - first) // 4)
+    i = first if before is None else first - min(reach, (before.stop - before.first) // 2)
+    j = stop if after is None else stop + min(reach, (after.stop - after.first) // 2)
+    beside = slice(first - (before is not None), stop + (after is not None))
+    between = float(np.median(np.diff(t[beside]))) * np.arange(1.0, reach + 1.0)
+    early = _unread(t[i:first], t[first - 1] - between) if first > i else t[:0]
+    late = _unread(t[stop:j], t[min(stop, t.size - 1)] + between) if j > stop else t[:0]
+    levels = [0.0 if rest is None else rest.level for rest in (before, after)]
+    added = [np.full(some.size, level) for some, level in zip((early, late), levels, strict=True)]
+    time = np.concatenate([early, t[i:j], late])
+    order = np.argsort(time, kind="stable")
+    x_all = np.concatenate([added[0], x[i:j], added[1]])
+    return Window(time[order], x_all[order], float(t[i]), float(t[j - 1]))
+
+
+def _unread(t: Array, times: Array) -> Array:
+    """Those of evenly spaced times between the first reading and the last that have none near."""
+    near = np.min(np.abs(times[:, None] - t), axis=1) <= abs(times[1] - times[0])
+    return times[~near & (times > t[0]) & (times < t[-1])]
+
+
+def _simplest(
+    knots: Array, left: float | None, right: float | None, window: Window, tol: Tolerance
+) -> Joints:
+    """Return the first faithful choice of joints.
+
+    In order: smooth; kinks between the long pieces only; smooth with one or two more knots than
+    the segments have; kinks throughout. If none is faithful, the one with the smallest largest
+    residual. The looser bound for the smooth choices is there because a knot too many costs more
+    than a residual of one step.
+    """
+    many = np.diff(np.searchsorted(window.time, knots)) >= _FEWEST_PER_PIECE
+    long = np.concatenate([[True], many[:-1] & many[1:], [True]])
+    smooth_start = Joints(knots, np.zeros(knots.size, dtype=bool), left, right)
+    best = optimise(smooth_start, window)
+    least = _worst(best, window)
+    if least <= tol.rest and _fewest_samples(best, window) >= _FEWEST_RESOLVED:
+        return best
+    merged = Joints(knots[long], np.ones(int(long.sum()), dtype=bool), left, right)
+    trial = optimise(merged, window)
+    if _worst(trial, window) <= tol.sample:
+        return trial
+    trial = best
+    for _ in range(_EXTRA_KNOTS):
+        if least <= tol.rest or trial.knots.size > _FEW_KNOTS:
+            break
+        trial = optimise(with_knot_at_worst(trial, window), window)
+        if (worst := _worst(trial, window)) < least:
+            best, least = trial, worst
+    if least <= tol.rest and _fewest_samples(best, window) >= _FEWEST_RESOLVED:
+        return best
+    trial = optimise(replace(smooth_start, kinked=np.ones(knots.size, dtype=bool)), window)
+    return trial if _worst(trial, window) < max(least, tol.sample) else best
+
+
+def _worst(joints: Joints, window: Window) -> float:
+    return float(np.abs(residuals(joints, window.time, window.displacement)).max())
+
+
+def _fewest_samples(joints: Joints, window: Window) -> int:
+    return int(np.diff(np.searchsorted(window.time, joints.knots)).min())

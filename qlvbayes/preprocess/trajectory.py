@@ -1,0 +1,304 @@
+"""Displacement, velocity and acceleration of the platen from its encoder record."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import PPoly
+
+from qlvbayes.io.checks import InputError
+from qlvbayes.preprocess.errors import Errors, errors
+from qlvbayes.preprocess.segments import (
+    Rest,
+    Tolerance,
+    encoder_step,
+    find_rests,
+    greedy_segments,
+    tolerance,
+)
+from qlvbayes.preprocess.stretch import Stretch, fitted
+
+Array = NDArray[np.float64]
+
+_SPEED_KNOWN = 0.05  # of the top speed: the usual error, at most, of a known velocity,
+_ACCELERATION_KNOWN = 0.2  # and the same for the acceleration
+_JUMPS = 0.5  # share of the changes of velocity that are too quick to be resolved
+_EXACT = 1e-6  # of the range: no record is better than that
+_SAME = 1e-6  # of the largest: smaller jumps are rounding
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """A continuous motion, a polynomial between each two knots t_k and t_{k+1}.
+
+    delta(t) = d_k + v_k s + a_k s^2 / 2 + sum_j h_jk s^(3 + j), s = t - t_k, t_k <= t < t_{k+1}.
+
+    ``knots`` (k+1,) in s; ``start_displacement``, ``start_velocity``, ``start_acceleration`` (k,)
+    in mm, mm/s, mm/s2 (or strain, 1/s, 1/s2); ``resolution`` the encoder step in units of
+    displacement, 0 if none was seen; ``higher`` (m, k) the h_jk, None for constant accelerations.
+    Outside the record the motion is at rest at its end value. At a kink the velocity and
+    acceleration are those just after it. ``unresolved``: what the record cannot give ("velocity",
+    "acceleration"), with the reason in a few words.
+    """
+
+    knots: Array
+    start_displacement: Array
+    start_velocity: Array
+    start_acceleration: Array
+    resolution: float
+    higher: Array | None = None
+    unresolved: tuple[tuple[str, str], ...] = ()
+    error: Errors | None = None
+
+    @cached_property
+    def _path(self) -> tuple[PPoly, PPoly, PPoly]:
+        rows = [0.5 * self.start_acceleration, self.start_velocity, self.start_displacement]
+        higher = [] if self.higher is None else list(self.higher[::-1])
+        path = PPoly(np.array([*higher, *rows]), self.knots)
+        return path, path.derivative(1), path.derivative(2)
+
+    @property
+    def path(self) -> PPoly:
+        """The motion from the first knot to the last as a piecewise polynomial of the time."""
+        return self._path[0]
+
+    @cached_property
+    def _jumps(self) -> tuple[Array, Array]:
+        """Size (k-1,) of the jumps of velocity and acceleration at the inner knots."""
+        _, velocity, acceleration = self._path
+        length, inner = np.diff(self.knots)[:-1], slice(0, -1)
+        found = []
+        for poly, most in ((velocity, self.top_speed), (acceleration, self.top_acceleration)):
+            last = np.zeros(length.size)
+            for row in poly.c:
+                last = last * length + row[inner]
+            jump = np.abs(poly.c[-1, 1:] - last)
+            found.append(np.where(jump > _SAME * max(most, 1e-300), jump, 0.0))
+        return found[0], found[1]
+
+    @property
+    def kinks(self) -> Array:
+        """Times (j,) at which the velocity or the acceleration jumps."""
+        return self.knots[1:-1][self._at_kinks]
+
+    @property
+    def speed_jumps(self) -> Array:
+        """Size (j,) of the jump of velocity at each kink: changes too quick to resolve."""
+        return self._jumps[0][self._at_kinks]
+
+    @property
+    def _at_kinks(self) -> NDArray[np.bool_]:
+        return (self._jumps[0] > 0.0) | (self._jumps[1] > 0.0)
+
+    @cached_property
+    def top_speed(self) -> float:
+        """Largest speed."""
+        return _largest(self._path[1], self._path[2])
+
+    @cached_property
+    def top_acceleration(self) -> float:
+        """Largest magnitude of the acceleration; 0 where only straight lines were resolved."""
+        return _largest(self._path[2], self._path[2].derivative(1))
+
+    @cached_property
+    def turning_points(self) -> Array:
+        """Times between the knots at which the motion reverses."""
+        roots = self._path[1].roots(discontinuity=False, extrapolate=False)
+        return np.asarray(roots[np.isfinite(roots)])
+
+    @property
+    def velocity_resolved(self) -> bool:
+        """Whether the record gives the velocity."""
+        return "velocity" not in dict(self.unresolved)
+
+    @property
+    def acceleration_resolved(self) -> bool:
+        """Whether the record gives the acceleration."""
+        return "acceleration" not in dict(self.unresolved)
+
+    def _at(self, order: int, t: ArrayLike) -> Array:
+        asked = np.asarray(t, dtype=np.float64)
+        clipped = np.clip(asked, self.knots[0], self.knots[-1])
+        value = np.asarray(self._path[order](clipped))
+        if order == 0:
+            return value
+        inside = (asked >= self.knots[0]) & (asked <= self.knots[-1])
+        return np.where(inside, value, 0.0)
+
+    def displacement(self, t: ArrayLike) -> Array:
+        """Displacement at times ``t`` (any shape)."""
+        return self._at(0, t)
+
+    def velocity(self, t: ArrayLike) -> Array:
+        """Velocity at times ``t`` (any shape); 0 outside the record."""
+        return self._at(1, t)
+
+    def acceleration(self, t: ArrayLike) -> Array:
+        """Acceleration at times ``t`` (any shape); 0 outside the record."""
+        return self._at(2, t)
+
+    def displacement_sd(self, t: ArrayLike) -> Array:
+        """Sd of the error of ``displacement(t)`` (any shape), in units of displacement.
+
+        It comes from the encoder's rounding and the sensor's scatter, less what the fit averages
+        out; 0 for a planned motion.
+        """
+        asked = np.asarray(t, dtype=np.float64)
+        if self.error is None:
+            return np.zeros(asked.shape)
+        return np.asarray(np.interp(asked, self.error.time, self.error.displacement))
+
+
+def _largest(poly: PPoly, slope: PPoly) -> float:
+    """Largest magnitude of a piecewise polynomial whose derivative is given."""
+    ends = [poly.c[-1], sum(c * np.diff(poly.x) ** k for k, c in enumerate(poly.c[::-1]))]
+    if poly.c.shape[0] > 2:
+        roots = slope.roots(discontinuity=False, extrapolate=False)
+        ends.append(poly(roots[np.isfinite(roots)]))
+    return float(max(np.max(np.abs(e), initial=0.0) for e in ends))
+
+
+def smooth(time: ArrayLike, displacement: ArrayLike, resolution: float | None = None) -> Trajectory:
+    """Return the motion behind an encoder record: few pieces, faithful to every reading.
+
+    Rests come out exactly constant. Each stretch between rests becomes a quadratic spline with
+    knots where least squares puts them, as few as keep all residuals within what the encoder step
+    and the scatter explain; the velocity is continuous unless a change of it is too quick to be
+    resolved by the samples. Where the record is too sparse for that the samples are joined by
+    straight lines.
+
+    Parameters
+    ----------
+    time, displacement
+        (n,) readings, n >= 2, time increasing in s, evenly spaced or not.
+    resolution
+        Encoder step in units of displacement; found from the readings if None.
+
+    Raises
+    ------
+    InputError
+        Shapes differ, fewer than two readings, a reading not finite, time not increasing.
+    """
+    t = np.asarray(time, dtype=np.float64)
+    x = np.asarray(displacement, dtype=np.float64)
+    _check(t, x)
+    step = encoder_step(x) if resolution is None else float(resolution)
+    tol = tolerance(t, x, step)
+    segments = greedy_segments(t, x, tol)
+    rests = find_rests(t, x, segments, tol)
+    parts = _stretches(t, x, segments, rests, tol)
+    return _joined(t, parts, rests, tol)
+
+
+def _check(time: Array, displacement: Array) -> None:
+    if time.ndim != 1 or time.shape != displacement.shape:
+        raise InputError("time and displacement differ in length")
+    if time.size < 2:
+        raise InputError("a motion needs at least two readings")
+    if not (np.all(np.isfinite(time)) and np.all(np.isfinite(displacement))):
+        raise InputError("time or displacement is not finite")
+    if np.any(np.diff(time) <= 0.0):
+        raise InputError("time does not increase")
+
+
+def _stretches(
+    t: Array, x: Array, segments: list[tuple[int, int]], rests: list[Rest], tol: Tolerance
+) -> list[Stretch]:
+    """Fit what lies between the rests."""
+    parts: list[Stretch] = []
+    for before, after in pairwise([None, *rests, None]):
+        if before is None and after is not None and after.first == 0:
+            continue
+        if after is None and before is not None and before.stop == t.size:
+            continue
+        parts.append(fitted(t, x, segments, before, after, tol))
+    return parts
+
+
+def _joined(t: Array, parts: list[Stretch], rests: list[Rest], tol: Tolerance) -> Trajectory:
+    """Put moving parts and rests in order of time."""
+    most = max((_order(p) for p in parts), default=0)
+    starts = [part.pieces.knots[:-1] for part in parts]
+    values = [_rows(part, most) for part in parts]
+    for rest in rests:
+        into = [p.pieces.knots[-1] for p in parts if p.pieces.knots[-1] <= t[rest.stop - 1]]
+        starts.append(np.array([max(into) if into and rest.first > 0 else t[0]]))
+        values.append(np.array([[rest.level], *[[0.0]] * (2 + most)]))
+    knots = np.concatenate(starts)
+    order = np.argsort(knots, kind="stable")
+    d, v, a, *higher = np.concatenate(values, axis=1)[:, order]
+    found = [errors(part, tol) for part in parts]
+    plain = Trajectory(
+        np.append(knots[order], t[-1]), d, v, a, tol.step, np.array(higher) if higher else None
+    )
+    error = _all_errors(t, parts, found, rests, tol)
+    return replace(plain, error=error, unresolved=_unresolved(plain, parts, found))
+
+
+def _order(part: Stretch) -> int:
+    return 0 if part.pieces.higher is None else len(part.pieces.higher)
+
+
+def _rows(part: Stretch, most: int) -> Array:
+    """Displacement, velocity, acceleration and ``most`` higher coefficients of each piece."""
+    p = part.pieces
+    higher = np.zeros((0, p.velocity.size)) if p.higher is None else p.higher
+    missing = np.zeros((most - len(higher), p.velocity.size))
+    return np.concatenate([[p.displacement, p.velocity, p.acceleration], higher, missing])
+
+
+def _all_errors(
+    t: Array, parts: list[Stretch], found: list[Errors], rests: list[Rest], tol: Tolerance
+) -> Errors:
+    """Of stretches and rests, in order of time. At rest the rounding is not averaged out."""
+    begins = np.array([p.joints.knots[0] for p in parts] + [t[-1]])
+    ends = np.array([t[0]] + [p.joints.knots[-1] for p in parts])
+    rounding = tol.step**2 / 12.0 if tol.noise < 0.5 * tol.step else 0.0
+    every = list(found)
+    for rest in rests:
+        middle = 0.5 * (t[rest.first] + t[rest.stop - 1])
+        span = np.array([ends[ends <= middle].max(), begins[begins >= middle].min()])
+        sd = np.full(2, np.sqrt(tol.noise**2 / (rest.stop - rest.first) + rounding))
+        every.append(Errors(span, sd, np.zeros(2), np.zeros(2)))
+    joined = _concatenated(every)
+    least = max((float(np.ptp(p.window.displacement)) for p in parts), default=0.0)
+    return replace(joined, displacement=np.maximum(joined.displacement, _EXACT * least))
+
+
+def _concatenated(parts: list[Errors]) -> Errors:
+    order = np.argsort(np.concatenate([p.time for p in parts]), kind="stable")
+    names = ("time", "displacement", "velocity", "acceleration")
+    return Errors(*(np.concatenate([getattr(p, name) for p in parts])[order] for name in names))
+
+
+def _unresolved(
+    motion: Trajectory, parts: list[Stretch], found: list[Errors]
+) -> tuple[tuple[str, str], ...]:
+    """What the readings do not give of velocity and acceleration, and why."""
+    if not parts:
+        return (("velocity", "the platen never moves"), ("acceleration", "the platen never moves"))
+    doubts = []
+    every = _concatenated(found)
+    speed = _share(every.velocity, motion.velocity(every.time))
+    if speed > _SPEED_KNOWN:
+        doubts.append(("velocity", "the displacement record does not give the speed"))
+    rate = _share(every.acceleration, motion.acceleration(every.time))
+    jumps = float(np.sum(motion.speed_jumps))
+    smoothly = float(np.sum(np.abs(np.diff(motion.start_velocity)))) - jumps
+    if rate > _ACCELERATION_KNOWN or (jumps > 0.0 and jumps > _JUMPS * (jumps + smoothly)):
+        doubts.append(("acceleration", "the displacement record does not give the acceleration"))
+    return tuple(doubts)
+
+
+def _share(sds: Array, values: Array) -> float:
+    """The median sd over the largest value, each weighted by the square of its value."""
+    most = float(np.max(np.abs(values)))
+    if most == 0.0:
+        return np.inf
+    order = np.argsort(sds)
+    weight = np.cumsum(values[order] ** 2)
+    return float(sds[order][np.searchsorted(weight, 0.5 * weight[-1])]) / most

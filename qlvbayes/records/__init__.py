@@ -1,1 +1,0 @@
-"""Tests as the likelihood sees them: block averages, batched."""

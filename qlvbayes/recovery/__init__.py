@@ -1,8 +1,0 @@
-"""Whether an effect's constants are recovered from simulated tests, at the right rate."""
-
-from qlvbayes.recovery.rate import Recovery, recovery_rate
-
-__all__ = [
-    "Recovery",
-    "recovery_rate",
-]

@@ -1,0 +1,109 @@
+"""The hidden effects by name."""
+
+from __future__ import annotations
+
+from qlvbayes.io.checks import InputError
+
+from . import (
+    contact_effects,
+    foreign,
+    forms,
+    further,
+    material_effects,
+    outside,
+    pad_effects,
+    sensor_effects,
+)
+from .effect import Effect
+
+
+def _by_name(*classes: type[Effect]) -> dict[str, type[Effect]]:
+    return {effect.name: effect for effect in classes}
+
+
+HIDDEN = _by_name(
+    material_effects.ExtraRelaxationMode,
+    material_effects.StrainDependentRate,
+    material_effects.StrainDependentStrength,
+    pad_effects.StressSoftening,
+    pad_effects.FluidLeak,
+    pad_effects.ViscousDrag,
+    pad_effects.PowerLawDrag,
+    pad_effects.SqueezeFilm,
+    pad_effects.FluidPressure,
+    pad_effects.Friction,
+    contact_effects.PermanentSet,
+    contact_effects.ContactOffset,
+    contact_effects.Adhesion,
+    contact_effects.FrameCompliance,
+    sensor_effects.Inertia,
+    sensor_effects.ForceOffset,
+    sensor_effects.ForceDrift,
+    sensor_effects.ChannelLag,
+)
+"""The listed effects, from the material to the sensor."""
+
+FORMS = _by_name(
+    forms.StretchedRelaxation,
+    forms.LinearRate,
+    forms.ExponentialSoftening,
+    forms.SaturatingLeak,
+    forms.GrowingDrag,
+    forms.SteepSqueezeFilm,
+    forms.QuadraticPressure,
+    forms.CoulombFriction,
+    forms.Toe,
+    forms.BendingFrame,
+    forms.SaturatingDrift,
+    forms.ChannelLowPass,
+)
+"""Other forms of the listed effects; `family` names which."""
+
+OUTSIDE = _by_name(
+    outside.SecondContact,
+    outside.Slip,
+    outside.TemperatureSwing,
+    outside.Ringing,
+    outside.Rezeroed,
+    outside.SlowCreepJump,
+    outside.SensorNonlinearity,
+    outside.AmplifierClipping,
+)
+"""Effects that no entry of the list explains."""
+
+
+FOREIGN = _by_name(
+    foreign.CavitatingFilm,
+    foreign.PoroelasticDiffusion,
+    foreign.TiltedPlaten,
+    foreign.RootLeak,
+    foreign.OneWayFriction,
+    foreign.HealingSoftening,
+)
+"""Forms of listed effects that no form of the diagnosis was written with in view."""
+
+FURTHER = _by_name(
+    further.ViscousHeating,
+    further.Backlash,
+    further.DriveRipple,
+    further.LoadCellCreep,
+    further.StickSlip,
+    further.SnapThrough,
+    further.Thixotropy,
+    further.Curing,
+)
+"""Effects outside the list that nothing of the package stands for."""
+
+
+def effect_class(name: str) -> type[Effect]:
+    """Class of the effect with this name, of any kind.
+
+    Raises
+    ------
+    InputError
+        There is none.
+    """
+    known = {**HIDDEN, **FORMS, **OUTSIDE, **FOREIGN, **FURTHER}
+    if name not in known:
+        raise InputError(f"no effect '{name}'", remedy=f"use one of {', '.join(known)}")
+    return known[name]

@@ -1,0 +1,187 @@
+"""Tests of one pad after one another, with what relaxes in the pauses between them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qlvbayes.io.checks import InputError
+
+from .logger import thin
+from .material import Material
+from .platen import PAPER_ACCELERATION, Hold, Move, Platen, Step
+from .rig import SAMPLE_RATE, Record, SimulatedTest, stream
+from .sensors import Noise, encode
+
+RETURN_SPEED = 20.0
+"""Speed at which the platen leaves the pad after a test, mm/s."""
+
+
+@dataclass(frozen=True)
+class Sequence:
+    """Programs joined to one by pauses in which the platen goes back to zero and waits.
+
+    platen: of the whole; names: of the tests; begins, ends: their times (s) in the whole.
+    """
+
+    platen: Platen
+    names: tuple[str, ...]
+    begins: tuple[float, ...]
+    ends: tuple[float, ...]
+
+
+def join_programs(
+    programs: Mapping[str, Iterable[Step]],
+    pause_s: float,
+    *,
+    return_speed: float | None = RETURN_SPEED,
+    acceleration_limit: float = PAPER_ACCELERATION,
+) -> Sequence:
+    """One program of all, with ``pause_s`` (s) between a test's end and the next one's beginning.
+
+    return_speed: at which the platen goes back to zero when a pause begins (mm/s); None leaves it
+    where the test ended. The next program goes on from there.
+
+    Raises
+    ------
+    InputError
+        There is no program, or a pause is too short for the way back.
+    """
+    if not programs:
+        raise InputError("no tests to do", remedy="give at least one program")
+    steps: list[Step] = []
+    begins: list[float] = []
+    ends: list[float] = []
+    for program in programs.values():
+        if ends:
+            steps += _pause(steps, pause_s, return_speed, acceleration_limit)
+        begins.append(_duration(steps, acceleration_limit))
+        steps += program
+        ends.append(_duration(steps, acceleration_limit))
+    platen = Platen(tuple(steps), acceleration_limit)
+    return Sequence(platen, tuple(programs), tuple(begins), tuple(ends))
+
+
+def record_sequence(
+    material: Material,
+    programs: Mapping[str, Iterable[Step]],
+    noise: Noise,
+    seed: int,
+    *,
+    pad: str = "pad",
+    pause_s: float = 5.0,
+    carried: bool = True,
+    return_speed: float | None = RETURN_SPEED,
+    acceleration_limit: float = PAPER_ACCELERATION,
+    sample_rate: float = SAMPLE_RATE,
+    max_rows: int | None = None,
+) -> list[SimulatedTest]:
+    """Run the programs one after another on one pad; tests are named 'pad-program'.
+
+    The material's equations are solved once along the whole sequence, pauses included, and the
+    tests are cut from it. What a material remembers from test to test is its own affair: a pad
+    relaxes on, and an effect that asks for the largest depth so far has that of the whole sequence.
+    With ``carried`` False every test is run on a rested pad, at the same clock. Each test's random
+    stream comes from the seed and the test's name. For the other arguments see `join_programs` and
+    `record_test`.
+
+    Raises
+    ------
+    InputError
+        The sample rate (1/s) is not above 0; see also `join_programs`.
+    """
+    programs = {name: tuple(program) for name, program in programs.items()}
+    whole = join_programs(
+        programs, pause_s, return_speed=return_speed, acceleration_limit=acceleration_limit
+    )
+    if not carried and return_speed is None:
+        raise InputError("a pad that is not let go cannot rest", remedy="give a return speed")
+    tests = [
+        _Test(f"{pad}-{name}", begin, *_sampled(whole, begin, end, sample_rate, max_rows))
+        for name, begin, end in zip(whole.names, whole.begins, whole.ends, strict=True)
+    ]
+    if carried:
+        forces = _carried(material, whole, tests)
+    else:
+        forces = _rested(material, programs, acceleration_limit, tests)
+    return [
+        test.recorded(pad, whole, force, noise, seed)
+        for test, force in zip(tests, forces, strict=True)
+    ]
+
+
+@dataclass(frozen=True)
+class _Test:
+    """A test's samples: its name, its beginning in the whole (s), times and readings, whole."""
+
+    name: str
+    begin: float
+    time: NDArray[np.float64]
+    read: NDArray[np.float64]
+    kept: NDArray[np.intp]
+
+    def recorded(
+        self, pad: str, whole: Sequence, force: NDArray[np.float64], noise: Noise, seed: int
+    ) -> SimulatedTest:
+        """The test with its noise, which is that of all samples, kept or not."""
+        own = self.time - self.begin
+        errors = noise.draw(own, stream(seed, self.name))[self.kept]
+        time, true = own[self.kept], whole.platen.displacement(self.time[self.kept])
+        record = Record(time, self.read[self.kept], force + errors, true, force)
+        return SimulatedTest(pad, self.name, self.begin, record)
+
+
+def _sampled(
+    whole: Sequence, begin: float, end: float, rate: float, max_rows: int | None
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]:
+    """Times of a test in the whole, encoder readings, and the places that the logger keeps."""
+    if not rate > 0:
+        raise InputError(f"the sample rate must be above 0, not {rate} 1/s")
+    time = np.minimum(begin + np.arange(int((end - begin) * rate + 1e-6) + 1) / rate, end)
+    read = encode(whole.platen.displacement(time))
+    kept = np.arange(time.size) if max_rows is None else thin(time - begin, read, max_rows)
+    return time, read, kept
+
+
+def _carried(material: Material, whole: Sequence, tests: list[_Test]) -> list[NDArray[np.float64]]:
+    """Forces of the samples kept, solved along all tests and pauses."""
+    times = [test.time[test.kept] for test in tests]
+    force = material.force(whole.platen, np.concatenate(times))
+    return np.split(force, np.cumsum([time.size for time in times])[:-1])
+
+
+def _rested(
+    material: Material,
+    programs: Mapping[str, Iterable[Step]],
+    acceleration_limit: float,
+    tests: list[_Test],
+) -> list[NDArray[np.float64]]:
+    """Forces of the samples kept, every test begun on a rested pad."""
+    found = []
+    for program, test in zip(programs.values(), tests, strict=True):
+        platen = Platen(tuple(program), acceleration_limit, test.begin)
+        times = np.clip(test.time[test.kept] - test.begin, 0.0, platen.duration)
+        found.append(material.force(platen, times))
+    return found
+
+
+def _pause(
+    done: list[Step], pause_s: float, return_speed: float | None, acceleration_limit: float
+) -> list[Step]:
+    """The way back and the wait, together as long as the pause."""
+    back: list[Step] = [] if return_speed is None else [Move(0.0, return_speed)]
+    way = _duration([*done, *back], acceleration_limit) - _duration(done, acceleration_limit)
+    if not pause_s > way:
+        raise InputError(
+            f"a pause of {pause_s:g} s is too short for the way back, which takes {way:.3g} s",
+            remedy="lengthen the pause or raise the return speed",
+        )
+    return [*back, Hold(pause_s - way)]
+
+
+def _duration(steps: list[Step], acceleration_limit: float) -> float:
+    """Length (s) of a program that may be empty."""
+    return Platen(tuple(steps), acceleration_limit).duration if steps else 0.0

@@ -1,0 +1,1 @@
+"""Constants put to use: forces of any programme, a state to step, exports to other programs."""

@@ -1,0 +1,16 @@
+"""What a fit becomes in other programs. One file, one target; ``catalogue`` lists them.
+
+A new target is one class in one file here, under ``target.AbstractTarget``, and its name in
+``catalogue.TARGETS``; what it writes lies in ``templates/`` where it is longer than a few lines.
+"""
+
+from qlvbayes.use.exports.catalogue import TARGETS
+from qlvbayes.use.exports.target import AbstractTarget, Geometry
+from qlvbayes.use.exports.write import export
+
+__all__ = [
+    "TARGETS",
+    "AbstractTarget",
+    "Geometry",
+    "export",
+]

@@ -1,0 +1,97 @@
+"""What every exported file says of itself: model, units, date, tested range, intervals, limits."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+import qlvbayes
+from qlvbayes.use.exports.pad import ExportedPad, Interval
+from qlvbayes.use.exports.target import AbstractTarget
+
+# solvers read ASCII only
+_PLAIN = str.maketrans(
+    {"δ": "d", "−": "-", "Σ": "sum", "∫": "int", "θ": "theta", "²": "^2"} | {"³": "^3"}
+)
+
+NO_CONTACT = (
+    "loss of contact: on fast unloading a loose pad leaves the platen, the material does not"
+)
+ONE_DRAW = "the posterior: one draw only, with the intervals above"
+
+
+def card(pad: ExportedPad, target: type[AbstractTarget], extra: Iterable[str] = ()) -> list[str]:
+    """The lines, without comment signs; ``extra``: what else does not go along."""
+    lines = [
+        f"Pad {pad.name}, by qlvbayes {qlvbayes.__version__} on {pad.date}"
+        + (f", from {pad.source}" if pad.source else ""),
+        f"Elastic law: {type(pad.elastic).name}, {type(pad.elastic).law}",
+        f"Relaxation: {pad.choices.relaxing}, {type(pad.relaxation).law}",
+        f"Units: {_units(pad)}",
+        f"Tested: {_tested(pad)}",
+        "Median and 90 % interval:",
+        *(_told(x) for x in pad.intervals),
+        "Numbers below: the posterior draw closest to the medians",
+    ]
+    if not pad.converged:
+        lines.append("Beware: the sampling had NOT CONVERGED")
+    lines.append("Not carried:")
+    lines += [f"  - {line}" for line in (*_effects(pad), *target.cannot, *extra)]
+    return [" ".join(line.translate(_PLAIN).split("\n")) for line in lines]
+
+
+def commented(lines: Iterable[str], sign: str) -> str:
+    """The lines, each behind a comment sign."""
+    return "\n".join(f"{sign} {line}".rstrip() for line in lines) + "\n"
+
+
+def in_comment(lines: Iterable[str]) -> list[str]:
+    """The lines where neither a comment of C nor one of XML ends before its time."""
+    return [re.sub("-(?=-)", "- ", line.replace("*/", "* /")) for line in lines]
+
+
+def template(file: str, /, **values: object) -> str:
+    """A file of ``templates/`` filled in."""
+    environment = Environment(
+        loader=PackageLoader("qlvbayes.use.exports"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        autoescape=file.endswith((".xml.j2", ".sdf.j2", ".feb.j2")),
+    )
+    return environment.get_template(file).render(**values)
+
+
+def _told(x: Interval) -> str:
+    unit = "" if x.unit == "1" else f" {x.unit}"
+    return f"  {x.name} = {x.median:.6g} ({x.low:.6g} to {x.high:.6g}){unit}"
+
+
+def _units(pad: ExportedPad) -> str:
+    u = pad.units
+    length = "none (strain)" if u.dimensionless else u.displacement
+    return f"{u.displacement_name} {length}, {u.force_name} {u.force}, time s"
+
+
+def _tested(pad: ExportedPad) -> str:
+    reach, units = pad.covered, pad.units
+    if reach is None:
+        return "the results file does not say which depths, rates and times"
+    unit = "" if units.dimensionless else f" {units.displacement}"
+    return (
+        f"depth to {reach.depth:.4g}{unit}, rate {reach.slowest:.4g} to {reach.fastest:.4g} "
+        f"{units.speed.replace('1/s', '/s')}, ramps from {reach.quickest:.3g} s, holds to "
+        f"{reach.hold:.4g} s, {reach.tests} tests; beyond that it extrapolates"
+    )
+
+
+def _effects(pad: ExportedPad) -> list[str]:
+    if not pad.choices.effects:
+        return ["an added effect (this fit has none)"]
+    return [
+        f"the added effect {name}: its part of the force is left out"
+        for name in pad.choices.effects
+    ]

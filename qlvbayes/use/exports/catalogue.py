@@ -1,0 +1,39 @@
+"""Every target, in the order in which they are listed."""
+
+from __future__ import annotations
+
+from qlvbayes.io.checks import InputError
+from qlvbayes.use.exports.abaqus import Abaqus
+from qlvbayes.use.exports.ansys import Ansys
+from qlvbayes.use.exports.c_header import CHeader
+from qlvbayes.use.exports.comsol import Comsol
+from qlvbayes.use.exports.drake import Drake
+from qlvbayes.use.exports.febio import FEBio
+from qlvbayes.use.exports.fmu import Fmu
+from qlvbayes.use.exports.json_file import JsonFile
+from qlvbayes.use.exports.matlab import Matlab
+from qlvbayes.use.exports.mujoco import MuJoCo
+from qlvbayes.use.exports.target import AbstractTarget
+
+TARGETS: tuple[type[AbstractTarget], ...] = (
+    CHeader,
+    Fmu,
+    MuJoCo,
+    Drake,
+    Matlab,
+    Abaqus,
+    Ansys,
+    FEBio,
+    Comsol,
+    JsonFile,
+)
+"""Every target."""
+
+
+def find(name: str) -> type[AbstractTarget]:
+    """The target of that name; InputError lists the known ones otherwise."""
+    for target in TARGETS:
+        if target.name == name:
+            return target
+    known = ", ".join(target.name for target in TARGETS)
+    raise InputError(f"no export to {name!r}", remedy=f"use one of {known}")

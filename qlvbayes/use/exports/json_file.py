@@ -1,0 +1,51 @@
+"""All that the fit knows of a pad, in JSON."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+
+from qlvbayes.use.exports.card import card
+from qlvbayes.use.exports.pad import Draws, ExportedPad
+from qlvbayes.use.exports.target import AbstractTarget, Geometry
+
+
+class JsonFile(AbstractTarget):
+    """Laws, spectrum, intervals, tested range and draws; numbers lose no digit."""
+
+    name = "json"
+    what = "laws, spectrum, intervals, tested range and draws, without loss"
+
+    def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
+        """``pad_B.json``."""
+        content = {
+            "schema": 1,
+            "pad": pad.name,
+            "date": pad.date,
+            "card": card(pad, type(self)),
+            "units": asdict(pad.units),
+            "elastic": type(pad.elastic).name,
+            "relaxation": pad.choices.relaxing,
+            "bonded": pad.choices.bonded,
+            "effects": list(pad.choices.effects),
+            "source": pad.source,
+            "fitted_tests": list(pad.fitted),
+            "converged": pad.converged,
+            "covered": pad.covered.as_dict() if pad.covered else None,
+            "constants": {
+                x.name: {"unit": x.unit, "median": x.median, "hdi90": [x.low, x.high]}
+                for x in pad.intervals
+            },
+            "closest_to_median": _rows(pad, pad.middle)[0],
+            "draws": _rows(pad, pad.table),
+        }
+        return {f"{pad.identifier}.json": (json.dumps(content, allow_nan=False) + "\n").encode()}
+
+
+def _rows(pad: ExportedPad, draws: Draws) -> list[dict]:
+    """Each draw: elastic constants by name, shares c and rates v (1/s) of g = c_0 + sum c e^-vt."""
+    numbers = (x.tolist() for x in (draws.elastic, draws.fractions, draws.rates))
+    return [
+        {"elastic": dict(zip(pad.constants, e, strict=True)), "c": c, "v": v}
+        for e, c, v in zip(*numbers, strict=True)
+    ]

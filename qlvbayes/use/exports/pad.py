@@ -1,0 +1,187 @@
+"""A pad as every target gets it: one draw of its constants, a table of draws, what was tested."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from qlvbayes.fitting.diagnostics import highest_density
+from qlvbayes.fitting.results import Saved, load
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.units import UnitSystem
+from qlvbayes.laws.elastic.law import AbstractElastic
+from qlvbayes.laws.relaxation.law import AbstractRelaxation
+from qlvbayes.model.choices import Choices
+from qlvbayes.model.drawn import described_model, drawn_models
+from qlvbayes.model.model import Model
+from qlvbayes.model.parameters import fields_of
+from qlvbayes.preprocess.covered import Covered
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A constant's posterior: median and 90 % highest-density interval, in ``unit``."""
+
+    name: str
+    unit: str
+    median: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, eq=False)
+class Draws:
+    """Constants of n draws: elastic (n, E) in the law's order, fractions (n, k + 1), rates (n, k).
+
+    The spectrum is g(t) = c_0 + sum c_i e^{-v_i t} (rates in 1/s), whatever the relaxation.
+    """
+
+    elastic: np.ndarray
+    fractions: np.ndarray
+    rates: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.elastic)
+
+
+@dataclass(frozen=True, eq=False)
+class ExportedPad:
+    """elastic, relaxation: laws with the numbers of the draw that lies closest to the medians.
+
+    middle: that draw; table: draws evenly out of all; intervals: of the pad's constants; folder: of
+    its results; date: of the export, as 2026-01-31.
+    """
+
+    name: str
+    folder: Path
+    date: str
+    choices: Choices
+    units: UnitSystem
+    covered: Covered | None
+    source: str
+    fitted: tuple[str, ...]
+    converged: bool
+    elastic: AbstractElastic
+    relaxation: AbstractRelaxation
+    middle: Draws
+    table: Draws
+    intervals: tuple[Interval, ...]
+
+    @property
+    def identifier(self) -> str:
+        """The name as C, XML and MATLAB take one: ``pad_B``."""
+        return "pad_" + re.sub(r"[^A-Za-z0-9]", "_", self.name)
+
+    @property
+    def constants(self) -> tuple[str, ...]:
+        """Names of the elastic law's constants."""
+        return tuple(type(self.elastic).units)
+
+    @property
+    def fractions(self) -> np.ndarray:
+        """(k + 1,) shares of the middle draw, the first of what never relaxes."""
+        return self.middle.fractions[0]
+
+    @property
+    def times(self) -> np.ndarray:
+        """(k,) relaxation times (s) of the middle draw."""
+        return 1.0 / self.middle.rates[0]
+
+    def stiffness(self, depth: float) -> float:
+        """Instantaneous stiffness of the middle draw, in the pad's units."""
+        return float(self.elastic.stiffness(jax.numpy.asarray(depth)))
+
+
+def read_pad(out: Path, name: str, *, draws: int, date: str) -> ExportedPad:
+    """The pad of that name from a folder of results, with a table of so many draws.
+
+    Raises InputError where the folder has no fit of it, or a fit that cannot be read.
+    """
+    file = _file_of(out, name)
+    saved = load(file)
+    model = described_model(saved.choices)
+    plain = Model(model.elastic, model.relaxation, model.bonded)
+    names = [name for field in fields_of(plain) for name in field.names]
+    units = [saved.units.of(f.unit) for f in fields_of(plain) for _ in f.names]
+    values = _columns(saved, names)
+    places = np.linspace(0, len(values) - 1, min(draws, len(values))).astype(int)
+    chosen = np.concatenate([[_closest(values)], places])
+    drawn = drawn_models(plain, names, values[chosen])
+    middle = jax.tree.map(lambda x: jax.numpy.asarray(x[0]), drawn)
+    every = _numbers(drawn)
+    return ExportedPad(
+        name=saved.pad,
+        folder=file.parent,
+        date=date,
+        choices=saved.choices,
+        units=saved.units,
+        covered=saved.covered,
+        source=saved.source,
+        fitted=saved.fitted,
+        converged=saved.converged,
+        elastic=middle.elastic,
+        relaxation=middle.relaxation,
+        middle=_part(every, slice(0, 1)),
+        table=_part(every, slice(1, None)),
+        intervals=_intervals(file.with_name("summary.json"), names, units, values),
+    )
+
+
+def _file_of(out: Path, name: str) -> Path:
+    files = {file.parent.name: file for file in sorted(out.glob("*/posterior.nc"))}
+    if not files:
+        raise InputError("no fit in this folder", file=out, remedy="run qlvbayes fit first")
+    if name not in files:
+        raise InputError(f"no pad {name!r} in {out}", remedy=f"use one of {', '.join(files)}")
+    return files[name]
+
+
+def _columns(saved: Saved, names: list[str]) -> np.ndarray:
+    """(n, P) draws of the named constants."""
+    if missing := [name for name in names if name not in saved.names]:
+        raise InputError(f"the posterior lacks {', '.join(missing)}", remedy="add its draws")
+    return saved.draws[:, [saved.names.index(name) for name in names]]
+
+
+def _closest(values: np.ndarray) -> int:
+    """The draw closest to the medians, in standard deviations; a real draw keeps sum c = 1."""
+    spread = np.std(values, axis=0)
+    off = (values - np.median(values, axis=0)) / np.where(spread > 0.0, spread, 1.0)
+    return int(np.argmin(np.sum(off**2, axis=1)))
+
+
+def _numbers(drawn: Model) -> Draws:
+    """Of a model whose leaves have a leading axis."""
+    fractions, rates = eqx.filter_vmap(lambda law: law.spectrum())(drawn.relaxation)
+    elastic = [getattr(drawn.elastic, key) for key in type(drawn.elastic).units]
+    return Draws(np.stack(elastic, axis=-1), np.asarray(fractions), np.asarray(rates))
+
+
+def _part(draws: Draws, places: slice) -> Draws:
+    return Draws(draws.elastic[places], draws.fractions[places], draws.rates[places])
+
+
+def _intervals(
+    summary: Path, names: list[str], units: list[str], values: np.ndarray
+) -> tuple[Interval, ...]:
+    """As ``summary.json`` has them, which saw every draw; else from the draws."""
+    if not summary.exists():
+        ends = [highest_density(column) for column in values.T]
+        rows = zip(names, units, np.median(values, axis=0), ends, strict=True)
+        return tuple(Interval(name, unit, float(m), *end) for name, unit, m, end in rows)
+    try:
+        told = json.loads(summary.read_text(encoding="utf-8"))["parameters"]
+        found = [(name, told[name]) for name in names]
+        return tuple(Interval(n, p["unit"], p["median"], *p["hdi90"]) for n, p in found)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(
+            f"cannot be read ({type(error).__name__})",
+            file=summary,
+            remedy="run qlvbayes fit again",
+        ) from error

@@ -1,0 +1,75 @@
+"""From a folder of results to the files of a target."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.files import results_folder, write_whole
+from qlvbayes.use.exports.catalogue import find
+from qlvbayes.use.exports.pad import read_pad
+from qlvbayes.use.exports.target import Geometry
+
+DRAWS = 64  # of the table: a 90 % interval from them is off by a few per cent of the draws
+
+
+def export(
+    out: str | Path,
+    pad: str,
+    to: str,
+    *,
+    draws: int = DRAWS,
+    height: float | None = None,
+    area: float | None = None,
+) -> list[Path]:
+    """Write a fitted pad as files of another program into ``out/<pad>/export/<to>``.
+
+    All files or none: nothing is written until every one is there.
+
+    Parameters
+    ----------
+    out
+        The folder of results.
+    pad
+        Its name.
+    to
+        A target, as after ``--to``.
+    draws
+        How many of the posterior, where the target takes more than one.
+    height
+        Of a homogeneous specimen (mm), which makes a modulus of a stiffness.
+    area
+        Its cross-section (mm2).
+
+    Returns
+    -------
+    list of Path
+        What was written.
+
+    Raises
+    ------
+    InputError
+        The results cannot be read, or the pad cannot go there.
+    """
+    specimen = _specimen(height, area)
+    target = find(to)()
+    if draws < 1:
+        raise InputError(f"{draws} draws", remedy="ask for one or more")
+    date = datetime.now(UTC).date().isoformat()
+    found = read_pad(Path(out), pad, draws=draws, date=date)
+    content = target.files(found, specimen)
+    folder = results_folder(found.folder / "export" / to)
+    for name, data in content.items():
+        write_whole(folder / name, data)
+    return [folder / name for name in content]
+
+
+def _specimen(height: float | None, area: float | None) -> Geometry | None:
+    if height is None and area is None:
+        return None
+    if height is None or area is None:
+        raise InputError("a specimen has a height and an area", remedy="give both, in mm and mm2")
+    if not (0.0 < height < float("inf") and 0.0 < area < float("inf")):
+        raise InputError("height and area must be above 0", remedy="give them in mm and mm2")
+    return Geometry(height, area)

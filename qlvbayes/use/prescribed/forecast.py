@@ -1,0 +1,223 @@
+"""What a posterior says of a program: the force of a displacement, or the other way round."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from qlvbayes.comparison.side import Side, Source, side_of
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.units import UnitSystem
+from qlvbayes.laws.motion import Motion
+from qlvbayes.model.dual import check_inverse, displacement_from_force
+from qlvbayes.model.model import Model
+from qlvbayes.model.stepping import without_inverse
+from qlvbayes.use.prescribed.hypotheses import DRAWS, DrawnHypothesis, Hypotheses
+from qlvbayes.use.prescribed.program import Program
+from qlvbayes.use.prescribed.table import read_table
+from qlvbayes.use.prescribed.text import parse
+
+_BATCH = 100  # draws run together: of a program of 50 000 points they take 40 MB a mode
+_NEAR = 1.05  # of a range, that still counts as inside it
+_TABLES = (".csv", ".txt", ".tsv", ".gz")
+_CLOCK = (
+    "fluid_leak", "force_drift", "levelling_leak", "levelling_drift", "slow_change",
+    "offsets_by_test",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Forecast:
+    """A program's points (N,), and what each posterior draw (n, N) answers.
+
+    program: what was prescribed, of times that may repeat where its rate jumps; time (N,): s;
+    given (N,): what was prescribed; answers (n, N): the force of a prescribed displacement, the
+    displacement of a prescribed force; effects: in the model, or in one of several; warnings: one
+    sentence each, on where it leaves what the pad's tests cover; averaged: the hypotheses of a
+    diagnosis whose draws are mixed, none where the draws are of one model.
+    """
+
+    pad: str
+    program: Program
+    units: UnitSystem
+    time: np.ndarray
+    given: np.ndarray
+    answers: np.ndarray
+    effects: tuple[str, ...]
+    warnings: tuple[str, ...]
+    averaged: tuple[DrawnHypothesis, ...] = ()
+
+    @property
+    def median(self) -> np.ndarray:
+        """Median (N,) of the answers."""
+        return np.median(self.answers, axis=0)
+
+    def band(self, share: float) -> tuple[np.ndarray, np.ndarray]:
+        """Ends (N,) of the middle ``share`` of the answers, point by point."""
+        low, high = np.quantile(self.answers, [0.5 - 0.5 * share, 0.5 + 0.5 * share], axis=0)
+        return low, high
+
+
+def predict_program(
+    source: Source | Hypotheses,
+    program: str | Path | Program,
+    *,
+    draws: int = DRAWS,
+    pad: str = "pad",
+) -> Forecast:
+    """Force of a prescribed displacement, or displacement of a prescribed force, draw by draw.
+
+    The specimen is at rest at the beginning. Effects of the fit take part, the rig's too; noise
+    does not, so that bands are of what the specimen does, not of what a load cell would write.
+
+    Parameters
+    ----------
+    source
+        A fit, a results file (`load_results`), draws by the constants' names, or the hypotheses
+        that a diagnosis left, which are then averaged over: a mixture of the draws of each in
+        proportion to its probability. Of several hypotheses those that do not go step by step are
+        left out under a prescribed force, with a warning.
+    program
+        A CSV file, or text as in "ramp 1.6 mm at 20 mm/s, hold 30 s" or "force 1 N in 0.1 s, hold
+        30 s".
+    draws
+        How many of the posterior, evenly out of all.
+    pad
+        What plain draws are called.
+
+    Returns
+    -------
+    Forecast
+        Time (N,) in s and answers (draws, N) in the unit of displacement or force.
+
+    Raises
+    ------
+    InputError
+        The program is not understood; or a force is prescribed and an effect does not go step by
+        step, or no displacement has the force.
+    """
+    averaged = source.hypotheses if isinstance(source, Hypotheses) else ()
+    sides = [source.side(one) for one in averaged] if isinstance(source, Hypotheses) else []
+    sides = sides or [side_of(source, pad)]  # type: ignore[arg-type]
+    given = program if isinstance(program, Program) else _read(program, sides[0].units)
+    total = sum(len(side.draws) for side in sides)
+    models = [
+        side.some(max(round(draws * len(side.draws) / total), 1) if averaged else draws).models
+        for side in sides
+    ]
+    warnings: list[str] = []
+    if averaged and given.quantity == "force":
+        models, averaged, warnings = _stepping(models, averaged)
+    kept: np.ndarray | slice = slice(None)
+    if given.quantity == "force":
+        kept = np.append(np.diff(given.time) > 0.0, True)
+    answers = np.concatenate([_answers(model, given, kept) for model in models])
+    effects = tuple(dict.fromkeys(e.name for model in models for e in model.effects))
+    time, value = given.time[kept], given.value[kept]
+    side = sides[0]
+    found = Forecast(
+        side.name, given, side.units, time, value, answers, effects, (), tuple(averaged)
+    )
+    return replace(found, warnings=(*warnings, *_warnings(found, side)))
+
+
+def _stepping(
+    models: list[Model], averaged: tuple[DrawnHypothesis, ...]
+) -> tuple[list[Model], tuple[DrawnHypothesis, ...], list[str]]:
+    """Those hypotheses that go step by step, and a sentence on the others."""
+    able = [not without_inverse(model) for model in models]
+    if not any(able):
+        check_inverse(models[0])
+    lost = [str(one) for one, stays in zip(averaged, able, strict=True) if not stays]
+    said = f"left out, for no displacement is found from a force with them: {', '.join(lost)}"
+    return (
+        [model for model, stays in zip(models, able, strict=True) if stays],
+        tuple(one for one, stays in zip(averaged, able, strict=True) if stays),
+        [said] if lost else [],
+    )
+
+
+def _answers(models: Model, given: Program, kept: np.ndarray | slice) -> np.ndarray:
+    """(n, N) of draws of one model."""
+    if given.quantity == "displacement":
+        return _batches(_forces, models, given.time, given.value, given.rate)
+    check_inverse(models)
+    answers = _batches(_displacements, models, given.time[kept], given.value[kept])
+    if lost := int(np.sum(np.any(np.isnan(answers), axis=1))):
+        raise InputError(
+            f"{lost} of {len(answers)} draws have no displacement with this force",
+            remedy="prescribe a smaller force",
+        )
+    return answers
+
+
+def _read(program: str | Path, units: UnitSystem) -> Program:
+    named = isinstance(program, Path) or Path(program).suffix.lower() in _TABLES
+    return read_table(Path(program), units) if named else parse(str(program), units)
+
+
+def _batches(run, models: Model, *columns: np.ndarray) -> np.ndarray:  # type: ignore[no-untyped-def]
+    count = len(jax.tree.leaves(models)[0])
+    found = []
+    for start in range(0, count, _BATCH):
+        # the last batch is filled up, so that one compiled function serves any number
+        rows = np.minimum(np.arange(start, start + _BATCH), count - 1)
+        some = jax.tree.map(lambda x, rows=rows: x[rows], models)
+        found.append(np.asarray(run(some, *map(jnp.asarray, columns))))
+    return np.concatenate(found)[:count]
+
+
+@jax.jit
+def _forces(models: Model, time: Array, place: Array, speed: Array) -> Array:
+    motion = Motion(time, place, speed, jnp.zeros_like(time))
+    return jax.vmap(lambda model: model.force(motion))(models)
+
+
+@jax.jit
+def _displacements(models: Model, time: Array, force: Array) -> Array:
+    return jax.vmap(lambda model: displacement_from_force(model, time, force))(models)
+
+
+def _warnings(found: Forecast, side: Side) -> Iterator[str]:
+    if not side.converged:
+        yield f"the sampling of {side.name} did not converge"
+    for effect in found.effects:
+        if effect in _CLOCK:
+            yield f"{effect} goes with the clock: this is as in the pad's first test"
+    if "inertia" in found.effects:
+        yield "inertia is left out: the corners of a program have no acceleration"
+    if side.reach is None:
+        yield "the tests are not known: whether this lies beyond them cannot be said"
+        return
+    yield from _beyond(found, side)
+
+
+def _beyond(found: Forecast, side: Side) -> Iterator[str]:
+    reach, units, program = side.reach, side.units, found.program
+    assert reach is not None
+    moved = program.quantity == "displacement"
+    place = found.given if moved else found.median
+    speeds = np.abs(program.rate if moved else np.diff(place) / np.diff(found.time))
+    depth, speed, rest = float(place.max()), float(speeds.max()), program.longest_rest
+    if depth > _NEAR * reach.depth:
+        yield (
+            f"the depth reaches {depth:.3g} {_unit(units.displacement)}, beyond the "
+            f"{reach.depth:.3g} that was tested"
+        )
+    if not reach.slowest / _NEAR <= speed <= _NEAR * reach.fastest:
+        yield (
+            f"the speed reaches {speed:.3g} {_unit(units.speed)}, outside the {reach.slowest:.3g} "
+            f"to {reach.fastest:.3g} that were tested"
+        )
+    if rest > _NEAR * reach.hold:
+        yield f"it holds for {rest:.3g} s, longer than the {reach.hold:.3g} s that were tested"
+
+
+def _unit(unit: str) -> str:
+    return unit.replace("1/s", "per s") if unit != "1" else "of strain"

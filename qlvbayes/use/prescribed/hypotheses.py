@@ -1,0 +1,124 @@
+"""Draws of the constants of every hypothesis that a diagnosis left, as many as it is likely.
+
+A hypothesis's constants are taken as normal about its mode, in the numbers and within the bounds in
+which the diagnosis weighed it, and many hypotheses as their mixture (Hoeting et al. 1999,
+doi:10.1214/ss/1009212519).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qlvbayes.comparison.side import Side
+from qlvbayes.diagnosis.result import Laws
+from qlvbayes.diagnosis.search import Weighed
+from qlvbayes.diagnosis.verdict import Diagnosis
+from qlvbayes.io.resultfile import Part, Result
+from qlvbayes.io.units import PAD, UnitSystem
+from qlvbayes.laws.relaxation.prony import Prony
+from qlvbayes.model.choices import Choices
+from qlvbayes.preprocess.covered import Covered, covered
+
+FILE = "hypotheses.json"
+DRAWS = 400  # of all hypotheses together
+_TRIED = 20  # draws for each that is kept, of which those beyond a bound are left out
+
+
+class DrawnHypothesis(Part, frozen=True):
+    """Laws and effects, as in diagnosis.json; constants: draws (n,) of each by its name.
+
+    probability: posterior, over all hypotheses that were seen.
+    """
+
+    base: Laws
+    effects: tuple[str, ...]
+    probability: float
+    constants: dict[str, tuple[float, ...]]
+
+    def __str__(self) -> str:
+        """``hertz with prony:2 + friction (0.61)``."""
+        return f"{' + '.join((str(self.base), *self.effects))} ({self.probability:.2f})"
+
+
+class Hypotheses(Result, frozen=True, kw_only=True):
+    """What a diagnosis left, likeliest first: ``hypotheses.json``.
+
+    choices: of the diagnosis; each hypothesis has other laws, and effects more; covered: by the
+    tests.
+    """
+
+    indent: ClassVar[int | None] = None
+    pad: str
+    units: UnitSystem = PAD
+    choices: Choices
+    covered: Covered
+    hypotheses: tuple[DrawnHypothesis, ...]
+
+    @property
+    def probability(self) -> float:
+        """Of all of them together; the rest is of many that are each unlikely."""
+        return sum(one.probability for one in self.hypotheses)
+
+    def side(self, one: DrawnHypothesis) -> Side:
+        """One of the hypotheses as draws of a model."""
+        name, _, modes = one.base.relaxation.partition(":")
+        choices = replace(
+            self.choices,
+            law=one.base.elastic,
+            relaxation=name,
+            modes=int(modes) if name == Prony.name and modes else self.choices.modes,
+            effects=(*self.choices.effects, *one.effects),
+            priors=(),
+            fixed=(),
+        )
+        names, draws = tuple(one.constants), np.stack([*map(np.array, one.constants.values())], 1)
+        return Side(self.pad, names, draws, choices, self.units, self.covered)
+
+
+def drawn_hypotheses(
+    found: Diagnosis, choices: Choices, *, draws: int = DRAWS, seed: int = 0
+) -> Hypotheses:
+    """Draws of every hypothesis that ``found.result.alternatives`` tells, made of ``choices``.
+
+    draws: of all together; a hypothesis has its share of them, and one at least.
+    """
+    work, rng = found.work, np.random.default_rng(seed)
+    seen = {
+        (one.hypothesis.base, tuple(work.search.added(one.hypothesis))): one
+        for one in work.search.seen.values()
+    }
+    told = found.result.alternatives
+    total = sum(one.probability for one in told)
+    drawn = []
+    for one in told:
+        weighed = seen[one.base.pair, one.effects]
+        count = max(round(draws * one.probability / total), 1)
+        constants = dict(zip(weighed.point.own.names, _draws(weighed, count, rng).T, strict=True))
+        kept = {
+            name: tuple(values.tolist())
+            for name, values in constants.items()
+            if not name.startswith("noise.")
+        }
+        drawn.append(DrawnHypothesis(one.base, one.effects, one.probability, kept))
+    return Hypotheses(
+        pad=found.result.pad,
+        units=found.result.units,
+        choices=choices,
+        covered=covered(work.experiment),
+        hypotheses=tuple(drawn),
+    )
+
+
+def _draws(weighed: Weighed, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """(count, P) of the constants about a mode; numbers stay within their priors' bounds."""
+    own, found = weighed.point.own, weighed.evidence
+    thetas = rng.multivariate_normal(
+        found.mean, found.covariance, _TRIED * count, check_valid="ignore", method="eigh"
+    )
+    inside = np.all((thetas >= own.lowest) & (thetas <= own.highest), axis=1)
+    kept = np.concatenate([thetas[inside], own.within(thetas[~inside])])[:count]
+    return own.constants(kept)
