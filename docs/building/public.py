@@ -10,19 +10,27 @@ from typing import Any
 
 # Which parts of the package stand on which page of the API; what is in none, on the last one.
 SECTIONS = {
-    "measurements": ("data", "specimen", "experiment", "checks", "units", "formats"),
-    "model": ("model", "motion", "laws", "law", "noise", "scales", "priors"),
-    "fitting": ("choices", "fit", "inference", "summary", "prediction", "residuals", "results"),
-    "diagnosis": ("diagnosis", "bench"),
-    "prediction": ("dual", "stepper", "prescribed"),
-    "effects": ("effects", "recovery"),
-    "comparison": ("comparison", "constants_table"),
-    "study": ("study", "report", "exports"),
+    "measurements": ("io", "preprocess"),
+    "model": ("model", "laws", "priors"),
+    "fitting": ("fitting", "inference"),
+    "diagnosis": ("diagnosis", "app"),
+    "prediction": ("use",),
+    "effects": ("effects", "evaluation"),
+    "comparison": ("comparison",),
+    "study": ("pipeline", "report"),
     "other": (),
 }
 LAST = "other"
 # parts of the package that offer names of their own, beside the figures
-PARTS = ("effects", "exports", "formats", "laws", "noise", "priors", "recovery")
+PARTS = (
+    "effects",
+    "evaluation.recovery",
+    "io.formats",
+    "laws",
+    "model.noise",
+    "priors",
+    "use.exports",
+)
 
 
 @dataclass(frozen=True)
