@@ -8,7 +8,7 @@ from timing import call_ms
 from qlvbayes import Choices, read_study
 from qlvbayes.fitting import compiled
 from qlvbayes.fitting.fit import build_posterior
-from qlvbayes.fitting.starting import starting_point
+from qlvbayes.fitting.optimum import starting_point
 from qlvbayes.preprocess.experiment import prepare
 
 WALKERS = (1, 32, 1024)

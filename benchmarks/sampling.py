@@ -10,7 +10,7 @@ from qlvbayes import Choices, Settings, read_study
 from qlvbayes.fitting import compiled
 from qlvbayes.fitting.ensemble import autocorrelation_time, sample
 from qlvbayes.fitting.fit import build_posterior
-from qlvbayes.fitting.starting import starting_point
+from qlvbayes.fitting.optimum import starting_point
 from qlvbayes.preprocess.experiment import prepare
 
 RIVAL_STEPS = 500

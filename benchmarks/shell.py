@@ -23,7 +23,7 @@ def where_time_goes():
     import qlvbayes as q
     from qlvbayes.fitting.ensemble import Settings, sample
     from qlvbayes.fitting.fit import build_posterior
-    from qlvbayes.fitting.starting import starting_point
+    from qlvbayes.fitting.optimum import starting_point
     from qlvbayes.preprocess.experiment import prepare
 
     marks = [("imports", time.perf_counter() - began)]

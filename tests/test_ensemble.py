@@ -15,7 +15,7 @@ from qlvbayes.fitting.chainstore import ChainStore, remove_chain
 from qlvbayes.fitting.diagnostics import diagnose_chain, highest_density
 from qlvbayes.fitting.ensemble import Settings, autocorrelation_time, key_of, sample
 from qlvbayes.fitting.fit import build_posterior
-from qlvbayes.fitting.normal import NormalApproximation
+from qlvbayes.fitting.least_squares import NormalApproximation
 from qlvbayes.fitting.proposal import TAIL, Proposal, from_draws, from_normal
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import White

@@ -10,7 +10,7 @@ from qlvbayes.fitting import compiled
 from qlvbayes.fitting.ensemble import Settings
 from qlvbayes.fitting.fit import build_posterior, fit_pad
 from qlvbayes.fitting.least_squares import least_squares, without_noise
-from qlvbayes.fitting.starting import block_scale, starting_point
+from qlvbayes.fitting.optimum import block_scale, starting_point
 from qlvbayes.io.checks import InputError
 from qlvbayes.model.choices import Choices
 from qlvbayes.preprocess.experiment import prepare

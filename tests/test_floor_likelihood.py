@@ -17,10 +17,10 @@ from qlvbayes.fitting import compiled
 from qlvbayes.fitting.fit import fit_pad
 from qlvbayes.fitting.marginal import Judged, floor_likelihood
 from qlvbayes.fitting.missed import missed
-from qlvbayes.fitting.starting import starting_point
+from qlvbayes.fitting.optimum import starting_point
 from qlvbayes.inference.discrepancy import ROUGH, TOLERANCE, Discrepancy
 from qlvbayes.inference.features import Features, Places
-from qlvbayes.inference.floor_covariance import covariance
+from qlvbayes.inference.whitening import covariance
 from qlvbayes.io.checks import InputError
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.posterior import Posterior

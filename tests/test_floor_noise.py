@@ -5,7 +5,7 @@ import pytest
 
 from qlvbayes.diagnosis.adequacy import combined
 from qlvbayes.fitting.floor_noise import realisations
-from qlvbayes.inference.floor_covariance import covariance
+from qlvbayes.inference.whitening import covariance
 from qlvbayes.model.record import Blocks
 from qlvbayes.preprocess.noisefloor import NoiseFloor
 from qlvbayes.preprocess.noisefloor.pool import Pool

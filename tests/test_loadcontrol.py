@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from qlvbayes import InputError, Model, Motion
 from qlvbayes.fitting import compiled
 from qlvbayes.fitting.fit import build_posterior
-from qlvbayes.fitting.starting import starting_point
+from qlvbayes.fitting.optimum import starting_point
 from qlvbayes.io.data import Pad, Test, read_measurements
 from qlvbayes.io.units import PAD
 from qlvbayes.laws.elastic.exponential import Exponential

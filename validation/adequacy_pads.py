@@ -14,13 +14,12 @@ from qlvbayes import Choices, Pad, Test
 from qlvbayes.diagnosis.adequacy import adequacy
 from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.fitting import compiled
+from qlvbayes.fitting.least_squares import without_noise
+from qlvbayes.fitting.optimum import Optimum, optimum_near
 from qlvbayes.fitting.prediction import predict
 from qlvbayes.fitting.residuals import CheckResult, check
 from qlvbayes.inference.density import Point
-from qlvbayes.inference.gaussnewton import Point as Climbed
-from qlvbayes.inference.gaussnewton import climb
 from qlvbayes.inference.modes import find_mode
-from qlvbayes.inference.subset import Ensemble, with_every_effect
 from qlvbayes.io.units import PAD
 from qlvbayes.model.parameters import names
 from qlvbayes.model.posterior import Posterior
@@ -146,25 +145,20 @@ class Bench:
         assert mode is not None
         return search.density.space.record, mode.point
 
-    def _fitted(self, experiment: Experiment, constants: np.ndarray) -> tuple[Ensemble, Climbed]:
+    def _fitted(self, experiment: Experiment, constants: np.ndarray) -> tuple[Posterior, Optimum]:
         """The same with its noise fitted too, as `fit --noise correlated` does."""
         model, noise = _FREE.build(experiment.scales)
         posterior = Posterior(model, noise, experiment.record(experiment.trials))
-        ensemble = with_every_effect(posterior, ())
-        start = constants.copy()
-        start[-3:-1] = np.maximum(start[-3:-1], 1e-3 * experiment.floor.total)  # white, correlated
-        return ensemble, climb(
-            ensemble, ensemble.subset(), np.asarray(posterior.unconstrain(start))
-        )
+        theta = posterior.unconstrain(constants)[: without_noise(posterior).size]
+        return posterior, optimum_near(posterior, experiment.floor, [theta])
 
     def _check(
-        self, experiment: Experiment, ensemble: Ensemble, point: Climbed, rng: np.random.Generator
+        self, experiment: Experiment, posterior: Posterior, top: Optimum, rng: np.random.Generator
     ) -> CheckResult:
         """Cells of ``check``, from normal draws about the highest point."""
-        root = np.linalg.cholesky(point.covariance)
-        theta = point.theta + rng.standard_normal((400, point.theta.size)) @ root.T
-        draws = np.asarray(compiled.constants(ensemble.posterior, theta))
-        constants = dict(zip(names(ensemble.posterior), draws.T, strict=True))
+        theta = top.normal.draw(400, rng)
+        draws = np.asarray(compiled.constants(posterior, theta))
+        constants = dict(zip(names(posterior), draws.T, strict=True))
         predictions = predict(experiment, _FREE, constants, experiment.trials)
         return check("pad", experiment.floor.total, predictions)
 

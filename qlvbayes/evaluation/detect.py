@@ -26,24 +26,28 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from math import log, log1p, pi, sqrt
 
-import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from numpy.typing import NDArray
 from scipy.stats import norm
 
-from qlvbayes.effects.catalogue import EFFECTS
+from qlvbayes.effects.catalogue import EFFECTS, find
 from qlvbayes.evaluation.study import Study, true_noise, true_values
-from qlvbayes.inference.gaussnewton import climb, pad_directions, predict_along
-from qlvbayes.inference.linearised import prior_terms, whitened
+from qlvbayes.inference.density import Density
+from qlvbayes.inference.discrepancy import Discrepancy
+from qlvbayes.inference.modes import find_mode
 from qlvbayes.inference.noticeable import log_density
-from qlvbayes.inference.subset import Ensemble, Subset, with_every_effect
+from qlvbayes.inference.space import Hypothesis, Space, in_natural_amplitude, median
+from qlvbayes.inference.whitening import Whitener
+from qlvbayes.io.checks import NoFiniteForceError
 from qlvbayes.model.choices import Choices
-from qlvbayes.model.posterior import Posterior
-from qlvbayes.model.record import Record
 from qlvbayes.preprocess.experiment import Experiment
+from qlvbayes.preprocess.noisefloor import NoiseFloor
+from qlvbayes.priors.natural import in_own_numbers
 from qlvbayes.simulate import HIDDEN, Effect
 
+Array = NDArray[np.float64]
+
+_ENOUGH = 5e-3  # expected rise of the log density below which the fit ends: 0.01 of chi^2
 SEEN = 10.0  # expected 2 ln(Bayes factor) from which an effect counts as one that could be seen
 
 
@@ -67,98 +71,92 @@ class Expected:
 def expected(study: Study, experiment: Experiment) -> dict[str, Expected]:
     """Each hidden effect, of a model that has all others."""
     whole = study.forces(study.effects)
-    ensemble = _ensemble(study, experiment)
+    space = _space(study, experiment)
+    whitener = _noise(study, space, experiment.scales.force)
     found = {}
     for effect in study.effects:
         others = tuple(other for other in study.effects if other is not effect)
         pattern = [a - b for a, b in zip(whole, study.forces(others), strict=True)]
-        shape = _record(experiment, pattern).blocks.force
-        chi2 = _leftover(ensemble, _Truth.of(study, ensemble, others), shape)
-        found[effect.name] = Expected(chi2, _price(ensemble, effect, chi2))
+        shape = _averaged(experiment, pattern)
+        chi2 = _leftover(space, whitener, _Truth.of(study, space, others), shape)
+        found[effect.name] = Expected(chi2, _price(experiment, effect, chi2))
     return found
 
 
-def _price(ensemble: Ensemble, effect: Effect, chi2: float) -> float:
+def _price(experiment: Experiment, effect: Effect, chi2: float) -> float:
     """2 ln of how much of the prior the data rule out."""
     count = sum(isinstance(value, float) for value in effect.parameters.values())
     price = count * log1p(chi2)
     if effect.name not in HIDDEN:
         return price
-    listed = ensemble.effect(effect.name)
+    listed = find(effect.name).default(experiment.scales)
     amplitude = next(iter(listed.null))
     size = effect.parameters[amplitude]
     density = log_density(getattr(listed, amplitude), size)
     return price - log(2.0 * pi * size**2) - 2.0 * density
 
 
-def _leftover(ensemble: Ensemble, truth: _Truth, shape: Array) -> float:
+def _leftover(space: Space, whitener: Whitener, truth: _Truth, shape: Array) -> float:
     """Whitened sum of squares that a model leaves of a pattern's block means (N; tests, blocks)."""
-    record = ensemble.posterior.record
-    data = jnp.asarray(_predict(ensemble, truth.constants)) + shape
-    tested = ensemble.with_record(eqx.tree_at(lambda r: r.blocks.force, record, data))
-    point = climb(tested, truth.subset, truth.theta)
-    residual = data - jnp.asarray(_predict(tested, point.constants))
-    noise = type(ensemble.posterior.noise)(*map(jnp.asarray, truth.noise))
-    return float(jnp.sum(whitened(noise, record, residual[None]) ** 2))
+    data = space.forces(truth.hypothesis, truth.constants[None])[0] + shape
+    none = Discrepancy.none(whitener, float(np.max(np.abs(data))))
+    density = Density(space.with_forces(data), whitener, none)
+    mode = find_mode(density, truth.hypothesis, truth.theta, enough=_ENOUGH)
+    if mode is None:
+        raise NoFiniteForceError
+    return float(np.sum(mode.point.residual**2))
 
 
 @dataclass(frozen=True, eq=False)
 class _Truth:
-    """The true constants (P,), their theta (D,), the noise's, and what is free in the fit."""
+    """The true constants (P,) of a model with some effects, and their theta (F,)."""
 
-    constants: np.ndarray
-    theta: np.ndarray
-    noise: np.ndarray
-    subset: Subset
+    hypothesis: Hypothesis
+    constants: Array
+    theta: Array
 
     @classmethod
-    def of(cls, study: Study, ensemble: Ensemble, others: tuple[Effect, ...]) -> _Truth:
-        values = true_values(study.constants) | true_noise(study.noise, study.fitted)
+    def of(cls, study: Study, space: Space, others: tuple[Effect, ...]) -> _Truth:
+        (elastic,), (relaxation,) = space.elastic, space.relaxation
+        hypothesis = Hypothesis(elastic, relaxation, frozenset(e.name for e in others))
+        own = space.parameters(hypothesis)
+        values = true_values(study.constants)
         for effect in others:
             values |= {f"{effect.name}.{key}": x for key, x in effect.parameters.items()}
-        centre = ensemble.centre
-        constants = np.array(prior_terms(ensemble.posterior, jnp.asarray(centre)).constants)
+        middle = median(space.plain_draws(hypothesis))
+        constants = own.constants(middle[None])[0]
         for name, value in values.items():
-            constants[ensemble.names.index(name)] = value
-        theta = np.asarray(ensemble.posterior.unconstrain(constants))
-        theta = np.where(np.isfinite(theta), theta, centre)  # outside of a prior's bounds
-        subset = _noise_held(ensemble, ensemble.subset(tuple(e.name for e in others)))
-        count = len(ensemble.posterior.noise.units)
-        return cls(subset.nulled(constants), theta, constants[-count:], subset)
+            constants[own.names.index(name)] = value
+        theta = own.posterior.unconstrain(constants)
+        theta = np.where(np.isfinite(theta), theta, middle)  # outside of a prior's bounds
+        return cls(hypothesis, constants, own.within(theta))
 
 
-def _noise_held(ensemble: Ensemble, subset: Subset) -> Subset:
-    """The subset without the noise's numbers."""
-    held = ensemble.places[-len(ensemble.posterior.noise.units) :]
-    theta = [k for place in held for k in place.theta]
-    constants = [k for place in held for k in place.constants]
-    return replace(
-        subset,
-        theta=np.setdiff1d(subset.theta, theta),
-        constants=np.setdiff1d(subset.constants, constants),
-        priors=np.setdiff1d(subset.priors, [p.prior for p in held if p.prior is not None]),
+def _space(study: Study, experiment: Experiment) -> Space:
+    """The plain law and every listed effect, with their default priors."""
+    scales = experiment.scales
+    model, _ = Choices(noise=study.fitted).build(scales)
+    return Space(
+        experiment.record(experiment.trials),
+        {model.elastic.name: in_own_numbers(model.elastic)},
+        {model.relaxation.name: in_own_numbers(model.relaxation)},
+        {k.name: in_own_numbers(in_natural_amplitude(k.default(scales))) for k in EFFECTS},
+        experiment.noise_at_rest,
+        model.bonded,
     )
 
 
-def _ensemble(study: Study, experiment: Experiment) -> Ensemble:
-    """Every listed effect with its default prior."""
-    scales = experiment.scales
-    model, noise = Choices(noise=study.fitted).build(scales)
-    posterior = Posterior(model, noise, experiment.record(experiment.trials))
-    costly = tuple(kind.name for kind in EFFECTS if kind.costly)
-    return with_every_effect(posterior, tuple(kind.default(scales) for kind in EFFECTS), costly)
+def _noise(study: Study, space: Space, peak: float) -> Whitener:
+    """Noise at its true sds."""
+    true = true_noise(study.noise, study.fitted)
+    correlated = true.get("noise.ou", 0.0), true.get("noise.tau", 1.0)  # N, s: any time of nothing
+    return Whitener.of(NoiseFloor(true["noise.white"], *correlated), space.record.blocks, peak)
 
 
-def _record(experiment: Experiment, forces: list[np.ndarray]) -> Record:
-    """Block averages of other forces (tests, n) at the trials' samples."""
+def _averaged(experiment: Experiment, forces: list[Array]) -> Array:
+    """Block means (tests, blocks) of other forces (tests, n) at the trials' samples."""
     trials = [
         replace(trial, test=replace(trial.test, force=force))
         for trial, force in zip(experiment.trials, forces, strict=True)
     ]
-    return experiment.record(trials)
-
-
-def _predict(ensemble: Ensemble, constants: np.ndarray) -> np.ndarray:
-    """Block means (T, B) of constants (P,)."""
-    still = pad_directions(np.zeros((1, constants.size)))
-    return predict_along(ensemble, constants, still)[0]
+    return np.asarray(experiment.record(trials).blocks.force)

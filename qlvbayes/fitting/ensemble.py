@@ -19,7 +19,7 @@ import numpy as np
 from qlvbayes.fitting import compiled
 from qlvbayes.fitting.chainstore import ChainStore, Stretch
 from qlvbayes.fitting.diagnostics import diagnose_chain
-from qlvbayes.fitting.normal import NormalApproximation
+from qlvbayes.fitting.least_squares import NormalApproximation
 from qlvbayes.fitting.proposal import Proposal, from_draws, from_normal
 from qlvbayes.model.posterior import Posterior
 

@@ -14,10 +14,10 @@ from qlvbayes.fitting.chainstore import ChainStore
 from qlvbayes.fitting.diagnostics import diagnose_chain
 from qlvbayes.fitting.ensemble import STEPS_PER_TIME, Progress, Settings, key_of, sample
 from qlvbayes.fitting.marginal import floor_likelihood
+from qlvbayes.fitting.optimum import starting_point
 from qlvbayes.fitting.prediction import Prediction, predict
 from qlvbayes.fitting.residuals import CheckResult, check_experiment
 from qlvbayes.fitting.routes import LeastSquaresFit, one_step, two_step
-from qlvbayes.fitting.starting import starting_point
 from qlvbayes.fitting.summary import FitSummary, constant_of
 from qlvbayes.io.checks import InputError
 from qlvbayes.laws.unresolved import unresolved_times

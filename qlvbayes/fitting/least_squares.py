@@ -9,13 +9,26 @@ from scipy.optimize import OptimizeResult
 from scipy.optimize import least_squares as minimise
 
 from qlvbayes.fitting import compiled
-from qlvbayes.fitting.normal import NormalApproximation, covariance_from
 from qlvbayes.io.checks import NoFiniteForceError
 from qlvbayes.model.noise import White
 from qlvbayes.model.posterior import Posterior, draw_priors
 
+LARGEST_SD = 3.0  # of a direction that the data leave open; theta's units are of order one
 _PRIOR_DRAWS = 96
 _BOUND_SDS = 5.0
+
+
+@dataclass(frozen=True)
+class NormalApproximation:
+    """Mean (D,) and covariance (D, D) over theta."""
+
+    mean: np.ndarray
+    covariance: np.ndarray
+
+    def draw(self, count: int, rng: np.random.Generator) -> np.ndarray:
+        """(count, D) draws."""
+        root = np.linalg.cholesky(self.covariance)
+        return self.mean + rng.standard_normal((count, self.mean.size)) @ root.T
 
 
 @dataclass(frozen=True)
@@ -99,3 +112,10 @@ def normal_approximation(
     variance = cost / max(points - theta.size, 1)
     curvature = slopes.T @ slopes / max(variance, 1e-300)
     return NormalApproximation(theta, covariance_from(curvature)), float(np.sqrt(variance))
+
+
+def covariance_from(curvature: np.ndarray) -> np.ndarray:
+    """Inverse of a curvature matrix (D, D), with sds of ``LARGEST_SD`` at most."""
+    values, vectors = np.linalg.eigh(0.5 * (curvature + curvature.T))
+    kept = np.maximum(values, 1.0 / LARGEST_SD**2)
+    return (vectors / kept) @ vectors.T

@@ -1,17 +1,31 @@
-"""The posterior's highest point and the curvature there (Laplace's approximation)."""
+"""The posterior's highest point, where sampling starts, and the curvature there (Laplace's).
+
+Climbed to from least squares for the model and from the priors' middle for the noise.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.optimize import minimize
 
 from qlvbayes.fitting import compiled
-from qlvbayes.fitting.normal import LARGEST_SD, NormalApproximation
-from qlvbayes.model.posterior import Posterior
+from qlvbayes.fitting.least_squares import (
+    LARGEST_SD,
+    NormalApproximation,
+    least_squares,
+    normal_approximation,
+    without_noise,
+)
+from qlvbayes.model.posterior import Posterior, central
+from qlvbayes.preprocess.noisefloor import NoiseFloor
 
 _PASSES = 3
+_NOISE_SD = 0.3  # of the noise's unconstrained numbers, to begin with
+_OPTIMA = 2  # distinct least-squares optima that are climbed from
 
 
 @dataclass(frozen=True)
@@ -21,6 +35,32 @@ class Optimum:
     theta: np.ndarray
     log_density: float
     normal: NormalApproximation
+
+
+def block_scale(posterior: Posterior, floor: NoiseFloor) -> np.ndarray:
+    """(T, B) sd of each block mean under the noise floor, as if blocks were independent."""
+    blocks = posterior.record.blocks
+    variance = floor.white**2 / np.asarray(blocks.count) + floor.ou**2
+    own = np.asarray(blocks.weight) * np.asarray(blocks.scale) * np.sqrt(variance)
+    return np.hypot(own, np.asarray(blocks.extra))
+
+
+def starting_point(posterior: Posterior, floor: NoiseFloor, rng: np.random.Generator) -> Optimum:
+    """Highest point found from multi-start least squares, and the curvature there."""
+    fits = least_squares(without_noise(posterior), block_scale(posterior, floor), rng)
+    return optimum_near(posterior, floor, fits.thetas[:_OPTIMA])
+
+
+def optimum_near(posterior: Posterior, floor: NoiseFloor, thetas: Sequence[np.ndarray]) -> Optimum:
+    """The highest point found from some thetas of the model alone."""
+    bare, scale = without_noise(posterior), block_scale(posterior, floor)
+    noise = central(posterior.noise)
+    guesses = []
+    for theta in thetas:
+        normal, _ = normal_approximation(bare, scale, theta)
+        spread = block_diag(normal.covariance, _NOISE_SD**2 * np.eye(noise.size))
+        guesses.append(NormalApproximation(np.concatenate([theta, noise]), spread))
+    return find_optimum(posterior, guesses)
 
 
 def find_optimum(posterior: Posterior, guesses: list[NormalApproximation]) -> Optimum:

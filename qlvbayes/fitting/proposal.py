@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.special import logsumexp
 
-from qlvbayes.fitting.normal import NormalApproximation
+from qlvbayes.fitting.least_squares import NormalApproximation
 
 TAIL = 5.0  # degrees of freedom of each kernel
 KERNELS = 256

@@ -13,8 +13,12 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from qlvbayes.fitting import compiled
-from qlvbayes.fitting.least_squares import least_squares, normal_approximation, without_noise
-from qlvbayes.fitting.normal import NormalApproximation
+from qlvbayes.fitting.least_squares import (
+    NormalApproximation,
+    least_squares,
+    normal_approximation,
+    without_noise,
+)
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model.noise import White
 from qlvbayes.model.posterior import Posterior

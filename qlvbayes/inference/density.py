@@ -25,7 +25,6 @@ from jaxtyping import Array as JaxArray
 from numpy.typing import NDArray
 
 from qlvbayes.inference.discrepancy import Discrepancy, Sized
-from qlvbayes.inference.gaussnewton import positive_part
 from qlvbayes.inference.noticeable import log_noticeable
 from qlvbayes.inference.space import Hypothesis, Parameters, Space
 from qlvbayes.inference.whitening import Whitener
@@ -110,7 +109,8 @@ class Density:
         """The same as if the noise were white and of half a per cent of the peak force."""
         size = _COARSE * float(np.max(np.abs(self._force)))
         whitener = self.whitener.replaced(size)
-        return Density(self.space, whitener, self.discrepancy.none(whitener))
+        none = Discrepancy.none(whitener, self.discrepancy.peak)
+        return Density(self.space, whitener, none)
 
     def with_space(self, space: Space, features: Sequence[Array] = ()) -> Density:
         """Of other priors, about the same record; features (T, B): more of the discrepancy's."""
@@ -257,7 +257,7 @@ def _prior(own: Parameters, theta: Array) -> Terms:
         log, first, second = map(np.asarray, _log_prior(*leaf.flat, theta[here]))
         loss -= float(log)
         gradient[here] = -first
-        curvature[here, here] = positive_part(-second)
+        curvature[here, here] = _positive_part(-second)
     return Terms(loss, gradient, curvature)
 
 
@@ -268,6 +268,16 @@ def _log_prior_of(own: Parameters, theta: Array, tolerance: float) -> float:
         if isinstance(leaf.prior, Natural):
             log += log_noticeable(leaf.prior.inner, float(theta[leaf.theta.start]), 0.0, tolerance)
     return log
+
+
+def _positive_part(matrix: Array) -> Array:
+    """Symmetric part with negative eigenvalues taken as 0; 0 where the density has overflowed."""
+    if not np.isfinite(matrix).all():
+        return np.zeros_like(matrix)
+    if matrix.size == 1:
+        return np.maximum(matrix, 0.0)
+    values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
+    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
 
 
 @partial(jax.jit, static_argnums=0)

@@ -110,9 +110,11 @@ class Discrepancy:
         whitener = Whitener.of(experiment.floor, blocks, peak)
         return cls.of(full, whitener, peak, tolerance, sizes)
 
-    def none(self, whitener: Whitener) -> Discrepancy:
-        """Of no size but nothing, under other noise."""
-        return Discrepancy(self.features[:0], whitener, self.peak, np.zeros(1), np.zeros(1))
+    @classmethod
+    def none(cls, whitener: Whitener, peak: float) -> Discrepancy:
+        """Of no size but nothing; peak: largest force (N)."""
+        nothing = np.zeros((0, *np.shape(whitener.blocks)))
+        return cls(nothing, whitener, peak, np.zeros(1), np.zeros(1))
 
     def beside(self, features: Sequence[Array]) -> Discrepancy:
         """With more features (T, B), of unit size."""

@@ -11,7 +11,7 @@ import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from typing import Any, ClassVar, Self
 
 import equinox as eqx
@@ -22,7 +22,6 @@ from jaxtyping import Array as JaxArray
 from numpy.typing import NDArray
 
 from qlvbayes.effects.effect import AbstractEffect
-from qlvbayes.inference.linearised import compiled
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
@@ -31,6 +30,9 @@ from qlvbayes.model.model import Model
 from qlvbayes.model.record import Record
 
 Array = NDArray[np.float64]
+
+# what LLVM's costly passes would gain in speed cannot be measured; they take a third of the time
+_compiled = partial(jax.jit, compiler_options={"xla_llvm_disable_expensive_passes": True})
 
 TOGETHER = 4
 """Sets of constants come in multiples of this, so that few sizes are compiled."""
@@ -240,7 +242,7 @@ def _forces_of(structure: Any, sizes: tuple[int, ...], of_motion: Any) -> Callab
     """
     ends = np.cumsum(sizes)[:-1].tolist()
 
-    @compiled
+    @_compiled
     def forces(which: JaxArray, rows: JaxArray, *arrays: JaxArray) -> JaxArray:
         motion: Motion = jax.tree.unflatten(of_motion, arrays)
 

@@ -1,4 +1,4 @@
-r"""The evidence of a hypothesis by adaptive importance sampling, with its error.
+r"""Posterior draws of a hypothesis by adaptive importance sampling, and its evidence with an error.
 
 Draws come from Student-t distributions about the modes, later ones also from one of the mean and
 covariance of those before. All are weighed by the mixture q that they came from (Cornuet et al.
@@ -14,7 +14,7 @@ left out of amplitudes (of `noticeable`).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -26,6 +26,7 @@ from scipy.special import gammaln, logsumexp
 from qlvbayes.inference.density import Density
 from qlvbayes.inference.evidence import Evidence
 from qlvbayes.inference.modes import Mode
+from qlvbayes.inference.space import Parameters
 
 Array = NDArray[np.float64]
 
@@ -47,6 +48,11 @@ class Cloud(NamedTuple):
     centre: Array
     root: Array
 
+    @classmethod
+    def of(cls, centre: Array, covariance: Array) -> Cloud:
+        """With a scale matrix (F, F), made positive definite where rounding left it."""
+        return cls(centre, _root(covariance))
+
     def draw(self, count: int, rng: np.random.Generator) -> Array:
         """(count, F)."""
         normal = rng.standard_normal((count, self.centre.size))
@@ -65,12 +71,17 @@ class Cloud(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Sampled:
-    """Log evidence, by_size (S,) of each size of the discrepancy, its error, effective draws."""
+    """Log evidence, by_size (S,) of each size of the discrepancy, its error, effective draws.
+
+    thetas (K, F): the draws; weights (K,): theirs, which sum to 1.
+    """
 
     log: float
     by_size: Array
     error: float
     effective: float
+    thetas: Array
+    weights: Array
 
 
 def sampled_evidence(
@@ -84,45 +95,55 @@ def sampled_evidence(
 
     tolerance: share of the peak force from which an amplitude matters; close: error that does.
     """
-    rng = np.random.default_rng(seed)
-    own = found[0][0].point.own
-    clouds, shares = _about(found)
+
+    def does(so_far: Sampled) -> bool:
+        return so_far.error < close and so_far.effective >= _FEWEST
+
+    own, rng = found[0][0].point.own, np.random.default_rng(seed)
+    best = sample(density, own, about(found), does, _ROUNDS, rng, tolerance)
+    return best if best.effective >= _FEWEST else None
+
+
+def sample(
+    density: Density,
+    own: Parameters,
+    start: Sequence[tuple[Cloud, float]],
+    does: Callable[[Sampled], bool],
+    rounds: int,
+    rng: np.random.Generator,
+    tolerance: float = 0.0,
+) -> Sampled:
+    """Until the draws do or ``rounds`` are over; start: clouds and their shares, which sum to 1."""
+    clouds = list(start)
     used: list[tuple[Cloud, int]] = []
     thetas, heights = np.zeros((0, own.size)), np.zeros((0, density.discrepancy.sizes.size))
-    best: Sampled | None = None
-    for _ in range(_ROUNDS):
-        counts = np.maximum(np.round(_ROUND * shares).astype(int), 1)
-        used += list(zip(clouds, counts.tolist(), strict=True))
-        fresh = np.concatenate([c.draw(n, rng) for c, n in zip(clouds, counts, strict=True)])
+    for left in reversed(range(rounds)):
+        some = [(cloud, max(round(_ROUND * share), 1)) for cloud, share in clouds]
+        used += some
+        fresh = np.concatenate([cloud.draw(count, rng) for cloud, count in some])
         thetas = np.concatenate([thetas, fresh])
         heights = np.concatenate([heights, density.log_density(own, fresh, tolerance)])
-        weights = heights - _mixture(used, thetas)[:, None]
-        best = _summed(weights)
-        if best.error < close and best.effective >= _FEWEST:
+        logs = heights - _mixture(used, thetas)[:, None]
+        best = _summed(thetas, logs)
+        if not left or does(best):
             break
-        after = _after(thetas, logsumexp(weights, axis=1))
+        after = _after(thetas, logsumexp(logs, axis=1))
         if after is not None:
-            clouds, shares = [*clouds[: len(found)], after], np.append(shares[: len(found)], 0.0)
-            shares = 0.5 * shares / shares.sum()
-            shares[-1] = 0.5
-    return best if best is not None and best.effective >= _FEWEST else None
+            clouds = [*((cloud, 0.5 * share) for cloud, share in start), (after, 0.5)]
+    return best
 
 
-def _about(found: Sequence[tuple[Mode, Evidence]]) -> tuple[list[Cloud], Array]:
+def about(found: Sequence[tuple[Mode, Evidence]]) -> list[tuple[Cloud, float]]:
     """A cloud about each mode that counts, and the share of the draws that it gives."""
-    logs = np.array([evidence.log for _, evidence in found])
-    near = [pair for pair, log in zip(found, logs, strict=True) if log > logs.max() - _NEAR]
-    clouds = []
-    for mode, evidence in near:
-        root = _root(evidence.covariance)
-        clouds.append(Cloud(mode.point.own.within(evidence.mean), root))
-    shares = np.exp(logs[logs > logs.max() - _NEAR] - logs.max())
-    shares = np.maximum(shares, _LEAST_SHARE)
-    return clouds, shares / shares.sum()
+    highest = max(told.log for _, told in found)
+    near = [(mode, told) for mode, told in found if told.log > highest - _NEAR]
+    shares = np.maximum(np.exp([told.log - highest for _, told in near]), _LEAST_SHARE)
+    clouds = [Cloud.of(mode.point.own.within(told.mean), told.covariance) for mode, told in near]
+    return list(zip(clouds, (shares / shares.sum()).tolist(), strict=True))
 
 
 def _root(covariance: Array) -> Array:
-    """Lower root of a covariance, made positive definite where rounding left it."""
+    """Lower root of a covariance."""
     sds = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     values, vectors = np.linalg.eigh(covariance / np.outer(sds, sds))
     half = sds[:, None] * vectors * np.sqrt(np.maximum(values, 1e-10))
@@ -137,17 +158,19 @@ def _mixture(used: Sequence[tuple[Cloud, int]], thetas: Array) -> Array:
     return np.asarray(np.logaddexp.reduce(each, axis=0))
 
 
-def _summed(weights: Array) -> Sampled:
-    """Of log weights (K, S) at each size."""
-    count = len(weights)
-    whole = logsumexp(weights, axis=1)
+def _summed(thetas: Array, logs: Array) -> Sampled:
+    """Of draws and their log weights (K, S) at each size."""
+    count = len(logs)
+    whole = logsumexp(logs, axis=1)
     log = float(logsumexp(whole)) - math.log(count)
     if not math.isfinite(log):
-        return Sampled(-math.inf, np.full(weights.shape[1], -math.inf), math.inf, 0.0)
+        nothing = np.full(logs.shape[1], -math.inf)
+        return Sampled(-math.inf, nothing, math.inf, 0.0, thetas, np.zeros(count))
     ratio = np.exp(whole - log)  # of mean 1
     error = float(ratio.std() / math.sqrt(count))
-    by_size = np.asarray(logsumexp(weights, axis=0) - math.log(count))
-    return Sampled(log, by_size, error, count / float(np.mean(ratio**2)))
+    by_size = np.asarray(logsumexp(logs, axis=0) - math.log(count))
+    effective = count / float(np.mean(ratio**2))
+    return Sampled(log, by_size, error, effective, thetas, ratio / count)
 
 
 def _after(thetas: Array, logs: Array) -> Cloud | None:
@@ -163,4 +186,4 @@ def _after(thetas: Array, logs: Array) -> Cloud | None:
         weights = np.exp(logs - logsumexp(logs))
     centre = weights @ thetas
     apart = thetas - centre
-    return Cloud(centre, _root((weights[:, None] * apart).T @ apart))
+    return Cloud.of(centre, (weights[:, None] * apart).T @ apart)

@@ -221,6 +221,11 @@ class Space:
         laws = {key: own for key, own in self._draws.items() if key[0] != "effects"}
         return replace(self, effects=effects, _cache={}, _draws=laws)
 
+    def with_forces(self, forces: Array) -> Space:
+        """The same about other block means (T, B) of the force (N)."""
+        record = eqx.tree_at(lambda r: r.blocks.force, self.record, jnp.asarray(forces))
+        return replace(self, record=record, _cache={})
+
     @cached_property
     def engine(self) -> Engine:
         """What computes their forces."""

@@ -5,11 +5,8 @@ import json
 import pytest
 from msgspec.structs import replace
 
-from qlvbayes import Choices
 from qlvbayes.diagnosis.verdict import Diagnosis
 from qlvbayes.evaluation.study import measured
-from qlvbayes.fitting.fit import build_posterior
-from qlvbayes.inference.subset import Ensemble, with_every_effect
 from qlvbayes.laws.catalogue import LAWS
 from qlvbayes.preprocess.experiment import Experiment, prepare
 from qlvbayes.simulate import (
@@ -37,12 +34,6 @@ def hidden_pad(
 def said_otherwise(found: Diagnosis, **changes) -> Diagnosis:
     """The same diagnosis with other things said of it."""
     return Diagnosis(replace(found.result, **changes), found.work)
-
-
-def ensemble_of(experiment: Experiment, *kinds) -> Ensemble:
-    """The plain model of all tests with every effect of these kinds, each at its null."""
-    posterior = build_posterior(experiment, Choices(noise="correlated"), experiment.trials)
-    return with_every_effect(posterior, tuple(kind.default(experiment.scales) for kind in kinds))
 
 
 def keeps_diagnosis_contract(found: Diagnosis):

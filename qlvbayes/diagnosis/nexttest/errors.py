@@ -15,7 +15,7 @@ from qlvbayes.diagnosis.nexttest.records import places_of
 from qlvbayes.diagnosis.nexttest.rig import Rig
 from qlvbayes.inference.discrepancy import ROUGH
 from qlvbayes.inference.features import covariance as smooth_covariance
-from qlvbayes.inference.floor_covariance import covariance as floor_covariance
+from qlvbayes.inference.whitening import covariance as floor_covariance
 from qlvbayes.model.record import Record
 from qlvbayes.preprocess.noisefloor import NoiseFloor
 

@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 
-from qlvbayes.effects.effect import Protocol
+from qlvbayes.effects.effect import AbstractEffect, Protocol
+from qlvbayes.inference.space import Hypothesis, Space, in_natural_amplitude
 from qlvbayes.laws.elastic.exponential import Exponential
+from qlvbayes.laws.elastic.law import AbstractElastic
+from qlvbayes.laws.relaxation.law import AbstractRelaxation
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.model.defaults import default_noise
-from qlvbayes.model.model import Model
-from qlvbayes.model.posterior import Posterior
+from qlvbayes.model.noise import AbstractNoise, Correlated
 from qlvbayes.model.record import Record
 from qlvbayes.preprocess.batching import batch
 from qlvbayes.preprocess.programme import Stroke, planned
 from qlvbayes.preprocess.reduction import planned_record
 from qlvbayes.preprocess.trajectory import Trajectory
 from qlvbayes.priors import Dirichlet, Ordered
+from qlvbayes.priors.natural import in_own_numbers
 
 SHOWING = Protocol(unloads=True, returns=True, tests=2, bonded=False, curved=True)
 """What the tests do."""
@@ -35,10 +39,28 @@ _SOONEST = 0.02  # s from the beginning of a hold to its first sample
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """The plain posterior, whose record holds no force yet, and the scales of its tests."""
+    """Tests whose record holds no force yet, their scales, the law's priors and the noise's."""
 
-    posterior: Posterior
+    record: Record
     scales: Scales
+    elastic: AbstractElastic
+    relaxation: AbstractRelaxation
+    noise: AbstractNoise
+
+    def space(self, effects: Sequence[AbstractEffect]) -> Space:
+        """Hypotheses with some effects; the noise is of no account."""
+        return Space(
+            self.record,
+            {self.elastic.name: in_own_numbers(self.elastic)},
+            {self.relaxation.name: in_own_numbers(self.relaxation)},
+            {one.name: in_own_numbers(in_natural_amplitude(one)) for one in effects},
+            Correlated(_WHITE, _OU, _TAU),
+            bonded=False,
+        )
+
+    def hypothesis(self, effect: str) -> Hypothesis:
+        """The law with one effect."""
+        return Hypothesis(self.elastic.name, self.relaxation.name, frozenset((effect,)))
 
 
 @cache
@@ -67,9 +89,7 @@ def bench() -> Bench:
     )
     elastic = Exponential(lognormal(0.34, 1.2), lognormal(1.165, 1.2))
     relaxation = Prony(Dirichlet([6.0, 14.0]), Ordered((lognormal(0.5, 1.5),)))
-    return Bench(
-        Posterior(Model(elastic, relaxation), default_noise(scales, "correlated"), record), scales
-    )
+    return Bench(record, scales, elastic, relaxation, default_noise(scales, "correlated"))
 
 
 def _path(rate: float, back: float) -> Trajectory:

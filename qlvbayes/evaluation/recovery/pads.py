@@ -3,122 +3,105 @@
 from __future__ import annotations
 
 import zlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from numpy.typing import NDArray
 
-from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.evaluation.recovery.bench import bench
-from qlvbayes.evaluation.recovery.clouds import Cloud
-from qlvbayes.evaluation.recovery.humps import tops
-from qlvbayes.evaluation.recovery.sampled import Sample, sample
+from qlvbayes.evaluation.recovery.slices import slices
 from qlvbayes.fitting import compiled
-from qlvbayes.inference import linearised
-from qlvbayes.inference.gaussnewton import noise_along, predict_along
-from qlvbayes.inference.subset import Ensemble, Subset, with_every_effect
-from qlvbayes.model.posterior import Posterior, draw_priors, is_prior
-from qlvbayes.priors import HalfNormal
+from qlvbayes.inference.density import Density
+from qlvbayes.inference.discrepancy import Discrepancy
+from qlvbayes.inference.evidence import evidence
+from qlvbayes.inference.importance import Sampled, about, sample
+from qlvbayes.inference.modes import distinct, find_mode, modes
+from qlvbayes.inference.space import Parameters, Space
+from qlvbayes.inference.whitening import Whitener
+from qlvbayes.io.checks import NoFiniteForceError
+from qlvbayes.model.noise import Correlated
+from qlvbayes.model.posterior import draw_priors, is_prior
+from qlvbayes.preprocess.noisefloor import NoiseFloor
 
-_BETWEEN = 0.8  # sd that fills the gap between two slices of a shape
+Array = NDArray[np.float64]
+
+_STARTS = 8  # draws of the priors, from which modes are looked for
+_BEHIND = 8.0  # loss behind the best mode, at which a slice is left out
+_WORTH = 100.0  # effective draws that do
+_ROUNDS = 90  # of draws, at most
+_AT_ONCE = 64  # sets of constants, so that few sizes are compiled
 
 
 @dataclass(frozen=True, eq=False)
 class Pads:
-    """Pads with this effect; the others of the ensemble are at their nulls."""
+    """Pads with this effect; the others of the space are at their nulls."""
 
-    effect: AbstractEffect
-    whole: Ensemble
+    effect: str
+    space: Space
 
     @cached_property
-    def subset(self) -> Subset:
-        """The plain constants, the noise and the effect."""
-        return self.whole.subset((self.effect.name,))
+    def own(self) -> Parameters:
+        """What is free: the law's constants and the effect's."""
+        return self.space.parameters(bench().hypothesis(self.effect))
 
     @cached_property
     def constants(self) -> dict[str, int]:
         """The effect's free constants: their names and their places among all."""
-        fields = self.whole.fields(self.effect.name)
-        places = [k for field in fields if field.theta for k in field.constants]
-        return {self.whole.names[k].partition(".")[2]: k for k in places}
+        stem = f"{self.effect}."
+        return {
+            name.removeprefix(stem): place
+            for place, name in enumerate(self.own.names)
+            if name.startswith(stem) and np.isnan(self.own.fixed[place])
+        }
 
-    @cached_property
-    def _alone(self) -> Posterior:
-        """Without the other effects, whose draws would otherwise shift this one's."""
-        return with_every_effect(bench().posterior, (self.effect,)).posterior
-
-    @cached_property
-    def _linear(self) -> np.ndarray:
-        """(F,) whether a free number is the logarithm of a half-normal one."""
-        whole = self.whole.posterior
-        leaves = jax.tree.leaves((whole.model, whole.noise), is_leaf=is_prior)
-        found = [np.full(x.size, isinstance(x, HalfNormal)) for x in leaves if is_prior(x)]
-        return np.concatenate(found)[self.subset.theta]
-
-    def recovered(
-        self, seed: int, k: int, shares: tuple[float, ...]
-    ) -> tuple[np.ndarray, np.ndarray, float]:
+    def recovered(self, seed: int, k: int, shares: tuple[float, ...]) -> tuple[Array, Array, float]:
         """Of one pad: truth (C,), posterior quantiles (len(shares), C), effective draws ()."""
-        rng = np.random.default_rng([seed, zlib.crc32(self.effect.name.encode()), k])
-        theta = self._whole(draw_priors(self._alone, 1, rng)[0])
-        terms = linearised.prior_terms(self.whole.posterior, theta)
-        constants = self.subset.nulled(np.asarray(terms.constants))
-        found = self._fitted(self._tested(constants, rng), rng)
-        return constants[list(self.constants.values())], found.quantiles(shares), found.worth
+        rng = np.random.default_rng([seed, zlib.crc32(self.effect.encode()), k])
+        truth = self.own.constants(draw_priors(self.own.posterior, 1, rng))
+        found = self._sampled(self._tested(truth, rng), rng)
+        kept = found.weights > 0.0
+        parts = np.split(found.thetas[kept], range(_AT_ONCE, int(kept.sum()), _AT_ONCE))
+        draws = np.concatenate([self.own.constants(part) for part in parts])
+        places = list(self.constants.values())
+        ends = [_quantiles(draws[:, place], found.weights[kept], shares) for place in places]
+        return truth[0, places], np.array(ends).T, found.effective
 
-    def _whole(self, free: np.ndarray) -> np.ndarray:
-        """Theta (..., D) of the whole from the free numbers (..., F)."""
-        found = np.tile(self.whole.centre, (*free.shape[:-1], 1))
-        found[..., self.subset.theta] = free
-        return found
-
-    def _tested(self, constants: np.ndarray, rng: np.random.Generator) -> Ensemble:
-        """The ensemble with the forces that a pad with these constants and noise gives."""
-        posterior = self.whole.posterior
-        at_rest = np.zeros((1, constants.size))
-        forces, _ = predict_along(self.whole, constants, at_rest)
-        noise, _ = noise_along(posterior.noise, constants, at_rest)
-        blocks = posterior.record.blocks
+    def _tested(self, constants: Array, rng: np.random.Generator) -> Density:
+        """With the forces that constants (1, P) give, and noise whose sizes are drawn too."""
+        noise: Correlated = jax.tree.map(
+            lambda prior: jnp.asarray(prior.draw(rng)), bench().noise, is_leaf=is_prior
+        )
+        record, peak = self.space.record, bench().scales.force
         key = jax.random.key(int(rng.integers(2**31)))
-        errors = np.asarray(compiled.noise_draws(noise, blocks, key[None])[0])
-        record = replace(posterior.record, blocks=replace(blocks, force=forces + errors))
-        return self.whole.with_record(record)
+        errors = np.asarray(compiled.noise_draws(noise, record.blocks, key[None])[0])
+        forces = self.space.forces(self.own.hypothesis, constants)[0] + errors
+        floor = NoiseFloor(float(noise.white), float(noise.ou), float(noise.tau))
+        whitener = Whitener.of(floor, record.blocks, peak)
+        none = Discrepancy.none(whitener, peak)
+        return Density(self.space.with_forces(forces), whitener, none)
 
-    def _fitted(self, tested: Ensemble, rng: np.random.Generator) -> Sample:
-        """Climb to the tops and sample about them."""
-        free, places = self.subset.theta, list(self.constants.values())
-
-        def judge(numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            logs, constants = _judged(tested.posterior, self._whole(numbers), self.subset.null)
-            total = np.asarray(logs)[:, [*self.subset.priors, -1]].sum(axis=1)
-            return np.where(np.isfinite(total), total, -np.inf), np.asarray(constants)[:, places]
-
-        found, slices = tops(tested, self.subset, self.effect.name)
-        clouds = [
-            Cloud.about(top.theta[free], top.covariance, linear)
-            for top in found
-            for linear in (self._linear, np.zeros_like(self._linear))
-        ]
-        for one in slices:
-            covariance = np.eye(free.size) * _BETWEEN**2
-            covariance[np.ix_(~one.held, ~one.held)] = one.top.covariance
-            clouds.append(Cloud.about(one.top.theta[free], covariance, self._linear))
-        return sample(judge, clouds, rng)
+    def _sampled(self, density: Density, rng: np.random.Generator) -> Sampled:
+        """From clouds about the modes and between slices; every amplitude counts."""
+        hypothesis = self.own.hypothesis
+        found = modes(density, hypothesis, self.space.plain_draws(hypothesis)[:_STARTS])
+        if not found:
+            raise NoFiniteForceError
+        cut = list(slices(density, self.own, self.effect, found[0]))
+        ways = [find_mode(density, hypothesis, one.cloud.centre) for one in cut]
+        found = distinct([*found, *(way for way in ways if way is not None)])
+        clouds = about([(mode, evidence(density, mode.point)) for mode in found])
+        beside = [one.cloud for one in cut if one.loss < found[0].loss + _BEHIND]
+        if beside:
+            clouds = [(cloud, 0.5 * share) for cloud, share in clouds]
+            clouds += [(cloud, 0.5 / len(beside)) for cloud in beside]
+        return sample(density, self.own, clouds, lambda one: one.effective >= _WORTH, _ROUNDS, rng)
 
 
-@jax.jit
-def _judged(posterior: Posterior, thetas: Array, null: Array) -> tuple[Array, Array]:
-    """(N, L + 1) log priors and, last, log likelihood; (N, P) constants, at null (P,) if off."""
-
-    def one(theta: Array) -> tuple[Array, Array]:
-        constants = jnp.where(jnp.isnan(null), posterior.constants(theta), null)
-        model, noise = posterior.with_constants(constants)
-        blocks = posterior.record.blocks
-        residuals = blocks.force - posterior.predict_with(model)
-        likelihood = jnp.sum(jax.vmap(noise.log_likelihoods)(residuals, blocks))
-        return jnp.append(posterior.log_priors(theta), likelihood), constants
-
-    return jax.vmap(one)(thetas)
+def _quantiles(values: Array, weights: Array, shares: tuple[float, ...]) -> Array:
+    """Of weighted values (K,)."""
+    order = np.argsort(values)
+    below = np.cumsum(weights[order]) - 0.5 * weights[order]
+    return np.interp(shares, below, values[order])

@@ -1,9 +1,9 @@
 r"""How often the interval of an effect's constant holds the truth.
 
-A pad and its effect are drawn from their priors, its forces are computed by the law, and noise is
-drawn from the noise model. The interval between two quantiles of a constant's posterior then holds
-the truth with just the probability between them, also for amplitudes near zero and for shapes that
-the tests leave open (Talts et al. 2018, arXiv:1804.06788).
+A pad and its effect are drawn from their priors, its forces are computed by the law, and noise of
+known size is added. The interval between two quantiles of a constant's posterior then holds the
+truth with just the probability between them, also for amplitudes near zero and for shapes that the
+tests leave open (Talts et al. 2018, arXiv:1804.06788).
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.evaluation.recovery.bench import SHOWING, bench
 from qlvbayes.evaluation.recovery.pads import Pads
-from qlvbayes.inference.subset import with_every_effect
 from qlvbayes.io.checks import InputError
 
 LEVEL = 0.9
@@ -55,14 +54,15 @@ class Recovery:
 def recovery_rate(kind: type[AbstractEffect], *, draws: int = 20, seed: int = 0) -> Recovery:
     r"""Simulate an effect ``draws`` times, fit it, and see which 90 % intervals hold the truth.
 
-    The pad, its effect (``kind.default``) and its noise are drawn from their priors, so that
+    The pad, its effect (``kind.default``) and its noise are drawn from their priors. The fit knows
+    the noise's sds and time, as a floor that was measured without the model, so that
 
     .. math:: P(q_{0.05}(y) \le \theta \le q_{0.95}(y)) = 0.9
 
     for each constant (Talts et al. 2018, arXiv:1804.06788). Two tests load the pad to 1.6 mm at 1
     and 10 mm/s, hold it for 10 s, and unload it by half and fully. The law that is fitted is the
     one that was simulated: this tests the inference, not the law. The intervals come from
-    importance sampling about the posterior's tops, which need not be normal.
+    importance sampling about the posterior's modes, which need not be normal.
 
     Parameters
     ----------
@@ -91,11 +91,11 @@ def recovery_rates(
         if reason := kind.blind(SHOWING):
             raise InputError(f"the tests cannot show {kind.name}: {reason}")
     effects = tuple(kind.default(bench().scales) for kind in kinds)
-    whole = with_every_effect(bench().posterior, effects)
-    return [_recovery(Pads(effect, whole), draws, seed) for effect in effects]
+    space = bench().space(effects)
+    return [_recovery(Pads(effect.name, space), draws, seed) for effect in effects]
 
 
 def _recovery(pads: Pads, draws: int, seed: int) -> Recovery:
     trials = [pads.recovered(seed, k, _ENDS) for k in range(draws)]
     truth, ends, worth = (np.array(column) for column in zip(*trials, strict=True))
-    return Recovery(pads.effect.name, tuple(pads.constants), truth, ends[:, 0], ends[:, 1], worth)
+    return Recovery(pads.effect, tuple(pads.constants), truth, ends[:, 0], ends[:, 1], worth)
