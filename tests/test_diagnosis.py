@@ -13,7 +13,7 @@ from qlvbayes.diagnosis.adequacy import adequacy
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.heldout import held_out
 from qlvbayes.diagnosis.protocol import protocol_of
-from qlvbayes.diagnosis.result import Bend
+from qlvbayes.diagnosis.result import ParameterBias
 from qlvbayes.diagnosis.samples import Samples
 from qlvbayes.diagnosis.sensitivity import responses, unseen
 from qlvbayes.diagnosis.standing import Enough
@@ -157,18 +157,18 @@ def _not_seen(experiment):
 
 
 def test_an_effect_that_hides_says_what_it_would_bend(plain):
-    bends = {bend.effect: bend for bend in plain.result.bends}
-    assert "frame_compliance" in bends
-    assert bends["frame_compliance"].left < 0.15
-    assert bends["frame_compliance"].changes["b"] < 0.0  # a soft frame looks like less stiffening
+    biases = {bias.effect: bias for bias in plain.result.biases}
+    assert "frame_compliance" in biases
+    assert biases["frame_compliance"].left < 0.15
+    assert biases["frame_compliance"].changes["b"] < 0.0  # a soft frame looks like less stiffening
 
 
 @pytest.mark.parametrize(
     ("change", "words"), [(0.04, "4% too high"), (-1.58, "more than half too low")]
 )
 def test_no_constant_is_said_to_fall_by_more_than_all_of_itself(plain, change, words):
-    bend = Bend("inertia", "inertia.mass", 1.0, 0.1, {"b": change}, visible=False)
-    said = "\n".join(said_otherwise(plain, bends=(bend,)).paragraphs())
+    bias = ParameterBias("inertia", "inertia.mass", 1.0, 0.1, {"b": change}, visible=False)
+    said = "\n".join(said_otherwise(plain, biases=(bias,)).paragraphs())
     assert f"b would be {words}" in said
 
 

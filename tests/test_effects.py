@@ -370,8 +370,8 @@ def test_an_extra_mode_is_one_more_prony_term():
 def test_an_extra_mode_is_hastened_by_depth_too():
     """In a hold at one depth its rate is v e^{alpha d}."""
     step = motion([0.0, 0.1, 0.5], [1.0, 1.0, 1.0])
-    mode, haste = ExtraRelaxationMode(1.0, 3.0), StrainDependentRate(0.8)
-    found = force(bonded(haste, mode), step)
+    mode, rate_factor = ExtraRelaxationMode(1.0, 3.0), StrainDependentRate(0.8)
+    found = force(bonded(rate_factor, mode), step)
     assert np.allclose(found / found[0], np.exp(-3.0 * np.exp(0.8) * np.array([0.0, 0.1, 0.5])))
 
 

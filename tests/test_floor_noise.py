@@ -8,8 +8,8 @@ from qlvbayes.fitting.floor_noise import realisations
 from qlvbayes.inference.whitening import covariance
 from qlvbayes.model.record import Blocks
 from qlvbayes.preprocess.noisefloor import NoiseFloor
+from qlvbayes.preprocess.noisefloor.dwells import Dwell
 from qlvbayes.preprocess.noisefloor.pool import Pool
-from qlvbayes.preprocess.noisefloor.rests import Rest
 
 
 def correlation(lag, tau, smooth):
@@ -19,7 +19,7 @@ def correlation(lag, tau, smooth):
 
 def rest(rng, n=60):
     time = np.cumsum(rng.uniform(0.01, 0.2, n))
-    return Rest(time, rng.standard_normal(n), np.ones(n), np.arange(n))
+    return Dwell(time, rng.standard_normal(n), np.ones(n), np.arange(n))
 
 
 @pytest.mark.parametrize("smooth", [False, True])
@@ -27,10 +27,10 @@ def rest(rng, n=60):
 def test_the_banded_likelihood_is_that_of_the_dense_covariance(smooth, ratio, tau):
     """With the trends' own directions taken out of data and covariance (Patterson & Thompson)."""
     rng = np.random.default_rng(0)
-    rests = [rest(rng), rest(rng)]
-    pool = Pool.of(rests, 2.0)
+    dwells = [rest(rng), rest(rng)]
+    pool = Pool.of(dwells, 2.0)
     dense, freedom, power = 0.0, 0, 0.0
-    for k, (one, q) in enumerate(zip(rests, pool.trends, strict=True)):
+    for k, (one, q) in enumerate(zip(dwells, pool.trends, strict=True)):
         lag = one.time[:, None] - one.time
         matrix = np.eye(one.time.size) + ratio * correlation(lag, tau, smooth)
         free = np.linalg.svd(q)[0][:, q.shape[1] :]

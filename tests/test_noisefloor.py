@@ -112,7 +112,7 @@ def test_a_kink_where_contact_is_regained_is_no_noise():
     rows = np.unique(np.concatenate([early, 30_000 + early]))
     floors = [measure(*pad(rng, rows=rows, law=pressed_again)) for _ in range(20)]
     lost = np.array(
-        [floor.rests.best - floor.rests.log_likelihood(WHITE, OU, TAU) for floor in floors]
+        [floor.dwells.best - floor.dwells.log_likelihood(WHITE, OU, TAU) for floor in floors]
     )
     assert lost.mean() < 1.5 + 3.0 * np.sqrt(1.5 / lost.size)
 
@@ -220,7 +220,7 @@ def test_the_step_of_a_digitised_force_is_found_and_counted(step, white):
     rounded = [Record(r.time, np.round(r.force / step) * step) for r in records]
     found = measure(rounded, phases)
     assert found.step == pytest.approx(step)
-    assert found.rests is not None
+    assert found.dwells is not None
     assert 0.95 * step / np.sqrt(12.0) < found.total < 1.5 * np.hypot(white, step / np.sqrt(12.0))
 
 

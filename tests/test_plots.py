@@ -10,7 +10,7 @@ from matplotlib._pylab_helpers import Gcf
 from matplotlib.collections import FillBetweenPolyCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
-from support.figures import NOISE, RESTS, drawn, page, prediction, protocol
+from support.figures import DWELLS, NOISE, drawn, page, prediction, protocol
 
 from qlvbayes import plots
 from qlvbayes.fitting.residuals import Cell, CheckResult, check
@@ -95,7 +95,7 @@ def test_one_row_a_test_by_rate_and_one_column_a_phase():
 @every_protocol
 def test_rests_run_in_logarithmic_and_movements_in_linear_time(predictions):
     for axis in grid(page(plot_forces, predictions, PAD)).values():
-        rest = any(f"time in {kind}" in axis.get_xlabel() for kind in RESTS)
+        rest = any(f"time in {kind}" in axis.get_xlabel() for kind in DWELLS)
         assert axis.get_xscale() == ("log" if rest else "linear")
 
 

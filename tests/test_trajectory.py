@@ -17,7 +17,7 @@ LIMIT = 1000.0  # mm/s2
 
 
 class Platen:
-    """Moves and rests of a platen with limited acceleration, exact at any time."""
+    """Moves and dwells of a platen with limited acceleration, exact at any time."""
 
     def __init__(self, *actions, start=0.0):
         self.knots, self.rows = [start], []

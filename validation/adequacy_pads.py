@@ -41,13 +41,13 @@ Errors = Callable[[np.ndarray, np.ndarray, np.random.Generator], np.ndarray]
 class Kind:
     """A kind of noise: in words, and the force read (n,) of times (s), true force (N), stream.
 
-    jitter: sd of the clock (s); rests: False cuts the holds off.
+    jitter: sd of the clock (s); dwells: False cuts the holds off.
     """
 
     words: str
     read: Errors
     jitter: float = 0.0
-    rests: bool = True
+    dwells: bool = True
     noisy: bool = True
 
     @property
@@ -84,7 +84,7 @@ KINDS = {
         "correlated, with a clock that jitters by 20 us", _plus(Noise(0.0, 0.006, 0.2)), 2e-5
     ),
     "f": Kind("correlated over a quarter of a hold", _plus(Noise(0.006, 0.008, 7.5))),
-    "g": Kind("white and correlated, without any hold", _plus(Noise()), rests=False),
+    "g": Kind("white and correlated, without any hold", _plus(Noise()), dwells=False),
     "h": Kind("none", _plus(_NO_NOISE), noisy=False),
 }
 
@@ -126,7 +126,7 @@ class Bench:
         record = test.record
         force = self.kind.read(record.time, record.true_force, rng)
         kept = thin(record.time, record.displacement, ROWS)
-        if not self.kind.rests:
+        if not self.kind.dwells:
             kept = kept[record.time[kept] <= _first_turn(record.time, record.displacement)]
         stamp = record.time[kept]
         if self.kind.jitter:

@@ -17,7 +17,7 @@ spread thinly); the smaller of both counts:
 .. math:: p = 1 - (1 - \min(p_1, p_a))^2.
 
 Sigma is that of the floor, which no structure inflates. The floor is
-uncertain: p is averaged over draws of it given the rests alone (a posterior predictive p-value;
+uncertain: p is averaged over draws of it given the dwells alone (a posterior predictive p-value;
 with a sd that alone is uncertain the mean is the F test's, exactly). Errors of the motion count as
 noise where the platen moves. Without any rest whether noise is correlated cannot be measured
 without the model, and what looks like it is *not testable*.

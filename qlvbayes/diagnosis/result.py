@@ -111,7 +111,7 @@ class Stage(
     """A hypothesis on the way to the verdict and what it leaves.
 
     rmse, heldout_rmse: over all samples (N), fitted and with each test left out in turn (None where
-    there is one test only); p_value: of the adequacy test; testable: whether the rests show if
+    there is one test only); p_value: of the adequacy test; testable: whether the dwells show if
     noise is correlated; failing: phases that hold structure; cells: errors by test and phase.
     """
 
@@ -165,8 +165,8 @@ class Refused(Part, frozen=True):
     reason: str
 
 
-class Bend(Part, frozen=True, rename={"left": "share_left"}):
-    """An effect that hides by bending the constants.
+class ParameterBias(Part, frozen=True, rename={"left": "share_left"}):
+    """An effect that hides in a bias of the constants.
 
     size: value of its amplitude; left: share of its force that the constants do not take; changes:
     relative change of each constant if it were there and left out; visible: whether these tests
@@ -264,7 +264,7 @@ class DiagnosisResult(
     rename={
         "noise": "noise_N",
         "stages": "steps",
-        "bends": "hidden_in_constants",
+        "biases": "hidden_in_constants",
         "discrepancy": "discrepancy_sd_N",
         "heldout_of_all": "heldout_of_all_rmse_N",
     },
@@ -279,7 +279,7 @@ class DiagnosisResult(
     sets of effects; constants: the base law's, averaged over all hypotheses on it; heldout_of_all:
     error (N) on tests left out of what the likely hypotheses predict together, each by its
     probability without that test, None where one alone is likely; stages: from the
-    plain model that was chosen to the hypothesis told; ranking: inclusion probabilities; bends:
+    plain model that was chosen to the hypothesis told; ranking: inclusion probabilities; biases:
     effects that would hide in the constants; coincident: effects that look alike; refused: effects
     that are likely, and why they are not named; warnings: where two ways to the evidence disagree;
     notices: what one should know of the tests; nested: evidence by nested sampling, where it was
@@ -305,7 +305,7 @@ class DiagnosisResult(
     stages: Annotated[tuple[Stage, ...], msgspec.Meta(min_length=1)]
     ranking: tuple[Ranked, ...]
     not_identifiable: tuple[Unseen, ...]
-    bends: tuple[Bend, ...] = ()
+    biases: tuple[ParameterBias, ...] = ()
     coincident: tuple[tuple[str, ...], ...] = ()
     refused: tuple[Refused, ...] = ()
     warnings: tuple[str, ...] = ()

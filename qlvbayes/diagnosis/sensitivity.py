@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from qlvbayes.diagnosis.result import Bend, Unseen
+from qlvbayes.diagnosis.result import ParameterBias, Unseen
 from qlvbayes.diagnosis.search import Search, Weighed, amplitude_of
 from qlvbayes.effects.effect import AbstractEffect, Protocol
 from qlvbayes.inference.space import Leaf, Parameters
@@ -106,7 +106,7 @@ def unmeasured(kinds: Iterable[type[AbstractEffect]], protocol: Protocol) -> lis
     return [Unseen(name, reason) for name, reason in reasons.items() if reason is not None]
 
 
-def bends(found: Sequence[Response], plain: Weighed) -> list[Bend]:
+def parameter_biases(found: Sequence[Response], plain: Weighed) -> list[ParameterBias]:
     """Effects of which the constants take nearly all, and what that would do to each constant."""
     point, some = plain.point, []
     for one in found:
@@ -123,7 +123,7 @@ def bends(found: Sequence[Response], plain: Weighed) -> list[Bend]:
         }
         if changes:
             seen = one.evidence >= SEEN
-            some.append(Bend(one.effect, one.amplitude, one.size, left, changes, seen))
+            some.append(ParameterBias(one.effect, one.amplitude, one.size, left, changes, seen))
     return some
 
 

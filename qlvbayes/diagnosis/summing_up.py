@@ -16,8 +16,8 @@ from qlvbayes.diagnosis.protocol import protocol_of
 from qlvbayes.diagnosis.result import Base, DiagnosisResult, Refused, Suggestion, Worst
 from qlvbayes.diagnosis.search import Search, Tell, Weighed
 from qlvbayes.diagnosis.sensitivity import (
-    bends,
     coincident,
+    parameter_biases,
     responses,
     unmeasured,
     unseen,
@@ -76,7 +76,7 @@ def summed_up(
             *unseen(added, search, protocol),
             *unmeasured(candidates, protocol),
         ),
-        bends=tuple(bends(added, plain)),
+        biases=tuple(parameter_biases(added, plain)),
         coincident=tuple(coincident(added)),
         refused=tuple(Refused(name, why) for name, why in refused),
         notices=_notices(experiment, search, told),

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from qlvbayes.diagnosis.result import Bend, DiagnosisResult
+from qlvbayes.diagnosis.result import DiagnosisResult, ParameterBias
 from qlvbayes.diagnosis.work import Work
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import joined, plain
 
 _PHASE = {"ramp": "ramp", "hold": "hold", "unload": "unloading", "recovery": "recovery"}
-_MOST_BENDS = 3
+_MOST_BIASES = 3
 _LINEAR = 0.5  # relative change up to which slopes tell how far a constant moves
 _MOST_CELLS = 4
 _SURE = 0.95  # probability of a base law, from which it goes unsaid
@@ -308,15 +308,15 @@ def _unseen(d: DiagnosisResult) -> list[str]:
 
 def _bent(d: DiagnosisResult) -> list[str]:
     """Effects that would hide in the constants, the invisible ones first."""
-    hidden = [bend for bend in d.bends if not bend.visible and bend.effect not in d.tried]
-    return [_bend(bend) for bend in hidden[:_MOST_BENDS]]
+    hidden = [bias for bias in d.biases if not bias.visible and bias.effect not in d.tried]
+    return [_bias(bias) for bias in hidden[:_MOST_BIASES]]
 
 
-def _bend(bend: Bend) -> str:
-    top = sorted(bend.changes.items(), key=lambda item: -abs(item[1]))[:2]
+def _bias(bias: ParameterBias) -> str:
+    top = sorted(bias.changes.items(), key=lambda item: -abs(item[1]))[:2]
     said = joined([f"{name} would be {_off(x)}" for name, x in top])
     return (
-        f"Were there {bend.effect} ({bend.amplitude} = {bend.size:.2g}), {said}, and these tests "
+        f"Were there {bias.effect} ({bias.amplitude} = {bias.size:.2g}), {said}, and these tests "
         "would not show it."
     )
 

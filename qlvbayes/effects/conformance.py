@@ -155,8 +155,8 @@ class _Trial:
 
 def _check_declarations(kind: type[AbstractEffect]) -> None:
     if inspect.isabstract(kind):
-        lacking = ", ".join(sorted(kind.__abstractmethods__))
-        raise EffectError(f"{kind.__name__} lacks {lacking}")
+        missing = ", ".join(sorted(kind.__abstractmethods__))
+        raise EffectError(f"{kind.__name__} lacks {missing}")
     own = {field.name for field in fields(kind)}
     if not kind.name.isidentifier() or kind.name != kind.name.lower():
         raise EffectError(f"{kind.__name__}: the name {kind.name!r} is not lower case with _ only")

@@ -6,8 +6,8 @@ eigenvectors R of
 
 .. math:: W K W^T = R\, \text{diag}(\kappa)\, R^T, \quad A = R^T W.
 
-The rests leave the floor's scale open: its equally likely values phi are those of draws of the
-floor given the rests alone. They and the sizes of the discrepancy are summed over.
+The dwells leave the floor's scale open: its equally likely values phi are those of draws of the
+floor given the dwells alone. They and the sizes of the discrepancy are summed over.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def known_floor(floor: NoiseFloor, noise: Floor) -> NoiseFloor:
         return floor
     measured = (floor.white, floor.ou, floor.tau)
     white, ou, tau = np.where(np.isnan(given), measured, given).tolist()
-    return replace(floor, white=white, ou=ou, tau=tau, rests=None)
+    return replace(floor, white=white, ou=ou, tau=tau, dwells=None)
 
 
 def floor_likelihood(
@@ -69,7 +69,7 @@ def floor_likelihood(
 def _pairs(floor: NoiseFloor, noise: Floor, made: Discrepancy) -> tuple[Array, Array, Array]:
     """(C,) scales of the floor, sizes of the discrepancy, and log priors; what is given is sure.
 
-    Draws of the floor given the rests are equally likely; alike ones stand once.
+    Draws of the floor given the dwells are equally likely; alike ones stand once.
     """
     found = np.array([one.total for one in floor.draws(_SCALES)]) / floor.total
     scales, counts = np.unique(found, return_counts=True)

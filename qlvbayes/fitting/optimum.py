@@ -1,6 +1,6 @@
 """The posterior's highest point, where sampling starts, and the curvature there (Laplace's).
 
-Climbed to from least squares for the model and from the priors' middle for the noise.
+Optimised from least squares for the model and from the priors' middle for the noise.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from qlvbayes.preprocess.noisefloor import NoiseFloor
 
 _PASSES = 3
 _NOISE_SD = 0.3  # of the noise's unconstrained numbers, to begin with
-_OPTIMA = 2  # distinct least-squares optima that are climbed from
+_OPTIMA = 2  # distinct least-squares optima that are optimised from
 
 
 @dataclass(frozen=True)
@@ -64,17 +64,17 @@ def optimum_near(posterior: Posterior, floor: NoiseFloor, thetas: Sequence[np.nd
 
 
 def find_optimum(posterior: Posterior, guesses: list[NormalApproximation]) -> Optimum:
-    """Climb from each guess (quasi-Newton, exact gradients) and keep the highest point.
+    """Optimise from each guess (quasi-Newton, exact gradients) and keep the highest point.
 
     A guess's covariance only sets the scale of the steps; it need not be accurate.
     """
-    climbs = [(_climb(posterior, guess), guess) for guess in guesses]
-    (theta, loss), guess = min(climbs, key=lambda found: found[0][1])
+    optima = [(_optimised(posterior, guess), guess) for guess in guesses]
+    (theta, loss), guess = min(optima, key=lambda found: found[0][1])
     covariance = _covariance(posterior, theta, np.linalg.cholesky(guess.covariance))
     return Optimum(theta, -loss, NormalApproximation(theta, covariance))
 
 
-def _climb(posterior: Posterior, guess: NormalApproximation) -> tuple[np.ndarray, float]:
+def _optimised(posterior: Posterior, guess: NormalApproximation) -> tuple[np.ndarray, float]:
     axes = np.linalg.cholesky(guess.covariance)
 
     def loss(z: np.ndarray) -> tuple[float, np.ndarray]:

@@ -35,7 +35,7 @@ class Prediction:
     interval with noise and with what the fit says that the model misses, which may lie beside the
     mean; forces (draws, n): the model's force for each posterior draw; floor
     (draws, n): realisations of the noise floor that was measured without the model, each of its own
-    draw of what the rests leave open.
+    draw of what the dwells leave open.
     """
 
     trial: Trial
@@ -192,7 +192,7 @@ def _missed(
 def _floor_draws(
     experiment: Experiment, posterior: Posterior, rng: np.random.Generator
 ) -> np.ndarray:
-    """(DRAWS, T, B) realisations of the floor, each of its own draw of it given the rests."""
+    """(DRAWS, T, B) realisations of the floor, each of its own draw of it given the dwells."""
     blocks = posterior.record.blocks
     floors = experiment.floor.draws(DRAWS)
     tests = [

@@ -2,7 +2,7 @@
 
 One wide kernel from a normal approximation; or many on draws of the chain, each with the
 covariance of the draws around it (a kernel estimate with local bandwidths, as in West 1993,
-doi:10.1111/j.2517-6161.1993.tb01911.x), which follows skewed, curved and two-humped posteriors.
+doi:10.1111/j.2517-6161.1993.tb01911.x), which follows skewed, curved and two-peaked posteriors.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@ r"""The evidence without Laplace's approximation: nested sampling with slice mov
 
 .. math:: Z = \int L(\theta) \pi(\theta) d\theta = \int_0^1 L(X) dX
 
-X is the share of the prior's mass above a likelihood. Live points climb through it; those of
+X is the share of the prior's mass above a likelihood. Live points move up through it; those of
 lowest likelihood are replaced, several at a time, by hit-and-run slice moves within what is left
 (Skilling 2006, doi:10.1214/06-BA127; Neal 2003, doi:10.1214/aos/1056562461).
 """

@@ -46,11 +46,11 @@ def check_own(
     word: what the class is; taken: what to say of each name that is.
     """
     line = inspect.getsourcelines(kind)[1]
-    lacking = sorted(kind.__abstractmethods__) if inspect.isabstract(kind) else []
-    lacking += [name for name in base.__annotations__ if not hasattr(kind, name)]
-    if lacking:
+    missing = sorted(kind.__abstractmethods__) if inspect.isabstract(kind) else []
+    missing += [name for name in base.__annotations__ if not hasattr(kind, name)]
+    if missing:
         raise InputError(
-            f"the {word} {kind.__name__} lacks {', '.join(lacking)}",
+            f"the {word} {kind.__name__} lacks {', '.join(missing)}",
             file=path,
             line=line,
             remedy="define them in the class",

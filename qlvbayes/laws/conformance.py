@@ -68,8 +68,8 @@ def _drawn(law: Law, rng: np.random.Generator) -> Law:
 
 def _check_declarations(kind: type[AbstractElastic] | type[AbstractRelaxation]) -> None:
     if inspect.isabstract(kind):
-        lacking = ", ".join(sorted(kind.__abstractmethods__))
-        raise LawError(f"{kind.__name__} lacks {lacking}")
+        missing = ", ".join(sorted(kind.__abstractmethods__))
+        raise LawError(f"{kind.__name__} lacks {missing}")
     own = {f.name for f in fields(kind) if not f.metadata.get("static", False)}
     for word in ("units", "meanings"):
         if set(getattr(kind, word)) != own:

@@ -13,7 +13,7 @@ from qlvbayes.fitting.prediction import Prediction
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.plots.panels import leaders, lines_of, name_row, place_panels
 from qlvbayes.plots.stretches import (
-    RESTS,
+    DWELLS,
     WHOLE,
     Placed,
     Stretch,
@@ -142,7 +142,7 @@ def _label_row(row: np.ndarray, prediction: Prediction, units: UnitSystem, *, ti
 def _finish(figure: Figure, axes: np.ndarray, names: Sequence[str], left: range) -> None:
     for column, name in zip(axes.T, names, strict=True):
         column[0].set_title(f"{name}\n", weight="bold")  # the second line is the row's
-        if name in RESTS:
+        if name in DWELLS:
             same_times(column)
     for axis in axes[:, left].flat:
         axis.yaxis.set_major_locator(MaxNLocator(4))

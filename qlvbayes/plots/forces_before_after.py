@@ -20,7 +20,7 @@ from qlvbayes.io.units import UnitSystem
 from qlvbayes.plots.naming import broken, heading, model_name
 from qlvbayes.plots.panels import leaders, lines_of, name_row, place_panels
 from qlvbayes.plots.stretches import (
-    RESTS,
+    DWELLS,
     WHOLE,
     Placed,
     Stretch,
@@ -59,7 +59,7 @@ def plot_forces_before_after(
 ) -> list[Axes]:
     """Draw every test's force as measured, by the plain and by the last model.
 
-    One row a test, slowest first; one column a kind of phase, rests in logarithmic time. Lines are
+    One row a test, slowest first; one column a kind of phase, dwells in logarithmic time. Lines are
     the models at their best constants, bands hold 90 % of readings. The lower strip shows measured
     minus predicted; its grey band holds 90 % of the noise measured without a model. Where phases
     of a kind repeat, a first panel shows the whole test, and the repeats lie over each other.
@@ -163,7 +163,7 @@ def _label_row(
 def _finish(figure: Figure, axes: np.ndarray, names: Sequence[str], left: range) -> None:
     for k, name in enumerate(names):
         axes[0, 0, k].set_title(f"{name}\n", weight="bold")  # the second line is the row's
-        if name in RESTS:
+        if name in DWELLS:
             same_times(axes[:, :, k].ravel())
     for upper, lower in axes[:, :, 0]:
         upper.yaxis.set_major_locator(MaxNLocator(4))

@@ -15,7 +15,7 @@ from matplotlib.ticker import MaxNLocator
 
 from qlvbayes.fitting.prediction import Prediction
 from qlvbayes.io.units import UnitSystem
-from qlvbayes.plots.stretches import RESTS, Stretch, by_rate, divide
+from qlvbayes.plots.stretches import DWELLS, Stretch, by_rate, divide
 from qlvbayes.plots.style import (
     BLACK,
     DOUBLE,
@@ -42,7 +42,7 @@ def plot_hysteresis(
 
     One panel a test, slowest first, named with its loading rate and whether it was fitted or
     predicted. Dots are measured samples; the line is the posterior mean, solid on the way in with
-    the holds after it (where it falls straight down), dashed on the way back with the rests after
+    the holds after it (where it falls straight down), dashed on the way back with the dwells after
     that; bands hold 90 % of predicted samples while the platen moves. The area of a loop is the
     energy that the specimen loses. All panels share their axes. width: of the figure (mm). Returns
     the panels.
@@ -78,7 +78,7 @@ def _draw(axis: Axes, prediction: Prediction) -> None:
     for stretch in divide(prediction.time, prediction.trial.phases):
         colour, line = _look(stretch.kind)
         rows = stretch.rows if last is None else np.r_[last, stretch.rows]
-        if stretch.kind not in RESTS:
+        if stretch.kind not in DWELLS:
             _band(axis, place, prediction, stretch, colour)
         axis.plot(place[rows], prediction.mean[rows], line, color=colour, gid="mean")
         last = rows[-1]

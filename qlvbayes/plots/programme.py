@@ -38,7 +38,7 @@ def plot_programme(experiment: Experiment, *, width: float = DOUBLE) -> list[Axe
 
     Marks stand where a ramp, hold, unload or recovery begins. Where the loading rates span a decade
     there are two panels: logarithmic time, which shows every ramp, and linear time, which shows the
-    rests and what follows them; else one in linear time. width: of the figure (mm).
+    dwells and what follows them; else one in linear time. width: of the figure (mm).
     """
     tight, trials = narrow(width), sorted(experiment.trials, key=lambda t: by_rate(t.rate))
     scales = ["log", "linear"] if decades(trials) else ["linear"]

@@ -14,7 +14,7 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from qlvbayes.preprocess.phases import KINDS, Phase
 
 WHOLE = "whole test"
-RESTS = ("hold", "recovery")
+DWELLS = ("hold", "recovery")
 _EARLY = 0.1  # of a ramp: so much of the rest before it is shown with it
 _FEW_DECADES = 50.0  # of a time axis, as a ratio: below, 2 and 5 have ticks too
 _FIRST_FEW = 10  # samples, whose interval is taken
@@ -56,14 +56,14 @@ def divide(time: np.ndarray, phases: Sequence[Phase]) -> list[Stretch]:
 
 
 def _joined(phases: Sequence[Phase]) -> Sequence[Phase]:
-    waits = len(phases) > 1 and phases[0].kind in RESTS
+    waits = len(phases) > 1 and phases[0].kind in DWELLS
     return phases[1:] if waits else phases
 
 
 def _first_row(time: np.ndarray, phase: Phase) -> int:
     """Index of a phase's first sample: in a rest not one taken as the motion stopped."""
     first = int(np.searchsorted(time, phase.start))
-    if phase.kind not in RESTS:
+    if phase.kind not in DWELLS:
         return first
     elapsed = time[first : int(np.searchsorted(time, phase.stop))][:_FIRST_FEW] - phase.start
     interval = float(np.median(np.diff(elapsed))) if elapsed.size > 1 else 0.0
@@ -96,7 +96,7 @@ def _continued(time: np.ndarray, stretch: Stretch) -> Placed:
 
 def _scale(column: str, same: Sequence[Stretch]) -> tuple[float, str]:
     """Milliseconds for a movement of less than a second."""
-    quick = column not in RESTS and bool(same) and _length(same) < 1.0
+    quick = column not in DWELLS and bool(same) and _length(same) < 1.0
     return (1e3, "ms") if quick else (1.0, "s")
 
 
@@ -119,7 +119,7 @@ def finish_time(
         _blank(axis)
         return
     scale, unit = _scale(column, same)
-    if column in RESTS:
+    if column in DWELLS:
         axis.set_xscale("log")
     else:
         first, length = min(stretch.elapsed[0] for stretch in same), _length(same)
@@ -135,7 +135,7 @@ def _blank(axis: Axes) -> None:
 
 
 def same_times(axes: np.ndarray) -> None:
-    """Give all tests' rests one time axis, to be compared down the column."""
+    """Give all tests' dwells one time axis, to be compared down the column."""
     used = [axis for axis in axes if axis.lines]
     limits = np.array([axis.get_xlim() for axis in used])
     first, last = limits[:, 0].min(), limits[:, 1].max()

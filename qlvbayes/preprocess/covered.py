@@ -39,13 +39,13 @@ def covered(experiment: Experiment) -> Covered:
     trials = experiment.trials
     phases = [phase for trial in trials for phase in trial.phases]
     ramps = [p.stop - p.start for p in phases if p.kind == "ramp"]
-    rests = [p.stop - p.start for p in phases if p.kind in ("hold", "recovery")]
+    dwells = [p.stop - p.start for p in phases if p.kind in ("hold", "recovery")]
     rates = [trial.rate for trial in trials if np.isfinite(trial.rate)]
     return Covered(
         depth=max(float(np.max(trial.test.displacement)) for trial in trials),
         slowest=float(min(rates)),
         fastest=float(max(rates)),
         quickest=float(min(ramps or [p.stop - p.start for p in phases])),
-        hold=float(max(rests or [p.stop - p.start for p in phases])),
+        hold=float(max(dwells or [p.stop - p.start for p in phases])),
         tests=len(trials),
     )

@@ -91,7 +91,7 @@ def evaluated(stretch: Stretch, t: Array) -> Array:
 
 
 def _full_knots(joints: Joints, degree: int) -> tuple[Array, slice]:
-    """Knots with multiplicity, and the coefficients that rests at the ends leave free."""
+    """Knots with multiplicity, and the coefficients that dwells at the ends leave free."""
     smooth = 2 if degree == 2 else 1  # a quintic's knots are not looked for
     repeats = np.where(joints.kinked, 3, smooth)
     repeats[0] = repeats[-1] = degree + 1

@@ -29,7 +29,7 @@ _MOST_PER_PIECE = 400
 
 @dataclass(frozen=True)
 class Joints:
-    """Knots, which of them carry a velocity jump, and the rests at the ends (None: no rest)."""
+    """Knots, which of them carry a velocity jump, and the dwells at the ends (None: no rest)."""
 
     knots: Array
     kinked: Flags
@@ -148,7 +148,7 @@ def _solved(joints: Joints, time: Array, displacement: Array) -> _Solved:
 
 
 def residuals(joints: Joints, time: Array, displacement: Array) -> Array:
-    """Return readings minus the fitted spline, the rests outside the end knots included."""
+    """Return readings minus the fitted spline, the dwells outside the end knots included."""
     found = _solved(joints, time, displacement)
     c, span, basis = found.coefficients, found.span, found.basis
     return displacement - (basis[0] * c[span - 2] + basis[1] * c[span - 1] + basis[2] * c[span])

@@ -1,4 +1,4 @@
-"""Planned motions: strokes from rest to rest with finite acceleration, and rests between them."""
+"""Planned motions: strokes from rest to rest with finite acceleration, and dwells between them."""
 
 from __future__ import annotations
 

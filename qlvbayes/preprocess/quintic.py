@@ -135,7 +135,7 @@ def unfaithful(spline: Quintic, window: Window, tol: Tolerance) -> NDArray[np.bo
 
 
 def _fixed(joints: Joints) -> tuple[int, int]:
-    """How many coefficients the rests at either end give."""
+    """How many coefficients the dwells at either end give."""
     low = 0 if joints.left is None else (1 if joints.kinked[0] else 2)
     high = 0 if joints.right is None else (1 if joints.kinked[-1] else 2)
     return low, high

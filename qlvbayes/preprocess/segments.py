@@ -1,4 +1,4 @@
-"""Where a displacement record rests, where it moves, and how far its readings can be trusted."""
+"""Where a displacement record stands, where it moves, and how far its readings can be trusted."""
 
 from __future__ import annotations
 
@@ -211,7 +211,7 @@ def greedy_segments(time: Array, displacement: Array, tol: Tolerance) -> list[tu
 
 
 @dataclass(frozen=True)
-class Rest:
+class Dwell:
     """Samples [first, stop) at one level."""
 
     first: int
@@ -219,12 +219,12 @@ class Rest:
     level: float
 
 
-def find_rests(
+def find_dwells(
     time: Array, displacement: Array, segments: list[tuple[int, int]], tol: Tolerance
-) -> list[Rest]:
+) -> list[Dwell]:
     """Return the runs of samples at rest, each stretched as far as its level reaches."""
     speed = [_speed(time, displacement, s) for s in segments]
-    rests: list[Rest] = []
+    dwells: list[Dwell] = []
     for k, (first, stop) in enumerate(segments):
         x = displacement[first:stop]
         if stop - first < _FEWEST_IN_REST or np.ptp(x) >= 2.0 * tol.rest * (1.0 - _ROUNDING):
@@ -236,12 +236,12 @@ def find_rests(
         # At the speed next door it would have been seen to move.
         if not alone and beside * (time[stop - 1] - time[first]) < 4.0 * tol.rest:
             continue
-        rests.append(Rest(first, stop, float(x.mean())))
-    found = _stretched(displacement, _distinct(rests, tol), tol)
+        dwells.append(Dwell(first, stop, float(x.mean())))
+    found = _stretched(displacement, _distinct(dwells, tol), tol)
     return [rest for rest in found if not _turns(time, displacement, rest, tol)]
 
 
-def _turns(time: Array, displacement: Array, rest: Rest, tol: Tolerance) -> bool:
+def _turns(time: Array, displacement: Array, rest: Dwell, tol: Tolerance) -> bool:
     """Whether one parabola follows the rest and twice its length on either side: it only turns."""
     reach = 2 * (rest.stop - rest.first)
     around = slice(max(rest.first - reach, 0), rest.stop + reach)
@@ -260,26 +260,26 @@ def _speed(time: Array, displacement: Array, segment: tuple[int, int]) -> float:
     )
 
 
-def _distinct(rests: list[Rest], tol: Tolerance) -> list[Rest]:
-    """Leave out touching rests of nearly one level: that is a creep, not two rests and a jump."""
+def _distinct(dwells: list[Dwell], tol: Tolerance) -> list[Dwell]:
+    """Leave out touching dwells of nearly one level: that is a creep, not two dwells and a jump."""
     creeping = {
         r
-        for a, b in pairwise(rests)
+        for a, b in pairwise(dwells)
         if b.first - a.stop < 3 and abs(a.level - b.level) < 4.0 * tol.rest
         for r in (a, b)
     }
-    return [r for r in rests if r not in creeping]
+    return [r for r in dwells if r not in creeping]
 
 
-def _stretched(displacement: Array, rests: list[Rest], tol: Tolerance) -> list[Rest]:
-    out: list[Rest] = []
-    for k, rest in enumerate(rests):
+def _stretched(displacement: Array, dwells: list[Dwell], tol: Tolerance) -> list[Dwell]:
+    out: list[Dwell] = []
+    for k, rest in enumerate(dwells):
         low = out[-1].stop if out else 0
-        high = rests[k + 1].first if k + 1 < len(rests) else displacement.size
+        high = dwells[k + 1].first if k + 1 < len(dwells) else displacement.size
         near = np.abs(displacement[low:high] - rest.level) <= tol.sample
         before = np.flatnonzero(~near[: rest.first - low])
         after = np.flatnonzero(~near[rest.stop - low :])
         first = low + int(before[-1]) + 1 if before.size else low
         stop = rest.stop + int(after[0]) if after.size else high
-        out.append(Rest(first, stop, float(displacement[first:stop].mean())))
+        out.append(Dwell(first, stop, float(displacement[first:stop].mean())))
     return out

@@ -1,4 +1,4 @@
-"""The motion between two rests: constant accelerations or a smooth curve, as the record says.
+"""The motion between two dwells: constant accelerations or a smooth curve, as the record says.
 
 Both are fitted, and of those that are faithful to the readings the one that takes fewer numbers
 from the record is kept: a trapezoid of velocity needs a few pieces of constant acceleration, a
@@ -24,7 +24,7 @@ from qlvbayes.preprocess.freeknots import (
     residuals,
     with_knot_at_worst,
 )
-from qlvbayes.preprocess.segments import Rest, Tolerance
+from qlvbayes.preprocess.segments import Dwell, Tolerance
 
 Array = NDArray[np.float64]
 
@@ -57,11 +57,11 @@ def fitted(
     t: Array,
     x: Array,
     segments: list[tuple[int, int]],
-    before: Rest | None,
-    after: Rest | None,
+    before: Dwell | None,
+    after: Dwell | None,
     tol: Tolerance,
 ) -> Stretch:
-    """Fit the motion between two rests (None: the record begins or ends in motion)."""
+    """Fit the motion between two dwells (None: the record begins or ends in motion)."""
     first = 0 if before is None else before.stop
     stop = t.size if after is None else after.first
     low = first - 1 if before is not None else first
@@ -150,9 +150,9 @@ def _local(joints: Joints, side: int, place: float) -> Joints:
 
 
 def _window(
-    t: Array, x: Array, first: int, stop: int, before: Rest | None, after: Rest | None
+    t: Array, x: Array, first: int, stop: int, before: Dwell | None, after: Dwell | None
 ) -> Window:
-    """Take in part of the rests beside a stretch, so that its end knots can move.
+    """Take in part of the dwells beside a stretch, so that its end knots can move.
 
     A rest is at its level between its readings too: where they are sparser than the stretch's,
     some are put between them, or the motion could do anything there.

@@ -13,10 +13,10 @@ from scipy.interpolate import PPoly
 from qlvbayes.io.checks import InputError
 from qlvbayes.preprocess.errors import Errors, errors
 from qlvbayes.preprocess.segments import (
-    Rest,
+    Dwell,
     Tolerance,
     encoder_step,
-    find_rests,
+    find_dwells,
     greedy_segments,
     tolerance,
 )
@@ -165,7 +165,7 @@ def _largest(poly: PPoly, slope: PPoly) -> float:
 def smooth(time: ArrayLike, displacement: ArrayLike, resolution: float | None = None) -> Trajectory:
     """Return the motion behind an encoder record: few pieces, faithful to every reading.
 
-    Rests come out exactly constant. Each stretch between rests becomes a quadratic spline with
+    Dwells come out exactly constant. Each stretch between dwells becomes a quadratic spline with
     knots where least squares puts them, as few as keep all residuals within what the encoder step
     and the scatter explain; the velocity is continuous unless a change of it is too quick to be
     resolved by the samples. Where the record is too sparse for that the samples are joined by
@@ -189,9 +189,9 @@ def smooth(time: ArrayLike, displacement: ArrayLike, resolution: float | None = 
     step = encoder_step(x) if resolution is None else float(resolution)
     tol = tolerance(t, x, step)
     segments = greedy_segments(t, x, tol)
-    rests = find_rests(t, x, segments, tol)
-    parts = _stretches(t, x, segments, rests, tol)
-    return _joined(t, parts, rests, tol)
+    dwells = find_dwells(t, x, segments, tol)
+    parts = _stretches(t, x, segments, dwells, tol)
+    return _joined(t, parts, dwells, tol)
 
 
 def _check(time: Array, displacement: Array) -> None:
@@ -206,11 +206,11 @@ def _check(time: Array, displacement: Array) -> None:
 
 
 def _stretches(
-    t: Array, x: Array, segments: list[tuple[int, int]], rests: list[Rest], tol: Tolerance
+    t: Array, x: Array, segments: list[tuple[int, int]], dwells: list[Dwell], tol: Tolerance
 ) -> list[Stretch]:
-    """Fit what lies between the rests."""
+    """Fit what lies between the dwells."""
     parts: list[Stretch] = []
-    for before, after in pairwise([None, *rests, None]):
+    for before, after in pairwise([None, *dwells, None]):
         if before is None and after is not None and after.first == 0:
             continue
         if after is None and before is not None and before.stop == t.size:
@@ -219,12 +219,12 @@ def _stretches(
     return parts
 
 
-def _joined(t: Array, parts: list[Stretch], rests: list[Rest], tol: Tolerance) -> Trajectory:
-    """Put moving parts and rests in order of time."""
+def _joined(t: Array, parts: list[Stretch], dwells: list[Dwell], tol: Tolerance) -> Trajectory:
+    """Put moving parts and dwells in order of time."""
     most = max((_order(p) for p in parts), default=0)
     starts = [part.pieces.knots[:-1] for part in parts]
     values = [_rows(part, most) for part in parts]
-    for rest in rests:
+    for rest in dwells:
         into = [p.pieces.knots[-1] for p in parts if p.pieces.knots[-1] <= t[rest.stop - 1]]
         starts.append(np.array([max(into) if into and rest.first > 0 else t[0]]))
         values.append(np.array([[rest.level], *[[0.0]] * (2 + most)]))
@@ -235,7 +235,7 @@ def _joined(t: Array, parts: list[Stretch], rests: list[Rest], tol: Tolerance) -
     plain = Trajectory(
         np.append(knots[order], t[-1]), d, v, a, tol.step, np.array(higher) if higher else None
     )
-    error = _all_errors(t, parts, found, rests, tol)
+    error = _all_errors(t, parts, found, dwells, tol)
     return replace(plain, error=error, unresolved=_unresolved(plain, parts, found))
 
 
@@ -252,14 +252,14 @@ def _rows(part: Stretch, most: int) -> Array:
 
 
 def _all_errors(
-    t: Array, parts: list[Stretch], found: list[Errors], rests: list[Rest], tol: Tolerance
+    t: Array, parts: list[Stretch], found: list[Errors], dwells: list[Dwell], tol: Tolerance
 ) -> Errors:
-    """Of stretches and rests, in order of time. At rest the rounding is not averaged out."""
+    """Of stretches and dwells, in order of time. At rest the rounding is not averaged out."""
     begins = np.array([p.joints.knots[0] for p in parts] + [t[-1]])
     ends = np.array([t[0]] + [p.joints.knots[-1] for p in parts])
     rounding = tol.step**2 / 12.0 if tol.noise < 0.5 * tol.step else 0.0
     every = list(found)
-    for rest in rests:
+    for rest in dwells:
         middle = 0.5 * (t[rest.first] + t[rest.stop - 1])
         span = np.array([ends[ends <= middle].max(), begins[begins >= middle].min()])
         sd = np.full(2, np.sqrt(tol.noise**2 / (rest.stop - rest.first) + rounding))

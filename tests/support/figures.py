@@ -11,7 +11,7 @@ from qlvbayes.preprocess.phases import Phase
 from qlvbayes.preprocess.trajectory import smooth
 
 NOISE = 0.01
-RESTS = ("hold", "recovery")
+DWELLS = ("hold", "recovery")
 
 
 def protocol(moves, speed, rest, at=0.0):
@@ -27,7 +27,7 @@ def protocol(moves, speed, rest, at=0.0):
 
 def samples(phase):
     length = phase.stop - phase.start
-    if phase.kind in RESTS:
+    if phase.kind in DWELLS:
         return phase.start + length * np.geomspace(1e-3, 0.999, 40)
     return phase.start + length * np.arange(30) / 30.0
 

@@ -161,7 +161,7 @@ class Recovery:
     spectra: tuple[tuple[Array, Array], ...]
 
     def time(self, duration: float) -> float:
-        """Rest (s) after a test of ``duration`` s until ``FORGOTTEN`` is left."""
+        """Dwell (s) after a test of ``duration`` s until ``FORGOTTEN`` is left."""
         times = _RESTS
         left = np.zeros_like(times)
         for fractions, rates in self.spectra:

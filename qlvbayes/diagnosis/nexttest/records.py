@@ -24,7 +24,7 @@ POINTS = 320
 _EARLY = 1e-4  # of a rest: its first block
 _LONGER = 3.0  # than the block before it, at most: of few, the last would hold nearly all of a rest
 _MOVES = ("ramp", "unload")
-_MOVING = 1.0 / 3.0  # of the blocks, for all movements: forces are simpler there than in rests
+_MOVING = 1.0 / 3.0  # of the blocks, for all movements: forces are simpler there than in dwells
 
 
 def record_of(designs: Sequence[Design], rig: Rig, clock: float) -> Record:
@@ -73,9 +73,9 @@ def _edges(design: Design, interval: float) -> list[tuple[Array, Array]]:
     """Begin and end of the blocks of each movement and rest."""
     stretches = design.stretches
     moves = sum(kind in _MOVES for kind, *_ in stretches)
-    rests = max(len(stretches) - moves, 1)
+    dwells = max(len(stretches) - moves, 1)
     move = max(int(_MOVING * BLOCKS) // moves, 1)
-    rest = (BLOCKS - move * moves) // rests
+    rest = (BLOCKS - move * moves) // dwells
     found = []
     for kind, start, stop in stretches:
         length = stop - start

@@ -18,7 +18,7 @@ class Rig:
     """Limits of a test: greatest depth (mm), speed (mm/s) and acceleration (mm/s2).
 
     interval: between two readings (s) at the least; rows: readings that are kept of a test, of long
-    rests the fewest.
+    dwells the fewest.
     """
 
     depth: float

@@ -88,15 +88,15 @@ def chosen(columns: Sequence[Named], file: Path, line: int | None = None) -> dic
     found = quantities(columns)
     way = "displacement" if "displacement" in found else "strain"
     load = "force" if "force" in found else "stress"
-    lacking = [
+    missing = [
         words
         for key, words in (("time", "time"), (way, "displacement"), (load, "force"))
         if key not in found
     ]
-    if lacking:
+    if missing:
         shown = ", ".join(column.name for column in columns[:12])[:200]
         raise InputError(
-            f"no column for {' and '.join(lacking)} (the file has: {shown})",
+            f"no column for {' and '.join(missing)} (the file has: {shown})",
             file=file,
             line=line,
             remedy="export time, displacement and force of every sample",

@@ -63,8 +63,8 @@ def check_format(kind: type[AbstractFormat], files: Sequence[str | Path]) -> Non
 
 def _check_declarations(kind: type[AbstractFormat]) -> None:
     if inspect.isabstract(kind):
-        lacking = ", ".join(sorted(kind.__abstractmethods__))
-        raise FormatError(f"{kind.__name__} lacks {lacking}")
+        missing = ", ".join(sorted(kind.__abstractmethods__))
+        raise FormatError(f"{kind.__name__} lacks {missing}")
     for word in _WORDS:
         text = getattr(kind, word, "")
         if not text.strip() or "\n" in text:

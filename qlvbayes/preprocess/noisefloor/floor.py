@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from qlvbayes.preprocess.noisefloor.posterior import Rests
+from qlvbayes.preprocess.noisefloor.posterior import Dwells
 
 Array = NDArray[np.float64]
 
@@ -28,7 +28,7 @@ class NoiseFloor:
     noise does not grow with the force; ``step``: of the digitised force, 0 if none was seen, its
     variance of step^2/12 is in ``white``. ``ou`` is 0 where no correlation is seen; ``tau`` is then
     a neutral tenth of a hold. ``testable``: False where no hold shows whether the noise is
-    correlated; ``notices``: what the reader must know, in words; ``rests``: the readings behind
+    correlated; ``notices``: what the reader must know, in words; ``dwells``: the readings behind
     it, None where there were none.
     """
 
@@ -41,7 +41,7 @@ class NoiseFloor:
     smooth: bool = False
     testable: bool = True
     notices: tuple[str, ...] = ()
-    rests: Rests | None = field(default=None, repr=False, compare=False)
+    dwells: Dwells | None = field(default=None, repr=False, compare=False)
 
     @property
     def total(self) -> float:
@@ -59,26 +59,26 @@ class NoiseFloor:
         return np.asarray((1.0 + self.growth * size) / (1.0 + self.growth * self.level))
 
     def factor(self, name: str) -> float:
-        """By which one sd of what the rests leave open changes ``white`` or ``tau``, 5 at most."""
+        """By which one sd of what the dwells leave open changes ``white`` or ``tau``, 5 at most."""
         if self.ou == 0.0:  # its time is nobody's then
             return 1.0
         spread = np.std(np.log([getattr(floor, name) for floor in self.draws(_SPREAD)]))
         return float(np.exp(min(spread, np.log(_MOST))))
 
     def draws(self, count: int) -> list[NoiseFloor]:
-        """Equally likely floors (count of them, the same at every call), given the rests alone.
+        """Equally likely floors (count of them, the same at every call), given the dwells alone.
 
-        Without rests nothing is known of the uncertainty: all are this one.
+        Without dwells nothing is known of the uncertainty: all are this one.
         """
-        if self.rests is None:
+        if self.dwells is None:
             return [self] * count
-        return [self._like(one) for one in self.rests.draw(count)]
+        return [self._like(one) for one in self.dwells.draw(count)]
 
     def weighted(self, count: int) -> tuple[list[NoiseFloor], Array]:
         """Floors with weights (count,) of sum 1, the unlikely ones among them; see ``draws``."""
-        if self.rests is None:
+        if self.dwells is None:
             return [self], np.ones(1)
-        found, weights = self.rests.weighted(count)
+        found, weights = self.dwells.weighted(count)
         return [self._like(one) for one in found], weights
 
     def rounded(self) -> NoiseFloor:

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import Bounds, minimize
 
+from qlvbayes.preprocess.noisefloor.dwells import Dwell, Record, find_dwells
 from qlvbayes.preprocess.noisefloor.floor import NoiseFloor
 from qlvbayes.preprocess.noisefloor.pool import Pool
-from qlvbayes.preprocess.noisefloor.posterior import Rests, usual_log_tau
-from qlvbayes.preprocess.noisefloor.rests import Record, Rest, find_rests
+from qlvbayes.preprocess.noisefloor.posterior import Dwells, usual_log_tau
 from qlvbayes.preprocess.phases import Phase
 from qlvbayes.preprocess.segments import encoder_step, sensor_noise
 
@@ -42,7 +42,7 @@ def measure(
 
     In each rest the force is a smooth trend plus noise. The noise parameters maximise the
     restricted likelihood, in which the trend costs its degrees of freedom, with a weak prior of the
-    correlation time. Up to 12 rests enter: single readings of a run, and means over all others. The
+    correlation time. Up to 12 dwells enter: single readings of a run, means over all others. The
     correlated part is reported only if it raises the log-likelihood by more than 2, noise that
     grows with the force by more than 4. With a measured sd for each reading (``force_sd``) the
     noise is taken as proportional to it, and the sds returned hold at its root mean square.
@@ -60,9 +60,9 @@ def measure(
     """
     peak = max((float(np.abs(t.force).max()) for t in tests if t.force.size), default=0.0)
     step = _force_step(tests)
-    rests = find_rests(tests, phases, step)
+    dwells = find_dwells(tests, phases, step)
     known = all(test.force_sd is None for test in tests)
-    floor = _pooled(rests, peak if known else 0.0) if rests else _without_rests(tests)
+    floor = _pooled(dwells, peak if known else 0.0) if dwells else _without_rests(tests)
     return _at_least(floor, step, float(np.hypot(EXACT * peak, _ROUNDED * of_a_step)))
 
 
@@ -102,18 +102,18 @@ def _at_least(floor: NoiseFloor, step: float, least: float) -> NoiseFloor:
         "motion between the readings is known no better"
     )
     return replace(
-        floor, white=least / np.sqrt(2.0), ou=least / np.sqrt(2.0), growth=0.0, rests=None,
+        floor, white=least / np.sqrt(2.0), ou=least / np.sqrt(2.0), growth=0.0, dwells=None,
         notices=(*notices, notice),
     )  # fmt: skip
 
 
-def _pooled(rests: list[Rest], peak: float) -> NoiseFloor:
+def _pooled(dwells: list[Dwell], peak: float) -> NoiseFloor:
     """White sd, correlated sd, its time and the growth, by restricted maximum likelihood.
 
     peak: largest force; 0 where sds were measured, so that growth is not looked for.
     """
-    pool = _pool(rests)
-    lengths = [float(np.ptp(r.time)) for r in rests]
+    pool = _pool(dwells)
+    lengths = [float(np.ptp(r.time)) for r in dwells]
     neutral = 0.1 * float(np.median(lengths))
     if not np.any(pool.y):
         return NoiseFloor(0.0, 0.0, neutral)
@@ -126,24 +126,24 @@ def _pooled(rests: list[Rest], peak: float) -> NoiseFloor:
     alone, variance = pool.of_white()
     if found.best - alone < _DECISIVE:
         white = float(np.sqrt(variance))
-        return NoiseFloor(white, 0.0, neutral, growth, level, rests=found)
+        return NoiseFloor(white, 0.0, neutral, growth, level, dwells=found)
     white = float(np.sqrt(pool.likelihood(found.ratio, found.tau, found.smooth)[1]))
     ou, tau = white * float(np.exp(0.5 * found.ratio)), float(np.exp(found.tau))
-    return NoiseFloor(white, ou, tau, growth, level, smooth=found.smooth, rests=found)
+    return NoiseFloor(white, ou, tau, growth, level, smooth=found.smooth, dwells=found)
 
 
-def _pool(rests: list[Rest]) -> Pool:
+def _pool(dwells: list[Dwell]) -> Pool:
     """With the finer trend where the coarser one would leave more than the noise."""
-    span = max(float(np.ptp(r.force)) for r in rests)
+    span = max(float(np.ptp(r.force)) for r in dwells)
     for ratio in _TREND_RATIOS:
-        pool = Pool.of(rests, ratio)
+        pool = Pool.of(dwells, ratio)
         averaged = pool.y[pool.count == pool.count.max()]
         if np.sqrt(np.mean(averaged**2)) > _QUIET * span:
             break
     return pool
 
 
-def _fitted(pool: Pool, longest: float, usual: float) -> Rests:
+def _fitted(pool: Pool, longest: float, usual: float) -> Dwells:
     """The more likely of both kinds of correlated noise, at its mode."""
     gaps = pool.gaps[np.isfinite(pool.gaps)]
     shortest = 3.0 * float(np.quantile(gaps, 0.1))
@@ -161,9 +161,9 @@ def _fitted(pool: Pool, longest: float, usual: float) -> Rests:
 
 def _mode(
     pool: Pool, bounds: Array, usual: float, starts: list[tuple[float, float]], *, smooth: bool
-) -> Rests:
+) -> Dwells:
     """The top of the posterior, from the best of some (log ratio, log tau)."""
-    found = Rests(pool, 0.0, 0.0, 0.0, bounds, usual, smooth, correlated=False)
+    found = Dwells(pool, 0.0, 0.0, 0.0, bounds, usual, smooth, correlated=False)
     start = min(starts, key=lambda at: found.loss(np.array(at)))
     best = minimize(
         found.loss, np.array(start), method="L-BFGS-B", bounds=Bounds(*bounds),
@@ -175,8 +175,8 @@ def _mode(
     return replace(found, best=gain, ratio=ratio, tau=tau, correlated=sure)
 
 
-def _growth(found: Rests, peak: float, level: float) -> tuple[float, Pool] | None:
-    """Growth (1/force) of the sd with the force and the rests divided by it; None if none shows."""
+def _growth(found: Dwells, peak: float, level: float) -> tuple[float, Pool] | None:
+    """Growth (1/force) of the sd with the force, and dwells divided by it; None if none shows."""
     best = None
     least = found.best + _GROWS
     for growth in _GROWTHS / peak:

@@ -1,4 +1,4 @@
-r"""Restricted likelihood of noise in all rests together, O(n).
+r"""Restricted likelihood of noise in all dwells together, O(n).
 
 The correlated process is the first entry of a Markov state, whose precision P is banded. With D the
 white variance of the runs' means and S the sd of the process's mean over a run,
@@ -19,16 +19,16 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_solve_banded, cholesky, cholesky_banded, solve_triangular
 
 from qlvbayes.preprocess.noisefloor.averages import rate, variance
-from qlvbayes.preprocess.noisefloor.rests import Rest, run_scale, trend
+from qlvbayes.preprocess.noisefloor.dwells import Dwell, run_scale, trend
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Pool:
-    """All rests one after another.
+    """All dwells one after another.
 
-    gaps (n - 1,): time between neighbouring runs' middles (inf between rests); count, length (n,):
+    gaps (n - 1,): time between neighbouring runs' middles (inf between dwells); count, length (n,):
     readings in a run and its duration; force (n,): smooth force; y (n,): what the trends leave;
     trends: their orthonormal bases; constant: of the log-likelihood, for relative sds.
     """
@@ -44,12 +44,12 @@ class Pool:
     constant: float = 0.0
 
     @classmethod
-    def of(cls, rests: list[Rest], ratio: float) -> Pool:
+    def of(cls, dwells: list[Dwell], ratio: float) -> Pool:
         """Means over runs, less their trends; ``ratio`` of neighbouring relaxation times."""
-        trends = [trend(rest, ratio) for rest in rests]
-        values = [rest.mean(rest.force) for rest in rests]
-        scales = [run_scale(rest) for rest in rests]
-        middles = [rest.mean(rest.time) for rest in rests]
+        trends = [trend(rest, ratio) for rest in dwells]
+        values = [rest.mean(rest.force) for rest in dwells]
+        scales = [run_scale(rest) for rest in dwells]
+        middles = [rest.mean(rest.time) for rest in dwells]
         left, smooth = [], []
         for q, value, scale in zip(trends, values, scales, strict=True):
             fitted = scale * (q @ (q.T @ (value / scale)))
@@ -57,8 +57,8 @@ class Pool:
             left.append((value - fitted) / scale)
         return cls(
             np.concatenate([np.append(np.diff(t), np.inf) for t in middles])[:-1],
-            np.concatenate([rest.count for rest in rests]),
-            np.concatenate([rest.length for rest in rests]),
+            np.concatenate([rest.count for rest in dwells]),
+            np.concatenate([rest.length for rest in dwells]),
             np.concatenate(smooth),
             np.concatenate([y - q @ (q.T @ y) for q, y in zip(trends, left, strict=True)]),
             trends,

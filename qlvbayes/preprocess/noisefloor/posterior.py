@@ -1,4 +1,4 @@
-"""How well the rests know the noise: draws of its white sd, correlated sd and correlation time."""
+"""How well the dwells know the noise: draws of its white sd, correlated sd and correlation time."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ Array = NDArray[np.float64]
 _POINTS = 32  # of the importance sample over (log ratio, log tau)
 _HEAVY = 5.0  # degrees of freedom of its Student-t
 _STEP = 0.1  # of both numbers, in the curvature's differences
-_WIDEST = 2.0  # sd of that t where the rests say little
+_WIDEST = 2.0  # sd of that t where the dwells say little
 _USUAL_TAU = 0.05  # of a rest: a longer memory looks like the trend, so that there is a weak
 TAU_SD = 1.5  # prior, log-normal with this sd (a quarter of a rest is one away)
 _RATIO_SD = 3.0  # prior of the log ratio of variances: sds that differ up to 4.5 times, usually
 
 
 @dataclass(frozen=True, eq=False)
-class Rests:
-    """The pooled rests, and the noise of highest restricted likelihood.
+class Dwells:
+    """The pooled dwells, and the noise of highest restricted likelihood.
 
     ratio, tau: logarithms of the correlated variance over the white one, and of its time; bounds:
     (2, 2) lowest and highest of both; usual: log of the prior's median time; correlated: whether
@@ -150,5 +150,5 @@ def student_t(uniform: Array) -> Array:
 
 
 def usual_log_tau(longest: float) -> float:
-    """Log of the prior's median correlation time for rests of that length (s)."""
+    """Log of the prior's median correlation time for dwells of that length (s)."""
     return float(np.log(_USUAL_TAU * longest))

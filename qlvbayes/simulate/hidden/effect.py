@@ -65,7 +65,7 @@ class Effect:
         """Shares (c0, c1, ...) and rates (v1, ...) of the relaxation."""
         return shares, rates
 
-    def haste(self, depth: Array) -> Array:
+    def rate_factor(self, depth: Array) -> Array:
         """Factor on every relaxation rate."""
         return np.ones_like(depth)
 

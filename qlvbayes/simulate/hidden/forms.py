@@ -233,7 +233,7 @@ class LinearRate(Effect):
 
     alpha: float
 
-    def haste(self, depth: Array) -> Array:
+    def rate_factor(self, depth: Array) -> Array:
         """Factor 1 + alpha d, kept above 0."""
         return np.maximum(1.0 + self.alpha * depth, 0.02)
 

@@ -39,7 +39,7 @@ class StrainDependentRate(Effect):
 
     alpha: float
 
-    def haste(self, depth: Array) -> Array:
+    def rate_factor(self, depth: Array) -> Array:
         """Factor e^{alpha d}."""
         return np.exp(self.alpha * depth)
 

@@ -64,7 +64,7 @@ class SensorNonlinearity(Effect):
     period: float
 
     def on_force(self, force: Array, path: Path) -> Array:
-        """Bend the calibration."""
+        """ParameterBias the calibration."""
         return force + self.amplitude * np.sin(2.0 * pi * force / self.period)
 
 

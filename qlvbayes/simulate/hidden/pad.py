@@ -157,12 +157,12 @@ class HiddenPad:
 
     def _material_force(self, path: Path) -> Array:
         shares, rates = self._modes
-        haste = np.ones_like(path.depth)
+        rate_factor = np.ones_like(path.depth)
         for effect in self._nested:
-            haste = haste * effect.haste(path.depth)
+            rate_factor = rate_factor * effect.rate_factor(path.depth)
         force = shares[0] * path.elastic
         for share, rate in zip(shares[1:], rates, strict=True):
-            force = force + share * (path.elastic - path.follow(rate * haste, path.elastic))
+            force = force + share * (path.elastic - path.follow(rate * rate_factor, path.elastic))
         return force
 
 

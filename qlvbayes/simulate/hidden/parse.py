@@ -51,6 +51,6 @@ def _given(cls: type[Effect], words: str) -> Effect:
         except ValueError:
             raise InputError(f"'{number}' is not a number for {key}", remedy=wanted) from None
     if len(values) < len(kinds):
-        lacking = ", ".join(key for key in kinds if key not in values)
-        raise InputError(f"{cls.name} lacks {lacking}", remedy=wanted)
+        missing = ", ".join(key for key in kinds if key not in values)
+        raise InputError(f"{cls.name} lacks {missing}", remedy=wanted)
     return cls(**values)

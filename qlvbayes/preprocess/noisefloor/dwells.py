@@ -41,7 +41,7 @@ class Record(Protocol):
 
 
 @dataclass(frozen=True)
-class Rest:
+class Dwell:
     """One rest: all readings (n,) and the first one (k,) of each run that is averaged.
 
     scale: (n,) relative sd of each reading.
@@ -69,11 +69,11 @@ class Rest:
         return np.asarray(total / self.count.reshape(-1, *[1] * (values.ndim - 1)))
 
 
-def find_rests(
+def find_dwells(
     tests: Sequence[Record], phases: Sequence[Sequence[Phase]], step: float
-) -> list[Rest]:
-    """The best-sampled rests, one of each test before a second of any."""
-    ranked: list[tuple[int, int, Rest]] = []
+) -> list[Dwell]:
+    """The best-sampled dwells, one of each test before a second of any."""
+    ranked: list[tuple[int, int, Dwell]] = []
     for test, cut in zip(tests, phases, strict=True):
         of_test = []
         for phase in cut:
@@ -113,14 +113,14 @@ def _silent(force: Array, inside: NDArray[np.intp], step: float) -> bool:
     return step == 0.0 or abs(usual) < step or usual >= float(force.max())
 
 
-def _rest(test: Record, inside: NDArray[np.intp]) -> Rest:
+def _rest(test: Record, inside: NDArray[np.intp]) -> Dwell:
     scale = np.ones(inside.size)
     if test.force_sd is not None:
         scale = test.force_sd[inside] / np.sqrt(np.mean(np.square(test.force_sd)))
         scale = np.maximum(scale, 1e-3)
     kept, begin = _kept(test.time[inside])
     inside = inside[kept]
-    return Rest(test.time[inside], test.force[inside], scale[kept], begin)
+    return Dwell(test.time[inside], test.force[inside], scale[kept], begin)
 
 
 def _kept(time: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -150,7 +150,7 @@ def _kept(time: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     return kept, ends - length
 
 
-def trend(rest: Rest, ratio: float) -> Array:
+def trend(rest: Dwell, ratio: float) -> Array:
     """Orthonormal basis (k, p) of smooth relaxation, as means over the runs.
 
     Any combination of 1, t and exp(-t/T_j), the T_j a factor ``ratio`` apart, from a few
@@ -167,6 +167,6 @@ def trend(rest: Rest, ratio: float) -> Array:
     return np.asarray(q[:, size > 1e-10 * size[0]], dtype=np.float64)
 
 
-def run_scale(rest: Rest) -> Array:
+def run_scale(rest: Dwell) -> Array:
     """Relative sd (k,) of a reading in each run: root mean square."""
     return np.sqrt(rest.mean(rest.scale**2))
