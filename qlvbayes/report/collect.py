@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -12,12 +13,14 @@ import numpy as np
 from qlvbayes.comparison.contrast import Comparison
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.fitting.curves import Curves
+from qlvbayes.fitting.diagnostics import diagnose_chain
 from qlvbayes.fitting.residuals import CheckResult
+from qlvbayes.fitting.results import load
 from qlvbayes.fitting.runs import Run, Runs
-from qlvbayes.fitting.summary import FitSummary
+from qlvbayes.fitting.summary import FitSummary, constant_of
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.resultfile import Result
-from qlvbayes.report.draws import summary_of_draws
+from qlvbayes.model.drawn import described_fields
 
 Kind = TypeVar("Kind", bound=Result)
 
@@ -177,3 +180,32 @@ def _damaged(path: Path) -> InputError:
     return InputError(
         "cannot be read as results of qlvbayes", file=path, remedy="run the command again"
     )
+
+
+def summary_of_draws(path: Path) -> tuple[FitSummary, dict]:
+    """What ``summary.json`` would say; the units and the choices that ours carry as attributes.
+
+    Raises InputError where the file is no posterior with our names of the constants.
+    """
+    saved = load(path)
+    kinds = {name: f.unit for f in described_fields(saved.choices) for name in f.names}
+    judged = diagnose_chain(saved.constants)
+    troubles = tuple(judged.troubles)
+    summary = FitSummary(
+        pad=saved.pad,
+        units=saved.units,
+        effects=saved.choices.effects,
+        sampler=saved.method,
+        converged=not troubles,
+        troubles=troubles,
+        parameters={
+            name: constant_of(saved.constants[..., k], saved.units.of(kinds[name]), k, judged)
+            for k, name in enumerate(saved.names)
+        },
+    )
+    facts = {
+        "displacement_unit": saved.units.displacement,
+        "force_unit": saved.units.force,
+        "choices": json.dumps(saved.choices.as_dict()),
+    }
+    return summary, facts
