@@ -30,12 +30,10 @@ def fit_into(
     all_tests: bool,
     settings: Settings,
     watcher: Watcher,
-    figures: bool = True,
 ) -> FitSummary:
-    """Fit one pad; leave ``posterior.nc`` and ``summary.json`` in a folder.
+    """Fit one pad; leave ``posterior.nc``, ``summary.json``, pairs and programme in a folder.
 
-    figures: whether to leave pairs and programme (PNG and PDF) too. A killed run goes on where it
-    was. Raises InputError where a setting cannot be used or nothing
+    A killed run goes on where it was. Raises InputError where a setting cannot be used or nothing
     can be written.
     """
     with watcher.doing(f"pad {pad.name}: motion, phases and noise floor"):
@@ -67,8 +65,7 @@ def fit_into(
         )
         save(tree, folder / "posterior.nc")
         summary.write(folder / "summary.json")
-        if figures:
-            draw_fit(folder, found, experiment)
+        draw_fit(folder, found, experiment)
     remove_chain(chain)
     watcher.fitted(summary)
     return summary

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from qlvbayes.diagnosis.result import DiagnosisResult
@@ -42,8 +43,9 @@ def run_study(
     """Do everything for the named pads (all by default); return their verdicts.
 
     Leaves in ``out``: per pad the plain model's fit and check in ``<pad>/plain``, the diagnosis
-    and, with the laws and effects that it names, the fit to all tests and its check in ``<pad>``
-    (the plain model again where it names nothing new); comparisons of the pads, or of the fluids in
+    and, with the laws and effects that it names, the fit and its check in ``<pad>``: to all tests
+    of all pads where something new is named in one, so that comparing them is fair; else they are
+    those of the plain model. Comparisons of the pads, or of the fluids in
     them, in ``compare``; constants (PNG, PDF, CSV, LaTeX) and, for two pads or more,
     forces_at_rates of all; ``run.json`` and ``report.html``.
 
@@ -81,19 +83,24 @@ def run_study(
     choices = choices or Choices(bonded=study.units.bonded_default)
     wanted = [study.pad(name) for name in pads] or list(study.pads)
     known = references_of(study, None if references is None else Path(references))
+    first = [
+        _plain(pad, study, choices, settings, thresholds, out / pad.name, watcher) for pad in wanted
+    ]
+    new = any(told.choices != choices for told in first)
     done = [
-        _one(pad, study, choices, settings, thresholds, out / pad.name, watcher) for pad in wanted
+        _final(pad, study, choices, settings, out / pad.name, watcher, told, all_tests=new)
+        for pad, told in zip(wanted, first, strict=True)
     ]
     with watcher.doing("figures of all pads"):
         draw_constants(out, known)
-        draw_forces_at_rates(out, [checked for _, checked in done])
+        draw_forces_at_rates(out, done)
     _compare([load(out / pad.name / "posterior.nc") for pad in wanted], out, settings, watcher)
     call = command or _call(study, out)
     told = {"sampler": settings, "thresholds": thresholds}
     record_run(out, "study", call, study, choices, settings.seed, told)
     with watcher.doing("report"):
         write_report(out)
-    return [found for found, _ in done]
+    return [told.found for told in first]
 
 
 def _compare(pads: list[Saved], out: Path, settings: Settings, watcher: Watcher) -> None:
@@ -113,7 +120,16 @@ def _call(study: Measurements, out: Path) -> str:
     return f"qlvbayes.run_study({Path(study.source).name!r}, {out.name!r}, ...)"
 
 
-def _one(
+@dataclass(frozen=True, eq=False)
+class _Told:
+    """A pad's diagnosis, the check of its plain fit, and the choices that the verdict makes."""
+
+    found: Diagnosis
+    plain: CheckedPad
+    choices: Choices
+
+
+def _plain(
     pad: Pad,
     study: Measurements,
     choices: Choices,
@@ -121,9 +137,9 @@ def _one(
     thresholds: Thresholds,
     folder: Path,
     watcher: Watcher,
-) -> tuple[Diagnosis, CheckedPad]:
+) -> _Told:
     plain = folder / "plain"
-    _fit_and_check(pad, study, choices, settings, plain, watcher, all_tests=False, figures=False)
+    checked = _fit_and_check(pad, study, choices, settings, plain, watcher, all_tests=False)
     found = diagnose_into(
         folder,
         pad,
@@ -136,9 +152,26 @@ def _one(
     told = found.result
     new = (told.forms.get(name, name) for name in told.effects if name not in choices.effects)
     fuller = replace(_on_laws(choices, told), effects=(*choices.effects, *new))
-    every = fuller != choices
-    checked = _fit_and_check(pad, study, fuller, settings, folder, watcher, all_tests=every)
-    return found, checked
+    return _Told(found, checked, fuller)
+
+
+def _final(
+    pad: Pad,
+    study: Measurements,
+    choices: Choices,
+    settings: Settings,
+    folder: Path,
+    watcher: Watcher,
+    told: _Told,
+    *,
+    all_tests: bool,
+) -> CheckedPad:
+    """Fit what the verdict names; the same tests of every pad, so that comparing them is fair."""
+    if told.choices == choices and not all_tests:
+        for file in (folder / "plain").iterdir():
+            shutil.copy2(file, folder)
+        return told.plain
+    return _fit_and_check(pad, study, told.choices, settings, folder, watcher, all_tests=all_tests)
 
 
 def _on_laws(choices: Choices, found: DiagnosisResult) -> Choices:
@@ -176,7 +209,6 @@ def _fit_and_check(
     watcher: Watcher,
     *,
     all_tests: bool,
-    figures: bool = True,
 ) -> CheckedPad:
     fit_into(
         folder,
@@ -187,7 +219,6 @@ def _fit_and_check(
         all_tests=all_tests,
         settings=settings,
         watcher=watcher,
-        figures=figures,
     )
     saved = load(folder / "posterior.nc")
     return check_into(folder, saved, study, seed=settings.seed, watcher=watcher)[0]
