@@ -38,6 +38,7 @@ TOGETHER = 4
 """Sets of constants come in multiples of this, so that few sizes are compiled."""
 _AT_ONCE = ThreadPoolExecutor(min(4, os.cpu_count() or 1), thread_name_prefix="force")
 """XLA runs a force on one core and lets Python go on meanwhile: so do several at once."""
+_WORTH = 512  # points: their force takes a millisecond, to trace another size a second
 FEW = 4
 """Modes up to which a spectrum counts as short, and runs in a model of its own."""
 
@@ -226,7 +227,7 @@ def _motions(record: Record) -> list[tuple[Array, ...]]:
     found = []
     for k, last in enumerate(np.max(np.asarray(record.nodes), axis=(1, 2)).tolist()):
         size = leaves[0].shape[1]
-        while size % 2 == 0 and size // 2 > last:  # by halves: few sizes are compiled
+        while size >= 2 * _WORTH and size % 2 == 0 and size // 2 > last:  # few sizes are compiled
             size //= 2
         found.append(tuple(leaf[k][:size] if leaf.ndim > 1 else leaf[k] for leaf in leaves))
     return found
