@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 import qlvbayes.plots as plots
-from qlvbayes.cli.main import app
+from qlvbayes.cli.main import application
 from qlvbayes.fitting.residuals import Cell, CheckResult
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.units import PAD
@@ -92,7 +92,7 @@ def test_every_command_that_draws_takes_a_style(command, tmp_path):
         words = [*words[:3], "x"]
     if command == "benchmark":
         words = words[:-1]
-    found = CliRunner().invoke(app, words)
+    found = CliRunner().invoke(application(), words)
     assert isinstance(found.exception, InputError)
     assert "none.mplstyle" in str(found.exception)
     assert not (tmp_path / "out").exists()

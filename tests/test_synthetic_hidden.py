@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from typer.testing import CliRunner
 
-from qlvbayes.cli.main import app
+from qlvbayes.cli.main import application
 from qlvbayes.io.checks import InputError
 from qlvbayes.simulate import (
     FORMS,
@@ -393,7 +393,9 @@ def test_parameters_out_of_range_are_refused():
 
 
 def simulate(*words):
-    result = CliRunner().invoke(app, ["simulate", "--pads", "B", "--rates", "20", *map(str, words)])
+    result = CliRunner().invoke(
+        application(), ["simulate", "--pads", "B", "--rates", "20", *map(str, words)]
+    )
     return result
 
 

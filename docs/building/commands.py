@@ -31,9 +31,9 @@ def commands() -> list[Command]:
     """Every command as the terminal's help shows it."""
     import typer
 
-    from qlvbayes.cli.main import app
+    from qlvbayes.cli.main import application
 
-    group: Any = typer.main.get_command(app)
+    group: Any = typer.main.get_command(application())
     return [_command(name, command) for name, command in group.commands.items()]
 
 

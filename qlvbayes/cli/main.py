@@ -5,58 +5,58 @@ from __future__ import annotations
 import errno
 import os
 import sys
+from collections.abc import Iterable
+from importlib import import_module
 
 import typer
 
-from qlvbayes.cli.app import app_command
-from qlvbayes.cli.benchmark import benchmark
-from qlvbayes.cli.check import check
-from qlvbayes.cli.compare import compare_command
-from qlvbayes.cli.convert import convert_command
-from qlvbayes.cli.design import design_command
-from qlvbayes.cli.diagnose import diagnose_command
-from qlvbayes.cli.effects import effects
-from qlvbayes.cli.export import export_command
-from qlvbayes.cli.fit import fit
-from qlvbayes.cli.laws import laws
-from qlvbayes.cli.predict import predict_command
-from qlvbayes.cli.report import report
-from qlvbayes.cli.simulate import simulate
-from qlvbayes.cli.study import study_command
 from qlvbayes.io.checks import InputError
 
 INTERRUPTED = 130
 
-app = typer.Typer(
-    help="Viscoelastic constants of soft pads from force-displacement tests.",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-)
-app.command("study")(study_command)
-app.command()(fit)
-app.command()(check)
-app.command("diagnose")(diagnose_command)
-app.command("app")(app_command)
-app.command("compare")(compare_command)
-app.command("predict")(predict_command)
-app.command("design")(design_command)
-app.command()(report)
-app.command("export")(export_command)
-app.command()(effects)
-app.command()(laws)
-app.command("convert")(convert_command)
-app.command()(simulate)
-app.command()(benchmark)
+_COMMANDS = {
+    "study": "study.study_command",
+    "fit": "fit.fit",
+    "check": "check.check",
+    "diagnose": "diagnose.diagnose_command",
+    "app": "app.app_command",
+    "compare": "compare.compare_command",
+    "predict": "predict.predict_command",
+    "design": "design.design_command",
+    "report": "report.report",
+    "export": "export.export_command",
+    "effects": "effects.effects",
+    "laws": "laws.laws",
+    "convert": "convert.convert_command",
+    "simulate": "simulate.simulate",
+    "benchmark": "benchmark.benchmark",
+}
+"""Where each stands: importing all takes longer than many of them need."""
+
+
+def application(names: Iterable[str] = tuple(_COMMANDS)) -> typer.Typer:
+    """Of some commands by their names, by default all."""
+    app = typer.Typer(
+        help="Viscoelastic constants of soft pads from force-displacement tests.",
+        no_args_is_help=True,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+    )
+    app.callback()(lambda: None)  # or a single command would take no name
+    for name in names:
+        module, _, function = _COMMANDS[name].partition(".")
+        app.command(name)(getattr(import_module(f"qlvbayes.cli.{module}"), function))
+    return app
 
 
 def run() -> None:
     """Run the command; status 2 and one line for what the user can mend, never a traceback."""
+    asked = [word for word in sys.argv[1:2] if word in _COMMANDS]
     if os.environ.get("QLVBAYES_DEBUG"):
-        app()
+        application(asked or _COMMANDS)()
     try:
         try:
-            app()
+            application(asked or _COMMANDS)()
         finally:
             sys.stdout.flush()  # here, where a reader that has gone can still be noticed
     except InputError as error:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from qlvbayes.inference.discrepancy import TOLERANCE
 from qlvbayes.io.checks import InputError
+from qlvbayes.laws.scales import TOLERANCE
 
 _MOST_TOLERANCE = 0.5  # of the peak force, from which it is not a tolerance but a mistake
 

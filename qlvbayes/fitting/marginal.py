@@ -20,7 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from qlvbayes.inference.discrepancy import ROUGH, SIZES, TOLERANCE, Discrepancy
+from qlvbayes.inference.discrepancy import ROUGH, SIZES, Discrepancy
+from qlvbayes.laws.scales import TOLERANCE
 from qlvbayes.model.floorlikelihood import FloorLikelihood
 from qlvbayes.model.noise import Floor
 from qlvbayes.model.posterior import Posterior

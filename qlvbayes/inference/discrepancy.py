@@ -29,6 +29,7 @@ from scipy.linalg import solve_triangular
 
 from qlvbayes.inference.features import Features, Places
 from qlvbayes.inference.whitening import Whitener
+from qlvbayes.laws.scales import TOLERANCE
 from qlvbayes.model.record import Blocks
 from qlvbayes.preprocess.experiment import Experiment, Trial
 
@@ -39,8 +40,6 @@ ROUGH = 0.1
 """rho: smooth first of all, as no curve of a soft body has many kinks."""
 SIZES = np.geomspace(3e-4, 0.3, 19)
 """Of the peak force: below the least, noise hides it."""
-TOLERANCE = 0.01
-"""Of the peak force: what is smaller does not matter."""
 
 
 @dataclass(frozen=True, eq=False)

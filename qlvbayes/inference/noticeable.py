@@ -22,8 +22,7 @@ import math
 
 from scipy.stats import norm
 
-from qlvbayes.inference.discrepancy import TOLERANCE
-from qlvbayes.laws.scales import SHARE
+from qlvbayes.laws.scales import SHARE, TOLERANCE
 from qlvbayes.priors import HalfNormal, Normal
 
 _EXACT = 1e-9  # of t: sd of an amplitude that is known exactly

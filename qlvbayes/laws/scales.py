@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from qlvbayes.priors import HalfNormal, LogNormal, Normal
 
 SHARE = 0.05  # prior sd of an effect's largest contribution, over the peak force
+TOLERANCE = 0.01
+"""Of the peak force: what is smaller does not matter."""
 
 
 @dataclass(frozen=True)
