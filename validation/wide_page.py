@@ -11,7 +11,7 @@ from qlvbayes.evaluation.counting import COUNTS, bound, is_right
 from qlvbayes.evaluation.population import STRATA
 from qlvbayes.evaluation.widereport import WideReport
 
-_HEAD = """# Blind studies away from the paper's rig
+_HEAD = """# Blind studies away from the paper's rig: {name}
 
 {intro}
 
