@@ -218,9 +218,10 @@ def test_names_that_a_tidy_file_cannot_hold_are_written_otherwise(tmp_path):
     assert row.startswith("100% B,a-b-c,0.0")
 
 
-def test_a_tidy_file_is_said_to_be_tidy(tmp_path):
+@pytest.mark.parametrize("remark", ["", "# SIMULATED\n# twice\n"])
+def test_a_tidy_file_is_said_to_be_tidy(tmp_path, remark):
     file = tmp_path / "tidy.csv"
-    file.write_text("pad,time_s,displacement_mm,force_N\nB,0.0,0.0,0.1\n")
+    file.write_text(remark + "pad,time_s,displacement_mm,force_N\nB,0.0,0.0,0.1\n")
     status, _, err = call("convert", file, "-o", tmp_path / "again.csv")
     assert status == 2
     assert "tidy already" in err

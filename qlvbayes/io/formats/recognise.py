@@ -92,9 +92,8 @@ _MEASURED = (("displacement", "force"), ("strain", "stress"))
 
 
 def _is_tidy(head: bytes) -> bool:
-    """Whether the first line names the columns of a tidy file, as in ``time_s``."""
-    first = head.partition(b"\n")[0].decode("utf-8-sig", "replace")
+    """Whether the first line but remarks names the columns of a tidy file, as in ``time_s``."""
+    lines = head.decode("utf-8-sig", "replace").splitlines()
+    first = next((line for line in lines if line.strip() and not line.startswith("#")), "")
     columns = {name.strip(' "').partition("_")[0] for name in re.split("[,;\t]", first)}
-    return "time" in columns and (
-        {"displacement", "force"} <= columns or {"strain", "stress"} <= columns
-    )
+    return "time" in columns and any(columns.issuperset(pair) for pair in _MEASURED)
