@@ -149,7 +149,8 @@ def sampling_section():
     return f"""## Effective samples a second
 
 The 20 mm/s test of pad B, same reduced record, priors and correlated noise (the log densities
-differ by {difference:.0e} at most, up to their constant, as the script knows straight lines only): **{ours:.0f} a second**, against
+differ by {difference:.0e} at most, up to their constant: the script knows straight lines only):
+**{ours:.0f} a second**, against
 {rival:.1f} for a plain numpy and emcee script (`benchmarks/rivals.py`): {ours / rival:.0f} times as
 many.
 """
