@@ -16,7 +16,7 @@ from pathlib import Path
 from blind_page import blind_page
 from page import Origin
 
-from qlvbayes.cli.benchmark import counting
+from qlvbayes.cli.console import counting
 from qlvbayes.evaluation.keeping import Kept
 from qlvbayes.evaluation.plan import NOISES, Plan
 from qlvbayes.evaluation.report import Report

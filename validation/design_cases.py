@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from qlvbayes import Choices
-from qlvbayes.diagnosis.design import begun, cause_of
+from qlvbayes.diagnosis.design import cause_of
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.families import Families
 from qlvbayes.diagnosis.nexttest.belief import Belief, normalised
@@ -265,7 +265,8 @@ def _weighed(experiment: Experiment, known: Sequence[tuple[Hypothesis, float]]) 
     names = {effect for hypothesis, _ in known for effect in hypothesis.effects}
     own = {FAMILIES.of[name] for name in names}
     kinds = tuple(kind for kind in Choices().candidates if kind.name in own)
-    search = begun(search_of(experiment, kinds=kinds))
+    search = search_of(experiment, kinds=kinds)
+    search.begin()
     for hypothesis, _ in known:
         bare = replace(hypothesis, effects=search.usual.effects)
         search.see_plain(bare)

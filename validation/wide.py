@@ -18,7 +18,7 @@ from page import Origin
 from registration import ROOT, Registration
 from wide_page import wide_page
 
-from qlvbayes.cli.benchmark import counting
+from qlvbayes.cli.console import counting
 from qlvbayes.evaluation.keeping import Kept
 from qlvbayes.evaluation.population import Population
 from qlvbayes.evaluation.widereport import WideReport

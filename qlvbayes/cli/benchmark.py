@@ -3,31 +3,20 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 from rich.table import Table
 
 from qlvbayes.cli.benchmark_wide import run_wide_benchmark
-from qlvbayes.cli.console import err, out
+from qlvbayes.cli.console import counting, out
 from qlvbayes.cli.options import Style, split_names
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.files import results_folder, write_json
 
 if TYPE_CHECKING:
     from qlvbayes.evaluation.report import Report
-    from qlvbayes.evaluation.run import Tell
 
 
 def benchmark(
@@ -88,26 +77,6 @@ def benchmark(
         return
     out.print(rates_table(report), constants_table(report))
     out.print(f"figure: {picture}", markup=False)
-
-
-@contextmanager
-def counting(what: str) -> Iterator[Tell]:
-    """A progress bar; silent where stderr is no terminal."""
-    bar = Progress(
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn(f"{what},"),
-        TimeElapsedColumn(),
-        TextColumn("gone,"),
-        TimeRemainingColumn(),
-        TextColumn("left"),
-        console=err,
-        transient=True,
-        disable=not err.is_terminal,
-    )
-    with bar:
-        task = bar.add_task("", total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
 def rates_table(report: Report) -> Table:

@@ -31,13 +31,13 @@ def command_line() -> str:
 
 
 @contextmanager
-def sampling(label: str) -> Iterator[Report]:
-    """A progress bar for one chain; silent where stderr is no terminal."""
+def counting(what: str, label: str = "") -> Iterator[Report]:
+    """A progress bar of so many ``what``; silent where stderr is no terminal."""
     bar = Progress(
         TextColumn("{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),
-        TextColumn("steps,"),
+        TextColumn(f"{what},"),
         TimeElapsedColumn(),
         TextColumn("gone,"),
         TimeRemainingColumn(),

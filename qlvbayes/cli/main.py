@@ -51,12 +51,12 @@ def application(names: Iterable[str] = tuple(_COMMANDS)) -> typer.Typer:
 
 def run() -> None:
     """Run the command; status 2 and one line for what the user can mend, never a traceback."""
-    asked = [word for word in sys.argv[1:2] if word in _COMMANDS]
+    app = application([word for word in sys.argv[1:2] if word in _COMMANDS] or _COMMANDS)
     if os.environ.get("QLVBAYES_DEBUG"):
-        application(asked or _COMMANDS)()
+        app()
     try:
         try:
-            application(asked or _COMMANDS)()
+            app()
         finally:
             sys.stdout.flush()  # here, where a reader that has gone can still be noticed
     except InputError as error:

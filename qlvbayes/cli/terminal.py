@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 
-from qlvbayes.cli.console import err, out, sampling, waiting
+from qlvbayes.cli.console import counting, err, out, waiting
 from qlvbayes.cli.diagnosis_tables import ranking_table, steps_table
 from qlvbayes.cli.tables import check_table, constants_table
 from qlvbayes.diagnosis.verdict import Diagnosis
@@ -33,7 +33,7 @@ class Terminal(Watcher):
 
     def sampling(self, label: str) -> AbstractContextManager[Progress]:
         """A progress bar."""
-        return sampling(label)
+        return counting("steps", label)
 
     def notice(self, text: str) -> None:
         """A line, once: several steps may find the same."""

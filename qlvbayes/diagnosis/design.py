@@ -18,10 +18,13 @@ from qlvbayes.diagnosis.nexttest.information import evidence
 from qlvbayes.diagnosis.nexttest.rig import Rig
 from qlvbayes.diagnosis.nexttest.screening import TOGETHER, screened
 from qlvbayes.diagnosis.result import Suggestion
-from qlvbayes.diagnosis.search import Search, Weighed, _in_proportion, described
+from qlvbayes.diagnosis.search import Weighed, described
 from qlvbayes.inference.density import Density
 from qlvbayes.preprocess.experiment import Experiment
 
+NOTHING = "no effect"
+UNLISTED = "something unlisted"
+"""Causes that no effect's name tells."""
 _LONGEST = 600.0  # s, with the pause before it: what 'design' takes for granted
 _TOLD = 5
 
@@ -70,18 +73,3 @@ def cause_of(effects: Collection[str], families: Families) -> str:
     names = sorted({families.of.get(name, name) for name in listed})
     unlisted = [UNLISTED] if len(listed) < len(effects) else []
     return " + ".join((*names, *unlisted)) or NOTHING
-
-
-NOTHING = "no effect"
-UNLISTED = "something unlisted"
-"""Causes that no effect's name tells."""
-
-
-def begun(search: Search) -> Search:
-    """The plain model seen, and the priors taken by which a search's hypotheses are weighed."""
-    search.see_plain(search.usual)
-    if search.usual in search.modes:
-        search.density = _in_proportion(search)
-        del search.modes[search.usual]
-        search.see_plain(search.usual)
-    return search

@@ -11,7 +11,7 @@ weighs each by its evidence from what was not left out,
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -19,15 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import softmax
 
-from qlvbayes.diagnosis.samples import Samples, rmse
+from qlvbayes.diagnosis.samples import Mask, Samples, rmse
 from qlvbayes.diagnosis.search import Weighed
 from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.evidence import evidence
 from qlvbayes.inference.modes import find_mode
-from qlvbayes.preprocess.phases import phase_index
 
 Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 class Part(NamedTuple):
@@ -95,7 +93,7 @@ def errors(
 
 def leave_out(density: Density, samples: Samples) -> list[Part]:
     """Each test, or of one alone each of its phases."""
-    return [Part(density.without(out), k, rows) for out, k, rows in _parts(density, samples)]
+    return [Part(density.without(out), k, rows) for out, k, rows in samples.left_out()]
 
 
 def predictions(samples: Samples, parts: Sequence[Part], found: Weighed) -> list[Predicted]:
@@ -108,21 +106,3 @@ def _predicted(samples: Samples, part: Part, found: Weighed) -> Predicted:
     point = mode.point if mode is not None else found.point
     force = samples.predict(found.hypothesis, point.constants[None])[part.test][0][part.rows]
     return Predicted(force, part.density, point)
-
-
-def _parts(density: Density, samples: Samples) -> Iterator[tuple[Mask, int, Mask]]:
-    """What is left out in turn: of the block means (n,), which test, of its samples."""
-    count = len(samples.trials)
-    if count > 1:
-        for k in range(count):
-            yield density.whitener.tests == k, k, np.ones(samples.rows[k].size, dtype=bool)
-        return
-    (trial,) = samples.trials
-    blocks = density.space.record.blocks
-    middle = 0.5 * (np.asarray(blocks.first) + np.asarray(blocks.last))[0, density.space.real[0]]
-    of_blocks = phase_index(trial.phases, middle)
-    of_samples = phase_index(trial.phases, trial.test.time[samples.rows[0]])
-    for k in range(len(trial.phases)):
-        out, rows = of_blocks == k, of_samples == k
-        if rows.any() and out.any() and not out.all():
-            yield out, 0, rows

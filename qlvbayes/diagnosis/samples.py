@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,9 +14,10 @@ from qlvbayes.inference.space import Hypothesis, Space
 from qlvbayes.model.record import Record
 from qlvbayes.preprocess.batching import batch
 from qlvbayes.preprocess.experiment import Experiment, Trial
-from qlvbayes.preprocess.phases import KINDS
+from qlvbayes.preprocess.phases import KINDS, phase_index
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +69,27 @@ class Samples:
             for k, some in enumerate(places):
                 found[k][:, some] = forces[:, k, : some.size]
         return found
+
+    def left_out(self) -> Iterator[tuple[Mask, int, Mask]]:
+        """What is left out in turn: of the n block means, which test, of its samples.
+
+        Each test, or of one alone each of its phases.
+        """
+        real = self.space.real
+        if len(self.trials) > 1:
+            tests = np.broadcast_to(np.arange(len(real))[:, None], real.shape)[real]
+            for k, rows in enumerate(self.rows):
+                yield tests == k, k, np.ones(rows.size, dtype=bool)
+            return
+        (trial,) = self.trials
+        blocks = self.space.record.blocks
+        middle = 0.5 * (np.asarray(blocks.first) + np.asarray(blocks.last))[0, real[0]]
+        of_blocks = phase_index(trial.phases, middle)
+        of_samples = phase_index(trial.phases, trial.test.time[self.rows[0]])
+        for k in range(len(trial.phases)):
+            out, rows = of_blocks == k, of_samples == k
+            if rows.any() and out.any() and not out.all():
+                yield out, 0, rows
 
     @property
     def observed(self) -> list[Array]:

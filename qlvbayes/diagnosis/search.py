@@ -143,8 +143,8 @@ class Search:
         """Effects besides those that the user put into the model."""
         return sorted(hypothesis.effects - self.usual.effects)
 
-    def run(self) -> None:
-        """Until the best hypothesis has no better neighbour.
+    def begin(self) -> None:
+        """See the plain model, and take the priors by what each effect does in this motion.
 
         Raises NoFiniteForceError where no draw of the plain model's priors gives finite forces.
         """
@@ -155,6 +155,13 @@ class Search:
         self.density = _in_proportion(self)
         known = [one.mode.point.theta for one in self.modes.pop(self.usual)]
         self._keep(self.usual, self._optimised(self.usual, known))
+
+    def run(self) -> None:
+        """Until the best hypothesis has no better neighbour.
+
+        Raises NoFiniteForceError where no draw of the plain model's priors gives finite forces.
+        """
+        self.begin()
         self._see_bases()
         grown: set[Hypothesis] = set()
         rebased: set[Hypothesis] = set()
@@ -261,7 +268,7 @@ class Search:
     def _see_from(self, known: Point, hypothesis: Hypothesis, others: Array) -> Array:
         """From a point's numbers, others (F,), and laws as like its own as they can be.
 
-        Returns the start (F,) without that likeness.
+        Returns the start (F,) before its laws were fitted.
         """
         start = self._with_carried(known, hypothesis, others)
         near = projected(self.density.space, known, hypothesis, start)

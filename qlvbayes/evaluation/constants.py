@@ -14,6 +14,7 @@ import numpy as np
 
 from qlvbayes.evaluation.rate import Case, Rate
 
+EXTRA = "extra_relaxation_mode"
 HALF_WIDTH = 1.645  # sds, of a 90 % interval
 
 
@@ -83,9 +84,6 @@ def _constant(name: str, off: np.ndarray) -> Constant:
 
 def _finite(value: float) -> float | None:
     return value if np.isfinite(value) else None
-
-
-EXTRA = "extra_relaxation_mode"
 
 
 def named_as_fitted(

@@ -14,6 +14,7 @@ chunks' ends are carried forward. (Fung 1981; the recursion is that of Taylor, P
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -82,19 +83,20 @@ def hereditary_force(
     times, start_time = _chunks(time, length, time[0])
     depths, start_depth = _chunks(depth, length, jnp.zeros((), depth.dtype))
     instant = elastic.force(depths)
-    bowed = jnp.zeros_like(depth) if bow is None else bow * _mean_stiffness(elastic, depth)
-    bows, _ = _chunks(bowed, length, bowed[0])
+    bows = None
+    if bow is not None:
+        bows, _ = _chunks(bow * _mean_stiffness(elastic, depth), length, bow[0])
     fractions, rates = relaxation.spectrum()
     rates = rates[:, None]
 
-    def advance(state: tuple[Array, ...], point: tuple[Array, ...]) -> tuple:
+    def advance(state: tuple[Array, ...], point: tuple[Any, ...]) -> tuple:
         part, time_before, depth_before, instant_before = state
         time_now, depth_now, instant_now, bow_now = point
         decay = rates * (time_now - time_before)
         step = elastic.relaxed_step(depth_before, depth_now, instant_before, instant_now, decay)
         survival = jnp.exp(-decay)
         part = survival * part + step
-        if bow is not None:
+        if bow_now is not None:
             part = part - bow_now * _bow_factor(decay, survival)
         local = jnp.sum(fractions[1:, None] * part, axis=0)
         return (part, time_now, depth_now, instant_now), local

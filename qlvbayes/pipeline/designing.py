@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from msgspec.structs import replace as with_fields
 
-from qlvbayes.diagnosis.design import begun, cause_of
+from qlvbayes.diagnosis.design import cause_of
 from qlvbayes.diagnosis.families import Families
 from qlvbayes.diagnosis.nexttest.belief import Belief, Explanation, normalised
 from qlvbayes.diagnosis.nexttest.design import Design
@@ -285,7 +285,8 @@ def _run(out: Path) -> Run:
 
 def explained(search: Search, alternatives: Sequence[Alternative]) -> list[Explanation]:
     """Alternatives at their likeliest modes; those that have none are left out."""
-    usual = begun(search).usual
+    search.begin()
+    usual = search.usual
     found = []
     for one in alternatives:
         hypothesis = Hypothesis(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,6 +14,7 @@ from qlvbayes.fitting.ensemble import Settings
 from qlvbayes.fitting.results import Saved, load
 from qlvbayes.fitting.runs import record_run
 from qlvbayes.io.data import Measurements, Pad, read_measurements
+from qlvbayes.io.files import write_whole
 from qlvbayes.laws.catalogue import find_elastic, find_relaxation
 from qlvbayes.model.choices import Choices
 from qlvbayes.pipeline.checking import check_into
@@ -83,14 +83,11 @@ def run_study(
     choices = choices or Choices(bonded=study.units.bonded_default)
     wanted = [study.pad(name) for name in pads] or list(study.pads)
     known = references_of(study, None if references is None else Path(references))
-    first = [
-        _plain(pad, study, choices, settings, thresholds, out / pad.name, watcher) for pad in wanted
-    ]
+    steps = _Steps(study, out, choices, settings, thresholds, watcher)
+    first = [steps.plain(pad) for pad in wanted]
     new = any(told.choices != choices for told in first)
-    done = [
-        _final(pad, study, choices, settings, out / pad.name, watcher, told, all_tests=new)
-        for pad, told in zip(wanted, first, strict=True)
-    ]
+    pairs = zip(wanted, first, strict=True)
+    done = [steps.final(pad, told, all_tests=new) for pad, told in pairs]
     with watcher.doing("figures of all pads"):
         draw_constants(out, known)
         draw_forces_at_rates(out, done)
@@ -129,49 +126,60 @@ class _Told:
     choices: Choices
 
 
-def _plain(
-    pad: Pad,
-    study: Measurements,
-    choices: Choices,
-    settings: Settings,
-    thresholds: Thresholds,
-    folder: Path,
-    watcher: Watcher,
-) -> _Told:
-    plain = folder / "plain"
-    checked = _fit_and_check(pad, study, choices, settings, plain, watcher, all_tests=False)
-    found = diagnose_into(
-        folder,
-        pad,
-        choices,
-        evidence="laplace",
-        seed=settings.seed,
-        watcher=watcher,
-        thresholds=thresholds,
-    )
-    told = found.result
-    new = (told.forms.get(name, name) for name in told.effects if name not in choices.effects)
-    fuller = replace(_on_laws(choices, told), effects=(*choices.effects, *new))
-    return _Told(found, checked, fuller)
+@dataclass(frozen=True, eq=False)
+class _Steps:
+    """What is done with each pad, into a folder of its own."""
 
+    study: Measurements
+    out: Path
+    choices: Choices
+    settings: Settings
+    thresholds: Thresholds
+    watcher: Watcher
 
-def _final(
-    pad: Pad,
-    study: Measurements,
-    choices: Choices,
-    settings: Settings,
-    folder: Path,
-    watcher: Watcher,
-    told: _Told,
-    *,
-    all_tests: bool,
-) -> CheckedPad:
-    """Fit what the verdict names; the same tests of every pad, so that comparing them is fair."""
-    if told.choices == choices and not all_tests:
-        for file in (folder / "plain").iterdir():
-            shutil.copy2(file, folder)
-        return told.plain
-    return _fit_and_check(pad, study, told.choices, settings, folder, watcher, all_tests=all_tests)
+    def plain(self, pad: Pad) -> _Told:
+        """The plain model's fit and check, and the diagnosis."""
+        folder, choices = self.out / pad.name, self.choices
+        checked = self._fit_and_check(pad, choices, folder / "plain", all_tests=False)
+        found = diagnose_into(
+            folder,
+            pad,
+            choices,
+            evidence="laplace",
+            seed=self.settings.seed,
+            watcher=self.watcher,
+            thresholds=self.thresholds,
+        )
+        told = found.result
+        new = (told.forms.get(name, name) for name in told.effects if name not in choices.effects)
+        fuller = replace(_on_laws(choices, told), effects=(*choices.effects, *new))
+        return _Told(found, checked, fuller)
+
+    def final(self, pad: Pad, told: _Told, *, all_tests: bool) -> CheckedPad:
+        """What the verdict names: the same tests of every pad, so that comparing them is fair."""
+        folder = self.out / pad.name
+        if told.choices == self.choices and not all_tests:
+            for file in filter(Path.is_file, (folder / "plain").iterdir()):
+                write_whole(folder / file.name, file.read_bytes())
+            return told.plain
+        return self._fit_and_check(pad, told.choices, folder, all_tests=all_tests)
+
+    def _fit_and_check(
+        self, pad: Pad, choices: Choices, folder: Path, *, all_tests: bool
+    ) -> CheckedPad:
+        study, settings, watcher = self.study, self.settings, self.watcher
+        fit_into(
+            folder,
+            pad,
+            study,
+            choices,
+            method="emcee",
+            all_tests=all_tests,
+            settings=settings,
+            watcher=watcher,
+        )
+        saved = load(folder / "posterior.nc")
+        return check_into(folder, saved, study, seed=settings.seed, watcher=watcher)[0]
 
 
 def _on_laws(choices: Choices, found: DiagnosisResult) -> Choices:
@@ -198,27 +206,3 @@ def _on_laws(choices: Choices, found: DiagnosisResult) -> Choices:
 def _constant(setting: str) -> str:
     """The constant's name in ``v[2]=0.14``, without its number."""
     return setting.partition("=")[0].partition("[")[0].strip()
-
-
-def _fit_and_check(
-    pad: Pad,
-    study: Measurements,
-    choices: Choices,
-    settings: Settings,
-    folder: Path,
-    watcher: Watcher,
-    *,
-    all_tests: bool,
-) -> CheckedPad:
-    fit_into(
-        folder,
-        pad,
-        study,
-        choices,
-        method="emcee",
-        all_tests=all_tests,
-        settings=settings,
-        watcher=watcher,
-    )
-    saved = load(folder / "posterior.nc")
-    return check_into(folder, saved, study, seed=settings.seed, watcher=watcher)[0]

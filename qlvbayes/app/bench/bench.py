@@ -31,7 +31,6 @@ from qlvbayes.inference.space import Space
 from qlvbayes.io.checks import InputError, NoFiniteForceError
 from qlvbayes.model.choices import Choices
 from qlvbayes.preprocess.experiment import Experiment
-from qlvbayes.preprocess.phases import phase_index
 
 Array = NDArray[np.float64]
 
@@ -256,30 +255,12 @@ class Bench:
         """
         point = self._point(model)
         residuals = []
-        for blocks, test, rows in self._parts():
+        for blocks, test, rows in self.samples.left_out():
             found = self.squares.without(blocks).least(model.hypothesis, point.theta) or point
             predicted = self.samples.predict(model.hypothesis, found.constants[None])[test][0]
             residuals.append((self.samples.observed[test] - predicted)[rows])
             yield None
         yield rmse(residuals) if residuals else float("nan")
-
-    def _parts(self) -> Iterator[tuple[NDArray[np.bool_], int, NDArray[np.bool_]]]:
-        """What is left out in turn: of the block means (n,), which test, of its samples."""
-        real, samples = self.space.real, self.samples
-        tests = np.broadcast_to(np.arange(len(real))[:, None], real.shape)[real]
-        if len(samples.trials) > 1:
-            for k, rows in enumerate(samples.rows):
-                yield tests == k, k, np.ones(rows.size, dtype=bool)
-            return
-        blocks = self.space.record.blocks
-        middle = 0.5 * (np.asarray(blocks.first) + np.asarray(blocks.last))[0, real[0]]
-        (trial,) = samples.trials
-        of_blocks = phase_index(trial.phases, middle)
-        of_samples = phase_index(trial.phases, trial.test.time[samples.rows[0]])
-        for k in range(len(trial.phases)):
-            out, rows = of_blocks == k, of_samples == k
-            if rows.any() and out.any() and not out.all():
-                yield out, 0, rows
 
     def _free(self, model: ByHand, effect: str) -> None:
         if effect in model.effects:

@@ -22,7 +22,7 @@ themselves bounded by those of their members, as the root is subadditive and the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate, pairwise
@@ -145,7 +145,7 @@ class Products:
         weights = [probabilities[list(g)] / p for g, p in zip(groups, shares, strict=True)]
         entropy = -float(shares @ np.log2(np.maximum(shares, 1e-300)))
         found = []
-        for nearness in (self._overlap, self._likeness):
+        for nearness in (self._overlap, self._divergence_factor):
             total = np.zeros(len(self.values))
             for a, p in enumerate(shares):
                 near = sum(
@@ -158,21 +158,21 @@ class Products:
 
     def _overlap(self, a: Sequence[int], v: Array, b: Sequence[int], w: Array) -> Array:
         """At most 1: bound (T,) from above of the Bhattacharyya coefficient of two groups."""
-        total = sum(
-            np.sqrt(p * q) * np.exp(-self.bhattacharyya(i, j))
-            for i, p in zip(a, v, strict=True)
-            for j, q in zip(b, w, strict=True)
-        )
-        return np.minimum(total, 1.0)
+        each = [np.sqrt(q) * np.exp(-self.bhattacharyya(i, j)) for i, j, q in _pairs(a, v, b, w)]
+        return np.minimum(sum(each), 1.0)
 
-    def _likeness(self, a: Sequence[int], v: Array, b: Sequence[int], w: Array) -> Array:
+    def _divergence_factor(self, a: Sequence[int], v: Array, b: Sequence[int], w: Array) -> Array:
         """Bound (T,) from below of e^-D of two groups, D their divergence."""
-        mean = sum(
-            p * q * self.kullback(i, j)
-            for i, p in zip(a, v, strict=True)
-            for j, q in zip(b, w, strict=True)
-        )
-        return np.asarray(np.exp(-mean))
+        return np.asarray(np.exp(-sum(q * self.kullback(i, j) for i, j, q in _pairs(a, v, b, w))))
+
+
+def _pairs(
+    a: Sequence[int], v: Array, b: Sequence[int], w: Array
+) -> Iterator[tuple[int, int, float]]:
+    """Members of two groups, and the product of their weights v and w."""
+    for i, p in zip(a, v, strict=True):
+        for j, q in zip(b, w, strict=True):
+            yield i, j, p * q
 
 
 def evidence(products: Products, groups: Sequence[Sequence[int]] | None = None) -> Array:
