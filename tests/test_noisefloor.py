@@ -237,3 +237,40 @@ def test_without_noise_the_encoders_rounding_is_the_floor():
     found = measure([Record(TIME, force)] * 2, [PHASES] * 2, of_a_step=0.02)
     assert found.total == pytest.approx(np.hypot(3e-4 * force.max(), 0.02 / np.sqrt(12.0)))
     assert "next to no noise" in found.notices[0]
+
+
+def cycles(rng, white, ou, tau, hertz=1000.0, turns=5, period=6.4, tests=4):
+    """Triangles of a stiffening pad, whose force is no polynomial of the time."""
+    t = np.arange(0.0, turns * period, 1.0 / hertz)
+    depth = np.abs((t / period) % 1.0 * 2.0 - 1.0)
+    smooth = 0.7 * np.expm1(1.5 * (1.0 - depth)) * (1.0 - 0.1 * np.exp(-t / period))
+    half = 0.5 * period
+    phases = tuple(
+        Phase("unload" if k % 2 else "ramp", k * half, (k + 1) * half) for k in range(2 * turns)
+    )
+    every = round(1000.0 / hertz)
+    records = []
+    for _ in range(tests):
+        noise = correlated(t.size * every, ou, tau, rng)[::every] + white * rng.normal(size=t.size)
+        records.append(Record(t, smooth + noise))
+    return records, [phases] * tests
+
+
+@pytest.mark.parametrize(("white", "ou", "tau"), [(0.004, 0.006, 0.5), (1e-4, 0.006, 1.0)])
+def test_without_a_dwell_strokes_show_the_noise(white, ou, tau):
+    """How fast it wanders, exactly; how far, only as far as a stroke is long."""
+    rng = np.random.default_rng(21)
+    found = [measure(*cycles(rng, white, ou, tau)) for _ in range(6)]
+    assert not any(one.testable for one in found)
+    wander = np.log([one.ou**2 / one.tau for one in found]) - np.log(ou**2 / tau)
+    assert abs(wander.mean()) < 0.35  # a fifth of the sd
+    far = np.array([one.ou for one in found]) / ou
+    assert np.all((far > 0.5) & (far < 2.5))
+
+
+def test_what_few_readings_do_not_show_is_as_large_as_the_white_noise():
+    records, phases = cycles(np.random.default_rng(22), 0.004, 0.0, 0.5, hertz=10.0)
+    found = measure(records, phases)
+    assert found.ou == found.white
+    assert found.tau == pytest.approx(1.6, rel=0.01)
+    assert "taken to be there" in found.notices[0]

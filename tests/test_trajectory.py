@@ -185,6 +185,32 @@ def test_a_move_of_which_a_logger_lost_nearly_all_readings(left):
     assert np.all(np.diff(across) > -1e-3 * x.max())
 
 
+def test_nothing_happens_in_a_gap_beside_a_rest():
+    """A thinned record keeps few readings of a hold, and the last one long before it ends."""
+    late = np.linspace(0.0, 1.0, 300)
+    rise = 10.0 * late**3 - 15.0 * late**4 + 6.0 * late**5
+    t = np.concatenate([[0.0, 0.5, 1.0, 1.5, 2.0, 4.0, 5.0], 8.0 + late[1:], [9.5, 10.0, 12.0]])
+    x = np.concatenate([np.full(7, 2.0), 2.0 - 1.5 * rise[1:], np.full(3, 0.5)])
+    motion = smooth(t, x)
+    every = np.linspace(0.0, 12.0, 5001)
+    found = motion.displacement(every)
+    assert found.max() < 2.001
+    assert found.min() > 0.499
+    assert np.abs(found[(every > 5.0) & (every < 7.9)] - 2.0).max() < 1e-3
+
+
+def test_no_knot_is_left_to_itself_between_readings():
+    """Turning points of thinned triangles: straight lines follow the readings there."""
+    t = np.arange(0.0, 4.0, 1e-3)
+    triangle = read(1.6 * np.abs((t % 1.0) * 2.0 - 1.0), 0.5 * STEP)
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        kept = np.sort(rng.choice(t.size, 300, replace=False))
+        at, x = t[kept], np.round(triangle[kept] / 0.005) * 0.005
+        motion = smooth(at, x)
+        assert np.abs(motion.displacement(t) - triangle).max() < 0.2
+
+
 def test_a_few_scattered_readings_are_never_left_far():
     rng = np.random.default_rng(11)
     for _ in range(30):

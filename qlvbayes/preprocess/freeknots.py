@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 _STIFFNESS = 1e-9  # keeps a piece without samples straight
+PULL = 1e-8
+"""Weight, of a reading's, of straight lines between readings: they hold where no reading tells."""
 _FEW = 10  # knots that are moved one by one;
 _APART = 6  # of more, every sixth is nudged at once
 _GAIN = 1e-4  # share of the squares: of a few hundred readings 0.02 in the log likelihood
@@ -113,8 +115,11 @@ class _Solved:
     basis: Array
 
 
-def _solved(joints: Joints, time: Array, displacement: Array) -> _Solved:
-    """The spline that minimises the squared residuals."""
+def _solved(joints: Joints, time: Array, displacement: Array, *, pull: bool = False) -> _Solved:
+    """The spline that minimises the squared residuals.
+
+    pull: towards straight lines between readings where no reading tells.
+    """
     full = _full_knots(joints)
     size = full.size - 3
     origin = float(displacement[0])
@@ -127,6 +132,11 @@ def _solved(joints: Joints, time: Array, displacement: Array) -> _Solved:
     right_side = np.zeros(size)
     for p in range(3):
         right_side += np.bincount(span - 2 + p, weights=basis[p] * y, minlength=size)
+    if pull:
+        at, pulled, lines = _between(joints, full, time, y)
+        band += PULL * _band(at, pulled, size)
+        for p in range(3):
+            right_side += PULL * np.bincount(at - 2 + p, weights=pulled[p] * lines, minlength=size)
     low = 0 if joints.left is None else (1 if joints.kinked[0] else 2)
     high = size - (0 if joints.right is None else (1 if joints.kinked[-1] else 2))
     c = np.zeros(size)
@@ -147,6 +157,21 @@ def _solved(joints: Joints, time: Array, displacement: Array) -> _Solved:
     return _Solved(full, c + origin, span, basis)
 
 
+def _between(
+    joints: Joints, full: Array, time: Array, y: Array
+) -> tuple[NDArray[np.intp], Array, Array]:
+    """Span, basis (3, k) and value on straight lines between readings, at k lonely inner knots.
+
+    Beside such a one lies a piece without readings.
+    """
+    inside = np.searchsorted(time, joints.knots[1:], "left")
+    inside -= np.searchsorted(time, joints.knots[:-1], "right")
+    lonely = (inside[1:] <= 0) | (inside[:-1] <= 0)
+    inner = joints.knots[1:-1][lonely]
+    span, basis = _spans(full, inner)
+    return span, basis, np.interp(inner, time, y)
+
+
 def residuals(joints: Joints, time: Array, displacement: Array) -> Array:
     """Return readings minus the fitted spline, the dwells outside the end knots included."""
     found = _solved(joints, time, displacement)
@@ -156,7 +181,7 @@ def residuals(joints: Joints, time: Array, displacement: Array) -> Array:
 
 def pieces(joints: Joints, window: Window) -> Pieces:
     """Return the fitted spline piece by piece."""
-    found = _solved(joints, window.time, window.displacement)
+    found = _solved(joints, window.time, window.displacement, pull=True)
     full, k = found.full, found.coefficients
     span = np.flatnonzero(np.diff(full) > 0.0)
     a, b, c, d = full[span - 1], full[span], full[span + 1], full[span + 2]

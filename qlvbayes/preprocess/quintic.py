@@ -16,7 +16,7 @@ from scipy.interpolate import BSpline, PPoly
 from scipy.linalg import solveh_banded
 from scipy.sparse import csr_array
 
-from qlvbayes.preprocess.freeknots import Joints, Pieces, Window
+from qlvbayes.preprocess.freeknots import PULL, Joints, Pieces, Window
 from qlvbayes.preprocess.segments import Tolerance
 
 Array = NDArray[np.float64]
@@ -27,6 +27,7 @@ _MANY = 16  # samples in a span that is halved because all together leave too mu
 _LITTLE = 0.1  # of the readings' variance: less is not worth more knots
 _ROUNDS = 24  # of halving: enough for 2^24 readings
 _SURE = 3.0  # sds by which a span's mean square must exceed its expectation
+_BETWEEN = np.linspace(0.0, 1.0, DEGREE + 1)[None]  # places in a span
 _ROUNDOFF = 1e-11  # of the normal matrix, so that it can be inverted
 
 
@@ -58,9 +59,20 @@ def fit(joints: Joints, window: Window) -> Quintic:
     c[size - high :] = 0.0 if joints.right is None else joints.right - origin
     free = slice(low, size - high)
     if size - high > low:
-        inner = basis[:, free]
-        c[free] = _solved(inner, y - basis @ c)
+        knots = joints.knots
+        between = (knots[:-1, None] + np.diff(knots)[:, None] * _BETWEEN).ravel()
+        pulled = design(full, between, joints)
+        lines = np.interp(between, window.time, y)
+        inner, weak = basis[:, free], PULL * pulled[:, free]
+        band = banded_gram(inner) + banded_gram(pulled[:, free]) * PULL
+        right_side = inner.T @ (y - basis @ c) + weak.T @ (lines - pulled @ c)
+        c[free] = solveh_banded(band, right_side, check_finite=False)
     return Quintic(joints, full, c + origin, y - basis @ c)
+
+
+def displacement(spline: Quintic, time: Array) -> Array:
+    """At times (n,) between the ends."""
+    return np.asarray(design(spline.full, time, spline.joints) @ spline.coefficients)
 
 
 def full_knots(joints: Joints) -> Array:
@@ -139,11 +151,6 @@ def _fixed(joints: Joints) -> tuple[int, int]:
     low = 0 if joints.left is None else (1 if joints.kinked[0] else 2)
     high = 0 if joints.right is None else (1 if joints.kinked[-1] else 2)
     return low, high
-
-
-def _solved(basis: csr_array, y: Array) -> Array:
-    band = banded_gram(basis)
-    return np.asarray(solveh_banded(band, basis.T @ y, check_finite=False))
 
 
 def _halved(joints: Joints, time: Array, failing: NDArray[np.bool_]) -> Joints | None:

@@ -32,6 +32,7 @@ _FEWEST_PER_PIECE = 5
 _FEWEST_RESOLVED = 3  # samples that show an acceleration
 _EXTRA_KNOTS = 2
 _INWARD = 0.8  # of the first span: how far an end may move into it
+_CUBE = 8.0  # 2^3
 _FEW_KNOTS = 10  # beyond, another one is not tried
 _PLAIN = 4  # pieces of a trapezoid of velocity and one more: nothing smooth is simpler
 _PER_PIECE = 2.5  # numbers a piece costs: its acceleration, its knot, now and then a kink
@@ -109,9 +110,26 @@ def _smooth(ends: Joints, window: Window, tol: Tolerance) -> Stretch | None:
             spline.joints.knots[[0, -1]], spline.joints.kinked[[0, -1]], ends.left, ends.right
         )
         spline, faithful = quintic.refined(ends, window, tol)
-    if not faithful:
+    if not faithful or _wanders(spline, window, tol):
         return None
     return Stretch(window, spline.joints, quintic.DEGREE, quintic.pieces(spline), spline.numbers)
+
+
+def _wanders(spline: quintic.Quintic, window: Window, tol: Tolerance) -> bool:
+    """Whether it leaves the straight line between two readings by more than these or those beside.
+
+    A smooth curve that readings show does not: it has room to where they are far apart.
+    """
+    time, x = window.time, window.displacement
+    inside = (time >= spline.joints.knots[0]) & (time <= spline.joints.knots[-1])
+    time, x = time[inside], x[inside]
+    if time.size < 2:
+        return False
+    moved = np.abs(np.diff(x))
+    beside = np.maximum(np.append(moved[1:], 0.0), np.append(0.0, moved[:-1]))
+    middle = 0.5 * (time[1:] + time[:-1])
+    off = quintic.displacement(spline, middle) - 0.5 * (x[1:] + x[:-1])
+    return bool(np.any(np.abs(off) > np.maximum(moved, beside) + 2.0 * tol.rest))
 
 
 def _with_better_end(spline: quintic.Quintic, side: int, window: Window) -> quintic.Quintic:
@@ -154,16 +172,25 @@ def _window(
 ) -> Window:
     """Take in part of the dwells beside a stretch, so that its end knots can move.
 
-    A rest is at its level between its readings too: where they are sparser than the stretch's,
-    some are put between them, or the motion could do anything there.
+    A rest is at its level between its readings too, and in a gap beside the stretch until the
+    motion can have begun: where readings are sparser there than the stretch's, some are put between
+    them, or the motion could do anything.
     """
     reach = max(20, (stop - first) // 4)
     i = first if before is None else first - min(reach, (before.stop - before.first) // 2)
     j = stop if after is None else stop + min(reach, (after.stop - after.first) // 2)
     beside = slice(first - (before is not None), stop + (after is not None))
     between = float(np.median(np.diff(t[beside]))) * np.arange(1.0, reach + 1.0)
-    early = _unread(t[i:first], t[first - 1] - between) if first > i else t[:0]
-    late = _unread(t[stop:j], t[min(stop, t.size - 1)] + between) if j > stop else t[:0]
+    early, late = t[:0], t[:0]
+    if before is not None and i < first < stop:
+        gap = -_at_rest(
+            -t[first:stop], np.abs(x[first:stop] - before.level), -t[first - 1], between
+        )
+        early = np.append(_unread(t[i:first], t[first - 1] - between), gap)
+    if after is not None and j > stop > first:
+        back = slice(stop - 1, first - 1 if first else None, -1)
+        gap = _at_rest(t[back], np.abs(x[back] - after.level), t[stop], between)
+        late = np.append(_unread(t[stop:j], t[stop] + between), gap)
     levels = [0.0 if rest is None else rest.level for rest in (before, after)]
     added = [np.full(some.size, level) for some, level in zip((early, late), levels, strict=True)]
     time = np.concatenate([early, t[i:j], late])
@@ -176,6 +203,22 @@ def _unread(t: Array, times: Array) -> Array:
     """Those of evenly spaced times between the first reading and the last that have none near."""
     near = np.min(np.abs(times[:, None] - t), axis=1) <= abs(times[1] - times[0])
     return times[~near & (times > t[0]) & (times < t[-1])]
+
+
+def _at_rest(t: Array, away: Array, resting: float, between: Array) -> Array:
+    """Times at which a motion is over before the first reading at rest, closest where it ends.
+
+    t, away (n,): its readings, the last one first, and how far each is from the rest's level;
+    between: multiples of their usual spacing. As a motion ends with the cube of the time at the
+    latest (a bounded jerk), it is over as long after a reading as one eight times as far lies
+    before it.
+    """
+    farther = np.flatnonzero(away >= _CUBE * away[0])
+    over = 2.0 * t[0] - t[farther[0]] if farther.size else t[0] + between[2]
+    if over >= resting - between[0]:
+        return t[:0]
+    count = min(between.size, int((resting - over) / between[0]))
+    return over + np.geomspace(between[0], resting - over, count + 1)[:-1] - between[0]
 
 
 def _simplest(

@@ -1,12 +1,16 @@
-"""Which readings of a record show the noise alone: those of its holds and recoveries."""
+"""Which readings of a record show the noise alone: those of its holds and recoveries.
+
+Where there are none, those of strokes in which the force is a smooth curve of time.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
+from numpy.polynomial import legendre
 from numpy.typing import NDArray
 from scipy.linalg import qr
 
@@ -19,6 +23,13 @@ _BURST, _SPREAD = 120, 120  # readings in a row; means over the others of a rest
 _GAPS = (1, 1, 2, 3, 5, 8, 13, 21)  # samples between the readings in a row
 _FEWEST_SAMPLES = 24
 _CONTACT = 0.02  # of the largest force: below, contact may be lost
+_PRESSED = (
+    0.1  # of the same: a stroke's readings below may have a kink, as contact is found or lost
+)
+_MARGIN = 0.1  # of a stroke, at either end: its turning point may have a kink
+_DEGREE = (
+    8  # of the polynomial in a stroke's trend: a hundredth of the noise of a soft law's half cycle
+)
 
 
 class Record(Protocol):
@@ -44,13 +55,14 @@ class Record(Protocol):
 class Dwell:
     """One rest: all readings (n,) and the first one (k,) of each run that is averaged.
 
-    scale: (n,) relative sd of each reading.
+    scale: (n,) relative sd of each reading; moving: whether it is a stroke.
     """
 
     time: Array
     force: Array
     scale: Array
     begin: NDArray[np.intp]
+    moving: bool = False
 
     @property
     def count(self) -> Array:
@@ -73,9 +85,9 @@ def find_dwells(
     tests: Sequence[Record], phases: Sequence[Sequence[Phase]], step: float
 ) -> list[Dwell]:
     """The best-sampled dwells, one of each test before a second of any."""
-    ranked: list[tuple[int, int, Dwell]] = []
+    found: list[list[Dwell]] = []
     for test, cut in zip(tests, phases, strict=True):
-        of_test = []
+        found.append([])
         for phase in cut:
             if phase.kind not in ("hold", "recovery"):
                 continue
@@ -85,11 +97,35 @@ def find_dwells(
             margin = min(5, inside.size // 8)
             inside = inside[margin : inside.size - margin]
             if inside.size >= _FEWEST_SAMPLES and not _silent(test.force, inside, step):
-                of_test.append((inside.size, _rest(test, inside)))
-        of_test.sort(key=lambda item: -item[0])
-        ranked += [(turn, -size, rest) for turn, (size, rest) in enumerate(of_test)]
+                found[-1].append(_rest(test, inside))
+    return _best_sampled(found)
+
+
+def find_strokes(tests: Sequence[Record], phases: Sequence[Sequence[Phase]]) -> list[Dwell]:
+    """The same of loading and unloading, where the pad is surely pressed."""
+    found: list[list[Dwell]] = []
+    for test, cut in zip(tests, phases, strict=True):
+        found.append([])
+        least = _PRESSED * float(np.abs(test.force).max(initial=0.0))
+        for phase in cut:
+            if phase.kind in ("hold", "recovery"):
+                continue
+            margin = _MARGIN * (phase.stop - phase.start)
+            inside = (test.time > phase.start + margin) & (test.time <= phase.stop - margin)
+            inside = np.flatnonzero(inside & (np.abs(test.force) > least))
+            if inside.size >= 3 * _FEWEST_SAMPLES and np.ptp(inside) < 2 * inside.size:
+                found[-1].append(replace(_rest(test, inside), moving=True))
+    return _best_sampled(found)
+
+
+def _best_sampled(found: Sequence[Sequence[Dwell]]) -> list[Dwell]:
+    """Of each test's, one of each before a second of any."""
+    ranked: list[tuple[int, int, Dwell]] = []
+    for of_test in found:
+        ordered = sorted(of_test, key=lambda one: -one.time.size)
+        ranked += [(turn, -one.time.size, one) for turn, one in enumerate(ordered)]
     ranked.sort(key=lambda item: item[:2])
-    return [rest for _, _, rest in ranked[:_MOST_RESTS]]
+    return [dwell for _, _, dwell in ranked[:_MOST_RESTS]]
 
 
 def _regained(force: Array, inside: NDArray[np.intp]) -> int:
@@ -153,15 +189,17 @@ def _kept(time: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 def trend(rest: Dwell, ratio: float) -> Array:
     """Orthonormal basis (k, p) of smooth relaxation, as means over the runs.
 
-    Any combination of 1, t and exp(-t/T_j), the T_j a factor ``ratio`` apart, from a few
-    thousandths of the length of the rest to all of it.
+    Any combination of 1, t (in a stroke, a polynomial) and exp(-t/T_j), the T_j a factor ``ratio``
+    apart, from a few thousandths of the length of the rest to all of it.
     """
     t = rest.time - rest.time[0]
     length = float(t[-1])
     shortest = max(2.0 * float(t[1]), 2e-4 * length)
     times = length / ratio ** np.arange(1.0 + np.log(length / shortest) // np.log(ratio))
     times = times[: max(1, rest.begin.size // 6)]
-    basis = rest.mean(np.column_stack([np.ones_like(t), t / length, np.exp(-t[:, None] / times)]))
+    degree = _DEGREE if rest.moving else 1
+    powers = legendre.legvander(2.0 * t / length - 1.0, degree)
+    basis = rest.mean(np.column_stack([powers, np.exp(-t[:, None] / times)]))
     q, r, _ = qr(basis / run_scale(rest)[:, None], mode="economic", pivoting=True)
     size = np.abs(np.diag(r))
     return np.asarray(q[:, size > 1e-10 * size[0]], dtype=np.float64)

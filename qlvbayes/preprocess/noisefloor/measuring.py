@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import Bounds, minimize
 
-from qlvbayes.preprocess.noisefloor.dwells import Dwell, Record, find_dwells
+from qlvbayes.preprocess.noisefloor.dwells import Dwell, Record, find_dwells, find_strokes
 from qlvbayes.preprocess.noisefloor.floor import NoiseFloor
 from qlvbayes.preprocess.noisefloor.pool import Pool
 from qlvbayes.preprocess.noisefloor.posterior import Dwells, usual_log_tau
@@ -27,6 +27,7 @@ _MOST_RATIO = 9.2  # white sd 1 % of the correlated one: no model of the latter 
 _LONGEST = 0.5  # of the longest rest: a longer memory cannot be told from the trend
 _DECISIVE = 2.0  # log-likelihood by which the second process must win
 _GROWTHS = np.array([0.3, 1.0, 3.0, 10.0, 30.0])  # growth over the peak force, that is tried
+_NEUTRAL = 0.1  # of a dwell: memory where none is seen
 _GROWS = 4.0  # log-likelihood by which noise that grows with the force must win
 _STEP_SAMPLES = 20_000  # readings that show the step of a digitised force
 _LEAST_STEP = 1e-4  # of the force range: a smaller step is the file's last digit
@@ -47,9 +48,10 @@ def measure(
     grows with the force by more than 4. With a measured sd for each reading (``force_sd``) the
     noise is taken as proportional to it, and the sds returned hold at its root mean square.
 
-    Without any usable rest the white noise comes from high-order differences of the records, and
-    whether noise is correlated is not testable. Noise below 3e-4 of the peak force and the rounding
-    of the encoder is taken as that much: the motion between the readings is not known any better.
+    Without any usable dwell the noise is measured about smooth curves of single strokes, and what
+    these do not show is taken from the prior; whether structure is noise is then not testable.
+    Noise below 3e-4 of the peak force and the rounding of the encoder is taken as that much: the
+    motion between the readings is not known any better.
 
     Parameters
     ----------
@@ -61,8 +63,8 @@ def measure(
     peak = max((float(np.abs(t.force).max()) for t in tests if t.force.size), default=0.0)
     step = _force_step(tests)
     dwells = find_dwells(tests, phases, step)
-    known = all(test.force_sd is None for test in tests)
-    floor = _pooled(dwells, peak if known else 0.0) if dwells else _without_rests(tests)
+    known = peak if all(test.force_sd is None for test in tests) else 0.0
+    floor = _pooled(dwells, known) if dwells else _without_dwells(tests, phases, known)
     return _at_least(floor, step, float(np.hypot(EXACT * peak, _ROUNDED * of_a_step)))
 
 
@@ -74,19 +76,32 @@ def _force_step(tests: Sequence[Record]) -> float:
     return step if step > _LEAST_STEP * span else 0.0
 
 
-def _without_rests(tests: Sequence[Record]) -> NoiseFloor:
-    found = [sensor_noise(t.time, t.force) for t in tests]
-    length = max((float(np.ptp(t.time)) for t in tests if t.time.size), default=0.0)
-    # one load cell reads all tests: a test that is fast against its readings shows more than noise
-    white = min((noise for noise in found if noise > 0.0), default=0.0)
+def _without_dwells(
+    tests: Sequence[Record], phases: Sequence[Sequence[Phase]], peak: float
+) -> NoiseFloor:
+    """About smooth curves of strokes; what these do not show is as the prior has it at its middle.
+
+    That is correlated noise as large as the white one, with a dwell's memory were it a whole test.
+    """
+    length = max((float(np.ptp(t.time)) for t in tests if t.time.size), default=0.0) or 1.0
+    strokes = find_strokes(tests, phases)
+    if strokes:
+        floor = _pooled(strokes, peak, length)
+        about = "it is measured about smooth curves of single strokes"
+    else:
+        found = [sensor_noise(t.time, t.force) for t in tests]
+        # one load cell reads all tests: one fast against its readings shows more than noise
+        white = min((noise for noise in found if noise > 0.0), default=0.0)
+        floor = NoiseFloor(white, 0.0, float(np.exp(usual_log_tau(length))))
+        about = "its white part comes from neighbouring readings"
+    if floor.ou == 0.0:
+        floor = replace(floor, ou=floor.white, dwells=None)
+        about += ", and correlated noise of the same size is taken to be there"
     notice = (
-        "no hold or recovery shows the noise: its white part comes from neighbouring readings, and "
-        "whether it is correlated is not testable; structure that looks like correlated noise "
-        "cannot be told from it"
+        f"no hold or recovery shows the noise: {about}; whether structure that looks like "
+        "correlated noise is some is not testable"
     )
-    return NoiseFloor(
-        white, 0.0, 0.1 * length if length > 0.0 else 1.0, testable=False, notices=(notice,)
-    )
+    return replace(floor, testable=False, notices=(notice,))
 
 
 def _at_least(floor: NoiseFloor, step: float, least: float) -> NoiseFloor:
@@ -102,26 +117,31 @@ def _at_least(floor: NoiseFloor, step: float, least: float) -> NoiseFloor:
         "motion between the readings is known no better"
     )
     return replace(
-        floor, white=least / np.sqrt(2.0), ou=least / np.sqrt(2.0), growth=0.0, dwells=None,
-        notices=(*notices, notice),
+        floor, white=least / np.sqrt(2.0), ou=least / np.sqrt(2.0), growth=0.0, smooth=False,
+        dwells=None, notices=(*notices, notice),
     )  # fmt: skip
 
 
-def _pooled(dwells: list[Dwell], peak: float) -> NoiseFloor:
+def _pooled(dwells: list[Dwell], peak: float, length: float = 0.0) -> NoiseFloor:
     """White sd, correlated sd, its time and the growth, by restricted maximum likelihood.
 
-    peak: largest force; 0 where sds were measured, so that growth is not looked for.
+    peak: largest force; 0 where sds were measured, so that growth is not looked for; length (s): of
+    a test without dwells, whose strokes these are.
     """
     pool = _pool(dwells)
     lengths = [float(np.ptp(r.time)) for r in dwells]
-    neutral = 0.1 * float(np.median(lengths))
+    usual, longest = float(np.median(lengths)), max(lengths)
+    neutral = _NEUTRAL * usual
+    if length > 0.0:  # strokes: the prior's median is the longest memory that may be told from them
+        usual, neutral = length, float(np.exp(usual_log_tau(length)))
+        longest = neutral / _LONGEST
     if not np.any(pool.y):
         return NoiseFloor(0.0, 0.0, neutral)
-    found = _fitted(pool, max(lengths), float(np.median(lengths)))
+    found = _fitted(pool, longest, usual)
     growth, level = 0.0, float(np.mean(np.abs(pool.force)))
     if peak > 0.0 and (grown := _growth(found, peak, level)) is not None:
         growth, scaled = grown
-        found = _fitted(scaled, max(lengths), float(np.median(lengths)))
+        found = _fitted(scaled, longest, usual)
     pool = found.pool
     alone, variance = pool.of_white()
     if found.best - alone < _DECISIVE:
