@@ -21,21 +21,25 @@ def batch(records: Sequence[Record], like: Record | None = None) -> Record:
 
     like: a batch whose sizes are taken where they are large enough.
     """
-    points = _rounded(max(r.motion.time.shape[0] for r in records))
-    blocks = _rounded(max(r.blocks.force.shape[0] for r in records))
+    points = padded_size(max(r.motion.time.shape[0] for r in records))
+    blocks = padded_size(max(r.blocks.force.shape[0] for r in records))
     if like is not None:
         points = max(points, like.motion.time.shape[-1])
         blocks = max(blocks, like.blocks.force.shape[-1])
-    if any(r.motion.ago is not None for r in (*records, *([like] if like else []))):
+    known = (*records, *([like] if like else []))
+    if any(r.motion.ago is not None for r in known):
         records = [_with_ago(record) for record in records]
+    if any(r.motion.bow is not None for r in known):
+        records = [_with_bow(record) for record in records]
     padded = [_pad(record, points, blocks) for record in records]
     return jax.tree.map(lambda *leaves: jnp.asarray(np.stack(leaves)), *padded)
 
 
-def _rounded(size: int) -> int:
-    """Up to a power of two or three quarters of one: pads of few sizes share what is compiled.
+def padded_size(size: int) -> int:
+    """Of so many points or blocks: up to a power of two or three quarters of one.
 
-    Compiling for a size of its own takes longer than most pads' evaluations.
+    Pads of few sizes share what is compiled: compiling for a size of its own takes longer than
+    most pads' evaluations.
     """
     whole = max(_LEAST, 1 << (size - 1).bit_length())
     return 3 * whole // 4 if size <= 3 * whole // 4 and whole > _LEAST else whole
@@ -68,6 +72,15 @@ def _with_ago(record: Record) -> Record:
         return record
     alone = replace(motion, ago=held(np.zeros(motion.time.shape, int)))
     return Record(alone, record.nodes, record.blocks)
+
+
+def _with_bow(record: Record) -> Record:
+    """The record; that its lines do not bow, told by number."""
+    motion = record.motion
+    if motion.bow is not None:
+        return record
+    straight = replace(motion, bow=held(np.zeros(motion.time.shape)))
+    return Record(straight, record.nodes, record.blocks)
 
 
 def _extend(values: Array, size: int) -> Array:

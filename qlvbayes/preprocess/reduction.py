@@ -16,6 +16,7 @@ import numpy as np
 from qlvbayes.io.data import Test
 from qlvbayes.laws.motion import Motion
 from qlvbayes.model.record import Blocks, Record, held
+from qlvbayes.preprocess.batching import padded_size
 from qlvbayes.preprocess.grid import grid_times, path_at
 from qlvbayes.preprocess.noisefloor import NoiseFloor
 from qlvbayes.preprocess.past import Past
@@ -158,8 +159,8 @@ def reduce_test(
     chord = np.inf if care is None else care.chord
     begun = approached and (past is None or not past.stays)
     first = float(test.time[0]) if begins is None else begins
-    grid = grid_times(trajectory, np.unique(nodes), first, chord=chord, begun=begun)
-    motion = _motion(trajectory, grid, first, start)
+    grid, bowed = _grid(trajectory, np.unique(nodes), first, chord, begun)
+    motion = _motion(trajectory, grid, first, start, bowed)
     places = np.searchsorted(grid, nodes).T
     if past is not None:
         motion, places = _remembering(motion, past), places + past.time.size
@@ -174,7 +175,19 @@ def planned_record(
     return reduce_test(test, trajectory, find_phases(trajectory), start=start, blocks=blocks)
 
 
-def _motion(trajectory: Trajectory, grid: np.ndarray, first: float, start: float) -> Motion:
+def _grid(
+    trajectory: Trajectory, nodes: np.ndarray, first: float, chord: float, begun: bool
+) -> tuple[np.ndarray, bool]:
+    """Grid of times, and whether the motion's bows are told: where that makes it shorter."""
+    lines = grid_times(trajectory, nodes, first, chord=chord, begun=begun, bowed=False)
+    bows = grid_times(trajectory, nodes, first, chord=chord, begun=begun)
+    short = padded_size(bows.size) < padded_size(lines.size)
+    return (bows, True) if short else (lines, False)
+
+
+def _motion(
+    trajectory: Trajectory, grid: np.ndarray, first: float, start: float, bowed: bool
+) -> Motion:
     displacement = path_at(trajectory, grid, first)
     middle = trajectory.displacement(0.5 * (grid[1:] + grid[:-1]))
     off = middle - 0.5 * (displacement[1:] + displacement[:-1])
@@ -186,7 +199,7 @@ def _motion(trajectory: Trajectory, grid: np.ndarray, first: float, start: float
         held(velocity),
         held(acceleration),
         start,
-        bow=held(bow),
+        bow=held(bow) if bowed else None,
     )
 
 
