@@ -16,9 +16,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from qlvbayes.app.childpipes import Parent
 from qlvbayes.app.dealing import deal
 from qlvbayes.app.failures import told_of
+from qlvbayes.app.pipes import Parent
 from qlvbayes.diagnosis.decision import Decision
 from qlvbayes.diagnosis.standing import Enough, Standing
 from qlvbayes.fitting.ensemble import Progress, Settings
@@ -31,7 +31,7 @@ from qlvbayes.pipeline.comparing import compare_into
 from qlvbayes.pipeline.diagnosing import diagnose_into
 from qlvbayes.pipeline.fitting import fit_into
 from qlvbayes.pipeline.watcher import Watcher
-from qlvbayes.report.write import write_report
+from qlvbayes.report.page import write_report
 
 _BEAT = 0.4  # s between lines of progress: more than two a second
 _NICE = 5  # added: the page's own worker goes first

@@ -67,7 +67,7 @@ def compare_command(
     practical equivalence, and the answer: greater, less, equal, or cannot tell. Leaves
     OUT/compare/B-vs-C/compare.json, .csv, .tex, .txt and the figure contrasts (PNG and PDF).
     """
-    from qlvbayes.cli.compare_table import contrasts_table
+    from qlvbayes.cli.tables import contrasts_table
 
     pairs = _pairs(saved_pads(folder, data), folder, pads, fluids)
     watcher = Terminal(quiet=as_json)

@@ -34,7 +34,7 @@ from qlvbayes.cli.terminal import Terminal
 from qlvbayes.fitting.ensemble import Settings
 from qlvbayes.io.data import read_measurements
 from qlvbayes.pipeline.run import run_study
-from qlvbayes.report.write import REPORT
+from qlvbayes.report.page import REPORT
 
 
 def study_command(

@@ -7,8 +7,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 
 from qlvbayes.cli.console import counting, err, out, waiting
-from qlvbayes.cli.diagnosis_tables import ranking_table, steps_table
-from qlvbayes.cli.tables import check_table, constants_table
+from qlvbayes.cli.tables import check_table, constants_table, ranking_table, steps_table
 from qlvbayes.diagnosis.verdict import Diagnosis
 from qlvbayes.fitting.checked import CheckedPad
 from qlvbayes.fitting.ensemble import Progress

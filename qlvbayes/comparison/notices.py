@@ -7,8 +7,7 @@ from collections.abc import Iterator, Sequence
 from qlvbayes.comparison.contrast import Contrast
 from qlvbayes.comparison.readings import Reading
 from qlvbayes.comparison.settings import Settings
-from qlvbayes.comparison.shared import fixed_constants
-from qlvbayes.comparison.side import Side
+from qlvbayes.comparison.side import Side, fixed_constants
 
 
 def notices(

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from math import log
 
-from qlvbayes.comparison.contrast import BY_CHANCE, Comparison, Contrast
-from qlvbayes.comparison.numbers import with_interval, written
+from qlvbayes.comparison.contrast import BY_CHANCE, Comparison, Contrast, with_interval, written
 
 _FRACTION = "1"
 _TESTS = {
