@@ -10,7 +10,7 @@ import typer
 from rich.table import Table
 
 from qlvbayes.cli.console import counting, out
-from qlvbayes.cli.options import Style, split_names
+from qlvbayes.cli.options import Seed, Style, split_names
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.files import results_folder, write_json
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 def benchmark(
     studies: Annotated[int, typer.Option(min=1, help="How many pads.")] = 40,
-    seed: Annotated[int, typer.Option(min=0, help="Makes a run repeat.")] = 0,
+    seed: Seed = 0,
     effects: Annotated[
         str, typer.Option(help="Hide only these where one is hidden alone, as 'friction,inertia'.")
     ] = "",

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from qlvbayes.cli.console import out
-from qlvbayes.cli.options import Style
+from qlvbayes.cli.options import Seed, Style
 from qlvbayes.cli.tables import pads_table
 from qlvbayes.cli.terminal import Terminal, show_figures
 from qlvbayes.fitting.results import Saved, load
@@ -26,7 +26,7 @@ def check(
         Path | None, typer.Option(help="The measurements, if they have moved since the fit.")
     ] = None,
     style: Style = None,
-    seed: Annotated[int, typer.Option(min=0, help="Makes a run repeat.")] = 0,
+    seed: Seed = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print the checks as JSON.")] = False,
 ) -> None:
     """Predict every test with the fitted posterior, by test and phase, against the noise floor.

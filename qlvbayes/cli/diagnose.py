@@ -10,26 +10,16 @@ import typer
 
 from qlvbayes.cli.console import command_line, out, waiting
 from qlvbayes.cli.options import (
-    Add,
     AsJson,
-    Bonded,
-    EffectsFile,
-    Elastic,
-    Fix,
-    LawsFile,
-    Modes,
-    Noise,
+    ModelOptions,
     Out,
     Pads,
-    Prior,
-    Relaxation,
-    Rested,
     Seed,
     Style,
     Tolerance,
     chosen_pads,
-    model_choices,
     thresholds,
+    with_groups,
 )
 from qlvbayes.cli.terminal import Terminal
 from qlvbayes.diagnosis.diagnose import EVIDENCES
@@ -41,21 +31,13 @@ from qlvbayes.pipeline.diagnosing import diagnose_into
 Evidence = Annotated[str, typer.Option(help=f"One of {', '.join(EVIDENCES)}.")]
 
 
+@with_groups
 def diagnose_command(
     file: Annotated[Path, typer.Argument(help="Measurements: a tidy .csv or .csv.gz file.")],
     output: Out,
     pads: Pads = "",
-    elastic: Elastic = "exponential",
-    relaxation: Relaxation = None,
-    modes: Modes = None,
-    noise: Noise = "floor",
-    bonded: Bonded = None,
-    rested: Rested = False,
-    prior: Prior = None,
-    fix: Fix = None,
-    add: Add = None,
-    effects_file: EffectsFile = None,
-    laws_file: LawsFile = None,
+    *,
+    model: ModelOptions,
     evidence: Evidence = "laplace",
     tolerance: Tolerance = "1%",
     style: Style = None,
@@ -75,20 +57,7 @@ def diagnose_command(
     watcher = Terminal(quiet=as_json)
     for notice in study.notices:
         watcher.notice(notice)
-    choices = model_choices(
-        study,
-        elastic,
-        relaxation,
-        modes,
-        noise,
-        bonded,
-        prior,
-        fix,
-        add,
-        effects_file,
-        laws_file,
-        rested=rested,
-    )
+    choices = model.choices(study)
     found = [
         diagnose_into(
             output / pad.name,

@@ -9,26 +9,16 @@ import typer
 
 from qlvbayes.cli.console import command_line, out, waiting
 from qlvbayes.cli.options import (
-    Add,
-    Bonded,
-    EffectsFile,
-    Elastic,
-    Fix,
-    LawsFile,
-    Modes,
-    Noise,
+    ModelOptions,
     Out,
     Pads,
-    Prior,
     References,
-    Relaxation,
-    Rested,
     Seed,
     Style,
     Tolerance,
     chosen_pads,
-    model_choices,
     thresholds,
+    with_groups,
 )
 from qlvbayes.cli.terminal import Terminal
 from qlvbayes.fitting.ensemble import Settings
@@ -37,21 +27,13 @@ from qlvbayes.pipeline.run import run_study
 from qlvbayes.report.page import REPORT
 
 
+@with_groups
 def study_command(
     file: Annotated[Path, typer.Argument(help="Measurements: a tidy .csv or .csv.gz file.")],
     output: Out,
     pads: Pads = "",
-    elastic: Elastic = "exponential",
-    relaxation: Relaxation = None,
-    modes: Modes = None,
-    noise: Noise = "floor",
-    bonded: Bonded = None,
-    rested: Rested = False,
-    prior: Prior = None,
-    fix: Fix = None,
-    add: Add = None,
-    effects_file: EffectsFile = None,
-    laws_file: LawsFile = None,
+    *,
+    model: ModelOptions,
     max_steps: Annotated[int, typer.Option(min=10, help="Steps of the sampler at most.")] = 100_000,
     tolerance: Tolerance = "1%",
     references: References = None,
@@ -70,20 +52,7 @@ def study_command(
     watcher = Terminal()
     for notice in study.notices:
         watcher.notice(notice)
-    choices = model_choices(
-        study,
-        elastic,
-        relaxation,
-        modes,
-        noise,
-        bonded,
-        prior,
-        fix,
-        add,
-        effects_file,
-        laws_file,
-        rested=rested,
-    )
+    choices = model.choices(study)
     settings = Settings(max_steps=max_steps, seed=seed)
     verdicts = run_study(
         study,

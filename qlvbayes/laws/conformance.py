@@ -93,20 +93,12 @@ def _check_declarations(kind: type[AbstractElastic] | type[AbstractRelaxation]) 
             listed = ", ".join(sorted(own))
             raise LawError(f"{kind.name}: {word} must name exactly its constants {listed}")
     for constant, unit in kind.units.items():
-        if not _is_unit(unit):
+        if not PAD.knows(unit):
             raise LawError(f"{kind.name}: {unit!r} is no kind of unit (units[{constant!r}])")
     for word in ("name", "law", "reference"):
         text = getattr(kind, word)
         if not text.strip() or "\n" in text:
             raise LawError(f"{kind.__name__}: {word} must be one line of text")
-
-
-def _is_unit(unit: str) -> bool:
-    try:
-        PAD.of(unit)
-    except AttributeError:
-        return False
-    return True
 
 
 def check_elastic(law: AbstractElastic, depth: float) -> None:
