@@ -115,7 +115,7 @@ def _smooth(ends: Joints, window: Window, tol: Tolerance) -> Stretch | None:
 
 
 def _with_better_end(spline: quintic.Quintic, side: int, window: Window) -> quintic.Quintic:
-    """Move an end that joins a rest to where the squared residuals nearby are least."""
+    """Move an end that joins a dwell to where the squared residuals nearby are least."""
     joints = spline.joints
     if (joints.left if side == 0 else joints.right) is None:
         return spline
@@ -154,7 +154,7 @@ def _window(
 ) -> Window:
     """Take in part of the dwells beside a stretch, so that its end knots can move.
 
-    A rest is at its level between its readings too: where they are sparser than the stretch's,
+    A dwell is at its level between its readings too: where they are sparser than the stretch's,
     some are put between them, or the motion could do anything there.
     """
     reach = max(20, (stop - first) // 4)
@@ -164,7 +164,7 @@ def _window(
     between = float(np.median(np.diff(t[beside]))) * np.arange(1.0, reach + 1.0)
     early = _unread(t[i:first], t[first - 1] - between) if first > i else t[:0]
     late = _unread(t[stop:j], t[min(stop, t.size - 1)] + between) if j > stop else t[:0]
-    levels = [0.0 if rest is None else rest.level for rest in (before, after)]
+    levels = [0.0 if dwell is None else dwell.level for dwell in (before, after)]
     added = [np.full(some.size, level) for some, level in zip((early, late), levels, strict=True)]
     time = np.concatenate([early, t[i:j], late])
     order = np.argsort(time, kind="stable")

@@ -24,7 +24,7 @@ _TAUS = 5
 _RATIOS = np.arange(-6.0, 10.0, 3.5)  # log of correlated over white variance
 _LEAST_RATIO = -9.0
 _MOST_RATIO = 9.2  # white sd 1 % of the correlated one: no model of the latter is any better
-_LONGEST = 0.5  # of the longest rest: a longer memory cannot be told from the trend
+_LONGEST = 0.5  # of the longest dwell: a longer memory cannot be told from the trend
 _DECISIVE = 2.0  # log-likelihood by which the second process must win
 _GROWTHS = np.array([0.3, 1.0, 3.0, 10.0, 30.0])  # growth over the peak force, that is tried
 _GROWS = 4.0  # log-likelihood by which noise that grows with the force must win
@@ -40,14 +40,14 @@ def measure(
 ) -> NoiseFloor:
     """Return the noise seen in the holds and recoveries of the tests, pooled.
 
-    In each rest the force is a smooth trend plus noise. The noise parameters maximise the
+    In each dwell the force is a smooth trend plus noise. The noise parameters maximise the
     restricted likelihood, in which the trend costs its degrees of freedom, with a weak prior of the
     correlation time. Up to 12 dwells enter: single readings of a run, means over all others. The
     correlated part is reported only if it raises the log-likelihood by more than 2, noise that
     grows with the force by more than 4. With a measured sd for each reading (``force_sd``) the
     noise is taken as proportional to it, and the sds returned hold at its root mean square.
 
-    Without any usable rest the white noise comes from high-order differences of the records, and
+    Without any usable dwell the white noise comes from high-order differences of the records, and
     whether noise is correlated is not testable. Noise below 3e-4 of the peak force and the rounding
     of the encoder is taken as that much: the motion between the readings is not known any better.
 
@@ -62,7 +62,7 @@ def measure(
     step = _force_step(tests)
     dwells = find_dwells(tests, phases, step)
     known = all(test.force_sd is None for test in tests)
-    floor = _pooled(dwells, peak if known else 0.0) if dwells else _without_rests(tests)
+    floor = _pooled(dwells, peak if known else 0.0) if dwells else _without_dwells(tests)
     return _at_least(floor, step, float(np.hypot(EXACT * peak, _ROUNDED * of_a_step)))
 
 
@@ -74,7 +74,7 @@ def _force_step(tests: Sequence[Record]) -> float:
     return step if step > _LEAST_STEP * span else 0.0
 
 
-def _without_rests(tests: Sequence[Record]) -> NoiseFloor:
+def _without_dwells(tests: Sequence[Record]) -> NoiseFloor:
     found = [sensor_noise(t.time, t.force) for t in tests]
     length = max((float(np.ptp(t.time)) for t in tests if t.time.size), default=0.0)
     # one load cell reads all tests: a test that is fast against its readings shows more than noise
