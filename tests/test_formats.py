@@ -15,12 +15,11 @@ from qlvbayes.io.formats.answers import Answers, UnsureError
 from qlvbayes.io.formats.bluehill_3 import BluehillThree
 from qlvbayes.io.formats.catalogue import FORMATS, own_formats
 from qlvbayes.io.formats.conformance import FormatError, check_format
-from qlvbayes.io.formats.contact import find_contact
+from qlvbayes.io.formats.contact import find_contact, find_signs
 from qlvbayes.io.formats.conversion import convert
 from qlvbayes.io.formats.format import HEAD, AbstractFormat, Sight
 from qlvbayes.io.formats.machineunits import unit_of
 from qlvbayes.io.formats.recognise import recognised
-from qlvbayes.io.formats.signs import find_signs
 
 TEST = pressed()
 DATA = Path(__file__).parents[1] / "data"

@@ -19,11 +19,10 @@ from qlvbayes.comparison.contrast import (
 )
 from qlvbayes.comparison.hierarchy import DRAWS, fluid_draws
 from qlvbayes.comparison.joint import joint_test, smallest_tail
-from qlvbayes.comparison.notices import notices
 from qlvbayes.comparison.readings import Reading, readings
 from qlvbayes.comparison.settings import Settings, choose
 from qlvbayes.comparison.side import Side, Source, shared_constants, side_of
-from qlvbayes.comparison.words import paragraphs
+from qlvbayes.comparison.words import notices, paragraphs
 from qlvbayes.fitting.fit import Fit
 from qlvbayes.fitting.results import Saved
 from qlvbayes.io.checks import InputError

@@ -9,8 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from .effect import CONTACT, FRAME, Effect
-from .mesh import Array
-from .path import Path, running_max
+from .mesh import Array, Path, running_max
 
 
 @dataclass(frozen=True)
