@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from qlvbayes.cli.console import out
-from qlvbayes.cli.options import Seed, Style
+from qlvbayes.cli.options import Fitted, Seed, Style
 from qlvbayes.cli.tables import pads_table
 from qlvbayes.cli.terminal import Terminal, show_figures
 from qlvbayes.fitting.results import Saved, load
@@ -21,7 +21,7 @@ from qlvbayes.pipeline.drawing import draw_forces_at_rates
 
 
 def check(
-    folder: Annotated[Path, typer.Argument(help="The folder that 'fit' wrote.")],
+    folder: Fitted,
     data: Annotated[
         Path | None, typer.Option(help="The measurements, if they have moved since the fit.")
     ] = None,

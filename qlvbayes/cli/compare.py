@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from qlvbayes.cli.console import out
-from qlvbayes.cli.options import AsJson, Seed, Style, known_names, split_names
+from qlvbayes.cli.options import AsJson, Fitted, Seed, Style, known_names, split_names
 from qlvbayes.cli.tables import contrasts_table
 from qlvbayes.cli.terminal import Terminal, show_figures
 from qlvbayes.io.checks import InputError
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 def compare_command(
-    folder: Annotated[Path, typer.Argument(help="The folder that 'fit' wrote.")],
+    folder: Fitted,
     pads: Annotated[
         str, typer.Option(help="Two or more pads, as 'B,C'; each pair is compared. Default: all.")
     ] = "",

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from qlvbayes.cli.console import command_line, out, waiting
+from qlvbayes.cli.console import command_line, out
 from qlvbayes.cli.options import (
     AsJson,
+    File,
     ModelOptions,
     Out,
     Pads,
@@ -25,7 +25,6 @@ from qlvbayes.cli.terminal import Terminal
 from qlvbayes.diagnosis.diagnose import EVIDENCES
 from qlvbayes.fitting.runs import record_run
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.data import read_measurements
 from qlvbayes.pipeline.diagnosing import diagnose_into
 
 Evidence = Annotated[str, typer.Option(help=f"One of {', '.join(EVIDENCES)}.")]
@@ -33,7 +32,7 @@ Evidence = Annotated[str, typer.Option(help=f"One of {', '.join(EVIDENCES)}.")]
 
 @with_groups
 def diagnose_command(
-    file: Annotated[Path, typer.Argument(help="Measurements: a tidy .csv or .csv.gz file.")],
+    file: File,
     output: Out,
     pads: Pads = "",
     *,
@@ -52,11 +51,8 @@ def diagnose_command(
     if evidence not in EVIDENCES:
         raise InputError(f"no evidence {evidence!r}", remedy=f"use one of {', '.join(EVIDENCES)}")
     settings = thresholds(tolerance)
-    with waiting("reading"):
-        study = read_measurements(file)
     watcher = Terminal(quiet=as_json)
-    for notice in study.notices:
-        watcher.notice(notice)
+    study = watcher.reading(file)
     choices = model.choices(study)
     found = [
         diagnose_into(

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from qlvbayes.cli.console import command_line, out, waiting
 from qlvbayes.cli.options import (
+    File,
     ModelOptions,
     Out,
     Pads,
@@ -31,7 +31,7 @@ from qlvbayes.pipeline.fitting import fit_into
 
 @with_groups
 def fit(
-    file: Annotated[Path, typer.Argument(help="Measurements: a tidy .csv or .csv.gz file.")],
+    file: File,
     output: Out,
     pads: Pads = "",
     method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = "emcee",

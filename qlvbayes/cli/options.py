@@ -20,6 +20,8 @@ from qlvbayes.laws.relaxation.prony import MOST, Prony
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.defaults import NOISES
 
+File = Annotated[Path, typer.Argument(help="Measurements: a tidy .csv or .csv.gz file.")]
+Fitted = Annotated[Path, typer.Argument(help="The folder that 'fit' wrote.")]
 Out = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")]
 Pads = Annotated[str, typer.Option(help="Only these pads, as 'B,C'.")]
 Elastic = Annotated[

@@ -11,7 +11,7 @@ import typer
 from rich.table import Table
 
 from qlvbayes.cli.console import out
-from qlvbayes.cli.options import AsJson, Style, known_names
+from qlvbayes.cli.options import AsJson, Fitted, Style, known_names
 from qlvbayes.cli.terminal import Terminal, show_figures
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.io.checks import InputError
@@ -26,7 +26,7 @@ _WHICH = ("averaged", "fitted")
 
 
 def predict_command(
-    folder: Annotated[Path, typer.Argument(help="The folder that 'fit' wrote.")],
+    folder: Fitted,
     program: Annotated[
         str,
         typer.Option(

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from qlvbayes.cli.console import command_line, out, waiting
+from qlvbayes.cli.console import command_line, out
 from qlvbayes.cli.options import (
+    File,
     ModelOptions,
     Out,
     Pads,
@@ -22,14 +22,13 @@ from qlvbayes.cli.options import (
 )
 from qlvbayes.cli.terminal import Terminal
 from qlvbayes.fitting.ensemble import Settings
-from qlvbayes.io.data import read_measurements
 from qlvbayes.pipeline.run import run_study
 from qlvbayes.report.page import REPORT
 
 
 @with_groups
 def study_command(
-    file: Annotated[Path, typer.Argument(help="Measurements: a tidy .csv or .csv.gz file.")],
+    file: File,
     output: Out,
     pads: Pads = "",
     *,
@@ -47,11 +46,8 @@ def study_command(
     OUT/<pad> holds the plain model. OUT/report.html tells the whole story in one file.
     """
     judging = thresholds(tolerance)
-    with waiting("reading"):
-        study = read_measurements(file)
     watcher = Terminal()
-    for notice in study.notices:
-        watcher.notice(notice)
+    study = watcher.reading(file)
     choices = model.choices(study)
     settings = Settings(max_steps=max_steps, seed=seed)
     verdicts = run_study(

@@ -12,6 +12,7 @@ from qlvbayes.diagnosis.verdict import Diagnosis
 from qlvbayes.fitting.checked import CheckedPad
 from qlvbayes.fitting.ensemble import Progress
 from qlvbayes.fitting.summary import FitSummary
+from qlvbayes.io.data import Measurements, read_measurements
 from qlvbayes.io.wording import plain
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.parameters import described, fields_of
@@ -25,6 +26,14 @@ class Terminal(Watcher):
     def __init__(self, quiet: bool = False) -> None:
         self.quiet = quiet
         self._noticed: set[str] = set()
+
+    def reading(self, file: Path) -> Measurements:
+        """The measurements in a file, and what is to know of them."""
+        with waiting("reading"):
+            study = read_measurements(file)
+        for notice in study.notices:
+            self.notice(notice)
+        return study
 
     def doing(self, label: str) -> AbstractContextManager[Callable[[str], None]]:
         """A spinner."""
