@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from qlvbayes.pipeline.run import run_study
     from qlvbayes.pipeline.specimen import Specimen, Study, read_study
     from qlvbayes.preprocess.experiment import Experiment
-    from qlvbayes.report.write import write_report
+    from qlvbayes.report.page import write_report
     from qlvbayes.use import exports
     from qlvbayes.use.exports.write import export
     from qlvbayes.use.prescribed.forecast import predict_program
@@ -79,7 +79,7 @@ _HOMES = {
     "predict_program": "use.prescribed.forecast.predict_program",
     "read_study": "pipeline.specimen.read_study",
     "run_study": "pipeline.run.run_study",
-    "write_report": "report.write.write_report",
+    "write_report": "report.page.write_report",
 }
 _PARTS = {
     "effects": "effects",

@@ -1,15 +1,22 @@
 """What a job's process tells the server while it works, and what it takes for the same model."""
 
 import time
+from dataclasses import asdict
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
+from qlvbayes.app import job
 from qlvbayes.app.job import Telling, _choices
 from qlvbayes.diagnosis.decision import Decision
+from qlvbayes.diagnosis.settings import Settings as Thresholds
 from qlvbayes.diagnosis.standing import Enough, Standing
+from qlvbayes.fitting.ensemble import Settings
+from qlvbayes.fitting.runs import Runs
 from qlvbayes.inference.space import Hypothesis
 
+DATA = Path(__file__).parents[1] / "data" / "pads.csv"
 STANDING = Standing(
     "effects",
     3,
@@ -84,3 +91,21 @@ def test_a_job_samples_the_model_on_the_bench():
     assert (choices.law, choices.relaxing, choices.effects) == ("hertz", "prony:3", ("friction",))
     assert choices.bonded
     assert _choices({**model, "relaxation": "fung"}, False, None).relaxing == "fung"
+
+
+def test_a_job_notes_what_it_was_told(tmp_path, monkeypatch):
+    """As the commands do, and what its steps were told themselves."""
+    told = {}
+    for step in ("diagnose_into", "fit_into", "check_into"):
+        monkeypatch.setattr(job, step, lambda *_, step=step, **given: told.update({step: given}))
+    monkeypatch.setattr(job, "load", lambda path: None)
+    spec = {"data": str(DATA), "out": str(tmp_path), "pads": ["B"], "models": {}}
+    spec |= {"all_tests": True, "effects_file": None}
+    job.diagnosed(spec, None)
+    job.sampled(spec, None)
+    runs = Runs.read(tmp_path / "run.json").runs
+    assert runs["diagnose"].settings == {"evidence": "laplace", "thresholds": asdict(Thresholds())}
+    assert told["diagnose_into"]["thresholds"] == Thresholds()
+    sampler = asdict(Settings())
+    assert runs["fit"].settings == {"method": "emcee", "all_tests": True, "sampler": sampler}
+    assert told["fit_into"]["settings"] == Settings()

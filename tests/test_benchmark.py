@@ -15,14 +15,13 @@ from qlvbayes.cli.benchmark import benchmark, constants_table, rates_table
 from qlvbayes.effects.force_offset import ForceOffset
 from qlvbayes.evaluation import run as running
 from qlvbayes.evaluation.case import run_case
-from qlvbayes.evaluation.confusion import Confusion
 from qlvbayes.evaluation.constants import constants, named_as_fitted
 from qlvbayes.evaluation.detect import SEEN, Expected, expected
 from qlvbayes.evaluation.keeping import Kept, code_digest
 from qlvbayes.evaluation.plan import KINDS, Plan, family
 from qlvbayes.evaluation.rate import Rate
 from qlvbayes.evaluation.reliability import Reliability
-from qlvbayes.evaluation.report import Report
+from qlvbayes.evaluation.report import Confusion, Report
 from qlvbayes.evaluation.run import run_studies
 from qlvbayes.evaluation.scores import (
     ceiling,

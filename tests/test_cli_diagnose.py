@@ -11,7 +11,7 @@ from support.endtoend import call, keeps_check_contract, keeps_summary_contract,
 from qlvbayes.diagnosis.result import Base, DiagnosisResult
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.effects.catalogue import EVERY
-from qlvbayes.fitting.curves import Curves
+from qlvbayes.fitting.checked import Curves
 from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.runs import Runs
 from qlvbayes.fitting.summary import FitSummary
@@ -195,9 +195,9 @@ def test_effects_lists_all_by_family():
 
 def test_the_worked_example_keeps_the_rules_and_competes(own_effects, study):
     from qlvbayes.effects import check_effect
-    from qlvbayes.effects.userfile import load
+    from qlvbayes.effects.catalogue import own_effects as read_own
 
-    check_effect(load(own_effects)[0])
+    check_effect(read_own(own_effects)[0])
     told = read_json(study[0] / "diagnosis.json")
     ranked = {entry["effect"]: entry for entry in told["ranking"]}
     assert ranked["quadratic_drag"]["log_bayes_factor"] < ranked["squeeze_film"]["log_bayes_factor"]

@@ -10,10 +10,9 @@ from support.endtoend import fitted
 from support.posteriors import ORDER, PLACES, WIDTHS, posterior, table_1
 
 import qlvbayes
-from qlvbayes.comparison.compare import compare
+from qlvbayes.comparison.compare import answer, compare, contrast
 from qlvbayes.comparison.contrast import Comparison
 from qlvbayes.comparison.joint import FALSE_ALARMS, joint_test
-from qlvbayes.comparison.judging import answer, contrast
 from qlvbayes.comparison.readings import Reading
 from qlvbayes.comparison.words import paragraphs
 from qlvbayes.comparison.writing import as_csv, as_latex

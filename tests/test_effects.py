@@ -10,7 +10,7 @@ import pytest
 
 from qlvbayes.effects import conformance
 from qlvbayes.effects.adhesion import Adhesion
-from qlvbayes.effects.catalogue import EFFECTS, find, names
+from qlvbayes.effects.catalogue import EFFECTS, find, names, own_effects
 from qlvbayes.effects.channel_lag import ChannelLag
 from qlvbayes.effects.conformance import EffectError, check_effect
 from qlvbayes.effects.contact_offset import ContactOffset
@@ -29,7 +29,6 @@ from qlvbayes.effects.squeeze_film import SqueezeFilm
 from qlvbayes.effects.strain_dependent_rate import StrainDependentRate
 from qlvbayes.effects.strain_dependent_strength import StrainDependentStrength
 from qlvbayes.effects.stress_softening import StressSoftening
-from qlvbayes.effects.userfile import load
 from qlvbayes.effects.viscous_drag import ViscousDrag
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.units import PAD, STRAIN
@@ -534,7 +533,7 @@ def written(folder, text, name="mine.py"):
 
 
 def test_a_file_gives_the_effects_that_it_defines(tmp_path):
-    (spring,) = load(written(tmp_path, SOURCE))
+    (spring,) = own_effects(written(tmp_path, SOURCE))
     assert spring.name == "spring"
     check_effect(spring)
     assert find("spring", (*EFFECTS, spring)) is spring
@@ -558,14 +557,14 @@ def test_a_file_gives_the_effects_that_it_defines(tmp_path):
 )
 def test_a_file_that_cannot_be_used_says_where(tmp_path, text, message):
     with pytest.raises(InputError, match=message):
-        load(written(tmp_path, text))
+        own_effects(written(tmp_path, text))
 
 
 def test_a_file_that_is_not_there(tmp_path):
     with pytest.raises(InputError, match=r"absent\.py: no such Python file"):
-        load(tmp_path / "absent.py")
+        own_effects(tmp_path / "absent.py")
     with pytest.raises(InputError, match="no such Python file"):
-        load(written(tmp_path, SOURCE, "mine.txt"))
+        own_effects(written(tmp_path, SOURCE, "mine.txt"))
 
 
 def test_amplitudes_are_scaled_alike():

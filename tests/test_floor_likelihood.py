@@ -14,9 +14,9 @@ from support.endtoend import SHORT, experiment, fitted
 from support.hidden_pads import hidden_pad
 
 from qlvbayes.fitting import compiled
+from qlvbayes.fitting.drawn_errors import missed
 from qlvbayes.fitting.fit import fit_pad
 from qlvbayes.fitting.marginal import Judged, floor_likelihood
-from qlvbayes.fitting.missed import missed
 from qlvbayes.fitting.optimum import starting_point
 from qlvbayes.inference.discrepancy import ROUGH, TOLERANCE, Discrepancy
 from qlvbayes.inference.features import Features, Places

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from qlvbayes.diagnosis.adequacy import combined
-from qlvbayes.fitting.floor_noise import realisations
+from qlvbayes.fitting.drawn_errors import realisations
 from qlvbayes.inference.whitening import covariance
 from qlvbayes.model.record import Blocks
 from qlvbayes.preprocess.noisefloor import NoiseFloor

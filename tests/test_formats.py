@@ -13,15 +13,13 @@ from support.machine_files import FIXTURES, LAG, Pressed, pressed
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.answers import Answers, UnsureError
 from qlvbayes.io.formats.bluehill_3 import BluehillThree
-from qlvbayes.io.formats.catalogue import FORMATS
+from qlvbayes.io.formats.catalogue import FORMATS, own_formats
 from qlvbayes.io.formats.conformance import FormatError, check_format
-from qlvbayes.io.formats.contact import find_contact
+from qlvbayes.io.formats.contact import find_contact, find_signs
 from qlvbayes.io.formats.conversion import convert
 from qlvbayes.io.formats.format import HEAD, AbstractFormat, Sight
 from qlvbayes.io.formats.machineunits import unit_of
 from qlvbayes.io.formats.recognise import recognised
-from qlvbayes.io.formats.signs import find_signs
-from qlvbayes.io.formats.userfile import load
 
 TEST = pressed()
 DATA = Path(__file__).parents[1] / "data"
@@ -324,19 +322,19 @@ def test_a_format_of_one_s_own(tmp_path):
     own, data = tmp_path / "own.py", tmp_path / "a.txt"
     own.write_text(OWN)
     np.savetxt(data, np.stack([TEST.time, TEST.way, TEST.load], 1), header="BENCH", comments="")
-    kinds = (*FORMATS, *load(own))
+    kinds = (*FORMATS, *own_formats(own))
     assert convert([data], kinds=kinds).tests[0].format.name == "bench"
     with pytest.raises(FormatError, match=r"reading a.txt cut .* ends in ValueError"):
         check_format(kinds[-1], [data, data])
     own.write_text(OWN.replace('"bench"', '"wintest"'))
     with pytest.raises(InputError, match="a format called wintest already"):
-        load(own)
+        own_formats(own)
     own.write_text(OWN.replace('    reference: ClassVar[str] = "our notebook"\n', ""))
     with pytest.raises(InputError, match="Bench lacks reference"):
-        load(own)
+        own_formats(own)
     own.write_text("import numpy\n")
     with pytest.raises(InputError, match="defines no format"):
-        load(own)
+        own_formats(own)
 
 
 def test_a_format_that_claims_what_is_not_its_own_is_told(tmp_path):

@@ -8,9 +8,8 @@ from support.endtoend import PADS, call, read_json
 from qlvbayes.cli.options import relaxation_of
 from qlvbayes.io.checks import InputError
 from qlvbayes.laws import check_law
-from qlvbayes.laws.catalogue import LAWS
+from qlvbayes.laws.catalogue import LAWS, own_laws
 from qlvbayes.laws.conformance import LawError
-from qlvbayes.laws.userfile import load
 from qlvbayes.model.choices import Choices
 
 FIT = ("--pads", "B", "--method", "least-squares", "--noise", "white")
@@ -146,9 +145,9 @@ def test_choices_of_older_results_are_a_prony_series():
 
 
 def test_laws_of_ones_own_keep_the_rules_and_are_found(own):
-    laws = load(own)
+    laws = own_laws(own)
     check_all(laws)
-    assert load(own).elastic[0] is laws.elastic[0]  # compiled once
+    assert own_laws(own).elastic[0] is laws.elastic[0]  # compiled once
     choices = Choices(law="tangent", relaxation="maxwell", laws_file=str(own))
     assert choices.relaxing == "maxwell"
 
@@ -165,7 +164,7 @@ def test_laws_of_ones_own_keep_the_rules_and_are_found(own):
 def test_a_bad_file_is_refused_with_its_place(own, change, problem):
     own.write_text(OWN.replace(*change))
     with pytest.raises(InputError, match=problem) as caught:
-        load(own)
+        own_laws(own)
     assert str(own) in str(caught.value)
 
 
@@ -186,7 +185,7 @@ def test_a_law_that_breaks_a_rule_is_told_which(own, change, problem):
     assert text != OWN
     own.write_text(text)
     with pytest.raises(LawError, match=problem):
-        check_all(load(own))
+        check_all(own_laws(own))
 
 
 def test_a_fit_with_laws_of_ones_own_is_saved_checked_and_reported(tmp_path, own):

@@ -15,8 +15,7 @@ from qlvbayes.io.units import PAD, STRAIN, unit_system
 from qlvbayes.io.wording import plain
 from qlvbayes.model import parameters
 from qlvbayes.model.choices import Choices
-from qlvbayes.model.conversion import factors
-from qlvbayes.model.drawn import described_fields
+from qlvbayes.model.drawn import described_fields, factors
 from qlvbayes.model.posterior import central
 from qlvbayes.preprocess.experiment import prepare
 

@@ -16,10 +16,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from qlvbayes.app.childpipes import Parent
 from qlvbayes.app.dealing import deal
 from qlvbayes.app.failures import told_of
+from qlvbayes.app.pipes import Parent
 from qlvbayes.diagnosis.decision import Decision
+from qlvbayes.diagnosis.settings import Settings as Thresholds
 from qlvbayes.diagnosis.standing import Enough, Standing
 from qlvbayes.fitting.ensemble import Progress, Settings
 from qlvbayes.fitting.results import Saved, load
@@ -31,8 +32,9 @@ from qlvbayes.pipeline.comparing import compare_into
 from qlvbayes.pipeline.diagnosing import diagnose_into
 from qlvbayes.pipeline.fitting import fit_into
 from qlvbayes.pipeline.watcher import Watcher
-from qlvbayes.report.write import write_report
+from qlvbayes.report.page import write_report
 
+_EVIDENCE, _METHOD = "laplace", "emcee"  # as of the commands, where nothing else is asked for
 _BEAT = 0.4  # s between lines of progress: more than two a second
 _NICE = 5  # added: the page's own worker goes first
 
@@ -128,25 +130,33 @@ def diagnosed(spec: Spec, watcher: Watcher) -> dict[str, Any]:
     (name,) = spec["pads"]
     choices = Choices(bonded=study.units.bonded_default, effects_file=spec["effects_file"])
     out = Path(spec["out"])
-    diagnose_into(out / name, study.pad(name), choices, evidence="laplace", seed=0, watcher=watcher)
-    record_run(out, "diagnose", _command("diagnose", spec, choices, [name]), study, choices, 0)
+    thresholds = Thresholds()
+    diagnose_into(
+        out / name, study.pad(name), choices, evidence=_EVIDENCE, thresholds=thresholds,
+        seed=0, watcher=watcher,
+    )  # fmt: skip
+    command = _command("diagnose", spec, choices, [name])
+    told = {"evidence": _EVIDENCE, "thresholds": thresholds}
+    record_run(out, "diagnose", command, study, choices, 0, told)
     return {}
 
 
 def sampled(spec: Spec, watcher: Watcher) -> dict[str, Any]:
     """The posterior of each pad's model, and its check."""
     study, out = read_measurements(spec["data"]), Path(spec["out"])
+    all_tests, settings = spec["all_tests"], Settings()
     for name in spec["pads"]:
         model = spec["models"].get(name)
         choices = _choices(model, study.units.bonded_default, spec["effects_file"])
         fit_into(
-            out / name, study.pad(name), study, choices, method="emcee",
-            all_tests=spec["all_tests"], settings=Settings(), watcher=watcher,
+            out / name, study.pad(name), study, choices, method=_METHOD,
+            all_tests=all_tests, settings=settings, watcher=watcher,
         )  # fmt: skip
         saved = load(out / name / "posterior.nc")
         check_into(out / name, saved, study, seed=0, watcher=watcher)
         command = _command("fit", spec, choices, [name])
-        record_run(out, "fit", command, study, choices, 0)
+        told = {"method": _METHOD, "all_tests": all_tests, "sampler": settings}
+        record_run(out, "fit", command, study, choices, 0, told)
     return {"sampled": list(spec["pads"])}
 
 

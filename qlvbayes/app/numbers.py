@@ -19,7 +19,7 @@ from qlvbayes.app.intake import opened, read_in
 from qlvbayes.app.tables import constants_csv, residuals_csv
 from qlvbayes.diagnosis.protocol import protocol_of
 from qlvbayes.diagnosis.result import CellError
-from qlvbayes.fitting.curves import Curves
+from qlvbayes.fitting.checked import Curves
 from qlvbayes.fitting.prediction import looked_at
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.checks import InputError

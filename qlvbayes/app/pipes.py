@@ -1,5 +1,6 @@
 """A process of our own kind, spawned: a new interpreter, never a fork, JSON lines over its pipes.
 
+The server has a `Process`; the process has its `Parent`.
 It ends when its standard input does, so that nothing outlives the server.
 """
 
@@ -11,7 +12,9 @@ import json
 import os
 import signal
 import sys
-from typing import Any
+import threading
+from collections.abc import Callable
+from typing import Any, BinaryIO
 
 _LONGEST = 2**26  # bytes of a line from a process: a long error, never a curve
 _ENDS_WITHIN = 2.0  # s that a process has to go by itself
@@ -80,3 +83,38 @@ class Process:
     async def wait(self) -> int:
         """Until it has gone; its exit status, negative by a signal."""
         return await self._process.wait()
+
+
+class Parent:
+    """The server, as its processes see it.
+
+    Standard output becomes standard error, so that nothing printed is taken for an answer.
+    """
+
+    def __init__(self) -> None:
+        self._in: BinaryIO = os.fdopen(os.dup(0), "rb")
+        self._out: BinaryIO = os.fdopen(os.dup(1), "wb")
+        os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+        os.dup2(2, 1)
+        self._lock = threading.Lock()
+
+    def tell(self, content: dict[str, Any], payload: bytes = b"") -> None:
+        """One line of JSON, and bytes that follow it; the process ends where nobody reads."""
+        line = json.dumps(content, allow_nan=False).encode() + b"\n"
+        try:
+            with self._lock:
+                self._out.write(line + payload)
+                self._out.flush()
+        except OSError:
+            os._exit(0)
+
+    def listen(self, heard: Callable[[dict[str, Any]], None]) -> None:
+        """Hand over each line from a thread of its own; end the process where there are no more."""
+
+        def loop() -> None:
+            for line in self._in:
+                heard(json.loads(line))
+            sys.stderr.flush()
+            os._exit(0)  # at once, whatever is being computed: the server has gone
+
+        threading.Thread(target=loop, daemon=True).start()

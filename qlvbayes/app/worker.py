@@ -16,9 +16,9 @@ from typing import Any, NoReturn
 
 import msgspec
 
-from qlvbayes.app.childpipes import Parent
 from qlvbayes.app.failures import RefusedError, refused, told_of
 from qlvbayes.app.numbers import CALLS, FIRST
+from qlvbayes.app.pipes import Parent
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.runtime import one_blas_thread
 

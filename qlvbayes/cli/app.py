@@ -14,7 +14,7 @@ import typer
 
 import qlvbayes.app
 from qlvbayes.cli.options import EffectsFile
-from qlvbayes.effects.userfile import load
+from qlvbayes.effects.catalogue import own_effects
 from qlvbayes.io.checks import InputError
 
 _NEEDED = ("starlette", "uvicorn", "python_multipart")
@@ -69,7 +69,7 @@ def app_command(
     if behind is not None and not behind.startswith(("http://", "https://")):
         raise InputError(f"no address {behind!r}", remedy="write https://NAME")
     if effects_file is not None:
-        load(effects_file)
+        own_effects(effects_file)
     options = {
         "token": secrets.token_urlsafe(32),
         "sessions": str((sessions or _data_folder()).resolve()),

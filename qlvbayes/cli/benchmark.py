@@ -9,19 +9,20 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
-from qlvbayes.cli.benchmark_wide import run_wide_benchmark
 from qlvbayes.cli.console import counting, out
-from qlvbayes.cli.options import Style, split_names
+from qlvbayes.cli.options import Seed, Style, split_names
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.files import results_folder, write_json
 
 if TYPE_CHECKING:
     from qlvbayes.evaluation.report import Report
+    from qlvbayes.evaluation.run import Tell
+    from qlvbayes.evaluation.widereport import WideReport
 
 
 def benchmark(
     studies: Annotated[int, typer.Option(min=1, help="How many pads.")] = 40,
-    seed: Annotated[int, typer.Option(min=0, help="Makes a run repeat.")] = 0,
+    seed: Seed = 0,
     effects: Annotated[
         str, typer.Option(help="Hide only these where one is hidden alone, as 'friction,inertia'.")
     ] = "",
@@ -134,3 +135,40 @@ def _figure(report: Report, folder: Path) -> Path:
     from qlvbayes.plots.files import save_figure
 
     return save_figure(plot_benchmark(report), folder / "benchmark")
+
+
+def run_wide_benchmark(studies: int, seed: int, folder: Path, as_json: bool, tell: Tell) -> None:
+    """Run what is missing, write OUT/benchmark.json, show the rates."""
+    from qlvbayes.evaluation.keeping import Kept, code_digest
+    from qlvbayes.evaluation.population import Population
+    from qlvbayes.evaluation.widereport import WideReport
+    from qlvbayes.evaluation.widerun import run_population
+
+    population = Population(seed)
+    path = folder / "studies" / f"{population.key}-{code_digest()}.jsonl"
+    kept = Kept(path, population.key)
+    run_population(population, kept, range(studies), tell)
+    report = WideReport(seed, tuple(kept.first(studies)))
+    write_json(folder / "benchmark.json", report.as_dict())
+    if as_json:
+        print(json.dumps(report.as_dict(), allow_nan=False))
+        return
+    out.print(wide_table(report))
+
+
+def wide_table(report: WideReport) -> Table:
+    """Every rate over the studies that could be seen, with its one-sided 95 % bound."""
+    from qlvbayes.evaluation.counting import COUNTS, bound
+
+    title = f"{len(report.cases)} studies of the wide population, seed {report.seed}"
+    table = Table(title=title, title_justify="left", title_style="bold")
+    table.add_column("hidden: verdict")
+    for name in ("share", "95 % bound", "n"):
+        table.add_column(name, justify="right")
+    for count in COUNTS:
+        rate = report.rate(count)
+        if rate.share is not None:
+            sign = ">" if count.good else "<"
+            limit = f"{sign} {100 * bound(rate, count.good):.1f} %"
+            table.add_row(count.words, f"{100 * rate.share:.1f} %", limit, str(rate.n))
+    return table

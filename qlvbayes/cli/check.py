@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from qlvbayes.cli.console import out
-from qlvbayes.cli.options import Style
+from qlvbayes.cli.options import Fitted, Seed, Style
 from qlvbayes.cli.tables import pads_table
 from qlvbayes.cli.terminal import Terminal, show_figures
 from qlvbayes.fitting.results import Saved, load
@@ -21,12 +21,12 @@ from qlvbayes.pipeline.drawing import draw_forces_at_rates
 
 
 def check(
-    folder: Annotated[Path, typer.Argument(help="The folder that 'fit' wrote.")],
+    folder: Fitted,
     data: Annotated[
         Path | None, typer.Option(help="The measurements, if they have moved since the fit.")
     ] = None,
     style: Style = None,
-    seed: Annotated[int, typer.Option(min=0, help="Makes a run repeat.")] = 0,
+    seed: Seed = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print the checks as JSON.")] = False,
 ) -> None:
     """Predict every test with the fitted posterior, by test and phase, against the noise floor.

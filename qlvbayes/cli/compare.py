@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from qlvbayes.cli.console import out
-from qlvbayes.cli.options import AsJson, Seed, Style, split_names
+from qlvbayes.cli.options import AsJson, Fitted, Seed, Style, known_names, split_names
+from qlvbayes.cli.tables import contrasts_table
 from qlvbayes.cli.terminal import Terminal, show_figures
 from qlvbayes.io.checks import InputError
 from qlvbayes.pipeline.comparing import (
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 
 
 def compare_command(
-    folder: Annotated[Path, typer.Argument(help="The folder that 'fit' wrote.")],
+    folder: Fitted,
     pads: Annotated[
         str, typer.Option(help="Two or more pads, as 'B,C'; each pair is compared. Default: all.")
     ] = "",
@@ -67,8 +68,6 @@ def compare_command(
     practical equivalence, and the answer: greater, less, equal, or cannot tell. Leaves
     OUT/compare/B-vs-C/compare.json, .csv, .tex, .txt and the figure contrasts (PNG and PDF).
     """
-    from qlvbayes.cli.compare_table import contrasts_table
-
     pairs = _pairs(saved_pads(folder, data), folder, pads, fluids)
     watcher = Terminal(quiet=as_json)
     contents, figures = [], []
@@ -102,13 +101,8 @@ def _pairs(
     found: Sequence[Saved], folder: Path, pads: str, fluids: bool | None
 ) -> list[tuple[Group, Group]]:
     """What is compared; InputError where there are no two of it."""
-    if names := split_names(pads):
-        known = {saved.pad: saved for saved in found}
-        for name in names:
-            if name not in known:
-                raise InputError(
-                    f"no fit of pad '{name}'", file=folder, remedy=f"name of {', '.join(known)}"
-                )
+    known = {saved.pad: saved for saved in found}
+    if names := known_names(pads, known, folder):
         found = [known[name] for name in dict.fromkeys(names)]
     if fluids is None:
         fluids = not names and bool(fluid_pairs(found))

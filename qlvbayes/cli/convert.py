@@ -14,11 +14,10 @@ from qlvbayes.cli.console import err, out, waiting
 from qlvbayes.cli.options import AsJson, Style, split_names
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.answers import FILE, SIGNS, Answers, UnsureError
-from qlvbayes.io.formats.catalogue import FORMATS
+from qlvbayes.io.formats.catalogue import FORMATS, own_formats
 from qlvbayes.io.formats.conversion import Conversion, convert, told
 from qlvbayes.io.formats.format import AbstractFormat
 from qlvbayes.io.formats.tidy import write_tidy
-from qlvbayes.io.formats.userfile import load
 
 
 def convert_command(
@@ -69,7 +68,7 @@ def convert_command(
     if output.resolve() in [file.resolve() for file in files]:
         remedy = "choose another name with -o"
         raise InputError("this file would be written over", file=output, remedy=remedy)
-    kinds = FORMATS if formats_file is None else (*FORMATS, *load(formats_file))
+    kinds = FORMATS if formats_file is None else (*FORMATS, *own_formats(formats_file))
     said = _Said(sign, contact, units, area, tuple(split_names(pad)), tuple(split_names(test)))
     found = _converted(files, said, kinds)
     write_tidy(found, output)

@@ -10,7 +10,7 @@ import typer
 from rich.table import Table
 
 from qlvbayes.cli.console import out
-from qlvbayes.cli.options import AsJson, Seed, Style, split_names
+from qlvbayes.cli.options import AsJson, Seed, Style, known_names, split_names
 from qlvbayes.cli.terminal import Terminal, show_figures
 from qlvbayes.diagnosis.nexttest.series import MOST
 from qlvbayes.io.checks import InputError
@@ -93,12 +93,7 @@ def _pads(folder: Path, names: str) -> list[str]:
     known = sorted({path.parent.name for name in _FILES for path in folder.glob(f"*/{name}")})
     if not known:
         raise InputError("no results in this folder", file=folder, remedy="run qlvbayes study")
-    for name in (chosen := split_names(names)):
-        if name not in known:
-            raise InputError(
-                f"no results of pad '{name}'", file=folder, remedy=f"name of {', '.join(known)}"
-            )
-    return chosen or known
+    return known_names(names, known, folder, "results") or known
 
 
 def _tests(found: NextTests) -> Table:

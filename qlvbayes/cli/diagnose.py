@@ -3,59 +3,40 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from qlvbayes.cli.console import command_line, out, waiting
+from qlvbayes.cli.console import command_line, out
 from qlvbayes.cli.options import (
-    Add,
     AsJson,
-    Bonded,
-    EffectsFile,
-    Elastic,
-    Fix,
-    LawsFile,
-    Modes,
-    Noise,
+    File,
+    ModelOptions,
     Out,
     Pads,
-    Prior,
-    Relaxation,
-    Rested,
     Seed,
     Style,
     Tolerance,
     chosen_pads,
-    model_choices,
     thresholds,
+    with_groups,
 )
 from qlvbayes.cli.terminal import Terminal
 from qlvbayes.diagnosis.diagnose import EVIDENCES
 from qlvbayes.fitting.runs import record_run
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.data import read_measurements
 from qlvbayes.pipeline.diagnosing import diagnose_into
 
 Evidence = Annotated[str, typer.Option(help=f"One of {', '.join(EVIDENCES)}.")]
 
 
+@with_groups
 def diagnose_command(
-    file: Annotated[Path, typer.Argument(help="Measurements: a tidy .csv or .csv.gz file.")],
+    file: File,
     output: Out,
     pads: Pads = "",
-    elastic: Elastic = "exponential",
-    relaxation: Relaxation = None,
-    modes: Modes = None,
-    noise: Noise = "floor",
-    bonded: Bonded = None,
-    rested: Rested = False,
-    prior: Prior = None,
-    fix: Fix = None,
-    add: Add = None,
-    effects_file: EffectsFile = None,
-    laws_file: LawsFile = None,
+    *,
+    model: ModelOptions,
     evidence: Evidence = "laplace",
     tolerance: Tolerance = "1%",
     style: Style = None,
@@ -70,25 +51,9 @@ def diagnose_command(
     if evidence not in EVIDENCES:
         raise InputError(f"no evidence {evidence!r}", remedy=f"use one of {', '.join(EVIDENCES)}")
     settings = thresholds(tolerance)
-    with waiting("reading"):
-        study = read_measurements(file)
     watcher = Terminal(quiet=as_json)
-    for notice in study.notices:
-        watcher.notice(notice)
-    choices = model_choices(
-        study,
-        elastic,
-        relaxation,
-        modes,
-        noise,
-        bonded,
-        prior,
-        fix,
-        add,
-        effects_file,
-        laws_file,
-        rested=rested,
-    )
+    study = watcher.reading(file)
+    choices = model.choices(study)
     found = [
         diagnose_into(
             output / pad.name,

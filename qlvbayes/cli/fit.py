@@ -3,31 +3,21 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from qlvbayes.cli.console import command_line, out, waiting
 from qlvbayes.cli.options import (
-    Add,
-    Bonded,
-    EffectsFile,
-    Elastic,
-    Fix,
-    LawsFile,
-    Modes,
-    Noise,
+    File,
+    ModelOptions,
     Out,
     Pads,
-    Prior,
     References,
-    Relaxation,
-    Rested,
     Seed,
     Style,
     chosen_pads,
-    model_choices,
+    with_groups,
 )
 from qlvbayes.cli.terminal import Terminal
 from qlvbayes.fitting.ensemble import Settings
@@ -39,23 +29,15 @@ from qlvbayes.pipeline.drawing import draw_constants, references_of
 from qlvbayes.pipeline.fitting import fit_into
 
 
+@with_groups
 def fit(
-    file: Annotated[Path, typer.Argument(help="Measurements: a tidy .csv or .csv.gz file.")],
+    file: File,
     output: Out,
     pads: Pads = "",
     method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = "emcee",
     all_tests: Annotated[bool, typer.Option("--all-tests", help="Fit every test.")] = False,
-    elastic: Elastic = "exponential",
-    relaxation: Relaxation = None,
-    modes: Modes = None,
-    noise: Noise = "floor",
-    bonded: Bonded = None,
-    rested: Rested = False,
-    prior: Prior = None,
-    fix: Fix = None,
-    add: Add = None,
-    effects_file: EffectsFile = None,
-    laws_file: LawsFile = None,
+    *,
+    model: ModelOptions,
     walkers: Annotated[int, typer.Option(min=4, help="Walkers of the ensemble.")] = 32,
     max_steps: Annotated[int, typer.Option(min=10, help="Steps at most.")] = 100_000,
     references: References = None,
@@ -71,20 +53,7 @@ def fit(
     """
     with waiting("reading"):
         study = read_measurements(file)
-    choices = model_choices(
-        study,
-        elastic,
-        relaxation,
-        modes,
-        noise,
-        bonded,
-        prior,
-        fix,
-        add,
-        effects_file,
-        laws_file,
-        rested=rested,
-    )
+    choices = model.choices(study)
     settings = Settings(walkers=walkers, max_steps=max_steps, seed=seed)
     if method not in METHODS:
         raise InputError(f"no method {method!r}", remedy=f"use one of {', '.join(METHODS)}")

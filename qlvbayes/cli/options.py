@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from functools import wraps
+from inspect import Parameter, signature
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, get_type_hints
 
 import typer
 
@@ -16,6 +20,8 @@ from qlvbayes.laws.relaxation.prony import MOST, Prony
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.defaults import NOISES
 
+File = Annotated[Path, typer.Argument(help="Measurements: a tidy .csv or .csv.gz file.")]
+Fitted = Annotated[Path, typer.Argument(help="The folder that 'fit' wrote.")]
 Out = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")]
 Pads = Annotated[str, typer.Option(help="Only these pads, as 'B,C'.")]
 Elastic = Annotated[
@@ -104,39 +110,76 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Seed = Annotated[int, typer.Option(min=0, help="Makes a run repeat.")]
 
 
-def model_choices(
-    study: Measurements,
-    elastic: str,
-    relaxation: str | None,
-    modes: int | None,
-    noise: str,
-    bonded: bool | None,
-    prior: list[str] | None,
-    fix: list[str] | None,
-    add: list[str] | None,
-    effects_file: Path | None,
-    laws_file: Path | None,
-    *,
-    rested: bool,
-) -> Choices:
-    """The model's description from the options that every command shares."""
-    law, count = relaxation_of(relaxation, modes)
-    choices = Choices(
-        law=elastic,
-        modes=count,
-        relaxation=law,
-        laws_file=None if laws_file is None else str(laws_file.resolve()),
-        noise=noise,
-        priors=tuple(prior or ()),
-        fixed=tuple(fix or ()),
-        bonded=study.units.bonded_default if bonded is None else bonded,
-        effects=tuple(add or ()),
-        effects_file=None if effects_file is None else str(effects_file.resolve()),
-        rested=rested,
-    )
-    for name in choices.effects:
-        find(name, choices.kinds)
-    return choices
+@dataclass(frozen=True)
+class ModelOptions:
+    """The options that describe a model: those of every command that fits one."""
+
+    elastic: Elastic = "exponential"
+    relaxation: Relaxation = None
+    modes: Modes = None
+    noise: Noise = "floor"
+    bonded: Bonded = None
+    rested: Rested = False
+    prior: Prior = None
+    fix: Fix = None
+    add: Add = None
+    effects_file: EffectsFile = None
+    laws_file: LawsFile = None
+
+    def choices(self, study: Measurements) -> Choices:
+        """The model's description; InputError where an option cannot be used."""
+        law, count = relaxation_of(self.relaxation, self.modes)
+        bonded = study.units.bonded_default if self.bonded is None else self.bonded
+        choices = Choices(
+            law=self.elastic,
+            modes=count,
+            relaxation=law,
+            laws_file=None if self.laws_file is None else str(self.laws_file.resolve()),
+            noise=self.noise,
+            priors=tuple(self.prior or ()),
+            fixed=tuple(self.fix or ()),
+            bonded=bonded,
+            effects=tuple(self.add or ()),
+            effects_file=None if self.effects_file is None else str(self.effects_file.resolve()),
+            rested=self.rested,
+        )
+        for name in choices.effects:
+            find(name, choices.kinds)
+        return choices
+
+
+def with_groups(command: Callable[..., None]) -> Callable[..., None]:
+    """A command whose parameters that are groups of options take these one by one."""
+    hints = get_type_hints(command, include_extras=True)
+    groups: dict[str, Any] = {name: kind for name, kind in hints.items() if is_dataclass(kind)}
+    single: dict[str, Parameter] = {}
+    for name, one in signature(command).parameters.items():
+        found = _options(groups[name]) if name in groups else {name: (hints[name], one.default)}
+        for option, (hint, default) in found.items():
+            single[option] = Parameter(
+                option, Parameter.KEYWORD_ONLY, annotation=hint, default=default
+            )
+
+    @wraps(command)
+    def run(**given: Any) -> None:
+        made = {
+            name: kind(**{option: given.pop(option) for option in _options(kind)})
+            for name, kind in groups.items()
+        }
+        command(**given, **made)
+
+    run.__signature__ = signature(command).replace(parameters=list(single.values()))  # type: ignore[attr-defined]
+    run.__annotations__ = {name: one.annotation for name, one in single.items()}
+    return run
+
+
+def _options(group: Any) -> dict[str, tuple[Any, Any]]:
+    """Type and default of each option of a group, by name."""
+    hints = get_type_hints(group, include_extras=True)
+    return {
+        one.name: (hints[one.name], Parameter.empty if one.default is MISSING else one.default)
+        for one in fields(group)
+    }
 
 
 def share_of(text: str) -> float:
@@ -176,6 +219,16 @@ def relaxation_of(relaxation: str | None, modes: int | None) -> tuple[str, int]:
 def split_names(text: str) -> list[str]:
     """``A, B`` as a list."""
     return [name.strip() for name in text.split(",") if name.strip()]
+
+
+def known_names(names: str, known: Collection[str], folder: Path, what: str = "fit") -> list[str]:
+    """The names in ``A, B``; InputError where a folder has no fit (or ``what``) of one."""
+    for name in (found := split_names(names)):
+        if name not in known:
+            raise InputError(
+                f"no {what} of pad '{name}'", file=folder, remedy=f"name of {', '.join(known)}"
+            )
+    return found
 
 
 def chosen_pads(study: Measurements, names: str) -> list[Pad]:

@@ -11,7 +11,7 @@ import typer
 from rich.table import Table
 
 from qlvbayes.cli.console import out
-from qlvbayes.cli.options import AsJson, Style, split_names
+from qlvbayes.cli.options import AsJson, Fitted, Style, known_names
 from qlvbayes.cli.terminal import Terminal, show_figures
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.io.checks import InputError
@@ -26,7 +26,7 @@ _WHICH = ("averaged", "fitted")
 
 
 def predict_command(
-    folder: Annotated[Path, typer.Argument(help="The folder that 'fit' wrote.")],
+    folder: Fitted,
     program: Annotated[
         str,
         typer.Option(
@@ -134,11 +134,7 @@ def _chosen(
     found: Sequence[Saved | Hypotheses], folder: Path, pads: str
 ) -> list[Saved | Hypotheses]:
     known = {source.pad: source for source in found}
-    for name in (names := split_names(pads)):
-        if name not in known:
-            raise InputError(
-                f"no fit of pad '{name}'", file=folder, remedy=f"name of {', '.join(known)}"
-            )
+    names = known_names(pads, known, folder)
     return [known[name] for name in names] if names else list(found)
 
 

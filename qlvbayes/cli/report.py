@@ -12,7 +12,7 @@ from qlvbayes.app.intake import opened
 from qlvbayes.cli.console import out, waiting
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.files import write_whole
-from qlvbayes.report.write import write_report
+from qlvbayes.report.page import write_report
 
 
 def report(

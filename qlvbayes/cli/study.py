@@ -2,56 +2,37 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from qlvbayes.cli.console import command_line, out, waiting
+from qlvbayes.cli.console import command_line, out
 from qlvbayes.cli.options import (
-    Add,
-    Bonded,
-    EffectsFile,
-    Elastic,
-    Fix,
-    LawsFile,
-    Modes,
-    Noise,
+    File,
+    ModelOptions,
     Out,
     Pads,
-    Prior,
     References,
-    Relaxation,
-    Rested,
     Seed,
     Style,
     Tolerance,
     chosen_pads,
-    model_choices,
     thresholds,
+    with_groups,
 )
 from qlvbayes.cli.terminal import Terminal
 from qlvbayes.fitting.ensemble import Settings
-from qlvbayes.io.data import read_measurements
 from qlvbayes.pipeline.run import run_study
-from qlvbayes.report.write import REPORT
+from qlvbayes.report.page import REPORT
 
 
+@with_groups
 def study_command(
-    file: Annotated[Path, typer.Argument(help="Measurements: a tidy .csv or .csv.gz file.")],
+    file: File,
     output: Out,
     pads: Pads = "",
-    elastic: Elastic = "exponential",
-    relaxation: Relaxation = None,
-    modes: Modes = None,
-    noise: Noise = "floor",
-    bonded: Bonded = None,
-    rested: Rested = False,
-    prior: Prior = None,
-    fix: Fix = None,
-    add: Add = None,
-    effects_file: EffectsFile = None,
-    laws_file: LawsFile = None,
+    *,
+    model: ModelOptions,
     max_steps: Annotated[int, typer.Option(min=10, help="Steps of the sampler at most.")] = 100_000,
     tolerance: Tolerance = "1%",
     references: References = None,
@@ -65,25 +46,9 @@ def study_command(
     OUT/<pad> holds the plain model. OUT/report.html tells the whole story in one file.
     """
     judging = thresholds(tolerance)
-    with waiting("reading"):
-        study = read_measurements(file)
     watcher = Terminal()
-    for notice in study.notices:
-        watcher.notice(notice)
-    choices = model_choices(
-        study,
-        elastic,
-        relaxation,
-        modes,
-        noise,
-        bonded,
-        prior,
-        fix,
-        add,
-        effects_file,
-        laws_file,
-        rested=rested,
-    )
+    study = watcher.reading(file)
+    choices = model.choices(study)
     settings = Settings(max_steps=max_steps, seed=seed)
     verdicts = run_study(
         study,

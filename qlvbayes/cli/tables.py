@@ -8,9 +8,14 @@ from math import floor, log10
 from rich.table import Table
 from rich.text import Text
 
+from qlvbayes.comparison.contrast import Comparison, Contrast, with_interval, written
+from qlvbayes.diagnosis.result import DiagnosisResult, Estimate, Laws, Ranked, Stage
 from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.summary import Constant, FitSummary
 from qlvbayes.io.wording import plain
+
+_STYLES = {"greater": "bold", "less": "bold", "equal": "green", "cannot tell": "dim"}
+_MOST = 8  # hypotheses shown
 
 
 def significant(value: float, sd: float) -> str:
@@ -112,3 +117,91 @@ def check_table(check: CheckResult, force_unit: str, speed_unit: str) -> Table:
             Text("fails", style="bold red") if c.fails else "",
         )
     return table
+
+
+def contrasts_table(found: Comparison) -> Table:
+    """Medians of both, their ratio with its interval, the probabilities and the answer."""
+    one, other = found.names
+    title = (
+        f"{one} against {other}: medians, ratio [90 % interval], region {100 * found.region:g} %"
+    )
+    table = Table(title=title, title_justify="left", title_style="bold")
+    table.add_column("quantity", no_wrap=True)
+    table.add_column("unit")
+    for name in (one, other, f"{one}/{other}", "P(greater)", "P(equal)"):
+        table.add_column(name, justify="right")
+    table.add_column("answer", no_wrap=True)
+    before = None
+    for c in found.contrasts:
+        if before not in (None, c.group):
+            table.add_section()
+        before = c.group
+        table.add_row(*_cells(c))
+    return table
+
+
+def _cells(c: Contrast) -> list[str | Text]:
+    return [
+        c.quantity + (" *" if c.extrapolated else ""),
+        "" if c.unit == "1" else c.unit,
+        written(c.first)[0],
+        written(c.second)[0],
+        "" if c.ratio is None else with_interval(c.ratio),
+        f"{c.direction:.3f}",
+        f"{c.equivalence:.3f}",
+        Text(c.answer, style=_STYLES[c.answer]),
+    ]
+
+
+def steps_table(found: DiagnosisResult, unit: str) -> Table:
+    """The error after each step against the noise floor."""
+    title = f"pad {found.pad}: error after each step, noise floor {plain(found.noise)} {unit}"
+    table = Table(title=title, title_justify="left", title_style="bold")
+    table.add_column("model")
+    for name in (f"RMSE {unit}", f"held-out RMSE {unit}", "held-out/noise", "log evidence"):
+        table.add_column(name, justify="right")
+    table.add_column("cells that fail", justify="right")
+    for stage in found.stages:
+        table.add_row(
+            _model(stage, found.stages[0].base),
+            plain(stage.rmse, 4),
+            "one test" if stage.heldout_rmse is None else plain(stage.heldout_rmse, 4),
+            "" if stage.heldout_rmse is None else f"{stage.heldout_rmse / found.noise:.2f}",
+            _one_digit(stage.log_evidence),
+            str(len(stage.failing)),
+        )
+    return table
+
+
+def ranking_table(found: DiagnosisResult, unit: str) -> Table:
+    """What the plain model may lack, likeliest first, over all base laws and companions."""
+    table = Table(title="what the plain model may lack", title_justify="left", title_style="bold")
+    table.add_column("effect", no_wrap=True)
+    for name in ("probability", "log Bayes factor", f"RMSE {unit}"):
+        table.add_column(name, justify="right")
+    table.add_column("constants")
+    for ranked in found.ranking[:_MOST]:
+        name = "nothing" if ranked.effect == "none" else ranked.effect
+        table.add_row(name, f"{ranked.inclusion:.3f}", *_figures(ranked))
+    return table
+
+
+def _model(stage: Stage, chosen: Laws) -> str:
+    """Its laws, where they are not those chosen, and its effects."""
+    return " + ".join((", ".join(stage.base.others(chosen)) or "QLV", *stage.effects))
+
+
+def _figures(ranked: Ranked) -> tuple[str, str, str]:
+    return (
+        _one_digit(ranked.log_bayes_factor),
+        plain(ranked.rmse, 4),
+        ", ".join(_constant(name, e) for name, e in ranked.parameters.items()),
+    )
+
+
+def _constant(name: str, e: Estimate) -> str:
+    return f"{name} = {e}"
+
+
+def _one_digit(value: float | None) -> str:
+    return "n/a" if value is None else f"{value:.1f}"

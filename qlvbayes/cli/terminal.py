@@ -7,12 +7,12 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 
 from qlvbayes.cli.console import counting, err, out, waiting
-from qlvbayes.cli.diagnosis_tables import ranking_table, steps_table
-from qlvbayes.cli.tables import check_table, constants_table
+from qlvbayes.cli.tables import check_table, constants_table, ranking_table, steps_table
 from qlvbayes.diagnosis.verdict import Diagnosis
 from qlvbayes.fitting.checked import CheckedPad
 from qlvbayes.fitting.ensemble import Progress
 from qlvbayes.fitting.summary import FitSummary
+from qlvbayes.io.data import Measurements, read_measurements
 from qlvbayes.io.wording import plain
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.parameters import described, fields_of
@@ -26,6 +26,14 @@ class Terminal(Watcher):
     def __init__(self, quiet: bool = False) -> None:
         self.quiet = quiet
         self._noticed: set[str] = set()
+
+    def reading(self, file: Path) -> Measurements:
+        """The measurements in a file, and what is to know of them."""
+        with waiting("reading"):
+            study = read_measurements(file)
+        for notice in study.notices:
+            self.notice(notice)
+        return study
 
     def doing(self, label: str) -> AbstractContextManager[Callable[[str], None]]:
         """A spinner."""

@@ -7,16 +7,22 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from msgspec.structs import replace
 
-from qlvbayes.comparison.contrast import BY_CHANCE, Comparison, Contrast, Omnibus
+from qlvbayes.comparison.contrast import (
+    BY_CHANCE,
+    DECIDED,
+    EQUAL,
+    SHARE,
+    Comparison,
+    Contrast,
+    Interval,
+    Omnibus,
+)
 from qlvbayes.comparison.hierarchy import DRAWS, fluid_draws
 from qlvbayes.comparison.joint import joint_test, smallest_tail
-from qlvbayes.comparison.judging import contrast
-from qlvbayes.comparison.notices import notices
 from qlvbayes.comparison.readings import Reading, readings
 from qlvbayes.comparison.settings import Settings, choose
-from qlvbayes.comparison.shared import shared_constants
-from qlvbayes.comparison.side import Side, Source, side_of
-from qlvbayes.comparison.words import paragraphs
+from qlvbayes.comparison.side import Side, Source, shared_constants, side_of
+from qlvbayes.comparison.words import notices, paragraphs
 from qlvbayes.fitting.fit import Fit
 from qlvbayes.fitting.results import Saved
 from qlvbayes.io.checks import InputError
@@ -175,3 +181,45 @@ def _differ(omnibus: Omnibus | None, constants: Sequence[Contrast]) -> bool | No
     if omnibus.p_value < omnibus.false_alarms:
         return True
     return False if all(c.answer == "equal" for c in constants) else None
+
+
+def contrast(reading: Reading, first: np.ndarray, second: np.ndarray, region: float) -> Contrast:
+    """Set draws (n,) of the first against draws (n,) of the second, independent of each other."""
+    positive = bool(np.min(first) > 0.0 and np.min(second) > 0.0)
+    direction = float(np.mean(first > second) + 0.5 * np.mean(first == second))
+    equivalence = float(np.mean(alike(first, second, region)))
+    return Contrast(
+        quantity=reading.quantity,
+        first=interval(first),
+        second=interval(second),
+        unit=reading.unit,
+        difference=interval(first - second),
+        ratio=interval(first / second) if positive else None,
+        direction=direction,
+        equivalence=equivalence,
+        answer=answer(direction, equivalence),
+        group=reading.group,
+        extrapolated=reading.extrapolated,
+    )
+
+
+def interval(draws: np.ndarray) -> Interval:
+    """Median and central 90 %."""
+    tail = 0.5 * (1.0 - SHARE)
+    low, median, high = np.quantile(draws, [tail, 0.5, 1.0 - tail])
+    return Interval(float(median), float(low), float(high))
+
+
+def alike(first: np.ndarray, second: np.ndarray, region: float) -> np.ndarray:
+    """Whether the ratio lies within 1/(1 + region) .. 1 + region; two zeros are alike."""
+    larger = np.maximum(np.abs(first), np.abs(second))
+    return np.abs(first - second) <= larger * (region / (1.0 + region))
+
+
+def answer(direction: float, equivalence: float) -> str:
+    """Equal before different: what differs within the region is practically equal."""
+    if equivalence >= EQUAL:
+        return "equal"
+    if direction >= DECIDED:
+        return "greater"
+    return "less" if direction <= 1.0 - DECIDED else "cannot tell"

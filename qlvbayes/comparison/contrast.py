@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import floor, log10
 
 from qlvbayes.io.resultfile import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
@@ -11,6 +12,7 @@ SHARE = 0.90  # of the draws, that an interval holds
 DECIDED = 0.975  # probability of direction at which one is called greater
 EQUAL = 0.95  # probability of equivalence at which two are called equal
 BY_CHANCE = 2.0 * (1.0 - DECIDED)  # of equal quantities that are called different
+_SMALL = 1e-4
 
 
 class Interval(Part, frozen=True):
@@ -101,3 +103,21 @@ class Comparison(Result, frozen=True, kw_only=True):
     def of_group(self, group: str) -> Sequence[Contrast]:
         """The contrasts of one kind."""
         return [contrast for contrast in self.contrasts if contrast.group == group]
+
+
+def written(value: Interval) -> tuple[str, str, str]:
+    """Median, low and high; the interval's half-width keeps one to two digits."""
+    numbers = value.median, value.low, value.high
+    half = 0.5 * (value.high - value.low)
+    if half <= 0.0 or max(map(abs, numbers)) < _SMALL:
+        median, low, high = (f"{x:.3g}" for x in numbers)
+        return median, low, high
+    decimals = max(0, -floor(log10(half / 2.5)))
+    median, low, high = (f"{x:z.{decimals}f}" for x in numbers)
+    return median, low, high
+
+
+def with_interval(value: Interval) -> str:
+    """``1.07 [1.04, 1.10]``."""
+    median, low, high = written(value)
+    return f"{median} [{low}, {high}]"

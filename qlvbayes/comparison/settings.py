@@ -55,7 +55,7 @@ def choose(
 ) -> Settings:
     """What was asked for; else a round depth, three speeds and a few frequencies inside all tests.
 
-    Frequencies reach from one cycle in the longest rest to a quarter of a cycle in the quickest
+    Frequencies reach from one cycle in the longest dwell to a quarter of a cycle in the quickest
     ramp. Raises InputError on numbers that are not positive.
     """
     known = [reach for reach in reaches if reach is not None]

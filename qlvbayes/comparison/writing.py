@@ -6,8 +6,7 @@ import csv
 import io
 from pathlib import Path
 
-from qlvbayes.comparison.contrast import Comparison, Contrast, Interval
-from qlvbayes.comparison.numbers import written
+from qlvbayes.comparison.contrast import Comparison, Contrast, Interval, written
 from qlvbayes.io.files import results_folder, write_whole
 
 _TEX = str.maketrans(

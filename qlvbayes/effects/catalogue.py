@@ -1,8 +1,9 @@
-"""The effects that come with the package, in the order in which they are listed."""
+"""The effects that come with the package, in the order in which they are listed; and one's own."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 from qlvbayes.effects.adhesion import Adhesion
 from qlvbayes.effects.channel_lag import ChannelLag
@@ -33,6 +34,7 @@ from qlvbayes.effects.strain_dependent_strength import StrainDependentStrength
 from qlvbayes.effects.stress_softening import StressSoftening
 from qlvbayes.effects.viscous_drag import ViscousDrag
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.usermodule import check_own, own_classes
 
 EFFECTS: tuple[type[AbstractEffect], ...] = (
     ViscousDrag,
@@ -96,3 +98,25 @@ def find(name: str, kinds: Sequence[type[AbstractEffect]] = EVERY) -> type[Abstr
             return kind
     known = ", ".join(names(kinds))
     raise InputError(f"no effect {name!r}", remedy=f"use one of {known}")
+
+
+def own_effects(path: str | Path) -> tuple[type[AbstractEffect], ...]:
+    """The effects that a Python file defines, in its order; those it imports do not count.
+
+    Raises
+    ------
+    InputError
+        The file is missing, stops with an error, defines no effect, one that lacks a part, or a
+        name that another effect has.
+    """
+    path = Path(path)
+    found = own_classes(path, AbstractEffect, "effects")  # type: ignore[type-abstract]
+    if not found:
+        raise InputError(
+            "defines no effect", file=path, remedy="write a class that extends AbstractEffect"
+        )
+    taken = {name: f"an effect called {name} comes with the package" for name in names(EVERY)}
+    for kind in found:
+        check_own(path, kind, AbstractEffect, "effect", taken)
+        taken[kind.name] = f"an effect called {kind.name} stands in this file already"
+    return found

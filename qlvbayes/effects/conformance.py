@@ -165,7 +165,7 @@ def _check_declarations(kind: type[AbstractEffect]) -> None:
     if set(kind.units) != own:
         raise EffectError(f"{kind.name}: units must name exactly its constants {_list(own)}")
     for constant, unit in kind.units.items():
-        if not _is_unit(unit):
+        if not PAD.knows(unit):
             raise EffectError(f"{kind.name}: {unit!r} is no kind of unit (units[{constant!r}])")
     if not kind.null or not set(kind.null) <= own:
         raise EffectError(f"{kind.name}: null must name one or more of its constants {_list(own)}")
@@ -205,14 +205,6 @@ def _listed(kind: type[AbstractEffect]) -> type[AbstractEffect]:
         if other.name == kind.generalises:
             return other
     raise EffectError(f"{kind.name} generalises {kind.generalises!r}, which is no listed effect")
-
-
-def _is_unit(unit: str) -> bool:
-    try:
-        PAD.of(unit)
-    except AttributeError:
-        return False
-    return True
 
 
 def _list(names: set[str]) -> str:

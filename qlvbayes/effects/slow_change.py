@@ -6,9 +6,8 @@ from typing import Any, ClassVar, Self
 
 from jaxtyping import Array
 
-from qlvbayes.effects.clock_curve import LARGEST, curve
 from qlvbayes.effects.effect import AbstractEffect, Level
-from qlvbayes.effects.spans import duration
+from qlvbayes.effects.spans import LARGEST, curve, duration
 from qlvbayes.laws.layered import Law
 from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.scales import Scales

@@ -1,8 +1,14 @@
-"""Times and rates that a pad's tests can tell, for the priors of effects."""
+"""What effects ask of a study's clock: times and rates it tells, and a smooth curve over it."""
 
 from __future__ import annotations
 
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike
+
 from qlvbayes.laws.scales import Scales
+
+LARGEST = 2.0
+"""Of the curve below where ``bend`` and ``twist`` have their priors' sd of 1, within a half."""
 
 
 def duration(scales: Scales) -> float:
@@ -30,3 +36,12 @@ def _longest(scales: Scales) -> float:
 def _shortest(scales: Scales) -> float:
     """The sampling interval (s), or a guess where none is known."""
     return scales.shortest if scales.shortest > 0.0 else 1e-3 * _longest(scales)
+
+
+def curve(clock: Array, bend: ArrayLike, twist: ArrayLike, duration: ArrayLike) -> Array:
+    """P1 + bend P2 + twist P3, Legendre's polynomials over the clock from 0 to ``duration`` (s).
+
+    After the study it stays as it was at its end.
+    """
+    x = jnp.clip(2.0 * clock / duration - 1.0, -1.0, 1.0)
+    return x + 0.5 * bend * (3.0 * x**2 - 1.0) + 0.5 * twist * (5.0 * x**2 - 3.0) * x

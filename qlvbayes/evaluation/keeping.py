@@ -12,7 +12,6 @@ import qlvbayes
 _SCORING = (
     "rate",
     "scores",
-    "confusion",
     "reliability",
     "constants",
     "report",

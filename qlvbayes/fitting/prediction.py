@@ -9,9 +9,8 @@ import jax
 import numpy as np
 
 from qlvbayes.fitting import compiled
-from qlvbayes.fitting.floor_noise import realisations
+from qlvbayes.fitting.drawn_errors import missed, realisations
 from qlvbayes.fitting.marginal import known_floor
-from qlvbayes.fitting.missed import missed
 from qlvbayes.inference.features import Places
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import Floor

@@ -106,6 +106,14 @@ class UnitSystem:
         fixed = {"time": "s", "fraction": "1", "count": "1"}
         return fixed[kind] if kind in fixed else str(getattr(self, kind))
 
+    def knows(self, kind: str) -> bool:
+        """Whether there is such a kind of constant."""
+        try:
+            self.of(kind)
+        except AttributeError:
+            return False
+        return True
+
     @property
     def energy(self) -> str:
         """Unit of force times displacement: 1 N mm is 1 mJ; 1 kPa, over a strain, is 1 kJ/m3."""

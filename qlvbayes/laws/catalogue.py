@@ -1,12 +1,14 @@
-"""Every law that comes with the package, in the order in which they are listed."""
+"""Every law that comes with the package, in the order in which they are listed; and one's own."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from pathlib import Path
+from typing import Any, TypeVar
 
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.usermodule import check_own, own_classes
 from qlvbayes.laws.elastic.cubic import Cubic
 from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.elastic.hertz import HertzPower
@@ -60,3 +62,35 @@ def _find(what: str, name: str, kinds: Sequence[Kind]) -> Kind:
         if kind.name == name:
             return kind
     raise InputError(f"no {what} {name!r}", remedy=f"use one of {', '.join(names(kinds))}")
+
+
+def own_laws(path: str | Path) -> Laws:
+    """The laws that a Python file defines, in its order; those it imports do not count.
+
+    Raises
+    ------
+    InputError
+        The file is missing, stops with an error, defines no law, one that lacks a part, or a name
+        that another law has.
+    """
+    path = Path(path)
+    elastic = own_classes(path, AbstractElastic, "laws")  # type: ignore[type-abstract]
+    relaxation = own_classes(path, AbstractRelaxation, "laws")  # type: ignore[type-abstract]
+    if not elastic and not relaxation:
+        raise InputError(
+            "defines no law",
+            file=path,
+            remedy="write a class that extends AbstractElastic or AbstractRelaxation",
+        )
+    _free_names(elastic, AbstractElastic, names(LAWS.elastic), path)
+    _free_names(relaxation, AbstractRelaxation, names(LAWS.relaxation), path)
+    return Laws(elastic, relaxation)
+
+
+def _free_names(
+    kinds: Sequence[type[Any]], base: type[Any], known: Sequence[str], path: Path
+) -> None:
+    taken = {name: f"a law called {name} comes with the package" for name in known}
+    for kind in kinds:
+        check_own(path, kind, base, "law", taken)
+        taken[kind.name] = f"a law called {kind.name} stands in this file already"

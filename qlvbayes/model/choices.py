@@ -7,14 +7,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE, find
+from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE, find, own_effects
 from qlvbayes.effects.effect import AbstractEffect
-from qlvbayes.effects.userfile import load
 from qlvbayes.io.checks import InputError
-from qlvbayes.laws.catalogue import LAWS, Laws, find_elastic, find_relaxation
+from qlvbayes.laws.catalogue import LAWS, Laws, find_elastic, find_relaxation, own_laws
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.scales import Scales
-from qlvbayes.laws.userfile import load as load_laws
 from qlvbayes.model.defaults import NOISES, default_model, default_noise
 from qlvbayes.model.model import Model
 from qlvbayes.model.noise import AbstractNoise, Floor
@@ -122,14 +120,14 @@ class Choices:
         return (*EFFECTS, *self._own_effects())
 
     def _own_effects(self) -> tuple[type[AbstractEffect], ...]:
-        return load(Path(self.effects_file)) if self.effects_file else ()
+        return own_effects(Path(self.effects_file)) if self.effects_file else ()
 
     @property
     def laws(self) -> Laws:
         """Every law that can be chosen, those of the package and the user's own."""
         if not self.laws_file:
             return LAWS
-        own = load_laws(Path(self.laws_file))
+        own = own_laws(Path(self.laws_file))
         return Laws(LAWS.elastic + own.elastic, LAWS.relaxation + own.relaxation)
 
     @property

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import jax
@@ -10,6 +10,7 @@ import numpy as np
 
 from qlvbayes.effects.effect import Level
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.units import UnitSystem
 from qlvbayes.laws.scales import Scales
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.model import Model
@@ -19,6 +20,7 @@ from qlvbayes.model.posterior import is_prior, value_shape
 # priors are replaced by draws, so that their scales do not matter but for the number of nodes of a
 # continuous spectrum: ten decades (s) hold those of any tests
 _SCALES = Scales(force=1.0, depth=1.0, shortest=1e-5, longest=1e5, white=1e-2, ou=1e-2, tau=1.0)
+_POWERS = {"power_stiffness": "displacement", "power_drag": "speed"}
 
 
 def described_model(choices: Choices, depth: float = 1.0) -> Model:
@@ -63,3 +65,29 @@ def drawn_models(model: Model, names: Sequence[str], draws: np.ndarray) -> Model
         for names, leaf in zip(wanted, leaves, strict=True)
     ]
     return jax.tree.unflatten(shape, numbers)
+
+
+def factors(
+    choices: Choices, draws: Mapping[str, np.ndarray], given: UnitSystem, wanted: UnitSystem
+) -> dict[str, np.ndarray | float]:
+    """What the draws (n,) of each constant are multiplied by to be in the wanted units.
+
+    A power law, F = m x^n, makes it draw by draw: [F]/[x]^n goes with the draw's exponent n. An
+    effect's n is called ``effect.n``. Raises InputError where one system has strain and stress and
+    the other has displacement and force.
+    """
+    if given.dimensionless != wanted.dimensionless:
+        raise InputError(
+            "strain and stress cannot be converted to displacement and force",
+            remedy="compare force with force, or stress with stress",
+        )
+    kinds = {name: field.unit for field in described_fields(choices) for name in field.names}
+    found: dict[str, np.ndarray | float] = {}
+    for name in draws:
+        if (base := _POWERS.get(kinds[name])) is None:
+            found[name] = given.factor_to(wanted, kinds[name])
+            continue
+        stem, dot, _ = name.rpartition(".")
+        exponent = draws[f"{stem}{dot}n"]
+        found[name] = given.factor_to(wanted, "force") / given.factor_to(wanted, base) ** exponent
+    return found

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from qlvbayes.fitting.checked import CheckedPad, check_pad
-from qlvbayes.fitting.curves import curves
+from qlvbayes.fitting.checked import CheckedPad, check_pad, curves
 from qlvbayes.fitting.results import Saved
 from qlvbayes.io.data import Measurements
 from qlvbayes.pipeline.watcher import Watcher

@@ -23,7 +23,7 @@ from qlvbayes.pipeline.diagnosing import diagnose_into
 from qlvbayes.pipeline.drawing import draw_constants, draw_forces_at_rates, references_of
 from qlvbayes.pipeline.fitting import fit_into
 from qlvbayes.pipeline.watcher import Watcher
-from qlvbayes.report.write import write_report
+from qlvbayes.report.page import write_report
 
 _MOST_PAIRS = 6  # compared unasked
 

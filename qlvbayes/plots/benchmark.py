@@ -11,11 +11,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from qlvbayes.evaluation.confusion import Confusion
 from qlvbayes.evaluation.plan import family
 from qlvbayes.evaluation.rate import Rate
 from qlvbayes.evaluation.reliability import Reliability
-from qlvbayes.evaluation.report import Report
+from qlvbayes.evaluation.report import Confusion, Report
 from qlvbayes.evaluation.scores import could_be_seen, heldout_ratios
 from qlvbayes.plots.style import BLACK, DOUBLE, MM, colours, narrow, style
 from qlvbayes.simulate import FORMS, OUTSIDE

@@ -54,7 +54,7 @@ def plot_forces(
 
     Where phases of a kind repeat, as in a staircase, a first wide panel shows the whole test, and
     the repeats lie over each other, numbered, in the colour that they have in the whole test. A
-    rest before the first ramp is shown with that ramp, up to a tenth of its length.
+    dwell before the first ramp is shown with that ramp, up to a tenth of its length.
 
     width: of the figure (mm). Returns the panels, row by row.
     """

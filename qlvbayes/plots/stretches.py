@@ -18,7 +18,7 @@ DWELLS = ("hold", "recovery")
 _EARLY = 0.1  # of a ramp: so much of the rest before it is shown with it
 _FEW_DECADES = 50.0  # of a time axis, as a ratio: below, 2 and 5 have ticks too
 _FIRST_FEW = 10  # samples, whose interval is taken
-_AT_ONCE = 0.1  # of a sampling interval: a sample so early in a rest ends the movement
+_AT_ONCE = 0.1  # of a sampling interval: a sample so early in a dwell ends the movement
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ class Placed:
 
 
 def divide(time: np.ndarray, phases: Sequence[Phase]) -> list[Stretch]:
-    """Divide the samples among the phases; a rest before any movement goes with the first ramp."""
+    """Divide the samples among the phases; a dwell before any movement goes with the first ramp."""
     seen = Counter[str]()
     phases = _joined(phases)
     starts = [0, *(_first_row(time, phase) for phase in phases[1:]), time.size]
@@ -61,7 +61,7 @@ def _joined(phases: Sequence[Phase]) -> Sequence[Phase]:
 
 
 def _first_row(time: np.ndarray, phase: Phase) -> int:
-    """Index of a phase's first sample: in a rest not one taken as the motion stopped."""
+    """Index of a phase's first sample: in a dwell not one taken as the motion stopped."""
     first = int(np.searchsorted(time, phase.start))
     if phase.kind not in DWELLS:
         return first

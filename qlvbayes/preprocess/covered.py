@@ -14,7 +14,7 @@ class Covered:
     """The ranges of one pad's tests.
 
     depth: largest depth, slowest, fastest: loading rates, in the pad's units; quickest: duration
-    of the shortest ramp (s); hold: duration of the longest rest (s); tests: how many.
+    of the shortest ramp (s); hold: duration of the longest dwell (s); tests: how many.
     """
 
     depth: float
@@ -35,7 +35,7 @@ class Covered:
 
 
 def covered(experiment: Experiment) -> Covered:
-    """Ranges of all tests of a pad; without any rest the longest phase stands for ``hold``."""
+    """Ranges of all tests of a pad; without any dwell the longest phase stands for ``hold``."""
     trials = experiment.trials
     phases = [phase for trial in trials for phase in trial.phases]
     ramps = [p.stop - p.start for p in phases if p.kind == "ramp"]

@@ -2,7 +2,7 @@
 
 A spline has ``knots`` tau_0 < ... < tau_k; between two of them the acceleration is constant. The
 displacement is continuous. The velocity is continuous too, except at the knots marked in
-``kinked``. An end may be joined to a rest: there the level is given and the velocity is 0 unless
+``kinked``. An end may be joined to a dwell: there the level is given and the velocity is 0 unless
 that end is kinked.
 """
 
@@ -31,7 +31,7 @@ _MOST_PER_PIECE = 400
 
 @dataclass(frozen=True)
 class Joints:
-    """Knots, which of them carry a velocity jump, and the dwells at the ends (None: no rest)."""
+    """Knots, which of them carry a velocity jump, and the dwells at the ends (None: no dwell)."""
 
     knots: Array
     kinked: Flags
@@ -206,7 +206,7 @@ def _thinned(joints: Joints, window: Window) -> tuple[Array, Array]:
 def optimise(joints: Joints, window: Window) -> Joints:
     """Move the knots to the least squared residual (Levenberg-Marquardt on the knots alone).
 
-    An end knot moves only where it joins a rest.
+    An end knot moves only where it joins a dwell.
     """
     free = np.ones(joints.knots.size, dtype=bool)
     free[0], free[-1] = joints.left is not None, joints.right is not None

@@ -19,7 +19,7 @@ KINDS: tuple[Kind, ...] = ("ramp", "hold", "unload", "recovery")
 _LEAST_SHARE = 0.01  # of the stroke: a smaller movement is drift or jitter
 _LEAST_STEPS = 5.0  # encoder steps, for the same reason
 _CREEP = 0.02  # of a movement's own speed: slower ends of it belong to the rest
-_DWELL = 0.2  # of the shorter movement beside it: a longer slow turn is a rest
+_DWELL = 0.2  # of the shorter movement beside it: a longer slow turn is a dwell
 _LEAST_SPEED = 1e-4  # of the record's top speed
 
 
@@ -41,7 +41,7 @@ def find_phases(trajectory: Trajectory) -> tuple[Phase, ...]:
 
     A movement counts if it covers more than 1 % of the stroke and five encoder steps; less is
     drift or jitter and belongs to the rest around it. A pause too short for such a movement at the
-    neighbouring speed does not divide a ramp. A rest before the first movement is a hold if it is
+    neighbouring speed does not divide a ramp. A dwell before the first movement is a hold if it is
     longer than that movement, else part of it.
     """
     times, depth = _turning_points(trajectory)
@@ -95,9 +95,9 @@ def _turning_points(trajectory: Trajectory) -> tuple[Array, Array]:
 
 
 def _from_the_start(moves: list[tuple[int, int, int]], times: Array) -> list[tuple[int, int, int]]:
-    """The first movement begins with the record if the rest before it is shorter than it is.
+    """The first movement begins with the record if the dwell before it is shorter than it is.
 
-    The encoder shows a slow start late; a rest worth the name lasts longer.
+    The encoder shows a slow start late; a dwell worth the name lasts longer.
     """
     if not moves:
         return moves
@@ -111,7 +111,7 @@ def _turning(
 ) -> list[tuple[int, int, int]]:
     """Opposite movements meet where they turn, unless the platen rested there or dwelt long.
 
-    The slow ends of smooth cycles are no rest.
+    The slow ends of smooth cycles are no dwell.
     """
     joined = moves[:1]
     for first, last, sign in moves[1:]:

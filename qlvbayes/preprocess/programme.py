@@ -13,7 +13,7 @@ from qlvbayes.preprocess.trajectory import Trajectory
 
 @dataclass(frozen=True)
 class Stroke:
-    """Go to ``target`` no faster than ``speed``, then rest for ``hold`` seconds."""
+    """Go to ``target`` no faster than ``speed``, then hold for ``hold`` seconds."""
 
     target: float
     speed: float

@@ -1,7 +1,7 @@
 """Least-squares quintic splines whose knots lie where the record needs them.
 
 Between knots the displacement is a polynomial of degree 5; at a knot four derivatives are
-continuous. An end may be joined to a rest: there the level is given and the velocity is 0 unless
+continuous. An end may be joined to a dwell: there the level is given and the velocity is 0 unless
 that end is kinked. B-splines and their least squares:
 de Boor, A Practical Guide to Splines, 2001, chapters IX and XIV.
 """

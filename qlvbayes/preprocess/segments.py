@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _FIT_SAMPLES = 200  # a quadratic needs no more samples than this
-_FEWEST_IN_REST = 5
+_FEWEST_IN_DWELL = 5
 _ROUNDING = 1e-9  # a range of two whole steps is motion, however the file's unit rounds them
 _LEAST_STEP = 1e-6  # of the range: finer rounding is no encoder's
 _UNSEEN = 0.3  # of the bound on each residual: their root mean square in an exact record
@@ -227,7 +227,7 @@ def find_dwells(
     dwells: list[Dwell] = []
     for k, (first, stop) in enumerate(segments):
         x = displacement[first:stop]
-        if stop - first < _FEWEST_IN_REST or np.ptp(x) >= 2.0 * tol.rest * (1.0 - _ROUNDING):
+        if stop - first < _FEWEST_IN_DWELL or np.ptp(x) >= 2.0 * tol.rest * (1.0 - _ROUNDING):
             continue
         if tol.noise > 0.0 and not _blocks_centred(x - x.mean(), tol):
             continue
@@ -238,15 +238,15 @@ def find_dwells(
             continue
         dwells.append(Dwell(first, stop, float(x.mean())))
     found = _stretched(displacement, _distinct(dwells, tol), tol)
-    return [rest for rest in found if not _turns(time, displacement, rest, tol)]
+    return [dwell for dwell in found if not _turns(time, displacement, dwell, tol)]
 
 
-def _turns(time: Array, displacement: Array, rest: Dwell, tol: Tolerance) -> bool:
-    """Whether one parabola follows the rest and twice its length on either side: it only turns."""
-    reach = 2 * (rest.stop - rest.first)
-    around = slice(max(rest.first - reach, 0), rest.stop + reach)
+def _turns(time: Array, displacement: Array, dwell: Dwell, tol: Tolerance) -> bool:
+    """Whether one parabola follows the dwell and twice its length on either side: it only turns."""
+    reach = 2 * (dwell.stop - dwell.first)
+    around = slice(max(dwell.first - reach, 0), dwell.stop + reach)
     x = displacement[around]
-    if x.size < 2 * (rest.stop - rest.first):
+    if x.size < 2 * (dwell.stop - dwell.first):
         return False
     return float(np.ptp(x)) > 4.0 * tol.rest and _quadratic_fits(time[around], x, tol)
 
@@ -273,13 +273,13 @@ def _distinct(dwells: list[Dwell], tol: Tolerance) -> list[Dwell]:
 
 def _stretched(displacement: Array, dwells: list[Dwell], tol: Tolerance) -> list[Dwell]:
     out: list[Dwell] = []
-    for k, rest in enumerate(dwells):
+    for k, dwell in enumerate(dwells):
         low = out[-1].stop if out else 0
         high = dwells[k + 1].first if k + 1 < len(dwells) else displacement.size
-        near = np.abs(displacement[low:high] - rest.level) <= tol.sample
-        before = np.flatnonzero(~near[: rest.first - low])
-        after = np.flatnonzero(~near[rest.stop - low :])
+        near = np.abs(displacement[low:high] - dwell.level) <= tol.sample
+        before = np.flatnonzero(~near[: dwell.first - low])
+        after = np.flatnonzero(~near[dwell.stop - low :])
         first = low + int(before[-1]) + 1 if before.size else low
-        stop = rest.stop + int(after[0]) if after.size else high
+        stop = dwell.stop + int(after[0]) if after.size else high
         out.append(Dwell(first, stop, float(displacement[first:stop].mean())))
     return out

@@ -133,7 +133,7 @@ def _wanders(spline: quintic.Quintic, window: Window, tol: Tolerance) -> bool:
 
 
 def _with_better_end(spline: quintic.Quintic, side: int, window: Window) -> quintic.Quintic:
-    """Move an end that joins a rest to where the squared residuals nearby are least."""
+    """Move an end that joins a dwell to where the squared residuals nearby are least."""
     joints = spline.joints
     if (joints.left if side == 0 else joints.right) is None:
         return spline
@@ -172,7 +172,7 @@ def _window(
 ) -> Window:
     """Take in part of the dwells beside a stretch, so that its end knots can move.
 
-    A rest is at its level between its readings too, and in a gap beside the stretch until the
+    A dwell is at its level between its readings too, and in a gap beside the stretch until the
     motion can have begun: where readings are sparser there than the stretch's, some are put between
     them, or the motion could do anything.
     """
@@ -191,7 +191,7 @@ def _window(
         back = slice(stop - 1, first - 1 if first else None, -1)
         gap = _at_rest(t[back], np.abs(x[back] - after.level), t[stop], between)
         late = np.append(_unread(t[stop:j], t[stop] + between), gap)
-    levels = [0.0 if rest is None else rest.level for rest in (before, after)]
+    levels = [0.0 if dwell is None else dwell.level for dwell in (before, after)]
     added = [np.full(some.size, level) for some, level in zip((early, late), levels, strict=True)]
     time = np.concatenate([early, t[i:j], late])
     order = np.argsort(time, kind="stable")
@@ -208,7 +208,7 @@ def _unread(t: Array, times: Array) -> Array:
 def _at_rest(t: Array, away: Array, resting: float, between: Array) -> Array:
     """Times at which a motion is over before the first reading at rest, closest where it ends.
 
-    t, away (n,): its readings, the last one first, and how far each is from the rest's level;
+    t, away (n,): its readings, the last one first, and how far each is from the dwell's level;
     between: multiples of their usual spacing. As a motion ends with the cube of the time at the
     latest (a bounded jerk), it is over as long after a reading as one eight times as far lies
     before it.

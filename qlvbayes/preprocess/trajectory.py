@@ -224,10 +224,10 @@ def _joined(t: Array, parts: list[Stretch], dwells: list[Dwell], tol: Tolerance)
     most = max((_order(p) for p in parts), default=0)
     starts = [part.pieces.knots[:-1] for part in parts]
     values = [_rows(part, most) for part in parts]
-    for rest in dwells:
-        into = [p.pieces.knots[-1] for p in parts if p.pieces.knots[-1] <= t[rest.stop - 1]]
-        starts.append(np.array([max(into) if into and rest.first > 0 else t[0]]))
-        values.append(np.array([[rest.level], *[[0.0]] * (2 + most)]))
+    for dwell in dwells:
+        into = [p.pieces.knots[-1] for p in parts if p.pieces.knots[-1] <= t[dwell.stop - 1]]
+        starts.append(np.array([max(into) if into and dwell.first > 0 else t[0]]))
+        values.append(np.array([[dwell.level], *[[0.0]] * (2 + most)]))
     knots = np.concatenate(starts)
     order = np.argsort(knots, kind="stable")
     d, v, a, *higher = np.concatenate(values, axis=1)[:, order]
@@ -259,10 +259,10 @@ def _all_errors(
     ends = np.array([t[0]] + [p.joints.knots[-1] for p in parts])
     rounding = tol.step**2 / 12.0 if tol.noise < 0.5 * tol.step else 0.0
     every = list(found)
-    for rest in dwells:
-        middle = 0.5 * (t[rest.first] + t[rest.stop - 1])
+    for dwell in dwells:
+        middle = 0.5 * (t[dwell.first] + t[dwell.stop - 1])
         span = np.array([ends[ends <= middle].max(), begins[begins >= middle].min()])
-        sd = np.full(2, np.sqrt(tol.noise**2 / (rest.stop - rest.first) + rounding))
+        sd = np.full(2, np.sqrt(tol.noise**2 / (dwell.stop - dwell.first) + rounding))
         every.append(Errors(span, sd, np.zeros(2), np.zeros(2)))
     joined = _concatenated(every)
     least = max((float(np.ptp(p.window.displacement)) for p in parts), default=0.0)

@@ -5,15 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
+from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from qlvbayes.io.files import write_whole
 from qlvbayes.io.wording import joined
 from qlvbayes.report.answers import answers, split_first
 from qlvbayes.report.boxes import Box, verdict_box
 from qlvbayes.report.charts import chart_of
-from qlvbayes.report.collect import PadResults, Results
+from qlvbayes.report.collect import PadResults, Results, collect
 from qlvbayes.report.comparing import comparing_of
 from qlvbayes.report.constants import Shifts, constants_rows, shifts_of
 from qlvbayes.report.explaining import Explaining, explaining_of
@@ -33,6 +35,7 @@ _PAD_FIGURES = (
     "forces_before_after",
     "prediction",
 )
+REPORT = "report.html"
 
 
 @dataclass(frozen=True)
@@ -118,3 +121,31 @@ def _template():  # type: ignore[no-untyped-def]
 def _asset(folder: str, name: str) -> Markup:
     """A file of this package as it stands: styles and scripts, which must not be escaped."""
     return Markup(files("qlvbayes.report").joinpath(folder, name).read_text(encoding="utf-8"))
+
+
+def write_report(out: str | Path) -> Path:
+    """Write ``out/report.html`` from what lies in ``out``; return where it is.
+
+    One file that opens without a network: verdicts, constants, comparisons, errors by test and
+    phase, curves to zoom into, missing effects, methods. Steps that were not done are named with
+    the command that does them.
+
+    Parameters
+    ----------
+    out
+        The folder of results.
+
+    Returns
+    -------
+    Path
+        Of the page.
+
+    Raises
+    ------
+    InputError
+        There are no results, or a file of them cannot be read.
+    """
+    folder = Path(out)
+    path = folder / REPORT
+    write_whole(path, page(collect(folder)).encode())
+    return path

@@ -12,14 +12,15 @@ from numpy.typing import NDArray
 from qlvbayes.app.bench.limits import cell_limits
 from qlvbayes.app.bench.model import (
     ByHand,
+    Slider,
     checked,
     constants_of,
     nothing_added,
+    sliders,
     theta_of,
     values_of,
 )
 from qlvbayes.app.bench.signature import amplitude_of, beside, carried
-from qlvbayes.app.bench.sliders import Slider, sliders
 from qlvbayes.app.bench.squares import Squares
 from qlvbayes.diagnosis.result import CellError
 from qlvbayes.diagnosis.samples import Samples, cell_errors, rmse

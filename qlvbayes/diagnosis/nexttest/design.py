@@ -69,7 +69,7 @@ class Design:
 
     @property
     def stretches(self) -> list[tuple[Kind, float, float]]:
-        """Kind, beginning and end (s) of every movement and rest, without the way home."""
+        """Kind, beginning and end (s) of every movement and dwell, without the way home."""
         found: list[tuple[Kind, float, float]] = []
         place, time = _HOME, 0.0
         for stroke in self.strokes:

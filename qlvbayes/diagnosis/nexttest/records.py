@@ -21,8 +21,8 @@ BLOCKS = 128
 """Means of a test."""
 POINTS = 320
 """Of its motion: two nodes a mean, and up to 64 knots."""
-_EARLY = 1e-4  # of a rest: its first block
-_LONGER = 3.0  # than the block before it, at most: of few, the last would hold nearly all of a rest
+_EARLY = 1e-4  # of a dwell: its first block
+_LONGER = 3.0  # than the block before it, at most: of few, the last would hold nearly all of it
 _MOVES = ("ramp", "unload")
 _MOVING = 1.0 / 3.0  # of the blocks, for all movements: forces are simpler there than in dwells
 
@@ -70,7 +70,7 @@ def _kept(count: Array, rows: int) -> Array:
 
 
 def _edges(design: Design, interval: float) -> list[tuple[Array, Array]]:
-    """Begin and end of the blocks of each movement and rest."""
+    """Begin and end of the blocks of each movement and dwell."""
     stretches = design.stretches
     moves = sum(kind in _MOVES for kind, *_ in stretches)
     dwells = max(len(stretches) - moves, 1)

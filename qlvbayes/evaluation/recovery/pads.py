@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes.evaluation.recovery.bench import bench
-from qlvbayes.evaluation.recovery.slices import slices
 from qlvbayes.fitting import compiled
 from qlvbayes.inference.density import Density
 from qlvbayes.inference.discrepancy import Discrepancy
+from qlvbayes.inference.engine import filled_up
 from qlvbayes.inference.evidence import evidence
-from qlvbayes.inference.importance import Sampled, about, sample
-from qlvbayes.inference.modes import distinct, find_mode, modes
-from qlvbayes.inference.space import Parameters, Space
+from qlvbayes.inference.importance import Cloud, Sampled, about, sample
+from qlvbayes.inference.modes import Mode, distinct, find_mode, modes
+from qlvbayes.inference.space import Leaf, Parameters, Space
 from qlvbayes.inference.whitening import Whitener
 from qlvbayes.io.checks import NoFiniteForceError
 from qlvbayes.model.noise import Correlated
@@ -28,11 +30,74 @@ from qlvbayes.preprocess.noisefloor import NoiseFloor
 
 Array = NDArray[np.float64]
 
+_ACROSS = (0.125, 0.375, 0.625, 0.875)  # quantiles of a constant's prior draws
+_BETWEEN = 0.5  # of their sd: about half of what lies between two of these
 _STARTS = 8  # draws of the priors, from which modes are looked for
 _BEHIND = 8.0  # loss behind the best mode, at which a slice is left out
 _WORTH = 100.0  # effective draws that do
 _ROUNDS = 90  # of draws, at most
 _AT_ONCE = 64  # sets of constants, so that few sizes are compiled
+
+
+@dataclass(frozen=True, eq=False)
+class Slice:
+    """Loss at the mode, and a cloud about it that reaches to the next slices."""
+
+    loss: float
+    cloud: Cloud
+
+
+def slices(density: Density, own: Parameters, effect: str, best: Mode) -> Iterator[Slice]:
+    """At quantiles of each constant of the effect, from the best mode's other numbers.
+
+    Where the amplitude may be zero the posterior has an arm along the whole prior of each constant
+    beside it, such as a rate; where that is a rate of the pad, one along the amplitude.
+    """
+    draws = density.space.plain_draws(own.hypothesis)
+    fields = {
+        name.removeprefix(f"{effect}.").partition("[")[0]: leaf
+        for name, leaf in own.by_name.items()
+        if name.startswith(f"{effect}.")
+    }
+    middle = best.point.theta.copy()
+    for leaf in fields.values():
+        middle[list(leaf.theta)] = np.median(draws[:, list(leaf.theta)], axis=0)
+    for field, leaf in fields.items():
+        places = list(leaf.theta)
+        sds = _BETWEEN * draws[:, places].std(axis=0)
+        for share in _ACROSS:
+            start = middle.copy()
+            start[places] = np.quantile(draws[:, places], share, axis=0)
+            held = _held(density, effect, field, leaf, start)
+            kept = own.carried(held.space.parameters(own.hypothesis))
+            mode = find_mode(held, own.hypothesis, start[kept])
+            if mode is not None:
+                start[kept] = mode.point.theta
+                covariance = _along(density, own, start, places, sds)
+                yield Slice(mode.loss, Cloud.of(start, covariance))
+
+
+def _held(density: Density, effect: str, field: str, leaf: Leaf, theta: Array) -> Density:
+    """The density with one field of an effect fixed at its value at theta (F,)."""
+    space = density.space
+    value = leaf.values(filled_up(theta[None]))[0]
+    fixed = eqx.tree_at(lambda e: getattr(e, field), space.effects[effect], value, is_leaf=is_prior)
+    return density.with_space(space.with_effects({**space.effects, effect: fixed}))
+
+
+def _along(density: Density, own: Parameters, theta: Array, held: list[int], sds: Array) -> Array:
+    """Covariance (F, F) of what is free beside numbers of sds (H,), and follows them on its way."""
+    point = density.at(own.hypothesis, theta)
+    assert point is not None  # it was finite in the slice
+    between = np.isfinite(own.lowest) & np.isfinite(own.highest)
+    curvature = density.terms(point, 0.0).curvature + np.diag(between / own.length**2)
+    free = np.setdiff1d(np.arange(own.size), held)
+    beside = np.linalg.inv(curvature[np.ix_(free, free)])
+    way = np.eye(own.size)[:, held]
+    way[free] = -beside @ curvature[free][:, held]
+    covariance = np.asarray((way * sds**2) @ way.T)
+    covariance[np.ix_(free, free)] += beside
+    return covariance
 
 
 @dataclass(frozen=True, eq=False)

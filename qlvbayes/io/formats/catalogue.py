@@ -1,7 +1,10 @@
-"""All formats, in the order in which they are listed."""
+"""All formats, in the order in which they are listed; and one's own."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
+from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.afm import Afm
 from qlvbayes.io.formats.bluehill_3 import BluehillThree
 from qlvbayes.io.formats.bluehill_universal import BluehillUniversal
@@ -17,6 +20,7 @@ from qlvbayes.io.formats.testxpert import TestXpert
 from qlvbayes.io.formats.testxpert_excel import TestXpertExcel
 from qlvbayes.io.formats.two_clocks import TwoClocks
 from qlvbayes.io.formats.wintest import WinTest
+from qlvbayes.io.usermodule import check_own, own_classes
 
 FORMATS: tuple[type[AbstractFormat], ...] = (
     BluehillThree,
@@ -35,3 +39,25 @@ FORMATS: tuple[type[AbstractFormat], ...] = (
     TwoClocks,
 )
 """Every layout that is known, in the order in which they are tried."""
+
+
+def own_formats(path: Path) -> tuple[type[AbstractFormat], ...]:
+    """The formats that a Python file defines, in its order; those it imports do not count.
+
+    Raises
+    ------
+    InputError
+        The file is missing, stops with an error, defines no format, one that lacks a part, or a
+        name that another format has.
+    """
+    found = own_classes(path, AbstractFormat, "formats")  # type: ignore[type-abstract]
+    if not found:
+        raise InputError(
+            "defines no format", file=path, remedy="write a class that extends AbstractFormat"
+        )
+    said = "there is a format called {} already"
+    taken = {kind.name: said.format(kind.name) for kind in FORMATS}
+    for kind in found:
+        check_own(path, kind, AbstractFormat, "format", taken)
+        taken[kind.name] = said.format(kind.name)
+    return found

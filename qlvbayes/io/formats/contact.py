@@ -1,4 +1,4 @@
-"""Where the platen touches: from the force that begins to rise, with its uncertainty."""
+"""Which way presses, and where the platen touches: from the data alone."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from qlvbayes.io.formats.format import Floats
-from qlvbayes.io.formats.signs import force_at_start
 
+_PLAIN = 2.0  # the larger swing of the force over the other one, from which on its sign is plain
+_TRAVEL = 0.2  # share of the whole travel that must lie between the start and the peak force
+_MOVED = 0.01  # share of the whole travel, from which on the platen has left its start
 _LEVELS = (0.05, 0.15, 0.3)  # of the peak force, up to which the rise is looked at, in turn
 _MIDDLE = 1  # the level whose answer is taken; the others tell how much the choice matters
 _LEAST = 6  # rows before contact, below which there is no approach
@@ -16,6 +18,50 @@ _FEW = 4  # rows beyond the contact that a rise of two constants needs
 _MOST = 500  # means of rows that the fit looks at; more tell little new
 _GRID = 121  # places tried, then tried again between the neighbours of the best
 _ROUNDS = 3
+
+
+@dataclass(frozen=True)
+class Signs:
+    """Factors of displacement and force, -1 where turned over; why they are in doubt, if so.
+
+    ``swing`` is the larger excursion of the force from its start over the other one; ``travel``
+    the displacement at the peak force, from the start, as a share of the whole travel.
+    """
+
+    way: int
+    load: int
+    swing: float
+    travel: float
+    doubt: str = ""
+
+
+def find_signs(way: Floats, load: Floats) -> Signs:
+    """Signs from the data alone: force leaves its start mostly to the pressed side.
+
+    A specimen that is pressed as far as it is pulled is in doubt, and one whose largest force is
+    not away from where it began.
+    """
+    start = force_at_start(way, load)
+    up, down = float(load.max()) - start, start - float(load.min())
+    sense = 1 if up >= down else -1
+    swing = max(up, down) / max(min(up, down), 1e-3 * max(up, down))
+    peak = int(np.argmax(sense * load))
+    span = float(way.max() - way.min())
+    travel = float(way[peak] - way[0]) / span if span else 0.0
+    signs = (1 if travel >= 0.0 else -1), sense
+    if swing < _PLAIN:
+        doubt = f"the force swings to both sides ({up:.3g} up, {down:.3g} down)"
+    elif abs(travel) < _TRAVEL:
+        doubt = f"the peak force lies {abs(travel):.0%} of the travel from the start"
+    else:
+        doubt = ""
+    return Signs(*signs, swing, abs(travel), doubt)
+
+
+def force_at_start(way: Floats, load: Floats) -> float:
+    """Median force until the platen has moved."""
+    moved = int(np.argmax(np.abs(way - way[0]) > _MOVED * float(np.ptp(way))))
+    return float(np.median(load[: max(moved, 1)]))
 
 
 @dataclass(frozen=True)

@@ -11,13 +11,12 @@ import numpy as np
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.answers import FILE, SIGNS, Answers, UnsureError
 from qlvbayes.io.formats.catalogue import FORMATS
-from qlvbayes.io.formats.contact import Contact, find_contact
+from qlvbayes.io.formats.contact import Contact, Signs, find_contact, find_signs
 from qlvbayes.io.formats.format import AbstractFormat, Channel, Floats, Recording
 from qlvbayes.io.formats.machineunits import Unit, unit_of
 from qlvbayes.io.formats.naming import pads_of, tests_of
 from qlvbayes.io.formats.recognise import recognised
 from qlvbayes.io.formats.sampling import ClockError, Sampling, on_one_clock, rising, sampling_of
-from qlvbayes.io.formats.signs import Signs, find_signs
 from qlvbayes.io.reading.testchecks import LEAST_SAMPLES, wrong_signs
 from qlvbayes.io.units import STRAIN, UnitSystem, unit_system
 from qlvbayes.io.wording import joined

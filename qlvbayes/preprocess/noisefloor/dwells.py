@@ -18,8 +18,8 @@ from qlvbayes.preprocess.phases import Phase
 
 Array = NDArray[np.float64]
 
-_MOST_RESTS = 12
-_BURST, _SPREAD = 120, 120  # readings in a row; means over the others of a rest
+_MOST = 12
+_BURST, _SPREAD = 120, 120  # readings in a row; means over the others of a dwell
 _GAPS = (1, 1, 2, 3, 5, 8, 13, 21)  # samples between the readings in a row
 _FEWEST_SAMPLES = 24
 _CONTACT = 0.02  # of the largest force: below, contact may be lost
@@ -53,7 +53,7 @@ class Record(Protocol):
 
 @dataclass(frozen=True)
 class Dwell:
-    """One rest: all readings (n,) and the first one (k,) of each run that is averaged.
+    """One dwell: all readings (n,) and the first one (k,) of each run that is averaged.
 
     scale: (n,) relative sd of each reading; moving: whether it is a stroke.
     """
@@ -97,7 +97,7 @@ def find_dwells(
             margin = min(5, inside.size // 8)
             inside = inside[margin : inside.size - margin]
             if inside.size >= _FEWEST_SAMPLES and not _silent(test.force, inside, step):
-                found[-1].append(_rest(test, inside))
+                found[-1].append(_dwell(test, inside))
     return _best_sampled(found)
 
 
@@ -111,10 +111,10 @@ def find_strokes(tests: Sequence[Record], phases: Sequence[Sequence[Phase]]) -> 
             if phase.kind in ("hold", "recovery"):
                 continue
             margin = _MARGIN * (phase.stop - phase.start)
-            inside = (test.time > phase.start + margin) & (test.time <= phase.stop - margin)
-            inside = np.flatnonzero(inside & (np.abs(test.force) > least))
+            away = (test.time > phase.start + margin) & (test.time <= phase.stop - margin)
+            inside = np.flatnonzero(away & (np.abs(test.force) > least))
             if inside.size >= 3 * _FEWEST_SAMPLES and np.ptp(inside) < 2 * inside.size:
-                found[-1].append(replace(_rest(test, inside), moving=True))
+                found[-1].append(replace(_dwell(test, inside), moving=True))
     return _best_sampled(found)
 
 
@@ -125,11 +125,11 @@ def _best_sampled(found: Sequence[Sequence[Dwell]]) -> list[Dwell]:
         ordered = sorted(of_test, key=lambda one: -one.time.size)
         ranked += [(turn, -one.time.size, one) for turn, one in enumerate(ordered)]
     ranked.sort(key=lambda item: item[:2])
-    return [dwell for _, _, dwell in ranked[:_MOST_RESTS]]
+    return [dwell for _, _, dwell in ranked[:_MOST]]
 
 
 def _regained(force: Array, inside: NDArray[np.intp]) -> int:
-    """First reading of a rest after which a pad that had lost contact is pressed again; 0 if none.
+    """First reading of a dwell after which a pad that had lost contact is pressed again; 0 if none.
 
     Until then it reads zero; a trend with a kink would be taken for noise.
     """
@@ -149,7 +149,7 @@ def _silent(force: Array, inside: NDArray[np.intp], step: float) -> bool:
     return step == 0.0 or abs(usual) < step or usual >= float(force.max())
 
 
-def _rest(test: Record, inside: NDArray[np.intp]) -> Dwell:
+def _dwell(test: Record, inside: NDArray[np.intp]) -> Dwell:
     scale = np.ones(inside.size)
     if test.force_sd is not None:
         scale = test.force_sd[inside] / np.sqrt(np.mean(np.square(test.force_sd)))
@@ -186,25 +186,25 @@ def _kept(time: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     return kept, ends - length
 
 
-def trend(rest: Dwell, ratio: float) -> Array:
+def trend(dwell: Dwell, ratio: float) -> Array:
     """Orthonormal basis (k, p) of smooth relaxation, as means over the runs.
 
     Any combination of 1, t (in a stroke, a polynomial) and exp(-t/T_j), the T_j a factor ``ratio``
-    apart, from a few thousandths of the length of the rest to all of it.
+    apart, from a few thousandths of the length of the dwell to all of it.
     """
-    t = rest.time - rest.time[0]
+    t = dwell.time - dwell.time[0]
     length = float(t[-1])
     shortest = max(2.0 * float(t[1]), 2e-4 * length)
     times = length / ratio ** np.arange(1.0 + np.log(length / shortest) // np.log(ratio))
-    times = times[: max(1, rest.begin.size // 6)]
-    degree = _DEGREE if rest.moving else 1
+    times = times[: max(1, dwell.begin.size // 6)]
+    degree = _DEGREE if dwell.moving else 1
     powers = legendre.legvander(2.0 * t / length - 1.0, degree)
-    basis = rest.mean(np.column_stack([powers, np.exp(-t[:, None] / times)]))
-    q, r, _ = qr(basis / run_scale(rest)[:, None], mode="economic", pivoting=True)
+    basis = dwell.mean(np.column_stack([powers, np.exp(-t[:, None] / times)]))
+    q, r, _ = qr(basis / run_scale(dwell)[:, None], mode="economic", pivoting=True)
     size = np.abs(np.diag(r))
     return np.asarray(q[:, size > 1e-10 * size[0]], dtype=np.float64)
 
 
-def run_scale(rest: Dwell) -> Array:
+def run_scale(dwell: Dwell) -> Array:
     """Relative sd (k,) of a reading in each run: root mean square."""
-    return np.sqrt(rest.mean(rest.scale**2))
+    return np.sqrt(dwell.mean(dwell.scale**2))

@@ -24,7 +24,7 @@ _TAUS = 5
 _RATIOS = np.arange(-6.0, 10.0, 3.5)  # log of correlated over white variance
 _LEAST_RATIO = -9.0
 _MOST_RATIO = 9.2  # white sd 1 % of the correlated one: no model of the latter is any better
-_LONGEST = 0.5  # of the longest rest: a longer memory cannot be told from the trend
+_LONGEST = 0.5  # of the longest dwell: a longer memory cannot be told from the trend
 _DECISIVE = 2.0  # log-likelihood by which the second process must win
 _GROWTHS = np.array([0.3, 1.0, 3.0, 10.0, 30.0])  # growth over the peak force, that is tried
 _NEUTRAL = 0.1  # of a dwell: memory where none is seen
@@ -41,7 +41,7 @@ def measure(
 ) -> NoiseFloor:
     """Return the noise seen in the holds and recoveries of the tests, pooled.
 
-    In each rest the force is a smooth trend plus noise. The noise parameters maximise the
+    In each dwell the force is a smooth trend plus noise. The noise parameters maximise the
     restricted likelihood, in which the trend costs its degrees of freedom, with a weak prior of the
     correlation time. Up to 12 dwells enter: single readings of a run, means over all others. The
     correlated part is reported only if it raises the log-likelihood by more than 2, noise that

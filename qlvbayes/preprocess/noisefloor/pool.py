@@ -46,10 +46,10 @@ class Pool:
     @classmethod
     def of(cls, dwells: list[Dwell], ratio: float) -> Pool:
         """Means over runs, less their trends; ``ratio`` of neighbouring relaxation times."""
-        trends = [trend(rest, ratio) for rest in dwells]
-        values = [rest.mean(rest.force) for rest in dwells]
-        scales = [run_scale(rest) for rest in dwells]
-        middles = [rest.mean(rest.time) for rest in dwells]
+        trends = [trend(dwell, ratio) for dwell in dwells]
+        values = [dwell.mean(dwell.force) for dwell in dwells]
+        scales = [run_scale(dwell) for dwell in dwells]
+        middles = [dwell.mean(dwell.time) for dwell in dwells]
         left, smooth = [], []
         for q, value, scale in zip(trends, values, scales, strict=True):
             fitted = scale * (q @ (q.T @ (value / scale)))
@@ -57,8 +57,8 @@ class Pool:
             left.append((value - fitted) / scale)
         return cls(
             np.concatenate([np.append(np.diff(t), np.inf) for t in middles])[:-1],
-            np.concatenate([rest.count for rest in dwells]),
-            np.concatenate([rest.length for rest in dwells]),
+            np.concatenate([dwell.count for dwell in dwells]),
+            np.concatenate([dwell.length for dwell in dwells]),
             np.concatenate(smooth),
             np.concatenate([y - q @ (q.T @ y) for q, y in zip(trends, left, strict=True)]),
             trends,

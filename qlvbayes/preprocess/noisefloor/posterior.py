@@ -18,8 +18,8 @@ _POINTS = 32  # of the importance sample over (log ratio, log tau)
 _HEAVY = 5.0  # degrees of freedom of its Student-t
 _STEP = 0.1  # of both numbers, in the curvature's differences
 _WIDEST = 2.0  # sd of that t where the dwells say little
-_USUAL_TAU = 0.05  # of a rest: a longer memory looks like the trend, so that there is a weak
-TAU_SD = 1.5  # prior, log-normal with this sd (a quarter of a rest is one away)
+_USUAL_TAU = 0.05  # of a dwell: a longer memory looks like the trend, so that there is a weak
+TAU_SD = 1.5  # prior, log-normal with this sd (a quarter of a dwell is one away)
 _RATIO_SD = 3.0  # prior of the log ratio of variances: sds that differ up to 4.5 times, usually
 
 

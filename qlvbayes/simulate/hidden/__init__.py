@@ -5,7 +5,7 @@ pad, contact and frame to the sensor; see `HiddenPad`.
 """
 
 from .catalogue import FOREIGN, FORMS, FURTHER, HIDDEN, OUTSIDE, effect_class
-from .contact_effects import Adhesion, ContactOffset, FrameCompliance, PermanentSet
+from .contact_effects import Adhesion, ContactOffset, FrameCompliance, NearContact, PermanentSet
 from .draw import draw_effect, draw_effect_in
 from .effect import Effect
 from .forms import (
@@ -22,7 +22,6 @@ from .forms import (
     StretchedRelaxation,
     Toe,
 )
-from .material_effects import ExtraRelaxationMode, StrainDependentRate, StrainDependentStrength
 from .outside import (
     AmplifierClipping,
     Rezeroed,
@@ -35,16 +34,18 @@ from .outside import (
 )
 from .pad import HiddenPad
 from .pad_effects import (
+    ExtraRelaxationMode,
     FluidLeak,
     FluidPressure,
     Friction,
     PowerLawDrag,
     SqueezeFilm,
+    StrainDependentRate,
+    StrainDependentStrength,
     StressSoftening,
     ViscousDrag,
 )
 from .parse import parse_effect
-from .rigs import NearContact
 from .sensor_effects import ChannelLag, ForceDrift, ForceOffset, Inertia
 
 __all__ = [

@@ -9,7 +9,6 @@ from . import (
     foreign,
     forms,
     further,
-    material_effects,
     outside,
     pad_effects,
     sensor_effects,
@@ -22,9 +21,9 @@ def _by_name(*classes: type[Effect]) -> dict[str, type[Effect]]:
 
 
 HIDDEN = _by_name(
-    material_effects.ExtraRelaxationMode,
-    material_effects.StrainDependentRate,
-    material_effects.StrainDependentStrength,
+    pad_effects.ExtraRelaxationMode,
+    pad_effects.StrainDependentRate,
+    pad_effects.StrainDependentStrength,
     pad_effects.StressSoftening,
     pad_effects.FluidLeak,
     pad_effects.ViscousDrag,

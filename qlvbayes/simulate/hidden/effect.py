@@ -10,8 +10,7 @@ import numpy as np
 
 from qlvbayes.io.checks import InputError
 
-from .mesh import Array
-from .path import Path
+from .mesh import Array, Path
 
 CONTACT = 45
 """Effects of lower order act on the pad; here the contact keeps the force from pulling."""

@@ -8,9 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from .effect import Effect
-from .mesh import Array
+from .mesh import Array, Path
 from .pad_effects import film, slack
-from .path import Path
 
 _TERMS = 12  # of the series of diffusion: the rest is below 1.5 % of the share, and faster
 _SLICES = 15  # of a tilted platen, each with its own contact

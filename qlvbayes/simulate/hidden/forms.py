@@ -11,9 +11,8 @@ from scipy.optimize import nnls
 
 from .contact_effects import FrameCompliance
 from .effect import Effect
-from .mesh import Array
+from .mesh import Array, Path
 from .pad_effects import film, slack
-from .path import Path
 
 _NEWTON_ROUNDS = 60
 _STRETCHED_DECADES = (-4.0, 4.0)

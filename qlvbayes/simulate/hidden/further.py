@@ -9,8 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from .effect import Effect
-from .mesh import Array
-from .path import Path
+from .mesh import Array, Path
 
 
 @dataclass(frozen=True)

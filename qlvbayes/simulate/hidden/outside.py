@@ -11,8 +11,7 @@ import numpy as np
 from ..motion import Motion
 from ..platen import PAPER_ACCELERATION
 from .effect import Effect
-from .mesh import Array
-from .path import Path
+from .mesh import Array, Path
 
 _LEAST_HOLD_S = 1.0
 _STILL = 1e-3  # mm/s: a hold may creep

@@ -13,8 +13,7 @@ from ..laws import Law
 from ..material import check_times
 from ..motion import Motion, Piece
 from .effect import CONTACT, FRAME, Effect
-from .mesh import Array, Mesh, graded
-from .path import Path
+from .mesh import Array, Mesh, Path, graded
 
 _ROUNDS = 200
 _SEARCHES = 2

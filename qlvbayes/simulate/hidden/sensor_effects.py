@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from .effect import Effect
-from .mesh import Array
-from .path import Path
+from .mesh import Array, Path
 
 
 @dataclass(frozen=True)
