@@ -27,10 +27,9 @@ def batch(records: Sequence[Record], like: Record | None = None) -> Record:
         points = max(points, like.motion.time.shape[-1])
         blocks = max(blocks, like.blocks.force.shape[-1])
     known = (*records, *([like] if like else []))
-    if any(r.motion.ago is not None for r in known):
-        records = [_with_ago(record) for record in records]
-    if any(r.motion.bow is not None for r in known):
-        records = [_with_bow(record) for record in records]
+    for field, dtype in (("ago", int), ("bow", float)):
+        if any(getattr(r.motion, field) is not None for r in known):
+            records = [_told(record, field, dtype) for record in records]
     padded = [_pad(record, points, blocks) for record in records]
     return jax.tree.map(lambda *leaves: jnp.asarray(np.stack(leaves)), *padded)
 
@@ -65,22 +64,13 @@ def _pad(record: Record, points: int, blocks: int) -> Record:
     return Record(motion, _extend(record.nodes, blocks), single)
 
 
-def _with_ago(record: Record) -> Record:
-    """The record; that no earlier test is carried along in it, told by number."""
+def _told(record: Record, field: str, dtype: type) -> Record:
+    """The record, with zeros for a field of its motion that is None: others have it."""
     motion = record.motion
-    if motion.ago is not None:
+    if getattr(motion, field) is not None:
         return record
-    alone = replace(motion, ago=held(np.zeros(motion.time.shape, int)))
-    return Record(alone, record.nodes, record.blocks)
-
-
-def _with_bow(record: Record) -> Record:
-    """The record; that its lines do not bow, told by number."""
-    motion = record.motion
-    if motion.bow is not None:
-        return record
-    straight = replace(motion, bow=held(np.zeros(motion.time.shape)))
-    return Record(straight, record.nodes, record.blocks)
+    zeros = held(np.zeros(motion.time.shape, dtype))
+    return replace(record, motion=replace(motion, **{field: zeros}))
 
 
 def _extend(values: Array, size: int) -> Array:

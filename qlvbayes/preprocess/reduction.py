@@ -189,9 +189,11 @@ def _motion(
     trajectory: Trajectory, grid: np.ndarray, first: float, start: float, bowed: bool
 ) -> Motion:
     displacement = path_at(trajectory, grid, first)
-    middle = trajectory.displacement(0.5 * (grid[1:] + grid[:-1]))
-    off = middle - 0.5 * (displacement[1:] + displacement[:-1])
-    bow = np.append(0.0, np.where(grid[:-1] < first, 0.0, off))
+    bow = None
+    if bowed:
+        middle = trajectory.displacement(0.5 * (grid[1:] + grid[:-1]))
+        off = middle - 0.5 * (displacement[1:] + displacement[:-1])
+        bow = held(np.append(0.0, np.where(grid[:-1] < first, 0.0, off)))
     velocity, acceleration = trajectory.velocity(grid), trajectory.acceleration(grid)
     return Motion(
         held(grid),
@@ -199,7 +201,7 @@ def _motion(
         held(velocity),
         held(acceleration),
         start,
-        bow=held(bow) if bowed else None,
+        bow=bow,
     )
 
 

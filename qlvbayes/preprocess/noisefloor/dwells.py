@@ -23,13 +23,9 @@ _BURST, _SPREAD = 120, 120  # readings in a row; means over the others of a dwel
 _GAPS = (1, 1, 2, 3, 5, 8, 13, 21)  # samples between the readings in a row
 _FEWEST_SAMPLES = 24
 _CONTACT = 0.02  # of the largest force: below, contact may be lost
-_PRESSED = (
-    0.1  # of the same: a stroke's readings below may have a kink, as contact is found or lost
-)
+_PRESSED = 0.1  # of the same: below, a stroke may have a kink, as contact is found or lost
 _MARGIN = 0.1  # of a stroke, at either end: its turning point may have a kink
-_DEGREE = (
-    8  # of the polynomial in a stroke's trend: a hundredth of the noise of a soft law's half cycle
-)
+_DEGREE = 8  # of a stroke's trend: it leaves far less than noise of a soft law's half cycle
 
 
 class Record(Protocol):
