@@ -11,7 +11,7 @@ import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from functools import cache, cached_property, partial
+from functools import cache, cached_property
 from typing import Any, ClassVar, Self
 
 import equinox as eqx
@@ -22,6 +22,7 @@ from jaxtyping import Array as JaxArray
 from numpy.typing import NDArray
 
 from qlvbayes.effects.effect import AbstractEffect
+from qlvbayes.inference.traced import traced
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
@@ -30,9 +31,6 @@ from qlvbayes.model.model import Model
 from qlvbayes.model.record import Record
 
 Array = NDArray[np.float64]
-
-# what LLVM's costly passes would gain in speed cannot be measured; they take a third of the time
-_compiled = partial(jax.jit, compiler_options={"xla_llvm_disable_expensive_passes": True})
 
 TOGETHER = 4
 """Sets of constants come in multiples of this, so that few sizes are compiled."""
@@ -132,8 +130,7 @@ class Engine:
     elastic: tuple[AbstractElastic, ...]
     effects: tuple[AbstractEffect, ...]
     bonded: bool
-    _models: dict[Any, Callable[..., JaxArray]] = field(default_factory=dict)
-    _compiled: set[Any] = field(default_factory=set)
+    _forces: dict[Any, Callable[..., JaxArray]] = field(default_factory=dict)
 
     @cached_property
     def width(self) -> int:
@@ -178,24 +175,21 @@ class Engine:
         start = self.width + 2 * lanes + 1
         columns = [start + k for effect in kept for k in self.slots[effect.name]]
         own = filled_up(rows[:, [*range(start), *columns]])
-        shape = jax.tree.structure(record.motion)
-        if (lanes, names, shape) not in self._models:
-            leaves, structure = jax.tree.flatten(self._model(lanes, kept))
-            sizes = tuple(int(np.size(leaf)) for leaf in leaves[1:])  # the first is the law's
-            self._models[lanes, names, shape] = _forces_of(structure, sizes, shape)
-        force = self._models[lanes, names, shape]
-        motions, nodes = _motions(record), np.asarray(record.nodes)
         parts = np.split(own, range(TOGETHER, len(own), TOGETHER))
-        tasks = [(part, motion) for motion in motions for part in parts]
+        motions, nodes = _motions(record), np.asarray(record.nodes)
+        shape = jax.tree.structure(record.motion)
+        tasks: list[tuple[Any, ...]] = [
+            (which, part, *motion) for motion in motions for part in parts
+        ]
 
-        def run(task: tuple[Array, tuple[Array, ...]]) -> Array:
-            return np.asarray(force(which, task[0], *task[1]))
+        def run(task: tuple[Any, ...]) -> Array:
+            return np.asarray(self._forces[lanes, names, shape, task[2].shape](*task))
 
-        for motion in motions:  # by one thread only: each would compile it for itself
-            kind = (lanes, names, shape, motion[0].shape)
-            if kind not in self._compiled:
-                run((parts[0], motion))
-                self._compiled.add(kind)
+        for task in tasks[:: len(parts)]:  # by one thread only: each would compile it for itself
+            kind = (lanes, names, shape, task[2].shape)
+            if kind not in self._forces:
+                self._forces[kind] = self._force_of(lanes, kept, shape, task)
+                run(task)
         found = list(_AT_ONCE.map(run, tasks))
         per_test = [found[k : k + len(parts)] for k in range(0, len(found), len(parts))]
         of_blocks = [
@@ -203,6 +197,18 @@ class Engine:
             for f, n in zip(map(np.concatenate, per_test), nodes, strict=True)
         ]
         return np.stack(of_blocks, axis=1)[: len(rows)]
+
+    def _force_of(
+        self, lanes: int, effects: Sequence[AbstractEffect], of_motion: Any, arguments: Any
+    ) -> Callable[..., JaxArray]:
+        """Compiled force of one test, from arguments like those given."""
+        leaves, structure = jax.tree.flatten(self._model(lanes, effects))
+        sizes = tuple(int(np.size(leaf)) for leaf in leaves[1:])  # the first is the law's
+        parts = (*self.elastic, *effects)
+        ours = all(type(part).__module__.startswith("qlvbayes.") for part in parts)
+        meaning = f"{structure} {sizes} {of_motion}" if ours else None
+        like = tuple(jax.ShapeDtypeStruct(np.shape(x), np.asarray(x).dtype) for x in arguments)
+        return traced(_forces_of(structure, sizes, of_motion), like, meaning)
 
     def _model(self, lanes: int, effects: Sequence[AbstractEffect]) -> Model:
         """With empty numbers."""
@@ -235,7 +241,7 @@ def _motions(record: Record) -> list[tuple[Array, ...]]:
 
 @cache
 def _forces_of(structure: Any, sizes: tuple[int, ...], of_motion: Any) -> Callable[..., JaxArray]:
-    """Compiled force (4, N) of one test, of which law, rows of constants and a motion's arrays.
+    """Force (4, N) of one test, of which law, rows of constants and a motion's arrays.
 
     structure, sizes: of a model, and of its leaves beside the law's number; 1 is a scalar;
     of_motion: the motion's structure.
@@ -243,7 +249,6 @@ def _forces_of(structure: Any, sizes: tuple[int, ...], of_motion: Any) -> Callab
     """
     ends = np.cumsum(sizes)[:-1].tolist()
 
-    @_compiled
     def forces(which: JaxArray, rows: JaxArray, *arrays: JaxArray) -> JaxArray:
         motion: Motion = jax.tree.unflatten(of_motion, arrays)
 
@@ -255,5 +260,4 @@ def _forces_of(structure: Any, sizes: tuple[int, ...], of_motion: Any) -> Callab
 
         return jax.vmap(one)(rows)
 
-    found: Callable[..., JaxArray] = forces
-    return found
+    return forces

@@ -1,0 +1,59 @@
+"""Compiled functions whose traces are kept between processes.
+
+JAX's own cache keeps what XLA made of a function, but each process traces the function anew to ask
+for it: seconds for a model of many effects. Here what was traced (StableHLO, by `jax.export`) lies
+beside it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cache, partial
+from pathlib import Path
+
+import jax
+from jax import export
+
+import qlvbayes
+
+# what LLVM's costly passes would gain in speed cannot be measured; they take a third of the time
+compiled = partial(jax.jit, compiler_options={"xla_llvm_disable_expensive_passes": True})
+
+
+@cache
+def traced(
+    function: Callable[..., jax.Array],
+    arguments: tuple[jax.ShapeDtypeStruct, ...],
+    meaning: str | None,
+) -> Callable[..., jax.Array]:
+    """The compiled function for such arguments, traced only where no trace is kept.
+
+    meaning: all that the function depends on beside its arguments and the package's own code; None
+    where that is not known (a user's own effect may call on any file): nothing is kept then.
+    """
+    folder = jax.config.values["jax_compilation_cache_dir"]
+    if meaning is None or folder is None:
+        return compiled(function)
+    text = f"{jax.__version__} {jax.default_backend()} {_own_code()} {arguments} {meaning}"
+    file = Path(folder) / f"{hashlib.sha256(text.encode()).hexdigest()}.traced"
+    if file.is_file():
+        return compiled(export.deserialize(bytearray(file.read_bytes())).call)
+    found = export.export(compiled(function))(*arguments)
+    with suppress(OSError):  # a cache only: a full disk costs the next process its time
+        part = file.with_suffix(f".{os.getpid()}")
+        part.write_bytes(found.serialize())
+        os.replace(part, file)
+    return compiled(found.call)
+
+
+@cache
+def _own_code() -> str:
+    """Digest of the package's source."""
+    root = Path(qlvbayes.__file__).parent
+    digest = hashlib.sha256()
+    for file in sorted(root.rglob("*.py")):
+        digest.update(f"{file.relative_to(root)} ".encode() + file.read_bytes())
+    return digest.hexdigest()
