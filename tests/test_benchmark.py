@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from qlvbayes.cli.benchmark import benchmark, constants_table, rates_table
 from qlvbayes.effects.force_offset import ForceOffset
-from qlvbayes.evaluation import run as running
+from qlvbayes.evaluation import case as one_study
 from qlvbayes.evaluation.case import run_case
 from qlvbayes.evaluation.constants import constants, named_as_fitted
 from qlvbayes.evaluation.detect import SEEN, Expected, expected
@@ -22,7 +22,7 @@ from qlvbayes.evaluation.plan import KINDS, Plan, family
 from qlvbayes.evaluation.rate import Rate
 from qlvbayes.evaluation.reliability import Reliability
 from qlvbayes.evaluation.report import Confusion, Report
-from qlvbayes.evaluation.run import run_studies
+from qlvbayes.evaluation.run import run_missing
 from qlvbayes.evaluation.scores import (
     ceiling,
     heldout,
@@ -234,18 +234,17 @@ def test_a_program_that_stops_is_kept_as_a_failure(monkeypatch):
 # keeping
 
 
-def test_finished_studies_are_not_run_again(tmp_path, monkeypatch):
+def test_finished_studies_are_not_run_again(tmp_path):
     ran = []
 
-    def pretend(plan, index):
+    def pretend(index):
         ran.append(index)
         return case(index=index)
 
-    monkeypatch.setattr(running, "run_case", pretend)
     plan, path = Plan(0), tmp_path / "a" / "kept.jsonl"
-    run_studies(plan, Kept(path, plan.key), range(2))
+    run_missing(pretend, Kept(path, plan.key), range(2))
     told = []
-    run_studies(plan, Kept(path, plan.key), range(4), lambda *done: told.append(done))
+    run_missing(pretend, Kept(path, plan.key), range(4), lambda *done: told.append(done))
     assert ran == [0, 1, 2, 3]
     assert told == [(0, 2), (1, 2), (2, 2)]
     assert Kept(path, plan.key).missing(6) == [4, 5]
@@ -538,7 +537,7 @@ def command():
 
 
 def test_the_command_writes_json_and_figure(command, tmp_path, monkeypatch):
-    monkeypatch.setattr(running, "run_case", lambda plan, index: case(index=index))
+    monkeypatch.setattr(one_study, "run_case", lambda plan, index: case(index=index))
     found = command("--studies", "3", "-o", str(tmp_path), "--json")
     assert found.exit_code == 0, found.output
     written = json.loads((tmp_path / "benchmark.json").read_text())

@@ -25,6 +25,7 @@ from qlvbayes.inference.space import Hypothesis, Space, in_natural_amplitude, me
 from qlvbayes.inference.whitening import Whitener, covariance
 from qlvbayes.laws.catalogue import LAWS
 from qlvbayes.laws.relaxation.prony import Prony
+from qlvbayes.model.noise import Correlated
 from qlvbayes.preprocess.experiment import prepare
 from qlvbayes.priors.natural import in_own_numbers
 
@@ -47,7 +48,7 @@ def space(experiment):
         {kind.name: in_own_numbers(kind.default(scales)) for kind in LAWS.elastic},
         {name: in_own_numbers(law) for name, law in relaxation.items()},
         {k.name: in_own_numbers(in_natural_amplitude(k.default(scales))) for k in EFFECTS},
-        experiment.noise_at_rest,
+        Correlated.of(experiment.floor),
         False,
     )
 

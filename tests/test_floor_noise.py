@@ -6,10 +6,10 @@ import pytest
 from qlvbayes.diagnosis.adequacy import combined
 from qlvbayes.fitting.drawn_errors import realisations
 from qlvbayes.inference.whitening import covariance
-from qlvbayes.model.record import Blocks
 from qlvbayes.preprocess.noisefloor import NoiseFloor
 from qlvbayes.preprocess.noisefloor.dwells import Dwell
 from qlvbayes.preprocess.noisefloor.pool import Pool
+from qlvbayes.preprocess.record import Blocks
 
 
 def correlation(lag, tau, smooth):

@@ -18,9 +18,11 @@ HOUSE = [
         "laws": "what a material does: elastic laws, relaxations, the hereditary integral",
         "simulate": "a rig of its own, which shares nothing with the model",
     },
-    {"effects": "what may be missing, one effect a file"},
+    {
+        "effects": "what may be missing, one effect a file",
+        "preprocess": "from readings to records: motion, phases, noise floor, blocks",
+    },
     {"model": "a specimen with its noise: force, likelihood, posterior, and a user's choices"},
-    {"preprocess": "from readings to records: motion, phases, noise floor, blocks"},
     {"inference": "the evidence of hypotheses: density, modes, sampling"},
     {"fitting": "constants from tests: emcee, predictions, where they fail, results"},
     {

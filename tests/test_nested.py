@@ -11,7 +11,7 @@ import pytest
 from scipy.stats import kstest, multivariate_normal
 from support.endtoend import experiment
 
-from qlvbayes.diagnosis.audit import nested_audit
+from qlvbayes.diagnosis.diagnose import nested_audit
 from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.fitting.fit import build_posterior
 from qlvbayes.inference.nested import nested_evidence

@@ -14,8 +14,8 @@ from qlvbayes.model.defaults import default_model, default_noise
 from qlvbayes.model.overrides import in_words, override, parse, parse_prior
 from qlvbayes.model.parameters import fields_of, names, unit_kinds
 from qlvbayes.model.posterior import Posterior, draw_priors
-from qlvbayes.model.record import Blocks, Record
 from qlvbayes.preprocess.batching import batch
+from qlvbayes.preprocess.record import Blocks, Record
 from qlvbayes.priors import (
     Dirichlet,
     HalfNormal,

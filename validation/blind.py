@@ -11,16 +11,18 @@ import shlex
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 from blind_page import blind_page
 from page import Origin
 
 from qlvbayes.cli.console import counting
+from qlvbayes.evaluation.case import run_case
 from qlvbayes.evaluation.keeping import Kept
 from qlvbayes.evaluation.plan import NOISES, Plan
 from qlvbayes.evaluation.report import Report
-from qlvbayes.evaluation.run import kept_file, run_studies
+from qlvbayes.evaluation.run import kept_file, run_missing
 from qlvbayes.io.files import write_json, write_whole
 from qlvbayes.plots.benchmark import plot_benchmark
 from qlvbayes.plots.files import save_figure
@@ -33,10 +35,10 @@ _LOOK_S = 5.0
 def main() -> None:
     options = _options()
     plan = Plan(options.seed, options.noise)
-    file = options.kept or kept_file(ROOT / "build" / "validation", plan)
+    file = options.kept or kept_file(ROOT / "build" / "validation", plan.key)
     if options.part is not None:
         places = range(options.part, options.studies, options.workers)
-        run_studies(plan, Kept(file, plan.key, options.part), places)
+        run_missing(partial(run_case, plan), Kept(file, plan.key, options.part), places)
         return
     origin = Origin.now(f".venv/bin/python {shlex.join([_name(), *sys.argv[1:]])}", ROOT)
     if Kept(file, plan.key).missing(options.studies):

@@ -12,6 +12,7 @@ import shlex
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 from page import Origin
@@ -21,8 +22,9 @@ from wide_page import wide_page
 from qlvbayes.cli.console import counting
 from qlvbayes.evaluation.keeping import Kept
 from qlvbayes.evaluation.population import Population
+from qlvbayes.evaluation.run import run_missing
+from qlvbayes.evaluation.widecase import run_wide
 from qlvbayes.evaluation.widereport import WideReport
-from qlvbayes.evaluation.widerun import run_population
 from qlvbayes.io.files import write_json, write_whole
 
 _WORKERS = 2
@@ -56,7 +58,7 @@ def _run_part(population: Population, kept: Kept, indices: range) -> None:
     """Run what is missing; a pad that the simulator cannot make is told and stays missing."""
     for index in indices:
         try:
-            run_population(population, kept, [index])
+            run_missing(partial(run_wide, population), kept, [index])
         except RuntimeError as error:
             if "the simulation stopped" not in str(error):
                 raise

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -59,17 +60,18 @@ def benchmark(
             run_wide_benchmark(studies, seed, results_folder(output), as_json, tell)
         return
     # here, so that the other commands do not wait for what only this one needs
+    from qlvbayes.evaluation.case import run_case
     from qlvbayes.evaluation.keeping import Kept
     from qlvbayes.evaluation.plan import Plan
     from qlvbayes.evaluation.report import Report
-    from qlvbayes.evaluation.run import kept_file, run_studies
+    from qlvbayes.evaluation.run import kept_file, run_missing
 
     names = tuple(split_names(effects))
     plan = Plan(seed, noise, names) if names else Plan(seed, noise)
     folder = results_folder(output)
-    kept = Kept(kept_file(folder / "studies", plan), plan.key)
+    kept = Kept(kept_file(folder / "studies", plan.key), plan.key)
     with counting("studies") as tell:
-        run_studies(plan, kept, range(studies), tell)
+        run_missing(partial(run_case, plan), kept, range(studies), tell)
     report = Report.of(plan, kept.first(studies))
     write_json(folder / "benchmark.json", report.as_dict())
     picture = _figure(report, folder)
@@ -139,15 +141,15 @@ def _figure(report: Report, folder: Path) -> Path:
 
 def run_wide_benchmark(studies: int, seed: int, folder: Path, as_json: bool, tell: Tell) -> None:
     """Run what is missing, write OUT/benchmark.json, show the rates."""
-    from qlvbayes.evaluation.keeping import Kept, code_digest
+    from qlvbayes.evaluation.keeping import Kept
     from qlvbayes.evaluation.population import Population
+    from qlvbayes.evaluation.run import kept_file, run_missing
+    from qlvbayes.evaluation.widecase import run_wide
     from qlvbayes.evaluation.widereport import WideReport
-    from qlvbayes.evaluation.widerun import run_population
 
     population = Population(seed)
-    path = folder / "studies" / f"{population.key}-{code_digest()}.jsonl"
-    kept = Kept(path, population.key)
-    run_population(population, kept, range(studies), tell)
+    kept = Kept(kept_file(folder / "studies", population.key), population.key)
+    run_missing(partial(run_wide, population), kept, range(studies), tell)
     report = WideReport(seed, tuple(kept.first(studies)))
     write_json(folder / "benchmark.json", report.as_dict())
     if as_json:

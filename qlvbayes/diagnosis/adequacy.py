@@ -38,10 +38,10 @@ from scipy.stats import chi2
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.inference.density import Point
 from qlvbayes.inference.whitening import covariance
-from qlvbayes.model.record import Blocks, Record
 from qlvbayes.preprocess.experiment import Experiment, Trial
 from qlvbayes.preprocess.noisefloor import NoiseFloor
 from qlvbayes.preprocess.phases import Phase
+from qlvbayes.preprocess.record import Blocks, Record
 
 _ORDERS = 4
 _DRAWS = 12  # of the floor, over which p-values are averaged

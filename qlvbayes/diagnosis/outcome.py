@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
+from scipy.special import logsumexp, softmax
 
 from qlvbayes.diagnosis.adequacy import Adequacy, adequacy
-from qlvbayes.diagnosis.averaging import averaged
 from qlvbayes.diagnosis.decision import probabilities
 from qlvbayes.diagnosis.heldout import Part, Predicted, errors, leave_out, predictions
 from qlvbayes.diagnosis.prior import log_odds_of_effect
@@ -219,3 +218,29 @@ def _is_plain(name: str) -> bool:
 
 def _starts(prefix: str, name: str) -> bool:
     return name.startswith(prefix)
+
+
+def averaged(
+    log_weights: Sequence[float], hypotheses: Sequence[Mapping[str, Estimate]]
+) -> dict[str, Estimate]:
+    r"""Mean and sd of every constant that all hypotheses have.
+
+    With weights w proportional to the posterior probability of each hypothesis (Hoeting et al.
+    1999, doi:10.1214/ss/1009212519),
+
+    .. math:: \mu = \sum_k w_k \mu_k, \quad \sigma^2 = \sum_k w_k (\sigma_k^2 + (\mu_k - \mu)^2)
+    """
+    weights = softmax(np.asarray(log_weights, dtype=float))
+    first, *others = hypotheses
+    return {
+        name: _mixture(weights, [found[name] for found in hypotheses])
+        for name in first
+        if all(name in found for found in others)
+    }
+
+
+def _mixture(weights: Array, found: Sequence[Estimate]) -> Estimate:
+    means, sds = (np.array([getattr(e, key) for e in found]) for key in ("mean", "sd"))
+    mean = float(weights @ means)
+    variance = float(weights @ (sds**2 + (means - mean) ** 2))
+    return Estimate(found[0].unit, mean, variance**0.5)

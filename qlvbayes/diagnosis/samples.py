@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from qlvbayes.diagnosis.result import CellError
 from qlvbayes.fitting.prediction import looked_at, single_samples
 from qlvbayes.inference.space import Hypothesis, Space
-from qlvbayes.model.record import Record
 from qlvbayes.preprocess.batching import batch
 from qlvbayes.preprocess.experiment import Experiment, Trial
 from qlvbayes.preprocess.phases import KINDS, phase_index
+from qlvbayes.preprocess.record import Record
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

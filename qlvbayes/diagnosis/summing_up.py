@@ -27,9 +27,9 @@ from qlvbayes.diagnosis.vetoes import decided
 from qlvbayes.diagnosis.work import Work
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.laws.unresolved import unresolved_times
-from qlvbayes.model.record import Record
 from qlvbayes.preprocess.carried import carried_notices, clock_notices
 from qlvbayes.preprocess.experiment import Experiment
+from qlvbayes.preprocess.record import Record
 
 Array = NDArray[np.float64]
 

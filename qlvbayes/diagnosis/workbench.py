@@ -21,7 +21,7 @@ from qlvbayes.laws.relaxation.law import AbstractRelaxation
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.model import Model
-from qlvbayes.model.noise import AbstractGaussian, Floor
+from qlvbayes.model.noise import AbstractGaussian, Correlated, Floor
 from qlvbayes.preprocess.experiment import Experiment
 from qlvbayes.priors.natural import in_own_numbers
 
@@ -99,6 +99,6 @@ def _space(
         {name: in_own_numbers(law) for name, law in elastic.items()},
         {name: in_own_numbers(law) for name, law in relaxation.items()},
         {name: in_own_numbers(in_natural_amplitude(effect)) for name, effect in effects.items()},
-        experiment.noise_at_rest,
+        Correlated.of(experiment.floor),
         choices.bonded,
     )

@@ -40,6 +40,7 @@ from qlvbayes.inference.space import Hypothesis, Space, in_natural_amplitude, me
 from qlvbayes.inference.whitening import Whitener
 from qlvbayes.io.checks import NoFiniteForceError
 from qlvbayes.model.choices import Choices
+from qlvbayes.model.noise import Correlated
 from qlvbayes.preprocess.experiment import Experiment
 from qlvbayes.preprocess.noisefloor import NoiseFloor
 from qlvbayes.priors.natural import in_own_numbers
@@ -141,7 +142,7 @@ def _space(study: Study, experiment: Experiment) -> Space:
         {model.elastic.name: in_own_numbers(model.elastic)},
         {model.relaxation.name: in_own_numbers(model.relaxation)},
         {k.name: in_own_numbers(in_natural_amplitude(k.default(scales))) for k in EFFECTS},
-        experiment.noise_at_rest,
+        Correlated.of(experiment.floor),
         model.bonded,
     )
 

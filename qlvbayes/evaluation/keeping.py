@@ -17,7 +17,6 @@ _SCORING = (
     "report",
     "counting",
     "widereport",
-    "widerun",
 )
 _ONLY_LOOKS = (  # parts of the package that only look at finished studies
     "cli/",

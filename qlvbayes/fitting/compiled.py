@@ -11,7 +11,7 @@ from jaxtyping import Array
 
 from qlvbayes.model.noise import AbstractNoise
 from qlvbayes.model.posterior import Posterior
-from qlvbayes.model.record import Blocks
+from qlvbayes.preprocess.record import Blocks
 
 
 @jax.jit

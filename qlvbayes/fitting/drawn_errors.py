@@ -21,9 +21,9 @@ from qlvbayes.fitting import compiled
 from qlvbayes.inference.discrepancy import ROUGH, Discrepancy
 from qlvbayes.inference.features import Features, Places
 from qlvbayes.model.posterior import Posterior
-from qlvbayes.model.record import Blocks
 from qlvbayes.preprocess.experiment import Experiment, Trial
 from qlvbayes.preprocess.noisefloor import NoiseFloor
+from qlvbayes.preprocess.record import Blocks
 
 Array = NDArray[np.float64]
 

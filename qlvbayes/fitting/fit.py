@@ -25,9 +25,9 @@ from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import Floor
 from qlvbayes.model.parameters import names, unit_kinds
 from qlvbayes.model.posterior import Posterior
-from qlvbayes.model.record import Record
 from qlvbayes.preprocess.carried import carried_notices, clock_notices
 from qlvbayes.preprocess.experiment import Experiment, Trial
+from qlvbayes.preprocess.record import Record
 
 METHODS = ("emcee", "least-squares", "two-step")
 _KEPT = 2000  # draws kept in the results, at most

@@ -25,9 +25,9 @@ from qlvbayes.laws.scales import TOLERANCE
 from qlvbayes.model.floorlikelihood import FloorLikelihood
 from qlvbayes.model.noise import Floor
 from qlvbayes.model.posterior import Posterior
-from qlvbayes.model.record import Blocks
 from qlvbayes.preprocess.experiment import Experiment, Trial
 from qlvbayes.preprocess.noisefloor import NoiseFloor
+from qlvbayes.preprocess.record import Blocks
 
 Array = NDArray[np.float64]
 

@@ -30,8 +30,8 @@ from scipy.linalg import solve_triangular
 from qlvbayes.inference.features import Features, Places
 from qlvbayes.inference.whitening import Whitener
 from qlvbayes.laws.scales import TOLERANCE
-from qlvbayes.model.record import Blocks
 from qlvbayes.preprocess.experiment import Experiment, Trial
+from qlvbayes.preprocess.record import Blocks
 
 Array = NDArray[np.float64]
 

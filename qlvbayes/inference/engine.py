@@ -28,7 +28,7 @@ from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
 from qlvbayes.laws.scales import Scales
 from qlvbayes.model.model import Model
-from qlvbayes.model.record import Record
+from qlvbayes.preprocess.record import Record
 
 Array = NDArray[np.float64]
 

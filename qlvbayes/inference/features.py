@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from qlvbayes.model.record import Blocks
 from qlvbayes.preprocess.experiment import Experiment, Trial
 from qlvbayes.preprocess.phases import KINDS, phase_index
+from qlvbayes.preprocess.record import Blocks
 
 Array = NDArray[np.float64]
 

@@ -28,7 +28,7 @@ from qlvbayes.model.model import Model
 from qlvbayes.model.noise import AbstractNoise
 from qlvbayes.model.parameters import names
 from qlvbayes.model.posterior import Posterior, is_prior, value_shape
-from qlvbayes.model.record import Record
+from qlvbayes.preprocess.record import Record
 from qlvbayes.priors.distributions import AbstractPrior
 from qlvbayes.priors.natural import AbstractDirect, Natural, Quadratic, natural
 

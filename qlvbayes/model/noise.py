@@ -14,7 +14,8 @@ import jax.numpy as jnp
 import jax.scipy.stats as jss
 from jaxtyping import Array
 
-from qlvbayes.model.record import Blocks
+from qlvbayes.preprocess.noisefloor.floor import NoiseFloor
+from qlvbayes.preprocess.record import Blocks
 
 __all__ = ["AbstractNoise", "Correlated", "Floor", "StudentT", "White"]
 
@@ -127,6 +128,11 @@ class Correlated(AbstractGaussian):
     ou: Any
     tau: Any
     units: ClassVar[dict[str, str]] = {"white": "force", "ou": "force", "tau": "time"}
+
+    @classmethod
+    def of(cls, floor: NoiseFloor) -> Correlated:
+        """The noise floor as it was measured."""
+        return cls(*map(jnp.asarray, (floor.white, floor.ou, floor.memory)))
 
     def innovations(self, residual: Array, blocks: Blocks) -> tuple[Array, Array]:
         """What the Kalman filter leaves of the residuals."""

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array
 
 from qlvbayes.laws.motion import Motion
-from qlvbayes.model.record import Blocks, Record, held
+from qlvbayes.preprocess.record import Blocks, Record, held
 
 _LEAST = 32  # points or blocks
 

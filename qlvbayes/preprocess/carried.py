@@ -11,9 +11,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from qlvbayes.laws.motion import Motion
-from qlvbayes.model.record import Record
 from qlvbayes.preprocess.experiment import Experiment, Trial
 from qlvbayes.preprocess.past import ROUNDED, carried_tests, pause
+from qlvbayes.preprocess.record import Record
 
 _SEEN = 0.25  # of the noise at rest: what the mean of sixteen independent samples tells from none
 

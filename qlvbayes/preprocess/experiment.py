@@ -5,19 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import jax.numpy as jnp
 import numpy as np
 
 from qlvbayes.io.data import Control, Pad, Test
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.laws.scales import Scales
-from qlvbayes.model.noise import Correlated
-from qlvbayes.model.record import Record
 from qlvbayes.preprocess.batching import batch
 from qlvbayes.preprocess.loadcontrol import control_of, crept_path, force_phases, with_both_errors
 from qlvbayes.preprocess.noisefloor import NoiseFloor, measure
 from qlvbayes.preprocess.past import Past, past_of
 from qlvbayes.preprocess.phases import Phase, find_phases, loading_rate, phase_index
+from qlvbayes.preprocess.record import Record
 from qlvbayes.preprocess.reduction import Care, reduce_test
 from qlvbayes.preprocess.segments import encoder_steps
 from qlvbayes.preprocess.stiffness import largest_stiffness
@@ -72,11 +70,6 @@ class Experiment:
     floor: NoiseFloor
     fluid: str | None = None
     rested: bool = False
-
-    @property
-    def noise_at_rest(self) -> Correlated:
-        """The noise floor as a noise model."""
-        return Correlated(*map(jnp.asarray, (self.floor.white, self.floor.ou, self.floor.memory)))
 
     @property
     def care(self) -> Care:

@@ -15,12 +15,12 @@ import numpy as np
 
 from qlvbayes.io.data import Test
 from qlvbayes.laws.motion import Motion
-from qlvbayes.model.record import Blocks, Record, held
 from qlvbayes.preprocess.batching import padded_size
 from qlvbayes.preprocess.grid import grid_times, path_at
 from qlvbayes.preprocess.noisefloor import NoiseFloor
 from qlvbayes.preprocess.past import Past
 from qlvbayes.preprocess.phases import Phase, find_phases
+from qlvbayes.preprocess.record import Blocks, Record, held
 from qlvbayes.preprocess.trajectory import Trajectory
 
 GROWTH = 0.2  # a block's width over the time since its phase began

@@ -16,8 +16,8 @@ from qlvbayes.diagnosis.nexttest.rig import Rig
 from qlvbayes.inference.discrepancy import ROUGH
 from qlvbayes.inference.features import covariance as smooth_covariance
 from qlvbayes.inference.whitening import covariance as floor_covariance
-from qlvbayes.model.record import Record
 from qlvbayes.preprocess.noisefloor import NoiseFloor
+from qlvbayes.preprocess.record import Record
 
 Array = NDArray[np.float64]
 

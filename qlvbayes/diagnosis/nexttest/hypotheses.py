@@ -10,7 +10,7 @@ from qlvbayes.diagnosis.nexttest.belief import Explanation
 from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.space import Hypothesis
 from qlvbayes.model.parameters import unit_kinds
-from qlvbayes.model.record import Record
+from qlvbayes.preprocess.record import Record
 
 Array = NDArray[np.float64]
 

@@ -12,8 +12,8 @@ from qlvbayes.diagnosis.nexttest.design import Design
 from qlvbayes.diagnosis.nexttest.rig import Rig
 from qlvbayes.inference.features import Places
 from qlvbayes.laws.motion import Motion
-from qlvbayes.model.record import Blocks, Record
 from qlvbayes.preprocess.phases import KINDS
+from qlvbayes.preprocess.record import Blocks, Record
 
 Array = NDArray[np.float64]
 

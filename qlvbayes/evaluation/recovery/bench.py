@@ -17,9 +17,9 @@ from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.model.defaults import default_noise
 from qlvbayes.model.noise import AbstractNoise, Correlated
-from qlvbayes.model.record import Record
 from qlvbayes.preprocess.batching import batch
 from qlvbayes.preprocess.programme import Stroke, planned
+from qlvbayes.preprocess.record import Record
 from qlvbayes.preprocess.reduction import planned_record
 from qlvbayes.preprocess.trajectory import Trajectory
 from qlvbayes.priors import Dirichlet, Ordered
