@@ -5,7 +5,7 @@ Where there are none, those of strokes in which the force is a smooth curve of t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -81,47 +81,51 @@ def find_dwells(
     tests: Sequence[Record], phases: Sequence[Sequence[Phase]], step: float
 ) -> list[Dwell]:
     """The best-sampled dwells, one of each test before a second of any."""
-    found: list[list[Dwell]] = []
-    for test, cut in zip(tests, phases, strict=True):
-        found.append([])
-        for phase in cut:
-            if phase.kind not in ("hold", "recovery"):
-                continue
-            inside = np.flatnonzero((test.time > phase.start) & (test.time <= phase.stop))
-            inside = inside[_regained(test.force, inside) :]
-            # The kinks may be misplaced by a few samples.
-            margin = min(5, inside.size // 8)
-            inside = inside[margin : inside.size - margin]
-            if inside.size >= _FEWEST_SAMPLES and not _silent(test.force, inside, step):
-                found[-1].append(_dwell(test, inside))
-    return _best_sampled(found)
+    return _best_sampled(tests, phases, lambda test, phase: _at_rest(test, phase, step))
 
 
 def find_strokes(tests: Sequence[Record], phases: Sequence[Sequence[Phase]]) -> list[Dwell]:
     """The same of loading and unloading, where the pad is surely pressed."""
-    found: list[list[Dwell]] = []
-    for test, cut in zip(tests, phases, strict=True):
-        found.append([])
-        least = _PRESSED * float(np.abs(test.force).max(initial=0.0))
-        for phase in cut:
-            if phase.kind in ("hold", "recovery"):
-                continue
-            margin = _MARGIN * (phase.stop - phase.start)
-            away = (test.time > phase.start + margin) & (test.time <= phase.stop - margin)
-            inside = np.flatnonzero(away & (np.abs(test.force) > least))
-            if inside.size >= 3 * _FEWEST_SAMPLES and np.ptp(inside) < 2 * inside.size:
-                found[-1].append(replace(_dwell(test, inside), moving=True))
-    return _best_sampled(found)
+    return _best_sampled(tests, phases, _pressed)
 
 
-def _best_sampled(found: Sequence[Sequence[Dwell]]) -> list[Dwell]:
-    """Of each test's, one of each before a second of any."""
+def _best_sampled(
+    tests: Sequence[Record],
+    phases: Sequence[Sequence[Phase]],
+    read: Callable[[Record, Phase], Dwell | None],
+) -> list[Dwell]:
     ranked: list[tuple[int, int, Dwell]] = []
-    for of_test in found:
-        ordered = sorted(of_test, key=lambda one: -one.time.size)
-        ranked += [(turn, -one.time.size, one) for turn, one in enumerate(ordered)]
+    for test, cut in zip(tests, phases, strict=True):
+        found = [dwell for phase in cut if (dwell := read(test, phase)) is not None]
+        found.sort(key=lambda one: -one.time.size)
+        ranked += [(turn, -one.time.size, one) for turn, one in enumerate(found)]
     ranked.sort(key=lambda item: item[:2])
     return [dwell for _, _, dwell in ranked[:_MOST]]
+
+
+def _at_rest(test: Record, phase: Phase, step: float) -> Dwell | None:
+    if phase.kind not in ("hold", "recovery"):
+        return None
+    inside = np.flatnonzero((test.time > phase.start) & (test.time <= phase.stop))
+    inside = inside[_regained(test.force, inside) :]
+    # The kinks may be misplaced by a few samples.
+    margin = min(5, inside.size // 8)
+    inside = inside[margin : inside.size - margin]
+    if inside.size < _FEWEST_SAMPLES or _silent(test.force, inside, step):
+        return None
+    return _dwell(test, inside)
+
+
+def _pressed(test: Record, phase: Phase) -> Dwell | None:
+    if phase.kind in ("hold", "recovery"):
+        return None
+    margin = _MARGIN * (phase.stop - phase.start)
+    away = (test.time > phase.start + margin) & (test.time <= phase.stop - margin)
+    least = _PRESSED * float(np.abs(test.force).max(initial=0.0))
+    inside = np.flatnonzero(away & (np.abs(test.force) > least))
+    if inside.size < 3 * _FEWEST_SAMPLES or np.ptp(inside) >= 2 * inside.size:
+        return None
+    return replace(_dwell(test, inside), moving=True)
 
 
 def _regained(force: Array, inside: NDArray[np.intp]) -> int:
