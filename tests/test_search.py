@@ -4,6 +4,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, ClassVar
 
+import numpy as np
 import pytest
 from support.hidden_pads import hidden_pad
 
@@ -14,10 +15,17 @@ from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.effects.catalogue import OUTSIDE, find
 from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.inference.modes import find_modes
 from qlvbayes.inference.space import Hypothesis
+from qlvbayes.io.data import Pad, Test
+from qlvbayes.io.units import PAD
 from qlvbayes.model.choices import Choices
+from qlvbayes.preprocess.experiment import prepare
 from qlvbayes.priors import LogNormal, Normal
-from qlvbayes.simulate import HIDDEN
+from qlvbayes.simulate import HIDDEN, HiddenPad, encode, thin
+from qlvbayes.simulate.laws import Law
+from qlvbayes.simulate.loadcell import LoadCell
+from qlvbayes.simulate.programmes import session
 
 RATES = (0.1, 1.0, 20.0, 100.0)
 FEW = tuple(map(find, ("viscous_drag", "friction", "force_offset")))
@@ -154,3 +162,31 @@ def test_a_users_effect_is_tried_whatever_its_prior_and_its_null(kind):
     assert found.point.residual @ found.point.residual == pytest.approx(
         plain.point.residual @ plain.point.residual, rel=0.02
     )
+
+
+def sines(*effects):
+    """Sines of 0.1 to 3 Hz, thinned to 400 readings a test, an encoder of 1 um, noisy."""
+    rng, cell = np.random.default_rng(0), LoadCell(white=0.004, correlated=0.0055, time=0.5)
+    law = Law("exponential", (0.5, 0.8), "prony:2", (0.3, 6.2, 0.2, 0.15))
+    material = HiddenPad(law, effects, cells=12, frame_speed=True)
+    tests = []
+    for name, motion in session("sine", False, 30.0, 0.0, rng).motions.items():
+        every = np.arange(int(motion.duration * 1000.0)) / 1000.0
+        time = every[thin(every, encode(motion.displacement(every)), 400)]
+        read = cell.position(motion.displacement(time))
+        force = material.force(motion, time) + cell.draw(time, rng)
+        start = {"start_s": motion.start_s, "start_known": True}
+        tests.append(Test(name, name, time, read, force, **start))
+    return prepare(Pad("pad", tuple(tests), PAD))
+
+
+def test_the_mode_is_found_where_a_discrepancy_could_stand_for_the_effect():
+    search = search_of(sines(HIDDEN["friction"](strength=0.09, reach=0.035)))
+    search.begin()
+    plain, more = search.seen[USUAL], USUAL.plus("friction")
+    assert plain.mode.size > 0.0
+    start = search.starts_with(plain, more, "friction")[1]
+    best = min(find_modes(search.density, more, start), key=lambda mode: mode.loss)
+    place = best.point.own.names.index("friction.strength")
+    assert best.point.constants[place] == pytest.approx(0.09, rel=0.1)
+    assert best.loss < plain.mode.loss - 100.0

@@ -31,7 +31,6 @@ _HOPE = {3: 20.0, 6: 8.0, 12: 4.0}  # from which step on it may bring how often 
 _FARTHEST = 3.0  # longest step in a natural length
 _DAMPING = (1e-3, 1e-4, 1e9)  # first, least, most
 _POOR = 50.0  # loss behind the best, under coarse noise, at which a start is given up
-_NEAR_NONE = 10.0  # of loss, by which no discrepancy may be worse at a place and yet have a mode
 _SPREAD = 4.0  # of squared sds a number, within which a way ends at a mode that is known
 _SAME = 0.5  # of loss, within which two modes are one
 
@@ -123,14 +122,15 @@ def find_modes(
     size: float | None = None,
     known: Sequence[Mode] = (),
 ) -> list[Mode]:
-    """As `find_mode`; where no discrepancy is nearly as likely there, also the mode without one."""
+    """As `find_mode`, and where that ends beside a discrepancy, also from the start without one.
+
+    What a discrepancy can stand for moves nothing beside it.
+    """
     found = find_mode(density, hypothesis, start, best, size=size, known=known)
     if found is None or found.size == 0.0 or any(found is mode for mode in known):
         return [found] if found is not None else []
-    if density.terms(found.point, 0.0).loss > found.loss + _NEAR_NONE:
-        return [found]
-    other = find_mode(density, hypothesis, found.point, best, size=0.0)
-    return [one for one in (found, other) if one is not None]
+    other = find_mode(density, hypothesis, start, best, size=0.0, known=[*known, found])
+    return [one for one in (found, other) if one is not None and one not in known]
 
 
 def _is_hopeless(
