@@ -50,6 +50,7 @@ _SECOND_LINES = 4.0, 16.0  # mm, of a row's labels and of the legend in one colu
 _PLAIN, _FINAL = 4, 0  # of the colours: light and dark, for readers of a grey copy
 _NAME, _NAME_TIGHT = 40, 24  # characters of a test's name
 _GAP = 0.6  # mm, around every panel
+_ROOM = 0.12  # of a panel's height, that a number takes
 _LABEL, _LABEL_TIGHT = 50, 18  # characters a line, of a model in the legend
 _90 = float(ndtri(0.95))  # sds, half of the width that holds 90 %
 
@@ -99,8 +100,8 @@ def _draw(
     for placed in shown:
         _force(upper, placed, curve)
         _strip(lower, placed, curve)
-        if name != WHOLE and len(shown) > 1:
-            _number(upper, placed, curve)
+    if name != WHOLE and len(shown) > 1:
+        _numbers(upper, shown, curve)
     for axis in (upper, lower):
         finish_time(axis, name, stretches, tight=tight)
     upper.set_xlabel("")
@@ -135,16 +136,24 @@ def _strip(axis: Axes, placed: Placed, curve: Curve) -> None:
         axis.plot(time, left, ".", color=colour, markersize=2.2, markeredgewidth=0)
 
 
-def _number(axis: Axes, placed: Placed, curve: Curve) -> None:
-    axis.annotate(
-        f"{placed.stretch.number + 1}",
-        (placed.time[-1], curve.final.mean[placed.rows[-1]]),
-        xytext=(2, 0),
-        textcoords="offset points",
-        va="center",
-        fontsize=7,
-        annotation_clip=False,
-    )
+def _numbers(axis: Axes, shown: Sequence[Placed], curve: Curve) -> None:
+    """Which repeat it is, where each ends, of those that have room."""
+    low, high = axis.get_ylim()
+    taken: list[float] = []
+    for placed in shown:
+        end = float(curve.final.mean[placed.rows[-1]])
+        if any(abs(end - other) < _ROOM * (high - low) for other in taken):
+            continue
+        taken.append(end)
+        axis.annotate(
+            f"{placed.stretch.number + 1}",
+            (placed.time[-1], end),
+            xytext=(2, 0),
+            textcoords="offset points",
+            va="center",
+            fontsize=7,
+            annotation_clip=False,
+        )
 
 
 def _label_row(
