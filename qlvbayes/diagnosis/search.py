@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import repeat
 
 import numpy as np
 from numpy.typing import NDArray
@@ -405,8 +404,8 @@ class Search:
         nothing = np.zeros(self.density.space.parameters(hypothesis).size)
         found = self.modes[base][0]
         start = self._with_carried(found.point, hypothesis, nothing)
-        sizes = dict.fromkeys((None, found.mode.size))
-        self._keep(hypothesis, self._optimised(hypothesis, [start] * len(sizes), sizes))
+        sizes = (None, found.mode.size)
+        self._keep(hypothesis, self._optimised(hypothesis, [start], sizes))
 
     def see_rebased(self, base: Hypothesis, hypothesis: Hypothesis) -> None:
         """The same effects on another law: from its own modes, with those effects or none of them.
@@ -443,12 +442,12 @@ class Search:
         self,
         hypothesis: Hypothesis,
         starts: Iterable[Array | Point],
-        sizes: Iterable[float | None] | None = None,
+        sizes: Sequence[float | None] = (None,),
     ) -> list[Mode]:
-        """From some places, with a discrepancy of some size (N) at first."""
+        """Modes known and found from some places, with a discrepancy of some sizes (N) at first."""
         found = [one.mode for one in self.modes.get(hypothesis, [])]
-        for start, size in zip(starts, repeat(None) if sizes is None else sizes, strict=False):
-            found += find_modes(self.density, hypothesis, start, self._lowest, size, found)
+        for start in starts:
+            found += find_modes(self.density, hypothesis, start, self._lowest, sizes, found)
         return found
 
     @property

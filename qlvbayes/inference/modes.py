@@ -119,18 +119,28 @@ def find_modes(
     hypothesis: Hypothesis,
     start: Array | Point,
     best: float = np.inf,
-    size: float | None = None,
+    sizes: Iterable[float | None] = (None,),
     known: Sequence[Mode] = (),
 ) -> list[Mode]:
-    """As `find_mode`, and where that ends beside a discrepancy, also from the start without one.
+    """Modes not known yet, as `find_mode` with a discrepancy of each of some sizes (N) at first.
 
-    What a discrepancy can stand for moves nothing beside it.
+    Where one ends beside a discrepancy, also without any at first: what a discrepancy can stand for
+    moves nothing beside it.
     """
-    found = find_mode(density, hypothesis, start, best, size=size, known=known)
-    if found is None or found.size == 0.0 or any(found is mode for mode in known):
-        return [found] if found is not None else []
-    other = find_mode(density, hypothesis, start, best, size=0.0, known=[*known, found])
-    return [one for one in (found, other) if one is not None and one not in known]
+    new: list[Mode] = []
+
+    def go(size: float | None) -> None:
+        met = [*known, *new]
+        mode = find_mode(density, hypothesis, start, best, size=size, known=met)
+        if mode is not None and mode not in met:
+            new.append(mode)
+
+    tried = list(dict.fromkeys(sizes))
+    for size in tried:
+        go(size)
+    if 0.0 not in tried and any(mode.size > 0.0 for mode in new):
+        go(0.0)
+    return new
 
 
 def _is_hopeless(

@@ -8,7 +8,6 @@ beside it.
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache, partial
@@ -18,9 +17,10 @@ import jax
 from jax import export
 
 import qlvbayes
+from qlvbayes.io.files import write_whole
 
 # what LLVM's costly passes would gain in speed cannot be measured; they take a third of the time
-compiled = partial(jax.jit, compiler_options={"xla_llvm_disable_expensive_passes": True})
+_compiled = partial(jax.jit, compiler_options={"xla_llvm_disable_expensive_passes": True})
 
 
 @cache
@@ -36,17 +36,15 @@ def traced(
     """
     folder = jax.config.values["jax_compilation_cache_dir"]
     if meaning is None or folder is None:
-        return compiled(function)
+        return _compiled(function)
     text = f"{jax.__version__} {jax.default_backend()} {_own_code()} {arguments} {meaning}"
     file = Path(folder) / f"{hashlib.sha256(text.encode()).hexdigest()}.traced"
     if file.is_file():
-        return compiled(export.deserialize(bytearray(file.read_bytes())).call)
-    found = export.export(compiled(function))(*arguments)
+        return _compiled(export.deserialize(bytearray(file.read_bytes())).call)
+    found = export.export(_compiled(function))(*arguments)
     with suppress(OSError):  # a cache only: a full disk costs the next process its time
-        part = file.with_suffix(f".{os.getpid()}")
-        part.write_bytes(found.serialize())
-        os.replace(part, file)
-    return compiled(found.call)
+        write_whole(file, bytes(found.serialize()))
+    return _compiled(found.call)
 
 
 @cache

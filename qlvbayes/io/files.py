@@ -26,8 +26,8 @@ def results_folder(path: Path) -> Path:
 
 
 def write_whole(path: Path, content: bytes | memoryview) -> None:
-    """Write to a temporary name, then rename; where that fails, an OSError names the file."""
-    part = path.with_name(f"{path.name}.part")
+    """Write to a name of its own, then rename; where that fails, an OSError names the file."""
+    part = path.with_name(f"{path.name}.{os.getpid()}.part")
     try:
         part.write_bytes(content)
         os.replace(part, path)

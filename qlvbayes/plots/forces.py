@@ -15,12 +15,12 @@ from qlvbayes.plots.panels import leaders, lines_of, name_row, place_panels
 from qlvbayes.plots.stretches import (
     DWELLS,
     WHOLE,
-    Placed,
     Stretch,
     by_rate,
     columns,
     divide,
     finish_time,
+    number_repeats,
     place,
     same_times,
 )
@@ -85,22 +85,9 @@ def _draw(
     for placed in shown:
         colour = palette[placed.stretch.number % len(palette)]
         _lines(axis, placed.time, prediction, placed.rows, colour)
-        if column != WHOLE and len(shown) > 1:
-            _number(axis, placed, prediction.mean[placed.rows[-1]], colour)
+    if column != WHOLE and len(shown) > 1:
+        number_repeats(axis, shown, prediction.mean, palette, fontsize=6.0)
     finish_time(axis, column, stretches, tight=tight)
-
-
-def _number(axis: Axes, placed: Placed, force: float, colour: str) -> None:
-    axis.annotate(
-        f"{placed.stretch.number + 1}",
-        (placed.time[-1], force),
-        xytext=(2, 0),
-        textcoords="offset points",
-        va="center",
-        fontsize=6,
-        color=colour,
-        annotation_clip=False,
-    )
 
 
 def _lines(

@@ -28,6 +28,7 @@ from qlvbayes.plots.stretches import (
     columns,
     divide,
     finish_time,
+    number_repeats,
     place,
     same_times,
 )
@@ -50,7 +51,6 @@ _SECOND_LINES = 4.0, 16.0  # mm, of a row's labels and of the legend in one colu
 _PLAIN, _FINAL = 4, 0  # of the colours: light and dark, for readers of a grey copy
 _NAME, _NAME_TIGHT = 40, 24  # characters of a test's name
 _GAP = 0.6  # mm, around every panel
-_ROOM = 0.12  # of a panel's height, that a number takes
 _LABEL, _LABEL_TIGHT = 50, 18  # characters a line, of a model in the legend
 _90 = float(ndtri(0.95))  # sds, half of the width that holds 90 %
 
@@ -101,7 +101,7 @@ def _draw(
         _force(upper, placed, curve)
         _strip(lower, placed, curve)
     if name != WHOLE and len(shown) > 1:
-        _numbers(upper, shown, curve)
+        number_repeats(upper, shown, curve.final.mean, fontsize=7.0)
     for axis in (upper, lower):
         finish_time(axis, name, stretches, tight=tight)
     upper.set_xlabel("")
@@ -134,26 +134,6 @@ def _strip(axis: Axes, placed: Placed, curve: Curve) -> None:
     for band, colour, _ in _models(curve):
         left = (curve.observed - band.mean)[rows]
         axis.plot(time, left, ".", color=colour, markersize=2.2, markeredgewidth=0)
-
-
-def _numbers(axis: Axes, shown: Sequence[Placed], curve: Curve) -> None:
-    """Which repeat it is, where each ends, of those that have room."""
-    low, high = axis.get_ylim()
-    taken: list[float] = []
-    for placed in shown:
-        end = float(curve.final.mean[placed.rows[-1]])
-        if any(abs(end - other) < _ROOM * (high - low) for other in taken):
-            continue
-        taken.append(end)
-        axis.annotate(
-            f"{placed.stretch.number + 1}",
-            (placed.time[-1], end),
-            xytext=(2, 0),
-            textcoords="offset points",
-            va="center",
-            fontsize=7,
-            annotation_clip=False,
-        )
 
 
 def _label_row(

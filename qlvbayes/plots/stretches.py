@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
+from qlvbayes.plots.style import BLACK
 from qlvbayes.preprocess.phases import KINDS, Phase
 
 WHOLE = "whole test"
@@ -18,6 +19,7 @@ DWELLS = ("hold", "recovery")
 _EARLY = 0.1  # of a ramp: so much of the rest before it is shown with it
 _FEW_DECADES = 50.0  # of a time axis, as a ratio: below, 2 and 5 have ticks too
 _FIRST_FEW = 10  # samples, whose interval is taken
+_ROOM = 0.12  # of a panel's height, that a number takes
 _AT_ONCE = 0.1  # of a sampling interval: a sample so early in a dwell ends the movement
 
 
@@ -102,6 +104,37 @@ def _scale(column: str, same: Sequence[Stretch]) -> tuple[float, str]:
 
 def _length(same: Sequence[Stretch]) -> float:
     return float(max(stretch.elapsed[-1] for stretch in same))
+
+
+def number_repeats(
+    axis: Axes,
+    shown: Sequence[Placed],
+    force: np.ndarray,
+    palette: Sequence[str] = (BLACK,),
+    *,
+    fontsize: float,
+) -> None:
+    """Which repeat it is, where each ends in a test's force (n,), of those that have room.
+
+    palette: colours of the repeats in turn; fontsize: points.
+    """
+    low, high = axis.get_ylim()
+    taken: list[float] = []
+    for placed in shown:
+        end, number = float(force[placed.rows[-1]]), placed.stretch.number
+        if any(abs(end - other) < _ROOM * (high - low) for other in taken):
+            continue
+        taken.append(end)
+        axis.annotate(
+            f"{number + 1}",
+            (placed.time[-1], end),
+            xytext=(2, 0),
+            textcoords="offset points",
+            va="center",
+            fontsize=fontsize,
+            color=palette[number % len(palette)],
+            annotation_clip=False,
+        )
 
 
 def finish_time(
