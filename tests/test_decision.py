@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from qlvbayes.diagnosis.decision import VERDICTS, Weight, decide, less, listed, unless_sound
+from qlvbayes.diagnosis.decision import VERDICTS, Weight, decide, listed, unless_sound, without
 from qlvbayes.diagnosis.families import Families
 
 EXP = ("exponential", "prony:2")
@@ -90,9 +90,26 @@ def test_a_law_that_names_nothing_is_outside_unless_the_listed_ones_do():
 
 def test_no_effect_is_named_whose_addition_raises_the_error_on_tests_left_out():
     weights = [weight("drag inertia", 0.99), weight("inertia", 0.01)]
-    found = less(decide(weights), weights, ["drag"])
+    found = decide(without(weights, ["drag"]))
     assert (found.verdict, found.effects) == ("missing_effect", ("inertia",))
     assert weights[found.told].effects == {"inertia"}
+
+
+def test_what_is_likely_only_beside_a_refused_effect_is_not_named():
+    weights = [weight("drag film lag", 0.98), weight("drag", 0.0195), weight("drag lag", 0.0005)]
+    assert set(decide(weights).effects) == {"drag", "film", "lag"}
+    found = decide(without(weights, ["film"]))
+    assert (found.verdict, found.effects) == ("missing_effect", ("drag",))
+
+
+def test_what_takes_the_place_of_a_refused_effect_is_not_named():
+    weights = [weight("film drag", 0.99), weight("lag drag", 0.0099), weight("drag", 0.0001)]
+    found = decide(without(weights, ["film"]), among={"drag"})
+    assert (found.verdict, found.effects, found.group) == ("missing_effect", ("drag",), ())
+    assert weights[found.told].effects == {"drag"}
+    half = [weight("film", 0.9), weight("lag", 0.05), weight("leak", 0.05)]
+    assert decide(without(half, ["film"])).group == ("lag", "leak")
+    assert decide(without(half, ["film"]), among=()).verdict == "adequate"
 
 
 FAMILIES = Families(
@@ -148,7 +165,7 @@ def test_what_names_nothing_is_outside_and_never_named():
 
 def test_a_family_whose_addition_raises_the_error_is_not_named_in_any_form():
     weights = within(weight("coulomb filter", 0.97), weight("filter", 0.03))
-    found = less(decide(weights), weights, ["friction"])
+    found = decide(without(weights, ["friction"]))
     assert (found.verdict, found.effects, found.told) == ("missing_effect", ("lag",), 1)
 
 

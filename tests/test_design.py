@@ -13,6 +13,7 @@ from qlvbayes.diagnosis.workbench import as_chosen, search_of
 from qlvbayes.effects.force_drift import ForceDrift
 from qlvbayes.effects.force_offset import ForceOffset
 from qlvbayes.evaluation.study import measured
+from qlvbayes.inference.extending import shapes
 from qlvbayes.inference.modes import find_mode
 from qlvbayes.io.data import Pad
 from qlvbayes.io.units import PAD
@@ -51,7 +52,8 @@ def fitted(tests):
     found = []
     for effect in EFFECTS:
         hypothesis = search.usual.plus(effect.name)
-        start = search.starts_with(plain, hypothesis, effect.name)[0]
+        own = search.density.space.parameters(hypothesis)
+        start = shapes(search.density.space, plain.point, own, effect.name)[0]
         mode = find_mode(search.density, hypothesis, start)
         found.append(weigh(search.density, hypothesis, mode, 0.0))
     return experiment, search.density, found

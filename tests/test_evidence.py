@@ -13,11 +13,11 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from qlvbayes import read_study
-from qlvbayes.diagnosis.search import amplitude_of
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.inference.density import Density, Terms
 from qlvbayes.inference.discrepancy import ROUGH, Discrepancy
 from qlvbayes.inference.evidence import evidence, normals
+from qlvbayes.inference.extending import amplitude_of
 from qlvbayes.inference.modes import bounded_step, find_mode, modes, promised
 from qlvbayes.inference.projection import projected
 from qlvbayes.inference.score import promised_evidence
@@ -219,9 +219,9 @@ def test_an_effect_at_nothing_is_where_it_would_be_computed(density, space):
         own = space.parameters(hypothesis)
         start = median(space.plain_draws(hypothesis))
         start[own.carried(point.own)] = theta
-        leaf, _ = amplitude_of(own, effect)
-        start[leaf.theta.start] = 0.0
-        (one,) = density.extensions(point, hypothesis, leaf.theta.start, [start])
+        number = amplitude_of(own, effect).number
+        start[number] = 0.0
+        (one,) = density.extensions(point, hypothesis, number, [start])
         found = density.extended(point, one)
         expected = density.at(hypothesis, start)
         apart = np.abs(found.responses - expected.responses).max(axis=(1, 2)) * own.length
@@ -240,8 +240,8 @@ def test_what_an_effect_promises_is_the_evidence_with_it_where_all_is_linear(
     own = space.parameters(hypothesis)
     start = np.zeros(own.size)
     start[own.carried(point.own)] = point.theta
-    leaf, _ = amplitude_of(own, effect)
-    (one,) = density.extensions(point, hypothesis, leaf.theta.start, [start])
+    number = amplitude_of(own, effect).number
+    (one,) = density.extensions(point, hypothesis, number, [start])
     plain_terms = density.terms_by_size(point)
     below, above = point.own.lowest - point.theta, point.own.highest - point.theta
     by_size = normals(plain_terms, below, above)[0] + density.discrepancy.log_prior

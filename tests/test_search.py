@@ -15,6 +15,7 @@ from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.effects.catalogue import OUTSIDE, find
 from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.inference.extending import shapes
 from qlvbayes.inference.modes import find_modes
 from qlvbayes.inference.space import Hypothesis
 from qlvbayes.io.data import Pad, Test
@@ -185,7 +186,8 @@ def test_the_mode_is_found_where_a_discrepancy_could_stand_for_the_effect():
     search.begin()
     plain, more = search.seen[USUAL], USUAL.plus("friction")
     assert plain.mode.size > 0.0
-    start = search.starts_with(plain, more, "friction")[1]
+    space = search.density.space
+    start = shapes(space, plain.point, space.parameters(more), "friction")[1]
     best = min(find_modes(search.density, more, start), key=lambda mode: mode.loss)
     place = best.point.own.names.index("friction.strength")
     assert best.point.constants[place] == pytest.approx(0.09, rel=0.1)

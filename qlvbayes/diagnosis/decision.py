@@ -14,7 +14,7 @@ of no family of the list name nothing: a hypothesis that has one has something o
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Self, TypeVar
 
@@ -89,20 +89,29 @@ class Decision:
         return (*self.effects, *self.group[:1])
 
 
-def decide(weights: Sequence[Weight], settings: Settings | None = None) -> Decision:
-    """Of all hypotheses seen, before what is told is tested: see `vetoes`."""
+def decide(
+    weights: Sequence[Weight],
+    settings: Settings | None = None,
+    among: Collection[str] | None = None,
+) -> Decision:
+    """Of all hypotheses seen, before what is told is tested: see `vetoes`.
+
+    among: effects that may be named, where not all.
+    """
     settings = settings or Settings()
     shares = probabilities(weights).mean(axis=0)
     pairs = list(zip(weights, shares.tolist(), strict=True))
     inclusion = _summed((name, p) for w, p in pairs for name in w.effects)
+    may = inclusion if among is None else among
     base = _summed((w.base, p) for w, p in pairs)
     outside = sum(p * (w.outside if w.listed else 1.0) for w, p in pairs)
-    named = tuple(name for name, p in inclusion.items() if p >= settings.named)
+    named = tuple(name for name, p in inclusion.items() if p >= settings.named and name in may)
     if outside > _BESIDE:
         group: tuple[str, ...] = ()
         verdict = "partly_explained" if named else "unexplained"
     else:
         group = _group(pairs, named, settings)
+        group = group if set(group) <= set(may) else ()
         verdict = "ambiguous" if group else "missing_effect" if named else "adequate"
     told = _told(weights, {*named, *group[:1]})
     if verdict == "unexplained":
@@ -126,21 +135,15 @@ def listed(weights: Sequence[Weight]) -> list[Weight]:
     ]
 
 
-def less(decision: Decision, weights: Sequence[Weight], rising: Iterable[str]) -> Decision:
-    """First veto: effects with which tests left out are predicted worse are not named."""
-    worse = set(rising) & set(decision.tried)
-    if not worse:
-        return decision
-    named = tuple(name for name in decision.effects if name not in worse)
-    verdict = "missing_effect" if named else "adequate"
-    if decision.verdict in LEFT:
-        verdict = "partly_explained" if named else "unexplained"
-    told = _told(weights, set(named))
-    return replace(decision, verdict=verdict, effects=named, group=(), told=told)
+def without(weights: Sequence[Weight], effects: Collection[str]) -> list[Weight]:
+    """As if some effects could not be there."""
+    return [
+        w if w.effects.isdisjoint(effects) else replace(w, log_posterior=-np.inf) for w in weights
+    ]
 
 
 def unless_sound(decision: Decision, weights: Sequence[Weight], *, sound: bool) -> Decision:
-    """Second veto: what is told leaves structure that matters."""
+    """What is told leaves structure that matters: it is not all."""
     if sound or decision.verdict in LEFT:
         return decision
     if decision.effects:

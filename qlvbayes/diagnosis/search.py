@@ -19,18 +19,21 @@ from qlvbayes.diagnosis.prior import log_prior
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.inference.density import Density, Extension, Point
 from qlvbayes.inference.evidence import Evidence, evidence
+from qlvbayes.inference.extending import amplitude_of, carried, shapes
 from qlvbayes.inference.importance import CLOSE, sampled_evidence
-from qlvbayes.inference.modes import BEHIND, Mode, base_modes, distinct, find_modes, modes
+from qlvbayes.inference.modes import (
+    BEHIND,
+    Mode,
+    base_modes,
+    distinct,
+    find_mode,
+    find_modes,
+    modes,
+)
 from qlvbayes.inference.noticeable import log_noticeable
 from qlvbayes.inference.projection import projected
 from qlvbayes.inference.score import promised_evidence
-from qlvbayes.inference.space import (
-    Hypothesis,
-    Leaf,
-    Parameters,
-    in_natural_amplitude,
-    median,
-)
+from qlvbayes.inference.space import Hypothesis, in_natural_amplitude, median
 from qlvbayes.io.checks import NoFiniteForceError
 from qlvbayes.laws.scales import SHARE
 from qlvbayes.priors.natural import Natural
@@ -38,8 +41,8 @@ from qlvbayes.priors.natural import Natural
 Array = NDArray[np.float64]
 Tell = Callable[[str], None]
 
-_SHAPES = 4  # quantiles of a new effect's first constant besides its amplitude
-_FOLLOWED = 2  # of these, that are optimised
+_FOLLOWED = 2  # shapes of a new effect, that are optimised
+_SCREENED = 2  # effects that promise most under coarse noise, tried whatever a discrepancy hides
 _MODES = 4  # of a hypothesis, that are kept to start its neighbours from
 _NEAR = 25.0  # log posterior behind the best, within which an effect more or less may lead;
 _FARTHER = 40.0  # the same where the best leaves more than noise, of what is grown or set on others
@@ -261,15 +264,15 @@ class Search:
         known = self.modes[self.best][0].point
         if known.own.hypothesis == hypothesis:
             return
-        nothing = np.zeros(self.density.space.parameters(hypothesis).size)
-        self._see_from(known, hypothesis, nothing)
+        self._see_from(known, hypothesis)
 
-    def _see_from(self, known: Point, hypothesis: Hypothesis, others: Array) -> Array:
+    def _see_from(self, known: Point, hypothesis: Hypothesis, others: Array | None = None) -> Array:
         """From a point's numbers, others (F,), and laws as like its own as they can be.
 
         Returns the start (F,) before its laws were fitted.
         """
-        start = self._with_carried(known, hypothesis, others)
+        own = self.density.space.parameters(hypothesis)
+        start = carried(known.own, known.theta, own, others)
         near = projected(self.density.space, known, hypothesis, start)
         self._keep(hypothesis, self._optimised(hypothesis, [near]))
         return start
@@ -315,10 +318,18 @@ class Search:
                 start = self.density.extended(one.point, one.added)
                 if start is not None:
                     self._keep(one.hypothesis, self._optimised(one.hypothesis, [start]))
+        if self._leaves_more(hypothesis):
+            for one in self._screened(hypothesis, names):
+                if one.hypothesis not in self.modes:
+                    self._keep(
+                        one.hypothesis, self._optimised(one.hypothesis, [one.added.theta], (0.0,))
+                    )
         for name in names:  # of the user's own, whose prior may be of any kind: nothing is promised
             more = hypothesis.plus(name)
-            if amplitude_of(self.density.space.parameters(more), name) is None:
-                starts = self.starts_with(self.modes[hypothesis][0], more, name)
+            own = self.density.space.parameters(more)
+            if amplitude_of(own, name) is None:
+                point = self.modes[hypothesis][0].point
+                starts = shapes(self.density.space, point, own, name)
                 self._keep(more, self._optimised(more, starts[:: len(starts) // _FOLLOWED or 1]))
 
     def _see_forms(self, hypothesis: Hypothesis) -> None:
@@ -375,25 +386,52 @@ class Search:
         """Of each of some effects more the places that promise most, at the base's modes."""
         found: dict[Hypothesis, list[_Promise]] = {}
         for order, one in enumerate(self.modes[base]):
-            added = [part for name in names for part in self._extensions(one, name, order == 0)]
-            if not added:
-                continue
-            logs = promised_evidence(self.density, one.point, one.evidence.by_size, added)
-            for part, log in zip(added, logs.tolist(), strict=True):
-                found.setdefault(part.own.hypothesis, []).append(_Promise(one.point, part, log))
+            for promise in self._promised_at(self.density, one, names, order == 0):
+                found.setdefault(promise.hypothesis, []).append(promise)
         followed = _FOLLOWED if self._leaves_more(base) else 1
         best = [sorted(same, key=_promised)[:followed] for same in found.values()]
         return sorted((one for some in best for one in some), key=_promised)
 
-    def _extensions(self, found: Weighed, effect: str, whole: bool) -> list[Extension]:
-        """An effect more at a mode; whole: over all of its first shape's prior."""
+    def _screened(self, base: Hypothesis, names: Sequence[str]) -> list[_Promise]:
+        """Of effects more those that promise most where the base follows the data best.
+
+        Under coarse noise, without a discrepancy, beside which what it can stand for moves nothing.
+        """
+        coarse = self.density.coarse
+        mode = find_mode(coarse, base, self.modes[base][0].point.theta)
+        if mode is None:
+            return []
+        found = weigh(coarse, base, mode, self.settings.tolerance)
+        likeliest: dict[Hypothesis, _Promise] = {}
+        for one in sorted(self._promised_at(coarse, found, names, True), key=_promised):
+            likeliest.setdefault(one.hypothesis, one)
+        return [one for one in likeliest.values() if one.log_evidence > found.log_evidence][
+            :_SCREENED
+        ]
+
+    def _promised_at(
+        self, density: Density, found: Weighed, names: Sequence[str], whole: bool
+    ) -> list[_Promise]:
+        """Each of some effects more at a mode; whole: over all of its first shape's prior."""
+        added = [part for name in names for part in self._extensions(density, found, name, whole)]
+        if not added:
+            return []
+        logs = promised_evidence(density, found.point, found.evidence.by_size, added)
+        return [
+            _Promise(found.point, part, log) for part, log in zip(added, logs.tolist(), strict=True)
+        ]
+
+    def _extensions(
+        self, density: Density, found: Weighed, effect: str, whole: bool
+    ) -> list[Extension]:
         hypothesis = found.hypothesis.plus(effect)
-        amplitude = amplitude_of(self.density.space.parameters(hypothesis), effect)
+        own = density.space.parameters(hypothesis)
+        amplitude = amplitude_of(own, effect)
         if amplitude is None:
             return []
-        starts = self.starts_with(found, hypothesis, effect)
+        starts = shapes(density.space, found.point, own, effect)
         some = starts if whole else starts[len(starts) // 2 :][:1]
-        return self.density.extensions(found.point, hypothesis, amplitude[0].theta.start, some)
+        return density.extensions(found.point, hypothesis, amplitude.number, some)
 
     def see_without(self, base: Hypothesis, effect: str) -> None:
         """One effect less."""
@@ -401,9 +439,9 @@ class Search:
             return
         self._lessened.add((base, effect))
         hypothesis = base.less(effect)
-        nothing = np.zeros(self.density.space.parameters(hypothesis).size)
         found = self.modes[base][0]
-        start = self._with_carried(found.point, hypothesis, nothing)
+        known, own = found.point, self.density.space.parameters(hypothesis)
+        start = carried(known.own, known.theta, own)
         sizes = (None, found.mode.size)
         self._keep(hypothesis, self._optimised(hypothesis, [start], sizes))
 
@@ -432,11 +470,12 @@ class Search:
     def _without_effects(self, hypothesis: Hypothesis) -> Array:
         """Theta (F,) of a bare law's mode, every effect at nothing and as promises most there."""
         bare = replace(hypothesis, effects=self.usual.effects)
-        theta = np.zeros(self.density.space.parameters(hypothesis).size)
+        own, point = self.density.space.parameters(hypothesis), self.modes[bare][0].point
+        theta = np.zeros(own.size)
         for effect in self.added(hypothesis):
             for one in self._promises(bare, [effect])[:1]:
-                theta = self._with_numbers(one.added.own, one.added.theta, hypothesis, theta)
-        return self._with_carried(self.modes[bare][0].point, hypothesis, theta)
+                theta = carried(one.added.own, one.added.theta, own, theta)
+        return carried(point.own, point.theta, own, theta)
 
     def _optimised(
         self,
@@ -463,41 +502,6 @@ class Search:
         kept = sorted([*known, *real], key=lambda one: -one.log_evidence)[:_MODES]
         if kept:
             self.modes[hypothesis] = kept
-
-    def _with_carried(self, point: Point, hypothesis: Hypothesis, others: Array) -> Array:
-        """Theta (F,) with the numbers that a point has too; others (F,): those that it has not."""
-        return self._with_numbers(point.own, point.theta, hypothesis, others)
-
-    def _with_numbers(
-        self, old: Parameters, values: Array, hypothesis: Hypothesis, others: Array
-    ) -> Array:
-        """The same of another hypothesis's numbers and their values."""
-        numbers, theta = old.by_name, others.copy()
-        for name, leaf in self.density.space.parameters(hypothesis).by_name.items():
-            if name in numbers and len(numbers[name].theta) == len(leaf.theta):
-                theta[list(leaf.theta)] = values[list(numbers[name].theta)]
-        return theta
-
-    def starts_with(self, found: Weighed, hypothesis: Hypothesis, effect: str) -> list[Array]:
-        """Starts (F,): the effect at its null, its first other constant over its prior."""
-        space, new = self.density.space, self.density.space.parameters(hypothesis)
-        start = self._with_carried(found.point, hypothesis, np.zeros(new.size))
-        own = [leaf for name, leaf in new.by_name.items() if name.startswith(f"{effect}.")]
-        draws, taken, shapes = space.draws("effects", effect), 0, []
-        for leaf in own:
-            if isinstance(leaf.prior, Natural):
-                start[leaf.theta.start] = next(iter(space.effects[effect].null.values()))
-            else:
-                shapes.append((leaf, draws[:, taken : taken + len(leaf.theta)]))
-            taken += len(leaf.theta)
-        starts = []
-        for k in range(_SHAPES if shapes else 1):
-            moved = start.copy()
-            for order, (leaf, values) in enumerate(shapes):
-                share = (k + 0.5) / _SHAPES if order == 0 else 0.5
-                moved[list(leaf.theta)] = np.quantile(values, share, axis=0)
-            starts.append(moved)
-        return starts
 
 
 def weigh(density: Density, hypothesis: Hypothesis, mode: Mode, tolerance: float) -> Weighed:
@@ -534,16 +538,16 @@ def _in_proportion(search: Search) -> Density:
     peak = density.discrepancy.peak
     for name in families.listed:
         hypothesis = usual.plus(name)
-        amplitude = amplitude_of(space.parameters(hypothesis), name)
+        own = space.parameters(hypothesis)
+        amplitude = amplitude_of(own, name)
         if name in usual.effects or amplitude is None:  # the user's own, with a prior of its own
             continue
-        leaf, sd = amplitude
-        starts = search.starts_with(search.modes[usual][0], hypothesis, name)
+        starts = shapes(space, search.modes[usual][0].point, own, name)
         for start in dict.fromkeys(map(tuple, (starts[0], starts[-1]))):
-            force = space.added_force(hypothesis, np.array(start), leaf.theta.start, sd)
-            largest = float(np.max(np.abs(force[space.real])))
+            added = space.added_force(hypothesis, np.array(start), amplitude.number, amplitude.sd)
+            largest = float(np.max(np.abs(added[space.real])))
             if largest > 0.0 and math.isfinite(largest):
-                signatures.append(force / largest)
+                signatures.append(added / largest)
                 factors[name] = float(np.clip(SHARE * peak / largest, *_FACTORS))
     # a form holds the listed law inside, with the same amplitude
     effects = {
@@ -552,11 +556,3 @@ def _in_proportion(search: Search) -> Density:
         if families.of[name] in factors
     }
     return density.with_space(space.with_effects({**space.effects, **effects}), signatures)
-
-
-def amplitude_of(own: Parameters, effect: str) -> tuple[Leaf, float] | None:
-    """The number by which an effect's force grows, where it is taken as it is, and its prior sd."""
-    for name, leaf in own.by_name.items():
-        if name.startswith(f"{effect}.") and isinstance(leaf.prior, Natural):
-            return leaf, leaf.prior.sd
-    return None

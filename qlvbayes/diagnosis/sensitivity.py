@@ -10,16 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes.diagnosis.result import ParameterBias, Unseen
-from qlvbayes.diagnosis.search import Search, Weighed, amplitude_of
+from qlvbayes.diagnosis.search import Search, Weighed
 from qlvbayes.effects.effect import AbstractEffect, Protocol
-from qlvbayes.inference.space import Leaf, Parameters
+from qlvbayes.inference.extending import Amplitude, amplitude_of, shapes
+from qlvbayes.inference.space import Parameters
 
 Array = NDArray[np.float64]
 
 SEEN = 10.0  # expected 2 ln(Bayes factor) from which an effect counts as visible
 TOO_ALIKE = "too small here, or too much like a change of the constants"
 _FREE_RIDE = 0.15  # share of an effect's force that is left once the constants are refitted
-_LEAST_BEND = 0.01  # relative change of a constant that is worth a word
+_LEAST_BIAS = 0.01  # relative change of a constant that is worth a word
 _COINCIDE = 0.98  # correlation of what two effects leave
 
 
@@ -56,8 +57,8 @@ def responses(search: Search, plain: Weighed) -> list[Response]:
         own = search.density.space.parameters(hypothesis)
         amplitude = amplitude_of(own, name)
         if amplitude is not None:
-            starts = search.starts_with(plain, hypothesis, name)
-            some = [_response(search, plain, own, name, *amplitude, start) for start in starts]
+            starts = shapes(search.density.space, plain.point, own, name)
+            some = [_response(search, plain, own, name, amplitude, start) for start in starts]
             found.append(max(some, key=lambda one: one.evidence))
     return found
 
@@ -67,20 +68,18 @@ def _response(
     plain: Weighed,
     own: Parameters,
     name: str,
-    leaf: Leaf,
-    size: float,
+    amplitude: Amplitude,
     start: Array,
 ) -> Response:
-    density = search.density
-    force = density.space.added_force(own.hypothesis, start, leaf.theta.start, size)
+    density, size = search.density, amplitude.sd
+    force = density.space.added_force(own.hypothesis, start, amplitude.number, size)
     change = np.nan_to_num(density.whitener(force[None])[0])
     jacobian, prior = plain.point.jacobian, plain.point.prior.curvature
     shift = np.linalg.solve(jacobian @ jacobian.T + prior, jacobian @ change)
     left = change - shift @ jacobian
     information = max(float(change @ change - (jacobian @ change) @ shift), 0.0)
-    amplitude = own.names[leaf.constants.start]
     total = float(change @ change)
-    return Response(name, amplitude, size, left, total, information, shift)
+    return Response(name, own.names[amplitude.constant], size, left, total, information, shift)
 
 
 def unseen(found: Sequence[Response], search: Search, protocol: Protocol) -> list[Unseen]:
@@ -119,7 +118,7 @@ def parameter_biases(found: Sequence[Response], plain: Weighed) -> list[Paramete
         changes = {
             name: float(delta / value)
             for name, delta, value in zip(point.own.names, change, point.constants, strict=True)
-            if not name.startswith("noise.") and value and abs(delta / value) > _LEAST_BEND
+            if not name.startswith("noise.") and value and abs(delta / value) > _LEAST_BIAS
         }
         if changes:
             seen = one.evidence >= SEEN

@@ -2,13 +2,24 @@
 
 An effect with which tests left out are predicted worse is not named; nor one beside something
 unlisted that takes more of the error than it; and nothing is explained where what is left matters.
+Likely beside an effect that is not to be named is not likely: after a veto the decision is made
+again, as if that effect could not be there, and names nothing but what it named before.
 """
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
-from qlvbayes.diagnosis.decision import LEFT, Decision, decide, less, listed, unless_sound
+from qlvbayes.diagnosis.decision import (
+    LEFT,
+    Decision,
+    Weight,
+    decide,
+    listed,
+    unless_sound,
+    without,
+)
 from qlvbayes.diagnosis.outcome import Outcome
 from qlvbayes.diagnosis.search import Tell, Weighed
 
@@ -17,30 +28,40 @@ IMITATES = "it takes less of the error than what no effect of the list explains,
 
 
 def decided(outcome: Outcome, tell: Tell) -> tuple[Decision, tuple[tuple[str, str], ...]]:
-    """The decision after both vetoes, and effects refused with the reason."""
+    """The decision after all vetoes, and effects refused with the reason."""
+    tell("tests left out, and what is left")
+    weights, refused = outcome.weights, dict[str, str]()
+    decision = _tested(outcome, weights)
+    while new := _refused(outcome, decision):
+        may = {*decision.effects, *decision.group} - set(new)
+        refused |= new
+        weights = without(weights, new)
+        decision = _tested(outcome, weights, may)
+    return decision, tuple(refused.items())
+
+
+def _tested(
+    outcome: Outcome, weights: Sequence[Weight], among: Collection[str] | None = None
+) -> Decision:
+    """The decision among some effects, by whether what it tells leaves what matters."""
     settings = outcome.search.settings
-    weights = outcome.weights
-    decision = decide(weights, settings)
+    decision = decide(weights, settings, among)
     if decision.verdict in LEFT:
-        inside = decide(listed(weights), settings)
+        inside = decide(listed(weights), settings, among)
         if _is_enough(outcome, outcome.seen[inside.told]):
             weights = listed(weights)
             decision = replace(inside, outside=decision.outside)
+    sound = _is_enough(outcome, outcome.seen[decision.told])
+    return unless_sound(decision, weights, sound=sound)
+
+
+def _refused(outcome: Outcome, decision: Decision) -> dict[str, str]:
+    """Effects that are not to be named, with the reason."""
     told = outcome.seen[decision.told]
-    tell("tests left out")
-    refused = [(name, RISES) for name in decision.tried if _rises(outcome, told, name)]
-    decision = less(decision, weights, [name for name, _ in refused])
-    tell("testing what is left")
-    told = outcome.seen[decision.told]
-    decision = unless_sound(decision, weights, sound=_is_enough(outcome, told))
-    if decision.verdict == "partly_explained":
-        small = [
-            (name, IMITATES) for name in decision.effects if _takes_little(outcome, told, name)
-        ]
-        decision = less(decision, weights, [name for name, _ in small])
-        decision = unless_sound(decision, weights, sound=False)
-        refused += small
-    return decision, tuple(refused)
+    rising = {name: RISES for name in decision.tried if _rises(outcome, told, name)}
+    if rising or decision.verdict != "partly_explained":
+        return rising
+    return {name: IMITATES for name in decision.effects if _takes_little(outcome, told, name)}
 
 
 def _is_enough(outcome: Outcome, told: Weighed) -> bool:

@@ -15,29 +15,29 @@ from qlvbayes.priors import Normal
 
 
 class OffsetsByTest(AbstractEffect):
-    """F = F_below + size (P1 + bend P2 + twist P3), at the clock of the test's beginning.
+    """F = F_below + size (P1 + quadratic P2 + cubic P3), at the clock of the test's beginning.
 
-    size: of the straight part (N), of either sign; bend, twist: of the curved ones over it;
+    size: of the straight part (N), of either sign; quadratic, cubic: of the curved ones over it;
     duration: of the study (s), fixed. With force_offset this gives any four tests offsets of their
     own, and more tests offsets on a smooth curve.
     """
 
     size: Any
-    bend: Any
-    twist: Any
+    quadratic: Any
+    cubic: Any
     duration: Any
     name: ClassVar[str] = "offsets_by_test"
     level: ClassVar[Level] = Level.SENSOR
     rank: ClassVar[int] = 3
     units: ClassVar[dict[str, str]] = {
         "size": "force",
-        "bend": "count",
-        "twist": "count",
+        "quadratic": "count",
+        "cubic": "count",
         "duration": "time",
     }
     null: ClassVar[dict[str, float]] = {"size": 0.0}
     outside: ClassVar[bool] = True
-    law: ClassVar[str] = "F += size (P1 + bend P2 + twist P3)(start)"
+    law: ClassVar[str] = "F += size (P1 + quadratic P2 + cubic P3)(start)"
     seen: ClassVar[str] = "all forces of a test shifted alike, each test by its own amount"
     reference: ClassVar[str] = "Abramowitz & Stegun 1964, ch. 22"
 
@@ -49,5 +49,5 @@ class OffsetsByTest(AbstractEffect):
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Shift the test's force."""
-        shift = curve(motion.start, self.bend, self.twist, self.duration)
+        shift = curve(motion.start, self.quadratic, self.cubic, self.duration)
         return below.force(motion) + self.size * shift

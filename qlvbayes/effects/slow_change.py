@@ -15,28 +15,28 @@ from qlvbayes.priors import Normal
 
 
 class SlowChange(AbstractEffect):
-    """F = F_below (1 + size (P1 + bend P2 + twist P3)), Legendre's polynomials over the clock.
+    """F = F_below (1 + size (P1 + quadratic P2 + cubic P3)), Legendre's polynomials over the clock.
 
-    size: of the straight part (1), of either sign; bend, twist: of the curved ones over it;
+    size: of the straight part (1), of either sign; quadratic, cubic: of the curved ones over it;
     duration: of the study (s), fixed.
     """
 
     size: Any
-    bend: Any
-    twist: Any
+    quadratic: Any
+    cubic: Any
     duration: Any
     name: ClassVar[str] = "slow_change"
     level: ClassVar[Level] = Level.SCALING
     rank: ClassVar[int] = 2
     units: ClassVar[dict[str, str]] = {
         "size": "fraction",
-        "bend": "count",
-        "twist": "count",
+        "quadratic": "count",
+        "cubic": "count",
         "duration": "time",
     }
     null: ClassVar[dict[str, float]] = {"size": 0.0}
     outside: ClassVar[bool] = True
-    law: ClassVar[str] = "F -> F (1 + size (P1 + bend P2 + twist P3)(t))"
+    law: ClassVar[str] = "F -> F (1 + size (P1 + quadratic P2 + cubic P3)(t))"
     seen: ClassVar[str] = "tests weaker or stronger as the clock runs, not all one way"
     reference: ClassVar[str] = "Abramowitz & Stegun 1964, ch. 22"
 
@@ -48,5 +48,5 @@ class SlowChange(AbstractEffect):
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Change the scale with the clock."""
-        along = curve(motion.clock, self.bend, self.twist, self.duration)
+        along = curve(motion.clock, self.quadratic, self.cubic, self.duration)
         return below.force(motion) * (1.0 + self.size * along)

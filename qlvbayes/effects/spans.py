@@ -8,7 +8,7 @@ from jaxtyping import Array, ArrayLike
 from qlvbayes.laws.scales import Scales
 
 LARGEST = 2.0
-"""Of the curve below where ``bend`` and ``twist`` have their priors' sd of 1, within a half."""
+"""Of the curve below with ``quadratic`` and ``cubic`` at their priors' sd of 1, within a half."""
 
 
 def duration(scales: Scales) -> float:
@@ -38,10 +38,10 @@ def _shortest(scales: Scales) -> float:
     return scales.shortest if scales.shortest > 0.0 else 1e-3 * _longest(scales)
 
 
-def curve(clock: Array, bend: ArrayLike, twist: ArrayLike, duration: ArrayLike) -> Array:
-    """P1 + bend P2 + twist P3, Legendre's polynomials over the clock from 0 to ``duration`` (s).
+def curve(clock: Array, quadratic: ArrayLike, cubic: ArrayLike, duration: ArrayLike) -> Array:
+    """P1 + quadratic P2 + cubic P3, of Legendre, over the clock from 0 to ``duration`` (s).
 
     After the study it stays as it was at its end.
     """
     x = jnp.clip(2.0 * clock / duration - 1.0, -1.0, 1.0)
-    return x + 0.5 * bend * (3.0 * x**2 - 1.0) + 0.5 * twist * (5.0 * x**2 - 3.0) * x
+    return x + 0.5 * quadratic * (3.0 * x**2 - 1.0) + 0.5 * cubic * (5.0 * x**2 - 3.0) * x

@@ -37,7 +37,7 @@ def promised_evidence(
     """
     vectors = np.concatenate([point.vectors, [one.white for one in added]])
     old, new = slice(1, len(point.vectors)), slice(len(point.vectors), None)
-    slope, bend, log_prior, least = np.array([_prior_of(one) for one in added]).T
+    slope, prior_curvature, log_prior, least = np.array([_prior_of(one) for one in added]).T
     total = []
     for size, log in zip(density.discrepancy.sizes.tolist(), by_size, strict=True):
         products = density.discrepancy.at(size).products(vectors)
@@ -45,7 +45,7 @@ def promised_evidence(
         known = np.column_stack([beside, point.prior.gradient - products[0, old]])
         solved = np.linalg.solve(products[old, old] + point.prior.curvature, known)
         own = np.diag(products[new, new]) - np.sum(beside * solved[:, :-1], axis=0)
-        curvature = np.maximum(own, 0.0) + bend
+        curvature = np.maximum(own, 0.0) + prior_curvature
         gradient = slope - products[0, new] - beside.T @ solved[:, -1]
         gain = 0.5 * gradient**2 / curvature - 0.5 * np.log(curvature / (2.0 * math.pi))
         inside = log_ndtr(-(gradient / curvature + least) * np.sqrt(curvature))

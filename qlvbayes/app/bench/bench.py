@@ -20,13 +20,14 @@ from qlvbayes.app.bench.model import (
     theta_of,
     values_of,
 )
-from qlvbayes.app.bench.signature import amplitude_of, beside, carried
+from qlvbayes.app.bench.signature import beside
 from qlvbayes.app.bench.squares import Squares
 from qlvbayes.diagnosis.result import CellError
 from qlvbayes.diagnosis.samples import Samples, cell_errors, rmse
 from qlvbayes.diagnosis.workbench import as_chosen, search_of
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.inference.density import Density, Point
+from qlvbayes.inference.extending import amplitude_of, carried
 from qlvbayes.inference.projection import projected
 from qlvbayes.inference.space import Space
 from qlvbayes.io.checks import InputError, NoFiniteForceError
@@ -235,12 +236,12 @@ class Bench:
         left = [y - f[0] for y, f in zip(self.samples.observed, forces, strict=True)]
         before = rmse(left)
         after = rmse([one - two for one, two in zip(left, moved, strict=True)])
-        name = found.own.names[found.amplitude.constants.start]
+        name = found.own.names[found.amplitude.constant]
         kind = self.effects[effect].units[name.partition(".")[2]]
         return Signature(
             effect,
             name,
-            float(constants[1, found.amplitude.constants.start]),
+            float(constants[1, found.amplitude.constant]),
             self.experiment.units.of(kind),
             alone,
             moved,

@@ -18,12 +18,11 @@ from numpy.typing import NDArray
 
 from qlvbayes.app.bench.squares import Squares
 from qlvbayes.inference.density import Point
-from qlvbayes.inference.space import Hypothesis, Leaf, Parameters
-from qlvbayes.priors.natural import Natural
+from qlvbayes.inference.extending import Amplitude, amplitude_of, shapes
+from qlvbayes.inference.space import Hypothesis, Parameters
 
 Array = NDArray[np.float64]
 
-_SHAPES = 4  # quantiles of the prior of an effect's first constant beside its amplitude
 _ROUNDS = 3  # in which the size goes back into the force
 _LEAST = 1e-6  # of the prior's sd: a size that stands for none
 
@@ -38,7 +37,7 @@ class Beside:
     """
 
     own: Parameters
-    amplitude: Leaf
+    amplitude: Amplitude
     before: Array
     after: Array
     moved: Array
@@ -55,60 +54,18 @@ def beside(squares: Squares, point: Point, hypothesis: Hypothesis, effect: str) 
     amplitude = amplitude_of(own, effect)
     if amplitude is None:
         return None
-    starts = shapes(squares, point, own, effect)
+    starts = shapes(space, point, own, effect)
     found = [_scaled(squares, point, own, amplitude, start) for start in starts]
     return min((one for one in found if one is not None), key=lambda x: x.cost, default=None)
 
 
-def amplitude_of(own: Parameters, effect: str) -> Leaf | None:
-    """The number by which an effect's force grows, where it is taken as it is."""
-    for name, leaf in own.by_name.items():
-        if name.startswith(f"{effect}.") and isinstance(leaf.prior, Natural):
-            return leaf
-    return None
-
-
-def shapes(squares: Squares, point: Point, own: Parameters, effect: str) -> list[Array]:
-    """Thetas (G,) with the effect at nothing, its first other constant over its prior."""
-    space = squares.density.space
-    base = carried(point.own, point.theta, own)
-    kept = [leaf for name, leaf in own.by_name.items() if name.startswith(f"{effect}.")]
-    draws, taken, first = space.draws("effects", effect), 0, None
-    for leaf in kept:
-        values = draws[:, taken : taken + len(leaf.theta)]
-        taken += len(leaf.theta)
-        if isinstance(leaf.prior, Natural):
-            base[leaf.theta.start] = next(iter(space.effects[effect].null.values()))
-            continue
-        base[list(leaf.theta)] = np.median(values, axis=0)
-        first = first or (leaf, values)
-    if first is None:
-        return [base]
-    found = []
-    for share in (np.arange(_SHAPES) + 0.5) / _SHAPES:
-        start = base.copy()
-        start[list(first[0].theta)] = np.quantile(first[1], share, axis=0)
-        found.append(start)
-    return found
-
-
-def carried(old: Parameters, theta: Array, new: Parameters) -> Array:
-    """Theta (G,) of other numbers, those that both have as they are, the others at zero."""
-    found, numbers = np.zeros(new.size), old.by_name
-    for name, leaf in new.by_name.items():
-        if name in numbers and len(numbers[name].theta) == len(leaf.theta):
-            found[list(leaf.theta)] = theta[list(numbers[name].theta)]
-    return found
-
-
 def _scaled(
-    squares: Squares, point: Point, own: Parameters, amplitude: Leaf, start: Array
+    squares: Squares, point: Point, own: Parameters, amplitude: Amplitude, start: Array
 ) -> Beside | None:
-    space, number = squares.density.space, amplitude.theta.start
+    space, number = squares.density.space, amplitude.number
     residual, slopes = squares.residual(point), squares.weighed(point.responses)
     prior = point.prior.curvature
-    assert isinstance(amplitude.prior, Natural)
-    size, shift, cost = amplitude.prior.sd, np.zeros(point.own.size), np.inf
+    size, shift, cost = amplitude.sd, np.zeros(point.own.size), np.inf
     for _ in range(_ROUNDS):
         force = squares.weighed(space.added_force(own.hypothesis, start, number, size))
         square = float(force @ force)
@@ -125,7 +82,7 @@ def _scaled(
             )[0]
         )
         low, high = own.lowest[number] - start[number], own.highest[number] - start[number]
-        smallest = _LEAST * amplitude.prior.sd
+        smallest = _LEAST * amplitude.sd
         scaled = float(np.clip(found[-1] * size, low, high))
         if abs(scaled) < smallest:  # the residual has nothing of it
             scaled, found = smallest if high > 0.0 else -smallest, 0.0 * found
