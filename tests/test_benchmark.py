@@ -17,12 +17,11 @@ from qlvbayes.evaluation import case as one_study
 from qlvbayes.evaluation.case import run_case
 from qlvbayes.evaluation.constants import constants, named_as_fitted
 from qlvbayes.evaluation.detect import SEEN, Expected, expected
-from qlvbayes.evaluation.keeping import Kept, code_digest
+from qlvbayes.evaluation.keeping import Kept, code_digest, run_missing
 from qlvbayes.evaluation.plan import KINDS, Plan, family
 from qlvbayes.evaluation.rate import Rate
 from qlvbayes.evaluation.reliability import Reliability
 from qlvbayes.evaluation.report import Confusion, Report
-from qlvbayes.evaluation.run import run_missing
 from qlvbayes.evaluation.scores import (
     ceiling,
     heldout,

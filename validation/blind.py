@@ -19,10 +19,9 @@ from page import Origin
 
 from qlvbayes.cli.console import counting
 from qlvbayes.evaluation.case import run_case
-from qlvbayes.evaluation.keeping import Kept
+from qlvbayes.evaluation.keeping import Kept, kept_file, run_missing
 from qlvbayes.evaluation.plan import NOISES, Plan
 from qlvbayes.evaluation.report import Report
-from qlvbayes.evaluation.run import kept_file, run_missing
 from qlvbayes.io.files import write_json, write_whole
 from qlvbayes.plots.benchmark import plot_benchmark
 from qlvbayes.plots.files import save_figure

@@ -20,9 +20,8 @@ from registration import ROOT, Registration
 from wide_page import wide_page
 
 from qlvbayes.cli.console import counting
-from qlvbayes.evaluation.keeping import Kept
+from qlvbayes.evaluation.keeping import Kept, run_missing
 from qlvbayes.evaluation.population import Population
-from qlvbayes.evaluation.run import run_missing
 from qlvbayes.evaluation.widecase import run_wide
 from qlvbayes.evaluation.widereport import WideReport
 from qlvbayes.io.files import write_json, write_whole

@@ -16,8 +16,8 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.files import results_folder, write_json
 
 if TYPE_CHECKING:
+    from qlvbayes.evaluation.keeping import Tell
     from qlvbayes.evaluation.report import Report
-    from qlvbayes.evaluation.run import Tell
     from qlvbayes.evaluation.widereport import WideReport
 
 
@@ -61,10 +61,9 @@ def benchmark(
         return
     # here, so that the other commands do not wait for what only this one needs
     from qlvbayes.evaluation.case import run_case
-    from qlvbayes.evaluation.keeping import Kept
+    from qlvbayes.evaluation.keeping import Kept, kept_file, run_missing
     from qlvbayes.evaluation.plan import Plan
     from qlvbayes.evaluation.report import Report
-    from qlvbayes.evaluation.run import kept_file, run_missing
 
     names = tuple(split_names(effects))
     plan = Plan(seed, noise, names) if names else Plan(seed, noise)
@@ -141,9 +140,8 @@ def _figure(report: Report, folder: Path) -> Path:
 
 def run_wide_benchmark(studies: int, seed: int, folder: Path, as_json: bool, tell: Tell) -> None:
     """Run what is missing, write OUT/benchmark.json, show the rates."""
-    from qlvbayes.evaluation.keeping import Kept
+    from qlvbayes.evaluation.keeping import Kept, kept_file, run_missing
     from qlvbayes.evaluation.population import Population
-    from qlvbayes.evaluation.run import kept_file, run_missing
     from qlvbayes.evaluation.widecase import run_wide
     from qlvbayes.evaluation.widereport import WideReport
 

@@ -1,13 +1,17 @@
-"""Finished studies as JSON lines, so that an interrupted run goes on."""
+"""Studies run and kept as JSON lines, so that an interrupted run goes on."""
 
 from __future__ import annotations
 
 import ast
 import hashlib
 import json
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import qlvbayes
+from qlvbayes.evaluation.rate import Case
+
+Tell = Callable[[int, int], None]
 
 _SCORING = (
     "rate",
@@ -21,7 +25,7 @@ _SCORING = (
 _ONLY_LOOKS = (  # parts of the package that only look at finished studies
     "cli/",
     "plots/",
-    *(f"evaluation/{name}.py" for name in ("keeping", "run", *_SCORING)),
+    *(f"evaluation/{name}.py" for name in ("keeping", *_SCORING)),
 )
 
 
@@ -54,6 +58,29 @@ class Kept:
     def missing(self, count: int) -> list[int]:
         """Which of the first ``count`` are not there."""
         return [k for k in range(count) if k not in self.cases]
+
+
+def kept_file(folder: Path, key: str) -> Path:
+    """Where the studies of a plan or population, and of this code, are kept."""
+    return folder / f"{key}-{code_digest()}.jsonl"
+
+
+def run_missing(
+    study: Callable[[int], Case],
+    kept: Kept,
+    indices: Iterable[int],
+    tell: Tell = lambda done, total: None,
+) -> None:
+    """Run the studies at some places, one after the other; ``tell`` hears how many are done.
+
+    Each keeps the digest of the code that it was run by.
+    """
+    digest = code_digest()
+    missing = [index for index in indices if index not in kept.cases]
+    tell(0, len(missing))
+    for done, index in enumerate(missing, start=1):
+        kept.add(study(index) | {"code": digest})
+        tell(done, len(missing))
 
 
 def _read(path: Path) -> list[dict]:
