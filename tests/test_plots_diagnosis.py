@@ -375,12 +375,12 @@ def test_an_error_that_rises_is_explained():
 
 @pytest.fixture(scope="module")
 def real():
-    """Two short tests of a pad with drag, diagnosed with drag as the one candidate."""
+    """Three short tests of a pad with drag, diagnosed with drag as the one candidate."""
     rng = np.random.default_rng(1)
     constants = TABLE_1["B"]
     peak = constants.m / constants.b * np.expm1(1.6 * constants.b)
     drag = draw_effect("viscous_drag", rng, peak, 1.6, 40.0, 0.1, constants=constants)
-    rates = {f"{rate:g}": paper_protocol(rate) for rate in (1.0, 20.0)}
+    rates = {f"{rate:g}": paper_protocol(rate) for rate in (1.0, 20.0, 100.0)}
     pads = {"B": HiddenPad(constants, (drag,))}
     tests = record_study(pads, rates, NOISES["correlated"], 1, 300)
     found = tuple(
