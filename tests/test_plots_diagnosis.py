@@ -404,8 +404,9 @@ def test_curves_hold_the_stages_errors_and_most_readings(real):
         assert np.all(c.final.low < c.final.mean)
         assert np.all(c.final.mean < c.final.high)
         assert c.floor == pytest.approx(real.result.noise)
-        inside = (c.observed > c.final.low) & (c.observed < c.final.high)
-        assert 0.75 < inside.mean() <= 1.0
+    # of all tests, as correlated noise wanders within one
+    inside = [(c.observed > c.final.low) & (c.observed < c.final.high) for c in shown]
+    assert 0.8 < np.concatenate(inside).mean() < 0.98
 
 
 def test_curves_are_repeatable(real):
