@@ -1,15 +1,10 @@
 """Double precision and the compile cache for every test, and the paper's pads as models."""
 
-import os
-
 import jax.numpy as jnp
 import pytest
 
-from qlvbayes.io.runtime import cache_folder, configure, forget_compiled
+from qlvbayes.io.runtime import configure, forget_compiled
 
-if worker := os.environ.get("PYTEST_XDIST_WORKER"):
-    # its commands inherit it: JAX does not guard a cache against two processes that write
-    os.environ["QLVBAYES_CACHE"] = str(cache_folder() / worker)
 configure()
 
 from qlvbayes.laws.elastic.exponential import Exponential  # noqa: E402

@@ -3,23 +3,27 @@
 import numpy as np
 import pytest
 from msgspec.structs import replace as changed
-from support.hidden_pads import hidden_pad, said_otherwise
+from support.hidden_pads import FEW, hidden_pad, said_otherwise
 
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.outcome import averaged
 from qlvbayes.diagnosis.result import Estimate
 from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.effects.catalogue import find
 from qlvbayes.model.choices import Choices
 from qlvbayes.simulate import HIDDEN
 from qlvbayes.use.prescribed.forecast import predict_program
 from qlvbayes.use.prescribed.hypotheses import drawn_hypotheses
+
+DRAGS = ("viscous_drag", "power_law_drag", "squeeze_film")
+RIVALS = (*FEW, *(kind for kind in map(find, DRAGS) if kind not in FEW))
 
 
 @pytest.fixture(scope="module")
 def either():
     """A drag nearly as the speed, in tests that hardly tell it from one just so."""
     experiment = hidden_pad(HIDDEN["power_law_drag"](k=0.003, n=0.9), rates=(0.1, 1.0, 20.0, 100.0))
-    return diagnose(experiment)
+    return diagnose(experiment, kinds=RIVALS)
 
 
 def test_the_average_has_the_moments_of_the_mixture():

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from msgspec.structs import replace as changed
-from support.hidden_pads import hidden_pad, keeps_diagnosis_contract, said_otherwise
+from support.hidden_pads import FEW, hidden_pad, keeps_diagnosis_contract, said_otherwise
 
 from qlvbayes import Choices, InputError
 from qlvbayes.diagnosis.adequacy import adequacy
@@ -30,7 +30,6 @@ from qlvbayes.simulate import (
 
 RATES = (0.1, 1.0, 20.0, 100.0)
 ROUNDED = 2e-3  # of the noise: by which grids of other samples may differ
-FEW = tuple(map(find, ("viscous_drag", "friction")))
 OF_UNLOADING = tuple(map(find, ("adhesion", "stress_softening")))
 
 

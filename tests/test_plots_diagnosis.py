@@ -7,6 +7,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.text import Text
 from msgspec.structs import replace
 from support.figures import drawn, page, prediction, protocol
+from support.hidden_pads import FEW
 from support.pages import collisions
 
 from qlvbayes.diagnosis.curves import Band, Curve, curves
@@ -27,7 +28,6 @@ from qlvbayes.diagnosis.result import (
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.verdict import Diagnosis
 from qlvbayes.effects.catalogue import names
-from qlvbayes.effects.viscous_drag import ViscousDrag
 from qlvbayes.io.data import Pad
 from qlvbayes.io.data import Test as Record
 from qlvbayes.io.units import PAD, STRAIN
@@ -375,7 +375,7 @@ def test_an_error_that_rises_is_explained():
 
 @pytest.fixture(scope="module")
 def real():
-    """Three short tests of a pad with drag, diagnosed with drag as the one candidate."""
+    """Three short tests of a pad with drag, diagnosed with few candidates."""
     rng = np.random.default_rng(1)
     constants = TABLE_1["B"]
     peak = constants.m / constants.b * np.expm1(1.6 * constants.b)
@@ -390,7 +390,7 @@ def real():
         )
         for t in tests
     )  # fmt: skip
-    return diagnose(prepare(Pad("B", found, PAD)), kinds=(ViscousDrag,))
+    return diagnose(prepare(Pad("B", found, PAD)), kinds=FEW)
 
 
 def test_curves_hold_the_stages_errors_and_most_readings(real):

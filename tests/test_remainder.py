@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.polynomial import legendre
+from support.hidden_pads import FEW
 
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.remainder import Left, Remainder, structured
 from qlvbayes.diagnosis.settings import Settings
-from qlvbayes.effects.catalogue import find
 from qlvbayes.evaluation.study import measured
 from qlvbayes.inference.discrepancy import TOLERANCE
 from qlvbayes.inference.noticeable import log_noticeable
@@ -20,7 +20,6 @@ from qlvbayes.preprocess.experiment import prepare
 from qlvbayes.priors import HalfNormal
 from qlvbayes.simulate import NOISES, TABLE_1, HiddenPad, paper_protocol, record_study
 
-FEW = tuple(map(find, ("viscous_drag", "friction", "stress_softening")))
 ROWS = 60
 TIME = np.geomspace(1e-2, 10.0, ROWS)
 WHITE, OU, TAU = 0.01, 0.006, 0.7

@@ -6,14 +6,14 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
-from support.hidden_pads import hidden_pad
+from support.hidden_pads import FEW, hidden_pad
 
 from qlvbayes.diagnosis.decision import Weight, decide
 from qlvbayes.diagnosis.families import Families
 from qlvbayes.diagnosis.search import Search
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.workbench import search_of
-from qlvbayes.effects.catalogue import OUTSIDE, find
+from qlvbayes.effects.catalogue import OUTSIDE
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.inference.extending import shapes
 from qlvbayes.inference.modes import find_modes
@@ -29,7 +29,6 @@ from qlvbayes.simulate.loadcell import LoadCell
 from qlvbayes.simulate.programmes import session
 
 RATES = (0.1, 1.0, 20.0, 100.0)
-FEW = tuple(map(find, ("viscous_drag", "friction", "force_offset")))
 USUAL = Hypothesis("exponential", "prony:2")
 
 
@@ -94,7 +93,8 @@ def test_a_form_put_into_the_model_takes_the_place_of_its_family():
     chosen = Choices(effects=("pressure_friction",))
     search = search_of(hidden_pad(rates=RATES[:2]), chosen, kinds=FEW)
     effects = set(search.density.space.effects)
-    listed = {"viscous_drag", "pressure_friction", "force_offset"}
+    drift = {"force_drift", "levelling_drift"}
+    listed = {"viscous_drag", "pressure_friction", "force_offset", *drift}
     assert effects == listed | {kind.name for kind in OUTSIDE}
 
 
@@ -181,9 +181,21 @@ def sines(*effects):
     return prepare(Pad("pad", tuple(tests), PAD))
 
 
-def test_the_mode_is_found_where_a_discrepancy_could_stand_for_the_effect():
+@pytest.fixture(scope="module")
+def rubbing():
+    """Sines of a pad with friction, which a discrepancy can stand for."""
     search = search_of(sines(HIDDEN["friction"](strength=0.09, reach=0.035)))
     search.begin()
+    return search
+
+
+def test_an_effect_is_screened_where_no_discrepancy_can_hide_it(rubbing):
+    first, *_ = rubbing.screened(USUAL, rubbing.families.listed)
+    assert first.hypothesis == USUAL.plus("friction")
+
+
+def test_the_mode_is_found_where_a_discrepancy_could_stand_for_the_effect(rubbing):
+    search = rubbing
     plain, more = search.seen[USUAL], USUAL.plus("friction")
     assert plain.mode.size > 0.0
     space = search.density.space

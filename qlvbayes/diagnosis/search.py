@@ -319,11 +319,10 @@ class Search:
                 if start is not None:
                     self._keep(one.hypothesis, self._optimised(one.hypothesis, [start]))
         if self._leaves_more(hypothesis):
-            for one in self._screened(hypothesis, names):
-                if one.hypothesis not in self.modes:
-                    self._keep(
-                        one.hypothesis, self._optimised(one.hypothesis, [one.added.theta], (0.0,))
-                    )
+            for one in self.screened(hypothesis, names):
+                more = one.hypothesis
+                if more not in self.modes:
+                    self._keep(more, self._optimised(more, [one.added.theta], (0.0,)))
         for name in names:  # of the user's own, whose prior may be of any kind: nothing is promised
             more = hypothesis.plus(name)
             own = self.density.space.parameters(more)
@@ -392,7 +391,7 @@ class Search:
         best = [sorted(same, key=_promised)[:followed] for same in found.values()]
         return sorted((one for some in best for one in some), key=_promised)
 
-    def _screened(self, base: Hypothesis, names: Sequence[str]) -> list[_Promise]:
+    def screened(self, base: Hypothesis, names: Sequence[str]) -> list[_Promise]:
         """Of effects more those that promise most where the base follows the data best.
 
         Under coarse noise, without a discrepancy, beside which what it can stand for moves nothing.
@@ -405,9 +404,8 @@ class Search:
         likeliest: dict[Hypothesis, _Promise] = {}
         for one in sorted(self._promised_at(coarse, found, names, True), key=_promised):
             likeliest.setdefault(one.hypothesis, one)
-        return [one for one in likeliest.values() if one.log_evidence > found.log_evidence][
-            :_SCREENED
-        ]
+        better = [one for one in likeliest.values() if one.log_evidence > found.log_evidence]
+        return better[:_SCREENED]
 
     def _promised_at(
         self, density: Density, found: Weighed, names: Sequence[str], whole: bool

@@ -6,6 +6,7 @@ import pytest
 from msgspec.structs import replace
 
 from qlvbayes.diagnosis.verdict import Diagnosis
+from qlvbayes.effects.catalogue import find
 from qlvbayes.evaluation.study import measured
 from qlvbayes.laws.catalogue import LAWS
 from qlvbayes.preprocess.experiment import Experiment, prepare
@@ -17,6 +18,9 @@ from qlvbayes.simulate import (
     paper_protocol,
     record_study,
 )
+
+FEW = tuple(map(find, ("viscous_drag", "friction", "force_offset", "force_drift")))
+"""Candidates where not all are needed: one set, so that it is traced and compiled once."""
 
 _ROWS = 300  # a test
 _LAWS_KNOWN = {law.name for law in LAWS.elastic}
