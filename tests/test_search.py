@@ -191,7 +191,7 @@ def rubbing():
 
 def test_an_effect_is_screened_where_no_discrepancy_can_hide_it(rubbing):
     first, *_ = rubbing.screened(USUAL, rubbing.families.listed)
-    assert first.hypothesis == USUAL.plus("friction")
+    assert first.point.own.hypothesis == USUAL.plus("friction")
 
 
 def test_the_mode_is_found_where_a_discrepancy_could_stand_for_the_effect(rubbing):

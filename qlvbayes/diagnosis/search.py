@@ -26,9 +26,9 @@ from qlvbayes.inference.modes import (
     Mode,
     base_modes,
     distinct,
-    find_mode,
     find_modes,
     modes,
+    rough_mode,
 )
 from qlvbayes.inference.noticeable import log_noticeable
 from qlvbayes.inference.projection import projected
@@ -42,7 +42,7 @@ Array = NDArray[np.float64]
 Tell = Callable[[str], None]
 
 _FOLLOWED = 2  # shapes of a new effect, that are optimised
-_SCREENED = 2  # effects that promise most under coarse noise, tried whatever a discrepancy hides
+_SCREENED = 2  # effects that follow the data best under coarse noise, tried in any case
 _MODES = 4  # of a hypothesis, that are kept to start its neighbours from
 _NEAR = 25.0  # log posterior behind the best, within which an effect more or less may lead;
 _FARTHER = 40.0  # the same where the best leaves more than noise, of what is grown or set on others
@@ -319,10 +319,10 @@ class Search:
                 if start is not None:
                     self._keep(one.hypothesis, self._optimised(one.hypothesis, [start]))
         if self._leaves_more(hypothesis):
-            for one in self.screened(hypothesis, names):
-                more = one.hypothesis
+            for mode in self.screened(hypothesis, names):
+                more = mode.point.own.hypothesis
                 if more not in self.modes:
-                    self._keep(more, self._optimised(more, [one.added.theta], (0.0,)))
+                    self._keep(more, self._optimised(more, [mode.point.theta]))
         for name in names:  # of the user's own, whose prior may be of any kind: nothing is promised
             more = hypothesis.plus(name)
             own = self.density.space.parameters(more)
@@ -391,21 +391,25 @@ class Search:
         best = [sorted(same, key=_promised)[:followed] for same in found.values()]
         return sorted((one for some in best for one in some), key=_promised)
 
-    def screened(self, base: Hypothesis, names: Sequence[str]) -> list[_Promise]:
-        """Of effects more those that promise most where the base follows the data best.
+    def screened(self, base: Hypothesis, names: Sequence[str]) -> list[Mode]:
+        """Of effects more those with which the base follows the data best, under coarse noise.
 
-        Under coarse noise, without a discrepancy, beside which what it can stand for moves nothing.
+        Beside a discrepancy, what it can stand for moves nothing: here there is none.
         """
         coarse = self.density.coarse
-        mode = find_mode(coarse, base, self.modes[base][0].point.theta)
+        mode = rough_mode(self.density, base, self.modes[base][0].point.theta)
         if mode is None:
             return []
-        found = weigh(coarse, base, mode, self.settings.tolerance)
-        likeliest: dict[Hypothesis, _Promise] = {}
-        for one in sorted(self._promised_at(coarse, found, names, True), key=_promised):
-            likeliest.setdefault(one.hypothesis, one)
-        better = [one for one in likeliest.values() if one.log_evidence > found.log_evidence]
-        return better[:_SCREENED]
+        plain = weigh(coarse, base, mode, self.settings.tolerance)
+        starts: dict[Hypothesis, Array] = {}
+        for one in sorted(self._promised_at(coarse, plain, names, True), key=_promised):
+            starts.setdefault(one.hypothesis, one.added.theta)
+        found: list[Mode] = []
+        for hypothesis, start in starts.items():
+            least = min((other.loss for other in found), default=math.inf)
+            mode = rough_mode(self.density, hypothesis, start, least)
+            found += [mode] if mode is not None and mode.loss < plain.mode.loss else []
+        return sorted(found, key=lambda one: one.loss)[:_SCREENED]
 
     def _promised_at(
         self, density: Density, found: Weighed, names: Sequence[str], whole: bool

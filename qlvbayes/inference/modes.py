@@ -154,6 +154,17 @@ def _is_hopeless(
     return least - hope * promise > worth
 
 
+def rough_mode(
+    density: Density,
+    hypothesis: Hypothesis,
+    start: Array,
+    best: float = np.inf,
+    known: Sequence[Mode] = (),
+) -> Mode | None:
+    """As `find_mode` under coarse noise, where there are few modes and wide ones."""
+    return find_mode(density.coarse, hypothesis, start, best, _NEARLY, known=known, behind=_POOR)
+
+
 def modes(
     density: Density,
     hypothesis: Hypothesis,
@@ -163,15 +174,13 @@ def modes(
 ) -> list[Mode]:
     """Distinct modes from many starts, the highest first.
 
-    All are optimised under coarse noise first, where there are few modes and wide ones; the best
-    places it leads to (at most ``most``) are followed under the noise itself.
+    All are optimised under coarse noise first; the best places it leads to (at most ``most``) are
+    followed under the noise itself.
     """
     rough: list[Mode] = []
     for start in starts:
         least = min((mode.loss for mode in rough), default=np.inf)
-        mode = find_mode(
-            density.coarse, hypothesis, start, least, _NEARLY, known=rough, behind=_POOR
-        )
+        mode = rough_mode(density, hypothesis, start, least, rough)
         rough += [mode] if mode is not None else []
     places = distinct(rough)[:most]
     found: list[Mode] = []
