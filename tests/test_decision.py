@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from qlvbayes.diagnosis.decision import VERDICTS, Weight, decide, listed, unless_sound, without
+from qlvbayes.diagnosis.decision import VERDICTS, Weight, decide, listed, of_effects, unless_sound
 from qlvbayes.diagnosis.families import Families
 
 EXP = ("exponential", "prony:2")
@@ -90,7 +90,7 @@ def test_a_law_that_names_nothing_is_outside_unless_the_listed_ones_do():
 
 def test_no_effect_is_named_whose_addition_raises_the_error_on_tests_left_out():
     weights = [weight("drag inertia", 0.99), weight("inertia", 0.01)]
-    found = decide(without(weights, ["drag"]))
+    found = decide(of_effects(weights, {"inertia"}))
     assert (found.verdict, found.effects) == ("missing_effect", ("inertia",))
     assert weights[found.told].effects == {"inertia"}
 
@@ -98,18 +98,29 @@ def test_no_effect_is_named_whose_addition_raises_the_error_on_tests_left_out():
 def test_what_is_likely_only_beside_a_refused_effect_is_not_named():
     weights = [weight("drag film lag", 0.98), weight("drag", 0.0195), weight("drag lag", 0.0005)]
     assert set(decide(weights).effects) == {"drag", "film", "lag"}
-    found = decide(without(weights, ["film"]))
+    found = decide(of_effects(weights, {"drag", "lag"}))
     assert (found.verdict, found.effects) == ("missing_effect", ("drag",))
 
 
 def test_what_takes_the_place_of_a_refused_effect_is_not_named():
     weights = [weight("film drag", 0.99), weight("lag drag", 0.0099), weight("drag", 0.0001)]
-    found = decide(without(weights, ["film"]), among={"drag"})
+    found = decide(of_effects(weights, {"drag"}))
     assert (found.verdict, found.effects, found.group) == ("missing_effect", ("drag",), ())
     assert weights[found.told].effects == {"drag"}
-    half = [weight("film", 0.9), weight("lag", 0.05), weight("leak", 0.05)]
-    assert decide(without(half, ["film"])).group == ("lag", "leak")
-    assert decide(without(half, ["film"]), among=()).verdict == "adequate"
+    none = [weight("film", 0.9), weight("lag", 0.06), weight("", 0.04)]
+    assert decide(of_effects(none, ())).verdict == "adequate"
+
+
+def test_the_base_told_is_likely_without_what_is_refused():
+    weights = [
+        weight("film lag", 0.98, base=HERTZ),
+        weight("film leak", 0.0195, base=HERTZ),
+        weight("film", 0.0004),
+        weight("film", 0.0001, base=HERTZ),
+    ]
+    found = decide(of_effects(weights, {"film"}))
+    assert weights[found.told].base == EXP
+    assert found.base[EXP] == pytest.approx(0.8)
 
 
 FAMILIES = Families(
@@ -165,7 +176,7 @@ def test_what_names_nothing_is_outside_and_never_named():
 
 def test_a_family_whose_addition_raises_the_error_is_not_named_in_any_form():
     weights = within(weight("coulomb filter", 0.97), weight("filter", 0.03))
-    found = decide(without(weights, ["friction"]))
+    found = decide(of_effects(weights, {"lag"}))
     assert (found.verdict, found.effects, found.told) == ("missing_effect", ("lag",), 1)
 
 

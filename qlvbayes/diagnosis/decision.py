@@ -89,29 +89,20 @@ class Decision:
         return (*self.effects, *self.group[:1])
 
 
-def decide(
-    weights: Sequence[Weight],
-    settings: Settings | None = None,
-    among: Collection[str] | None = None,
-) -> Decision:
-    """Of all hypotheses seen, before what is told is tested: see `vetoes`.
-
-    among: effects that may be named, where not all.
-    """
+def decide(weights: Sequence[Weight], settings: Settings | None = None) -> Decision:
+    """Of all hypotheses seen, before what is told is tested: see `vetoes`."""
     settings = settings or Settings()
     shares = probabilities(weights).mean(axis=0)
     pairs = list(zip(weights, shares.tolist(), strict=True))
     inclusion = _summed((name, p) for w, p in pairs for name in w.effects)
-    may = inclusion if among is None else among
     base = _summed((w.base, p) for w, p in pairs)
     outside = sum(p * (w.outside if w.listed else 1.0) for w, p in pairs)
-    named = tuple(name for name, p in inclusion.items() if p >= settings.named and name in may)
+    named = tuple(name for name, p in inclusion.items() if p >= settings.named)
     if outside > _BESIDE:
         group: tuple[str, ...] = ()
         verdict = "partly_explained" if named else "unexplained"
     else:
         group = _group(pairs, named, settings)
-        group = group if set(group) <= set(may) else ()
         verdict = "ambiguous" if group else "missing_effect" if named else "adequate"
     told = _told(weights, {*named, *group[:1]})
     if verdict == "unexplained":
@@ -135,11 +126,9 @@ def listed(weights: Sequence[Weight]) -> list[Weight]:
     ]
 
 
-def without(weights: Sequence[Weight], effects: Collection[str]) -> list[Weight]:
-    """As if some effects could not be there."""
-    return [
-        w if w.effects.isdisjoint(effects) else replace(w, log_posterior=-np.inf) for w in weights
-    ]
+def of_effects(weights: Sequence[Weight], effects: Collection[str]) -> list[Weight]:
+    """As if no other effects could be there."""
+    return [w if w.effects <= set(effects) else replace(w, log_posterior=-np.inf) for w in weights]
 
 
 def unless_sound(decision: Decision, weights: Sequence[Weight], *, sound: bool) -> Decision:

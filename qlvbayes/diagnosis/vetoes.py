@@ -3,12 +3,12 @@
 An effect with which tests left out are predicted worse is not named; nor one beside something
 unlisted that takes more of the error than it; and nothing is explained where what is left matters.
 Likely beside an effect that is not to be named is not likely: after a veto the decision is made
-again, as if that effect could not be there, and names nothing but what it named before.
+again, as if nothing could be there but what it named before, or had in a group, and was not vetoed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from qlvbayes.diagnosis.decision import (
@@ -17,8 +17,8 @@ from qlvbayes.diagnosis.decision import (
     Weight,
     decide,
     listed,
+    of_effects,
     unless_sound,
-    without,
 )
 from qlvbayes.diagnosis.outcome import Outcome
 from qlvbayes.diagnosis.search import Tell, Weighed
@@ -33,21 +33,18 @@ def decided(outcome: Outcome, tell: Tell) -> tuple[Decision, tuple[tuple[str, st
     weights, refused = outcome.weights, dict[str, str]()
     decision = _tested(outcome, weights)
     while new := _refused(outcome, decision):
-        may = {*decision.effects, *decision.group} - set(new)
         refused |= new
-        weights = without(weights, new)
-        decision = _tested(outcome, weights, may)
+        weights = of_effects(weights, {*decision.effects, *decision.group} - set(new))
+        decision = _tested(outcome, weights)
     return decision, tuple(refused.items())
 
 
-def _tested(
-    outcome: Outcome, weights: Sequence[Weight], among: Collection[str] | None = None
-) -> Decision:
-    """The decision among some effects, by whether what it tells leaves what matters."""
+def _tested(outcome: Outcome, weights: Sequence[Weight]) -> Decision:
+    """The decision, by whether what it tells leaves what matters."""
     settings = outcome.search.settings
-    decision = decide(weights, settings, among)
+    decision = decide(weights, settings)
     if decision.verdict in LEFT:
-        inside = decide(listed(weights), settings, among)
+        inside = decide(listed(weights), settings)
         if _is_enough(outcome, outcome.seen[inside.told]):
             weights = listed(weights)
             decision = replace(inside, outside=decision.outside)
@@ -67,7 +64,7 @@ def _refused(outcome: Outcome, decision: Decision) -> dict[str, str]:
 def _is_enough(outcome: Outcome, told: Weighed) -> bool:
     """Whether what a hypothesis leaves passes as noise or is small.
 
-    Where no rest shows whether noise is correlated, single cells say nothing: all over then.
+    Where no dwell shows whether noise is correlated, single cells say nothing: all over then.
     """
     tested, left = outcome.tested(told), outcome.left(told)
     little = not tested.testable and left.excess <= left.tolerance * left.peak
