@@ -206,11 +206,7 @@ class Bench:
         checked(other, self.space)
         point = self._point(model)
         own = self.space.parameters(other.hypothesis)
-        start = nothing_added(own, self.space)
-        kept = carried(point.own, point.theta, own)
-        both = [own.by_name[name].theta for name in own.by_name if name in point.own.by_name]
-        for places in both:
-            start[list(places)] = kept[list(places)]
+        start = carried(point.own, point.theta, own, nothing_added(own, self.space))
         near = projected(self.space, point, other.hypothesis, start)
         return self._least(other, [own.within(near)])
 
