@@ -8,7 +8,7 @@ import pytest
 from qlvbayes.diagnosis.design import believed, promised, suggest
 from qlvbayes.diagnosis.nexttest.design import Design
 from qlvbayes.diagnosis.nexttest.rig import Rig
-from qlvbayes.diagnosis.search import weigh
+from qlvbayes.diagnosis.weighed import weigh
 from qlvbayes.diagnosis.workbench import as_chosen, search_of
 from qlvbayes.effects.force_drift import ForceDrift
 from qlvbayes.effects.force_offset import ForceOffset

@@ -10,6 +10,7 @@ from support.hidden_pads import FEW, hidden_pad
 
 from qlvbayes.diagnosis.decision import Weight, decide
 from qlvbayes.diagnosis.families import Families
+from qlvbayes.diagnosis.promises import screened
 from qlvbayes.diagnosis.search import Search
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.workbench import search_of
@@ -190,7 +191,8 @@ def rubbing():
 
 
 def test_an_effect_is_screened_where_no_discrepancy_can_hide_it(rubbing):
-    first, *_ = rubbing.screened(USUAL, rubbing.families.listed)
+    known, names = rubbing.modes[USUAL][0], rubbing.families.listed
+    first, *_ = screened(rubbing.density, known, names, rubbing.settings.tolerance)
     assert first.point.own.hypothesis == USUAL.plus("friction")
 
 

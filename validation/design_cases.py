@@ -19,7 +19,8 @@ from qlvbayes.diagnosis.nexttest.rig import Rig
 from qlvbayes.diagnosis.nexttest.screening import screened
 from qlvbayes.diagnosis.nexttest.series import Option, Wish, bits_for_constants, planned_series
 from qlvbayes.diagnosis.result import DiagnosisResult
-from qlvbayes.diagnosis.search import Search, described
+from qlvbayes.diagnosis.search import Search
+from qlvbayes.diagnosis.weighed import described
 from qlvbayes.diagnosis.workbench import as_chosen, search_of
 from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE
 from qlvbayes.evaluation.study import measured

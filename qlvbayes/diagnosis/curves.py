@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from qlvbayes.diagnosis.search import Weighed
 from qlvbayes.diagnosis.verdict import Diagnosis
+from qlvbayes.diagnosis.weighed import Weighed
 from qlvbayes.diagnosis.work import Work
 from qlvbayes.preprocess.experiment import Trial
 

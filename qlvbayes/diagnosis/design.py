@@ -18,7 +18,7 @@ from qlvbayes.diagnosis.nexttest.information import evidence
 from qlvbayes.diagnosis.nexttest.rig import Rig
 from qlvbayes.diagnosis.nexttest.screening import TOGETHER, screened
 from qlvbayes.diagnosis.result import Suggestion
-from qlvbayes.diagnosis.search import Weighed, described
+from qlvbayes.diagnosis.weighed import Weighed, described
 from qlvbayes.inference.density import Density
 from qlvbayes.preprocess.experiment import Experiment
 

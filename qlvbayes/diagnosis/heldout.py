@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.special import softmax
 
 from qlvbayes.diagnosis.samples import Mask, Samples, rmse
-from qlvbayes.diagnosis.search import Weighed
+from qlvbayes.diagnosis.weighed import Weighed
 from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.evidence import evidence
 from qlvbayes.inference.modes import find_mode

@@ -25,8 +25,9 @@ from qlvbayes.diagnosis.result import (
     Stage,
 )
 from qlvbayes.diagnosis.samples import Samples, cell_errors, rmse
-from qlvbayes.diagnosis.search import Search, Weighed
+from qlvbayes.diagnosis.search import Search
 from qlvbayes.diagnosis.standing import weights_of
+from qlvbayes.diagnosis.weighed import Weighed
 from qlvbayes.inference.space import Hypothesis
 from qlvbayes.model.parameters import unit_kinds
 from qlvbayes.preprocess.experiment import Experiment

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from qlvbayes.diagnosis.families import Families
 from qlvbayes.diagnosis.prior import log_prior
+from qlvbayes.diagnosis.promises import Promise, promised, screened
 from qlvbayes.diagnosis.settings import Settings
-from qlvbayes.inference.density import Density, Extension, Point
-from qlvbayes.inference.evidence import Evidence, evidence
+from qlvbayes.diagnosis.weighed import Weighed, described, weigh
+from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.extending import amplitude_of, carried, shapes
 from qlvbayes.inference.importance import CLOSE, sampled_evidence
 from qlvbayes.inference.modes import (
@@ -28,15 +29,11 @@ from qlvbayes.inference.modes import (
     distinct,
     find_modes,
     modes,
-    rough_mode,
 )
-from qlvbayes.inference.noticeable import log_noticeable
 from qlvbayes.inference.projection import projected
-from qlvbayes.inference.score import promised_evidence
 from qlvbayes.inference.space import Hypothesis, in_natural_amplitude, median
 from qlvbayes.io.checks import NoFiniteForceError
 from qlvbayes.laws.scales import SHARE
-from qlvbayes.priors.natural import Natural
 
 Array = NDArray[np.float64]
 Tell = Callable[[str], None]
@@ -46,46 +43,11 @@ _SCREENED = 2  # effects that follow the data best under coarse noise, tried in 
 _MODES = 4  # of a hypothesis, that are kept to start its neighbours from
 _NEAR = 25.0  # log posterior behind the best, within which an effect more or less may lead;
 _FARTHER = 40.0  # the same where the best leaves more than noise, of what is grown or set on others
-_RIVAL = (
-    7.0  # the same of what counts beside it, a thousandth: its effects are tried on all such laws
-)
+_RIVAL = 7.0  # the same of what counts beside it (a thousandth): its effects go on all such laws
 _FACTORS = (0.2, 5.0)  # by which a prior is fitted to the motion: beyond, nothing can be seen
 _MOST_EFFECTS = 3
 _MOST_SEEN = 150  # hypotheses: beside something that no list holds very many are alike
 _MOST_SAMPLED = 12  # hypotheses whose evidence is sampled: what comes after is told by Laplace's
-
-
-@dataclass(frozen=True, eq=False)
-class Weighed:
-    """A hypothesis at one of its modes: log evidence (with the smallest size that matters).
-
-    error: of the log evidence where it was sampled, nan where it is Laplace's about the mode.
-    """
-
-    hypothesis: Hypothesis
-    mode: Mode
-    evidence: Evidence
-    log_evidence: float
-    error: float = math.nan
-
-    @property
-    def point(self) -> Point:
-        """The mode's place."""
-        return self.mode.point
-
-
-@dataclass(frozen=True, eq=False)
-class _Promise:
-    """An effect more at a mode, and what the evidence with it promises to be."""
-
-    point: Point
-    added: Extension
-    log_evidence: float
-
-    @property
-    def hypothesis(self) -> Hypothesis:
-        """The one with the effect."""
-        return self.added.own.hypothesis
 
 
 @dataclass(eq=False)
@@ -118,7 +80,7 @@ class Search:
         laws = (space.elastic, space.relaxation)
         return log_prior(hypothesis, self.usual, laws, self.families, self.settings)
 
-    def _may_lead(self, base: Hypothesis, one: _Promise) -> bool:
+    def _may_lead(self, base: Hypothesis, one: Promise) -> bool:
         """Whether what an effect more promises comes near the best.
 
         Beside a base that leaves only noise nothing can bring much more than it promises.
@@ -310,26 +272,39 @@ class Search:
             self.see_without(hypothesis, name)
 
     def _add(self, hypothesis: Hypothesis, effects: Iterable[str]) -> None:
-        """Each of some effects more, of families that are not in yet, the most promising first."""
+        """Each of some effects more, of families that are not in yet."""
         free = set(self.families.beside(hypothesis.effects))
         names = [name for name in effects if name in free]
+        self._add_promising(hypothesis, names)
+        if self._leaves_more(hypothesis):
+            self._add_screened(hypothesis, names)
+        for name in names:
+            self._add_unknown(hypothesis, name)
+
+    def _add_promising(self, hypothesis: Hypothesis, names: Sequence[str]) -> None:
+        """Those whose linearised evidence comes near the best, the most promising first."""
         for one in self._promises(hypothesis, names):
             if self._may_lead(hypothesis, one):
                 start = self.density.extended(one.point, one.added)
                 if start is not None:
                     self._keep(one.hypothesis, self._optimised(one.hypothesis, [start]))
-        if self._leaves_more(hypothesis):
-            for mode in self.screened(hypothesis, names):
-                more = mode.point.own.hypothesis
-                if more not in self.modes:
-                    self._keep(more, self._optimised(more, [mode.point.theta]))
-        for name in names:  # of the user's own, whose prior may be of any kind: nothing is promised
-            more = hypothesis.plus(name)
-            own = self.density.space.parameters(more)
-            if amplitude_of(own, name) is None:
-                point = self.modes[hypothesis][0].point
-                starts = shapes(self.density.space, point, own, name)
-                self._keep(more, self._optimised(more, starts[:: len(starts) // _FOLLOWED or 1]))
+
+    def _add_screened(self, hypothesis: Hypothesis, names: Sequence[str]) -> None:
+        """The few that follow the data best under coarse noise, whatever they promise."""
+        known = self.modes[hypothesis][0]
+        for mode in screened(self.density, known, names, self.settings.tolerance)[:_SCREENED]:
+            more = mode.point.own.hypothesis
+            if more not in self.modes:
+                self._keep(more, self._optimised(more, [mode.point.theta]))
+
+    def _add_unknown(self, hypothesis: Hypothesis, name: str) -> None:
+        """An effect of the user's own, whose prior may be of any kind: nothing is promised."""
+        more = hypothesis.plus(name)
+        own = self.density.space.parameters(more)
+        if amplitude_of(own, name) is None:
+            starts = shapes(self.density.space, self.modes[hypothesis][0].point, own, name)
+            few = starts[:: len(starts) // _FOLLOWED or 1]
+            self._keep(more, self._optimised(more, few))
 
     def _see_forms(self, hypothesis: Hypothesis) -> None:
         """Where something is left: other forms of effects, and what names nothing."""
@@ -381,59 +356,10 @@ class Search:
         if self._is_near(hypothesis):
             self._keep(hypothesis, modes(self.density, hypothesis, [start], self._lowest))
 
-    def _promises(self, base: Hypothesis, names: Sequence[str]) -> list[_Promise]:
+    def _promises(self, base: Hypothesis, names: Sequence[str]) -> list[Promise]:
         """Of each of some effects more the places that promise most, at the base's modes."""
-        found: dict[Hypothesis, list[_Promise]] = {}
-        for order, one in enumerate(self.modes[base]):
-            for promise in self._promised_at(self.density, one, names, order == 0):
-                found.setdefault(promise.hypothesis, []).append(promise)
         followed = _FOLLOWED if self._leaves_more(base) else 1
-        best = [sorted(same, key=_promised)[:followed] for same in found.values()]
-        return sorted((one for some in best for one in some), key=_promised)
-
-    def screened(self, base: Hypothesis, names: Sequence[str]) -> list[Mode]:
-        """Of effects more those with which the base follows the data best, under coarse noise.
-
-        Beside a discrepancy, what it can stand for moves nothing: here there is none.
-        """
-        coarse = self.density.coarse
-        mode = rough_mode(self.density, base, self.modes[base][0].point.theta)
-        if mode is None:
-            return []
-        plain = weigh(coarse, base, mode, self.settings.tolerance)
-        starts: dict[Hypothesis, Array] = {}
-        for one in sorted(self._promised_at(coarse, plain, names, True), key=_promised):
-            starts.setdefault(one.hypothesis, one.added.theta)
-        found: list[Mode] = []
-        for hypothesis, start in starts.items():
-            least = min((other.loss for other in found), default=math.inf)
-            mode = rough_mode(self.density, hypothesis, start, least)
-            found += [mode] if mode is not None and mode.loss < plain.mode.loss else []
-        return sorted(found, key=lambda one: one.loss)[:_SCREENED]
-
-    def _promised_at(
-        self, density: Density, found: Weighed, names: Sequence[str], whole: bool
-    ) -> list[_Promise]:
-        """Each of some effects more at a mode; whole: over all of its first shape's prior."""
-        added = [part for name in names for part in self._extensions(density, found, name, whole)]
-        if not added:
-            return []
-        logs = promised_evidence(density, found.point, found.evidence.by_size, added)
-        return [
-            _Promise(found.point, part, log) for part, log in zip(added, logs.tolist(), strict=True)
-        ]
-
-    def _extensions(
-        self, density: Density, found: Weighed, effect: str, whole: bool
-    ) -> list[Extension]:
-        hypothesis = found.hypothesis.plus(effect)
-        own = density.space.parameters(hypothesis)
-        amplitude = amplitude_of(own, effect)
-        if amplitude is None:
-            return []
-        starts = shapes(density.space, found.point, own, effect)
-        some = starts if whole else starts[len(starts) // 2 :][:1]
-        return density.extensions(found.point, hypothesis, amplitude.number, some)
+        return promised(self.density, self.modes[base], names, followed)
 
     def see_without(self, base: Hypothesis, effect: str) -> None:
         """One effect less."""
@@ -504,28 +430,6 @@ class Search:
         kept = sorted([*known, *real], key=lambda one: -one.log_evidence)[:_MODES]
         if kept:
             self.modes[hypothesis] = kept
-
-
-def weigh(density: Density, hypothesis: Hypothesis, mode: Mode, tolerance: float) -> Weighed:
-    """Evidence about a mode, of effects large enough to matter."""
-    found = evidence(density, mode.point)
-    log = found.log
-    for leaf in mode.point.own.leaves:
-        if isinstance(leaf.prior, Natural) and math.isfinite(log):
-            k = leaf.theta[0]
-            sd = math.sqrt(max(found.covariance[k, k], 0.0))
-            log += log_noticeable(leaf.prior.inner, float(found.mean[k]), sd, tolerance)
-    return Weighed(hypothesis, mode, found, log)
-
-
-def _promised(one: _Promise) -> float:
-    return -one.log_evidence
-
-
-def described(hypothesis: Hypothesis) -> str:
-    """As ``exponential, prony:2 + friction``."""
-    laws = f"{hypothesis.elastic}, {hypothesis.relaxation}"
-    return " + ".join((laws, *sorted(hypothesis.effects)))
 
 
 def _in_proportion(search: Search) -> Density:

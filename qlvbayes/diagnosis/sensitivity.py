@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes.diagnosis.result import ParameterBias, Unseen
-from qlvbayes.diagnosis.search import Search, Weighed
+from qlvbayes.diagnosis.search import Search
+from qlvbayes.diagnosis.weighed import Weighed
 from qlvbayes.effects.effect import AbstractEffect, Protocol
 from qlvbayes.inference.extending import Amplitude, amplitude_of, shapes
 from qlvbayes.inference.space import Parameters

@@ -14,7 +14,7 @@ from qlvbayes.diagnosis.design import suggest
 from qlvbayes.diagnosis.outcome import LEAST, Outcome
 from qlvbayes.diagnosis.protocol import protocol_of
 from qlvbayes.diagnosis.result import Base, DiagnosisResult, Refused, Suggestion, Worst
-from qlvbayes.diagnosis.search import Search, Tell, Weighed
+from qlvbayes.diagnosis.search import Search, Tell
 from qlvbayes.diagnosis.sensitivity import (
     coincident,
     parameter_biases,
@@ -24,6 +24,7 @@ from qlvbayes.diagnosis.sensitivity import (
 )
 from qlvbayes.diagnosis.verdict import Diagnosis
 from qlvbayes.diagnosis.vetoes import decided
+from qlvbayes.diagnosis.weighed import Weighed
 from qlvbayes.diagnosis.work import Work
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.laws.unresolved import unresolved_times

@@ -21,7 +21,8 @@ from qlvbayes.diagnosis.decision import (
     unless_sound,
 )
 from qlvbayes.diagnosis.outcome import Outcome
-from qlvbayes.diagnosis.search import Tell, Weighed
+from qlvbayes.diagnosis.search import Tell
+from qlvbayes.diagnosis.weighed import Weighed
 
 RISES = "tests left out are predicted worse with it"
 IMITATES = "it takes less of the error than what no effect of the list explains, and may imitate it"

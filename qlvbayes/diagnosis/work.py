@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from qlvbayes.diagnosis.adequacy import Adequacy
 from qlvbayes.diagnosis.samples import Samples
-from qlvbayes.diagnosis.search import Search, Weighed
+from qlvbayes.diagnosis.search import Search
+from qlvbayes.diagnosis.weighed import Weighed
 from qlvbayes.preprocess.experiment import Experiment
 
 

@@ -23,8 +23,9 @@ from qlvbayes.diagnosis.nexttest.series import Series, Wish, planned_series
 from qlvbayes.diagnosis.nexttest.setpoints import as_csv
 from qlvbayes.diagnosis.nexttest.telling import told
 from qlvbayes.diagnosis.result import Alternative, DiagnosisResult
-from qlvbayes.diagnosis.search import Search, described
+from qlvbayes.diagnosis.search import Search
 from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.weighed import described
 from qlvbayes.diagnosis.workbench import as_chosen, search_of
 from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE
 from qlvbayes.fitting.results import Saved, load

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from qlvbayes.comparison.side import Side
 from qlvbayes.diagnosis.result import Laws
-from qlvbayes.diagnosis.search import Weighed
 from qlvbayes.diagnosis.verdict import Diagnosis
+from qlvbayes.diagnosis.weighed import Weighed
 from qlvbayes.io.resultfile import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.laws.relaxation.prony import Prony
