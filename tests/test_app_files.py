@@ -5,8 +5,8 @@ import zipfile
 
 import pytest
 
-from qlvbayes.app.dealing import deal
 from qlvbayes.app.intake import opened, read_in
+from qlvbayes.app.job import deal
 from qlvbayes.cli.main import run
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements

@@ -16,12 +16,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from qlvbayes.app.dealing import deal
+import numpy as np
+
 from qlvbayes.app.failures import told_of
 from qlvbayes.app.pipes import Parent
 from qlvbayes.diagnosis.decision import Decision
 from qlvbayes.diagnosis.settings import Settings as Thresholds
 from qlvbayes.diagnosis.standing import Enough, Standing
+from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.fitting.ensemble import Progress, Settings
 from qlvbayes.fitting.results import Saved, load
 from qlvbayes.fitting.runs import record_run
@@ -33,10 +35,23 @@ from qlvbayes.pipeline.diagnosing import diagnose_into
 from qlvbayes.pipeline.fitting import fit_into
 from qlvbayes.pipeline.watcher import Watcher
 from qlvbayes.report.page import write_report
+from qlvbayes.simulate import (
+    HIDDEN,
+    NOISES,
+    PAPER_RATES,
+    PROTOCOLS,
+    draw_constants,
+    parse_effect,
+    simulate_file,
+)
 
 _EVIDENCE, _METHOD = "laplace", "emcee"  # as of the commands, where nothing else is asked for
 _BEAT = 0.4  # s between lines of progress: more than two a second
 _NICE = 5  # added: the page's own worker goes first
+NOTHING = 0.1  # share of pads in which nothing is hidden
+_ROWS = 500  # a test
+_NEED_RETRACTION = {"adhesion", "permanent_set", "stress_softening"}
+"""What only a platen that goes all the way back shows."""
 
 Spec = dict[str, Any]
 
@@ -201,6 +216,28 @@ def dealt(spec: Spec, watcher: Watcher) -> dict[str, Any]:
     with watcher.doing("simulating"):
         deal(Path(spec["data"]), Path(spec["truth"]), spec["seed"])
     return {}
+
+
+def deal(data: Path, truth: Path, seed: int) -> None:
+    """Write measurements, and apart from them what is hidden; the same for the same seed.
+
+    The effect is one of those listed, of 6 % of the peak force, as of ``qlvbayes simulate --hide``.
+    """
+    rng = np.random.default_rng(seed)
+    constants = draw_constants(rng)
+    names = [kind.name for kind in EFFECTS if kind.name in HIDDEN]
+    chosen = names[int(rng.integers(len(names)))]
+    # at times without need, or the motion would tell
+    retracted = rng.random() < 0.5 or chosen in _NEED_RETRACTION
+    protocol = "retraction" if retracted else "paper"
+    effects = []
+    if rng.random() >= NOTHING:
+        effects = [parse_effect(chosen, constants, PROTOCOLS[protocol], max(PAPER_RATES), rng)]
+    data.parent.mkdir(parents=True, exist_ok=True)
+    simulate_file(
+        data, {"pad": constants}, PAPER_RATES, NOISES["correlated"], seed, _ROWS, "",
+        effects, protocol, truth,
+    )  # fmt: skip
 
 
 KINDS: dict[str, Callable[[Spec, Watcher], dict[str, Any]]] = {

@@ -12,8 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.formats.conversion import Conversion
-from qlvbayes.io.formats.unasked import machine_file
+from qlvbayes.io.formats.answers import UnsureError
+from qlvbayes.io.formats.catalogue import FORMATS
+from qlvbayes.io.formats.conversion import Conversion, convert
+from qlvbayes.io.formats.recognise import head_of, matching
+from qlvbayes.io.formats.two_clocks import TwoClocks
 from qlvbayes.io.reading.badline import parse_number
 from qlvbayes.io.reading.csvtext import digest, unchanged
 from qlvbayes.io.reading.dialect import Dialect, sniff
@@ -112,7 +115,7 @@ def read_measurements(path: str | Path) -> Measurements:
             dialect: Dialect | InputError = sniff(file)
         except InputError as error:
             dialect = error
-        if (found := machine_file(file, dialect)) is not None:
+        if (found := _machine_file(file, dialect)) is not None:
             return Measurements(
                 _converted(found), found.units, str(path), digest(file), found.notices
             )
@@ -311,3 +314,29 @@ class _Builder:
         if before is None:
             return 0.0
         return before.start_s + float(before.time[-1] - before.time[0])
+
+
+def _machine_file(file: Path, tidy: Dialect | InputError) -> Conversion | None:
+    """The tests of a machine's file, None where it is none.
+
+    tidy: how it was read as a tidy file, or why it was not. A tidy header is taken at its word,
+    unless there is a second clock beside it: to leave that out would make a lag.
+
+    Raises
+    ------
+    InputError
+        The file leaves open what only ``qlvbayes convert`` asks for, or it is damaged.
+    """
+    if isinstance(tidy, Dialect) and not tidy.columns.ignored:
+        return None
+    try:
+        head = head_of(file)
+    except InputError:
+        return None
+    whole, _, _ = matching(head, (TwoClocks,) if isinstance(tidy, Dialect) else FORMATS)
+    if len(whole) != 1:
+        return None
+    try:
+        return convert([file])
+    except UnsureError as error:
+        raise error.elsewhere(f"qlvbayes convert {file} -o tidy.csv") from error
