@@ -26,7 +26,7 @@ from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import HalfNormal, Normal
 from qlvbayes.priors.distributions import AbstractScalarPrior
 
-_DRAWS = 24
+_DRAWS = 24  # of the priors, at each of which every rule is tried
 _REDUCED = 4  # draws at which a form is compared with its listed law
 _EXACT = 1e-12  # of the peak force
 _FAIR = (0.005, 0.25)  # median over the prior of the largest contribution, over the peak force

@@ -18,7 +18,7 @@ from scipy.stats import beta
 
 from qlvbayes.evaluation.rate import Case, Rate
 
-LARGEST_GROUP = 3
+LARGEST_GROUP = 3  # effects: a longer list singles nothing out
 LEVEL = 0.95  # of the one-sided bounds
 _SURE = ("missing_effect", "partly_explained")
 _OPEN = ("unexplained", "partly_explained")

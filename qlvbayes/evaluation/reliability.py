@@ -18,8 +18,8 @@ import numpy as np
 
 from qlvbayes.evaluation.rate import Case, Rate
 
-BINS = 10
-_REPEATS = 1000
+BINS = 10  # of stated probability: tenths
+_REPEATS = 1000  # of the bootstrap
 
 
 @dataclass(frozen=True)

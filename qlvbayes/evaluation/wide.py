@@ -27,9 +27,9 @@ RATE_HZ = {"full": 1000.0, "uniform": 50.0, "thinned": 1000.0}
 _A_CYCLE = 20  # samples of a slow logger in a cycle of the sine
 _DEPTH = 1.6  # mm, about: sets the law's constants
 _CELLS = {False: 150, True: 12}  # of the solver in a stretch, by whether the motion is smooth
-_DRAWING_CELLS = {False: 45, True: 12}
-_SETTLED = 1e-7  # share of the stroke; drawing: 1e-5
-_DRAWING_SETTLED = 1e-5
+_DRAWING_CELLS = {False: 45, True: 12}  # the same, where only the size of an effect is drawn
+_SETTLED = 1e-7  # share of the stroke
+_DRAWING_SETTLED = 1e-5  # the same, where only the size of an effect is drawn
 
 
 @dataclass(frozen=True, eq=False)

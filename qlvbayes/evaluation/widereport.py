@@ -10,7 +10,7 @@ from qlvbayes.evaluation.counting import COUNTS, Count, bound, counted, is_right
 from qlvbayes.evaluation.population import STRATA
 from qlvbayes.evaluation.rate import Case, Rate
 
-_BINS = 5
+_BINS = 5  # of stated probability: fifths, as tenths would hold too few studies
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ _STEP = 2e-3  # of the depth: one step of a grid as the model's is
 _STEP_ERROR = 1e-5  # of the integral, for laws whose step has no closed form;
 # at first contact, where a power is not smooth, of the largest force: a tenth of what the straight
 _TOUCH_ERROR = 1e-5  # lines of the model's grid may add
-_DECAYS = (0.0, 1e-3, 0.3, 3.0)
+_DECAYS = (0.0, 1e-3, 0.3, 3.0)  # rate times step: none, where a series takes over, and beyond
 _PANELS = 64  # of the quadrature of a step, each of 8 nodes
 _NODES, _WEIGHTS = leggauss(8)
 _ROUNDING = 1e-12  # of a relaxation's curve and fractions
@@ -37,7 +37,7 @@ class LawError(AssertionError):
 
 Law = TypeVar("Law", bound=AbstractElastic | AbstractRelaxation)
 
-_DRAWS = 16
+_DRAWS = 16  # of the priors, at each of which every rule is tried
 # those of the paper's tests, where no others are given
 _SCALES = Scales(force=1.6, depth=1.6, shortest=1e-3, longest=30.0, white=6e-3, ou=8e-3, tau=0.5)
 

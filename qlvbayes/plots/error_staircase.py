@@ -18,7 +18,7 @@ from qlvbayes.plots.style import BLACK, DOUBLE, MM, colours, narrow, quantity, s
 _HEIGHT, _HEIGHT_TIGHT, _UPRIGHT = 76.0, 92.0, 28.0  # mm; more for names that stand upright
 _NAME, _NAME_TIGHT = 18, 10  # characters a line, of an effect's name
 _LEVEL = 3  # steps in one column whose names lie level
-_UNBROKEN = 100
+_UNBROKEN = 100  # characters a line, more than any name has
 _NOTE, _NOTE_TIGHT = 140, 60  # characters a line
 _FAR = 6.0  # highest over lowest, from where on the axis is logarithmic
 _DECADES = 50.0  # highest over lowest, below which 2 and 5 have ticks too

@@ -28,7 +28,7 @@ from qlvbayes.plots.style import (
 
 _PANEL, _FRAME = 34.0, 22.0  # mm: a row of panels, and what is around them
 _DRAWS = 60  # of the constants, by which a band is told
-_BAND = 0.9
+_BAND = 0.9  # share of the draws within it
 _NAME = 60  # characters of an explanation
 
 

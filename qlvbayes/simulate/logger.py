@@ -9,8 +9,8 @@ from qlvbayes.io.checks import InputError
 
 _STILL_S = 0.5  # a standstill at least this long is a hold
 _FIRST_S = 0.02  # growth of the intervals: dense for this long after motion or hold begins
-_BURSTS = 3
-_BURST_ROWS = 6
+_BURSTS = 3  # of neighbouring samples, in a phase that is thinned
+_BURST_ROWS = 6  # samples at the full rate, enough to tell white noise from correlated
 _LEAST_ROWS = 8  # a phase
 
 

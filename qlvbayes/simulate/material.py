@@ -15,8 +15,8 @@ from qlvbayes.io.checks import InputError
 from .constants import Constants
 from .motion import Motion, Piece
 
-_RTOL = 1e-10
-_ATOL = 1e-12
+_RTOL = 1e-10  # of the ODE solver
+_ATOL = 1e-12  # N: far below any noise
 
 
 class Material(Protocol):

@@ -13,13 +13,13 @@ from .motion import Motion, Piece, Track, joined
 from .platen import PAPER_RATES, Hold, Move, Platen, Step, full_retraction_protocol
 
 _PIECES_A_CYCLE = 60  # a sine's acceleration then steps by at most 10 % of its peak
-_PIECES_A_STROKE = 40
-_STROKE_MM = 1.6
-_CYCLES = 5
+_PIECES_A_STROKE = 40  # of a smooth move between two depths
+_STROKE_MM = 1.6  # the paper's
+_CYCLES = 5  # a test
 _THREE = (0.1, 10.0, 100.0)  # mm/s
 _CYCLE_RATES = (0.5, 1.0, 3.0, 10.0, 20.0, 50.0)  # mm/s
-_HERTZ = (0.1, 0.2, 0.4, 0.8, 1.5, 3.0)
-_RETURN_MM_S = 20.0
+_HERTZ = (0.1, 0.2, 0.4, 0.8, 1.5, 3.0)  # of sines: peak speeds of 0.5 to 15 mm/s
+_RETURN_MM_S = 20.0  # back to the start, before the next test
 
 PROTOCOL_NAMES = (
     "paper", "three_tests", "no_unloading", "one_retraction", "staircase", "cycles", "sine",

@@ -20,12 +20,12 @@ from .mesh import Array
 from .pad import HiddenPad
 
 _STROKE = 1.6  # mm, of the protocols
-_PAUSE_S = 120.0
-_TRIAL_CELLS = 60
-_ROUNDS = 8
+_PAUSE_S = 120.0  # between tests, as in the bundled sessions
+_TRIAL_CELLS = 60  # of the solver in a stretch: a size need only be near
+_ROUNDS = 8  # of scaling an effect to the size asked for
 _MANY_PIECES = 50  # smooth motion: nothing happens at a kink
-_EVEN_MOMENTS = 1000
-_CLOSE = 0.02
+_EVEN_MOMENTS = 1000  # of a smooth test, at which an effect's size is taken
+_CLOSE = 0.02  # of the size asked for
 _SOON_S = np.linspace(0.0, 0.15, 16)
 
 Protocol = Callable[[float], tuple[Step, ...]]

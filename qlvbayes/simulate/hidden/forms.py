@@ -14,9 +14,9 @@ from .effect import Effect
 from .mesh import Array, Path
 from .pad_effects import film, slack
 
-_NEWTON_ROUNDS = 60
-_STRETCHED_DECADES = (-4.0, 4.0)
-_STRETCHED_TERMS = 33
+_NEWTON_ROUNDS = 60  # at most, until the pressure stays within 1e-11 of its scale
+_STRETCHED_DECADES = (-4.0, 4.0)  # of rates (1/s), from slower than a session to a sample
+_STRETCHED_TERMS = 33  # four a decade
 
 
 @dataclass(frozen=True)

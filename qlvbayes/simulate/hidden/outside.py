@@ -13,7 +13,7 @@ from ..platen import PAPER_ACCELERATION
 from .effect import Effect
 from .mesh import Array, Path
 
-_LEAST_HOLD_S = 1.0
+_LEAST_HOLD_S = 1.0  # a hold shorter than this is a turning point
 _STILL = 1e-3  # mm/s: a hold may creep
 
 

@@ -15,9 +15,9 @@ from ..motion import Motion, Piece
 from .effect import CONTACT, FRAME, Effect
 from .mesh import Array, Mesh, Path, graded
 
-_ROUNDS = 200
-_SEARCHES = 2
-_COARSER = 4
+_ROUNDS = 200  # at most, of the balance between force and what gives way
+_SEARCHES = 2  # on a coarser mesh, for where the mesh must be fine
+_COARSER = 4  # times, that mesh
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from .draw import Protocol, draw_effect
 from .effect import Effect
 from .pad import HiddenPad
 
-_SIZE = 0.06
+_SIZE = 0.06  # share of the peak force that an effect has unless the user says more: well seen
 
 
 def parse_effect(
