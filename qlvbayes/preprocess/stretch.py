@@ -181,22 +181,29 @@ def _window(
     j = stop if after is None else stop + min(reach, (after.stop - after.first) // 2)
     beside = slice(first - (before is not None), stop + (after is not None))
     between = float(np.median(np.diff(t[beside]))) * np.arange(1.0, reach + 1.0)
-    early, late = t[:0], t[:0]
-    if before is not None and i < first < stop:
-        gap = -_at_rest(
-            -t[first:stop], np.abs(x[first:stop] - before.level), -t[first - 1], between
-        )
-        early = np.append(_unread(t[i:first], t[first - 1] - between), gap)
-    if after is not None and j > stop > first:
-        back = slice(stop - 1, first - 1 if first else None, -1)
-        gap = _at_rest(t[back], np.abs(x[back] - after.level), t[stop], between)
-        late = np.append(_unread(t[stop:j], t[stop] + between), gap)
+    n = t.size
+    early = -_unseen(-t[::-1], x[::-1], n - stop, n - first, n - i, before, between)
+    late = _unseen(t, x, first, stop, j, after, between)
     levels = [0.0 if dwell is None else dwell.level for dwell in (before, after)]
     added = [np.full(some.size, level) for some, level in zip((early, late), levels, strict=True)]
     time = np.concatenate([early, t[i:j], late])
     order = np.argsort(time, kind="stable")
     x_all = np.concatenate([added[0], x[i:j], added[1]])
     return Window(time[order], x_all[order], float(t[i]), float(t[j - 1]))
+
+
+def _unseen(
+    t: Array, x: Array, first: int, stop: int, end: int, dwell: Dwell | None, between: Array
+) -> Array:
+    """Times after a stretch first:stop at which a dwell's level held and nothing was read.
+
+    Up to the reading ``end``; between: multiples of the usual spacing of the stretch's readings.
+    """
+    if dwell is None or not first < stop < end:
+        return t[:0]
+    back = slice(stop - 1, first - 1 if first else None, -1)
+    gap = _at_rest(t[back], np.abs(x[back] - dwell.level), t[stop], between)
+    return np.append(_unread(t[stop:end], t[stop] + between), gap)
 
 
 def _unread(t: Array, times: Array) -> Array:
