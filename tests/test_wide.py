@@ -1,5 +1,6 @@
 """The wide population: balance, determinism, simulator's additions, the count, registration."""
 
+import json
 from collections import Counter
 
 import numpy as np
@@ -8,6 +9,7 @@ import registration
 from ground import page
 from page import Origin
 from registration import Registration
+from wide import take_up
 from wide_page import wide_page
 
 from qlvbayes.evaluation.counting import (
@@ -18,6 +20,7 @@ from qlvbayes.evaluation.counting import (
     names_wrongly,
     upper,
 )
+from qlvbayes.evaluation.keeping import Kept
 from qlvbayes.evaluation.population import STRATA, Population, kin
 from qlvbayes.evaluation.rate import Rate
 from qlvbayes.evaluation.visible import visible
@@ -316,3 +319,17 @@ def test_before_and_after_stand_side_by_side():
     after = {"a": given | {"verdict": "missing_effect", "effects": ["viscous_drag"]}}
     wanted = "| sine, drag (1) | viscous_drag | 1 x fluid_pressure (wrong) | 1 x viscous_drag |"
     assert wanted in page(before, after)
+
+
+def test_published_studies_of_the_same_run_are_taken_up_once(tmp_path):
+    promise = Registration.of_present("some", 1, 5)
+    ours = {"plan": Population(1).key, "code": promise.code}
+    cases = [ours | {"index": 0}, ours | {"index": 1}, ours | {"index": 2, "code": "another"}]
+    published = tmp_path / "wide_some.json"
+    published.write_text(json.dumps({"cases": cases}))
+    kept = Kept(tmp_path / "some.jsonl", Population(1).key)
+    kept.add(ours | {"index": 1, "verdict": "adequate"})
+    take_up(published, promise, kept)
+    again = Kept(tmp_path / "some.jsonl", Population(1).key)
+    assert again.missing(5) == [2, 3, 4]
+    assert again.cases[1]["verdict"] == "adequate"

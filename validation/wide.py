@@ -2,12 +2,14 @@
 
 `--register NAME --studies N --seed S` writes validation/registered/NAME.json, to be committed;
 `NAME` runs and publishes it. Interrupted, the same command goes on where it was; with `--finished`
-it publishes what there is and runs nothing.
+it publishes what there is and runs nothing. Studies of the same code that were published where it
+writes are taken up, so that a run may be spread over machines.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import shlex
 import subprocess
 import sys
@@ -44,6 +46,8 @@ def main() -> None:
         )
     population = Population(promise.seed)
     file = ROOT / "build" / "validation" / f"{options.name}-{promise.code}.jsonl"
+    if options.part is None:
+        take_up(options.output.with_suffix(".json"), promise, Kept(file, population.key))
     if options.part is not None:
         kept = Kept(file, population.key, options.part)
         _run_part(population, kept, range(options.part, promise.studies, _WORKERS))
@@ -62,6 +66,16 @@ def _run_part(population: Population, kept: Kept, indices: range) -> None:
             if "the simulation stopped" not in str(error):
                 raise
             print(f"study {index} is not made: {error}", file=sys.stderr, flush=True)
+
+
+def take_up(published: Path, promise: Registration, kept: Kept) -> None:
+    """Keep what was published of this run, where it is not kept already."""
+    if not published.exists():
+        return
+    for case in json.loads(published.read_text(encoding="utf-8"))["cases"]:
+        same = (case["plan"], case.get("code")) == (kept.plan, promise.code)
+        if same and case["index"] not in kept.cases:
+            kept.add(case)
 
 
 def _options() -> argparse.Namespace:

@@ -37,7 +37,7 @@ class Kept:
     """
 
     def __init__(self, path: Path, plan: str, part: int | None = None) -> None:
-        self._plan = plan
+        self.plan = plan
         self._own = path if part is None else path.with_name(f"{path.name}.{part}")
         _mend(self._own)
         self.cases: dict[int, dict] = {}
