@@ -7,7 +7,7 @@ import pytest
 
 from qlvbayes.io.data import Test
 from qlvbayes.laws.scales import Scales
-from qlvbayes.model.defaults import default_model
+from qlvbayes.model.choices import default_model
 from qlvbayes.model.noise import Correlated, White
 from qlvbayes.model.posterior import Posterior
 from qlvbayes.preprocess.batching import batch

@@ -18,7 +18,7 @@ from qlvbayes.io.data import Measurements, Pad
 from qlvbayes.laws.catalogue import LAWS, names
 from qlvbayes.laws.relaxation.prony import MOST, Prony
 from qlvbayes.model.choices import Choices
-from qlvbayes.model.defaults import NOISES
+from qlvbayes.model.noise import NOISES
 
 File = Annotated[Path, typer.Argument(help="Measurements: a tidy .csv or .csv.gz file.")]
 Fitted = Annotated[Path, typer.Argument(help="The folder that 'fit' wrote.")]

@@ -37,6 +37,11 @@ class Scales:
     white_factor: float = 1.2
     tau_factor: float = 3.0
 
+    @property
+    def noise(self) -> float:
+        """Sd of one reading (N)."""
+        return math.hypot(self.white, self.ou)
+
     def positive(self, response: float) -> HalfNormal:
         """Prior of an effect's amplitude, zero or more, whose unit adds ``response`` (N) at most.
 

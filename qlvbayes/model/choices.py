@@ -13,9 +13,8 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.laws.catalogue import LAWS, Laws, find_elastic, find_relaxation, own_laws
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.scales import Scales
-from qlvbayes.model.defaults import NOISES, default_model, default_noise
 from qlvbayes.model.model import Model
-from qlvbayes.model.noise import AbstractNoise, Floor
+from qlvbayes.model.noise import NOISES, AbstractNoise, Floor
 from qlvbayes.model.overrides import in_words, override, parse
 from qlvbayes.model.parameters import fields_of
 from qlvbayes.model.posterior import is_prior
@@ -68,7 +67,10 @@ class Choices:
             object.__setattr__(self, name, _settings_in_words(getattr(self, name)))
         find_elastic(self.law, self.laws)
         find_relaxation(self.relaxation, self.laws)
-        _one_of("noise model", self.noise, NOISES)
+        if self.noise not in NOISES:
+            raise InputError(
+                f"no noise model {self.noise!r}", remedy=f"use one of {', '.join(NOISES)}"
+            )
         if self.modes < 1:
             raise InputError(f"{self.modes} relaxation modes", remedy="use one or more")
 
@@ -87,7 +89,7 @@ class Choices:
         )
         for kind in self._added():
             model = model + kind.default(scales)
-        noise = default_noise(scales, self.noise)
+        noise: AbstractNoise = NOISES[self.noise].default(scales)
         settings = [parse(text, fixed=False) for text in self.priors]
         settings += [parse(text, fixed=True) for text in self.fixed]
         of_noise = [s for s in settings if s[0].startswith("noise.")]
@@ -151,16 +153,31 @@ class Choices:
         return cls(**{"rested": True, **values, **lists})
 
 
+def default_model(
+    scales: Scales,
+    law: str = "exponential",
+    modes: int = 2,
+    *,
+    relaxation: str = "prony",
+    laws: Laws = LAWS,
+    bonded: bool = False,
+) -> Model:
+    """QLV model with every constant free, each law under its own default priors.
+
+    law, relaxation: names of an elastic law and of a relaxation among ``laws``; modes: of a Prony
+    series. Raises InputError where there is no law of that name.
+    """
+    elastic = find_elastic(law, laws).default(scales)
+    kind = find_relaxation(relaxation, laws)
+    relaxing = Prony.of_modes(scales, modes) if kind is Prony else kind.default(scales)
+    return Model(elastic, relaxing, bonded)
+
+
 def _settings_in_words(given: Given) -> tuple[str, ...]:
     """``name=prior`` and ``name=number``, of whatever form."""
     if isinstance(given, Mapping):
         return tuple(f"{name}={in_words(value)}" for name, value in given.items())
     return (given,) if isinstance(given, str) else tuple(given)
-
-
-def _one_of(what: str, value: str, known: tuple[str, ...]) -> None:
-    if value not in known:
-        raise InputError(f"no {what} {value!r}", remedy=f"use one of {', '.join(known)}")
 
 
 def _check_floor(noise: Floor) -> None:

@@ -14,14 +14,9 @@ from qlvbayes.laws.catalogue import LAWS
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.drawn import described_fields
+from qlvbayes.model.noise import NOISES
 
 FEWEST = 100  # draws from which a 90 % interval can be read
-_NOISES = {
-    "floor": {f"noise.{name}" for name in ("white", "ou", "tau", "factor", "remainder")},
-    "correlated": {"noise.white", "noise.ou", "noise.tau"},
-    "white": {"noise.white"},
-    "student-t": {"noise.scale", "noise.nu"},
-}
 _SUM = 1e-3  # by which the fractions c may miss 1
 
 
@@ -159,9 +154,9 @@ def _indices(name: str, key: str) -> list[int]:
 
 
 def _noise(given: set[str]) -> str:
-    for kind, constants in _NOISES.items():
-        if constants <= given:
-            return kind
+    for name, kind in NOISES.items():
+        if {kind.prefix + constant for constant in kind.units} <= given:
+            return name
     if has_noise(given):
         found = ", ".join(sorted(name for name in given if name.startswith("noise.")))
         raise InputError(

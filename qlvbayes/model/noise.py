@@ -1,12 +1,13 @@
 r"""Measurement noise: its likelihood, sample by sample or over block averages, and its draws.
 
-A new noise model is one class here with three methods; its fields are numbers or priors.
+A new noise model is one class here, and its place in ``NOISES``; its fields are numbers or priors.
 """
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, Self
 
 import equinox as eqx
 import jax
@@ -14,17 +15,30 @@ import jax.numpy as jnp
 import jax.scipy.stats as jss
 from jaxtyping import Array
 
+from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.preprocess.noisefloor.floor import NoiseFloor
 from qlvbayes.preprocess.record import Blocks
+from qlvbayes.priors import HalfNormal
 
-__all__ = ["AbstractNoise", "Correlated", "Floor", "StudentT", "White"]
+__all__ = ["NOISES", "AbstractNoise", "Correlated", "Floor", "StudentT", "White"]
 
 
 class AbstractNoise(eqx.Module):
-    """What every noise model offers; ``units`` names the kind of unit of each constant."""
+    """What every noise model offers.
 
+    name: after ``--noise``; units: kind of unit of each constant; words: what the report says of
+    it.
+    """
+
+    name: eqx.AbstractClassVar[str]
     units: eqx.AbstractClassVar[dict[str, str]]
+    words: eqx.AbstractClassVar[str]
     prefix: ClassVar[str] = "noise."
+
+    @classmethod
+    @abstractmethod
+    def default(cls, scales: Scales) -> Self:
+        """With weakly informative priors, scaled to what was measured."""
 
     @abstractmethod
     def log_likelihoods(self, residual: Array, blocks: Blocks) -> Array:
@@ -63,7 +77,16 @@ class White(AbstractGaussian):
     """Independent normal noise of sd ``white`` (N) in every sample."""
 
     white: Any
+    name: ClassVar[str] = "white"
     units: ClassVar[dict[str, str]] = {"white": "force"}
+    words: ClassVar[str] = (
+        "independent normal noise, whose standard deviation is fitted with the rest"
+    )
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """Within a factor of 3 of all noise measured."""
+        return cls(lognormal(scales.noise, 3.0))
 
     def _scale(self, blocks: Blocks) -> Array:
         own = self.white * blocks.weight * blocks.scale
@@ -92,7 +115,16 @@ class StudentT(AbstractNoise):
 
     scale: Any
     nu: Any
+    name: ClassVar[str] = "student-t"
     units: ClassVar[dict[str, str]] = {"scale": "force", "nu": "count"}
+    words: ClassVar[str] = (
+        "independent Student-t noise, whose scale and degrees of freedom are fitted too"
+    )
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """The scale within a factor of 3 of all noise measured, nu of 8."""
+        return cls(lognormal(scales.noise, 3.0), lognormal(8.0, 3.0))
 
     def _scale(self, blocks: Blocks) -> Array:
         return self.scale * blocks.weight / jnp.sqrt(blocks.count)
@@ -127,7 +159,26 @@ class Correlated(AbstractGaussian):
     white: Any
     ou: Any
     tau: Any
+    name: ClassVar[str] = "correlated"
     units: ClassVar[dict[str, str]] = {"white": "force", "ou": "force", "tau": "time"}
+    words: ClassVar[str] = (
+        "white noise plus an Ornstein-Uhlenbeck process (a load cell's noise lasts from sample to "
+        "sample), whose standard deviations and correlation time are fitted with the rest"
+    )
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """Near what was measured inside holds without the model, or as far as these leave it open.
+
+        The white sd is within a factor of 1.2, or more where the holds leave more open; the
+        correlated sd is half-normal, so that none at all is possible, and its time is within a
+        factor of 3, or more likewise.
+        """
+        return cls(
+            lognormal(scales.white, scales.white_factor),
+            HalfNormal(3.0 * scales.noise),
+            lognormal(scales.tau, scales.tau_factor),
+        )
 
     @classmethod
     def of(cls, floor: NoiseFloor) -> Correlated:
@@ -201,6 +252,7 @@ class Floor(AbstractGaussian):
     tau: Any
     factor: Any
     remainder: Any
+    name: ClassVar[str] = "floor"
     units: ClassVar[dict[str, str]] = {
         "white": "force",
         "ou": "force",
@@ -208,6 +260,16 @@ class Floor(AbstractGaussian):
         "factor": "count",
         "remainder": "force",
     }
+    words: ClassVar[str] = (
+        "as measured at rest, without the model, and not fitted; what the model misses goes into a "
+        "discrepancy of smooth functions and a rough part, whose size (noise.remainder) is summed "
+        "over with a prior that costs"
+    )
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """As measured, the discrepancy's size summed over: nothing of it is free."""
+        return cls(*5 * [math.nan])
 
     @property
     def _alone(self) -> Correlated:
@@ -224,6 +286,12 @@ class Floor(AbstractGaussian):
     def sample_sd(self, weight: Array) -> Array:
         """Square root of (white weight)^2 + ou^2."""
         return self._alone.sample_sd(weight)
+
+
+NOISES: dict[str, type[AbstractNoise]] = {
+    kind.name: kind for kind in (Floor, Correlated, White, StudentT)
+}
+"""By name, the default first; the one with the most constants before those that it holds."""
 
 
 class _Links(NamedTuple):

@@ -11,18 +11,9 @@ from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.checks import InputError
 from qlvbayes.laws.catalogue import find_elastic, find_relaxation
 from qlvbayes.model.choices import Choices
+from qlvbayes.model.noise import NOISES
 from qlvbayes.report.collect import PadResults, Results
 from qlvbayes.report.numbers import DASH, number, percent, with_unit
-
-_NOISES = {
-    "floor": "as measured at rest, without the model, and not fitted; what the model misses goes "
-    "into a discrepancy of smooth functions and a rough part, whose size (noise.remainder) is "
-    "summed over with a prior that costs",
-    "correlated": "white noise plus an Ornstein-Uhlenbeck process (a load cell's noise lasts from "
-    "sample to sample), whose standard deviations and correlation time are fitted with the rest",
-    "white": "independent normal noise, whose standard deviation is fitted with the rest",
-    "student-t": "independent Student-t noise, whose scale and degrees of freedom are fitted too",
-}
 
 _THRESHOLDS = {
     "complete": "the prior probability that no (further) effect is missing is {}",
@@ -73,7 +64,7 @@ def methods_of(results: Results) -> Methods:
         "bonded: the specimen can pull"
         if choices.get("bonded")
         else "loose: the pad cannot pull, so that its force is never negative",
-        _NOISES.get(str(choices.get("noise")), str(choices.get("noise", DASH))),
+        NOISES[noise].words if (noise := str(choices.get("noise", DASH))) in NOISES else noise,
         tuple(sorted({e for pad in results.pads for e in pad.final.effects})),
         _thresholds(results),
         _comparisons(results),

@@ -15,7 +15,6 @@ from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.scales import Scales, lognormal
-from qlvbayes.model.defaults import default_noise
 from qlvbayes.model.noise import AbstractNoise, Correlated
 from qlvbayes.preprocess.batching import batch
 from qlvbayes.preprocess.programme import Stroke, planned
@@ -89,7 +88,7 @@ def bench() -> Bench:
     )
     elastic = Exponential(lognormal(0.34, 1.2), lognormal(1.165, 1.2))
     relaxation = Prony(Dirichlet([6.0, 14.0]), Ordered((lognormal(0.5, 1.5),)))
-    return Bench(record, scales, elastic, relaxation, default_noise(scales, "correlated"))
+    return Bench(record, scales, elastic, relaxation, Correlated.default(scales))
 
 
 def _path(rate: float, back: float) -> Trajectory:
