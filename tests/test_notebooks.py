@@ -1,6 +1,7 @@
 """Every notebook runs as it stands, and its stored outputs are complete and small."""
 
 import importlib.util
+import re
 from pathlib import Path
 
 import nbformat
@@ -9,6 +10,9 @@ import pytest
 ROOT = Path(__file__).parents[1]
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 LARGEST = 300_000  # bytes
+NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w])")
+APART = 0.1  # of a number: chains and importance samples differ between processors
+SURELY_NOT = 1e-2  # a probability below this is as good as any other
 
 
 @pytest.fixture(scope="module")
@@ -66,6 +70,23 @@ def test_the_hidden_effect_is_found(executed):
 def test_an_effect_of_ones_own_wins(executed):
     text = printed(executed["04_your_own_data_and_effect"])
     assert "verdict: missing_effect, effects: quadratic_drag" in text
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", NOTEBOOKS[:4], ids=lambda path: path.stem)
+def test_a_fresh_run_prints_what_is_stored(executed, path):
+    stored, fresh = printed(nbformat.read(path, as_version=4)), printed(executed[path.stem])
+    assert NUMBER.sub("#", " ".join(stored.split())) == NUMBER.sub("#", " ".join(fresh.split()))
+    for old, new in zip(NUMBER.findall(stored), NUMBER.findall(fresh), strict=True):
+        assert are_close(old, new), f"{old} is stored, {new} found"
+
+
+def are_close(old, new):
+    """Whether two printed numbers are the same but for sampling and rounding."""
+    one, two = float(old), float(new)
+    digit = 10.0 ** -len(old.partition("e")[0].partition(".")[2])
+    both = max(abs(one), abs(two))
+    return abs(one - two) <= max(2.0 * digit, APART * both) or both < SURELY_NOT
 
 
 def test_without_its_file_the_real_material_says_what_it_would_show(real):

@@ -1,5 +1,5 @@
 import dataclasses
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -253,6 +253,16 @@ def test_a_strip_shows_what_each_model_leaves_over_the_noise():
     assert strip_dots(strip, ORANGE) == pytest.approx(left[ramp] - 0.05)
     noise = strip.collections[0].get_paths()[0].vertices[:, 1]
     assert np.ptp(noise) == pytest.approx(2 * 1.645 * NOISE, rel=1e-3)
+
+
+@pytest.mark.parametrize("width", [85.0, 180.0])
+def test_a_model_on_another_law_is_not_called_plain(width):
+    found = diagnosed(3)
+    last = replace(found.stages[-1], effects=(), base=Laws("hertz", "prony:2"))
+    found = replace(found, stages=(found.stages[0], last))
+    before, after, _ = page(partial(plot_residuals_before_after, width=width), found).axes
+    assert before.get_title(loc="left").startswith("plain model\n")
+    assert after.get_title(loc="left").startswith("by hertz\n")
 
 
 @every_case

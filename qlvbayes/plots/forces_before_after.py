@@ -167,11 +167,12 @@ def _legend(figure: Figure, axes: np.ndarray, diagnosis: DiagnosisResult, *, tig
     plain, final = (colours()[k] for k in (_PLAIN, _FINAL))
     handles = [upper.lines[0], lower.collections[0]]
     labels = ["measured", "90 % of the noise floor"]
-    models = [(plain, ())] if plain in lines else []
-    for colour, effects in [*models, (final, diagnosis.tried)]:
+    models: list[tuple[str, Sequence[str], Sequence[str]]]
+    models = [(plain, (), ())] if plain in lines else []
+    for colour, effects, laws in [*models, (final, diagnosis.tried, diagnosis.changed)]:
         handles += [lines[colour], bands[to_hex(colour)]]
         labels += [
-            _named(effects) if tight else fill(model_name(effects), _LABEL),
+            _named(effects, laws) if tight else fill(model_name(effects, laws), _LABEL),
             "its 90 % band",
         ]
     if tight:  # lines in the first column, bands in the second
@@ -192,7 +193,9 @@ def _legend(figure: Figure, axes: np.ndarray, diagnosis: DiagnosisResult, *, tig
     figure.supxlabel(key, x=0.01, ha="left")
 
 
-def _named(effects: Sequence[str]) -> str:
+def _named(effects: Sequence[str], laws: Sequence[str]) -> str:
     """The model's name in lines that fit into half a column."""
+    words = ["by " + "\nand ".join(broken(name, _LABEL_TIGHT) for name in laws)] if laws else []
     parts = [broken(name, _LABEL_TIGHT) for name in effects]
-    return "with " + "\n+ ".join(parts) if parts else model_name(effects)
+    words += ["with " + "\n+ ".join(parts)] if parts else []
+    return "\n".join(words) or model_name(effects)

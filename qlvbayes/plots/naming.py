@@ -15,9 +15,14 @@ _INDEXED = re.compile(r"([a-z])\[(\d+)\]")
 _LINE, _LINE_TIGHT = 80, 40  # characters across two columns of a journal, and across one
 
 
-def model_name(effects: Sequence[str]) -> str:
-    """'plain model' or 'with viscous_drag + friction'."""
-    return f"with {' + '.join(effects)}" if effects else "plain model"
+def model_name(effects: Sequence[str], laws: Sequence[str] = ()) -> str:
+    """'plain model', 'with viscous_drag + friction', 'by hertz', 'by hertz with friction'.
+
+    laws: base laws that are not those chosen.
+    """
+    words = [f"by {' and '.join(laws)}"] if laws else []
+    words += [f"with {' + '.join(effects)}"] if effects else []
+    return " ".join(words) or "plain model"
 
 
 def heading(diagnosis: DiagnosisResult, *, tight: bool = False) -> str:

@@ -55,6 +55,8 @@ def plot_residuals_before_after(diagnosis: DiagnosisResult, *, width: float = DO
         for axis, stage in zip(axes, stages, strict=True):
             label_squares(axis, rows, kinds)
             _draw(axis, stage, diagnosis.noise, worst, list(tests), kinds)
+            name = fill(model_name(stage.effects, stage.base.others(stages[0].base)), _TITLE)
+            axis.set_title(f"{name}\n{_p_value(stage.p_value)}", loc="left")
         draw_colours(figure, list(axes), worst, diagnosis.noise, units, below=tight)
         figure.suptitle(heading(diagnosis, tight=tight), x=0.01, ha="left")
         _key(figure, empty=len(tests) * len(kinds) > len(stages[0].cells), tight=tight)
@@ -89,8 +91,6 @@ def _draw(
             ratio = over_floor(cell.rmse, noise)
             fails = Place(test, kind) in stage.failing
             draw_square(axis, (row, column), ratio, worst, short(ratio), fails=fails)
-    title = fill(model_name(stage.effects), _TITLE)
-    axis.set_title(f"{title}\n{_p_value(stage.p_value)}", loc="left")
 
 
 def _p_value(p: float) -> str:
