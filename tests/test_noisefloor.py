@@ -15,6 +15,7 @@ class Record:
     time: np.ndarray
     force: np.ndarray
     force_sd: np.ndarray | None = None
+    displacement: np.ndarray | None = None
 
 
 PHASES = (Phase("hold", 0.0, 30.0), Phase("recovery", 30.0, 60.0))
@@ -239,11 +240,12 @@ def test_without_noise_the_encoders_rounding_is_the_floor():
     assert "next to no noise" in found.notices[0]
 
 
-def cycles(rng, white, ou, tau, hertz=1000.0, turns=5, period=6.4, tests=4):
+def cycles(rng, white, ou, tau, hertz=1000.0, turns=5, period=6.4, tests=4, growing=0.0):
     """Triangles of a stiffening pad, whose force is no polynomial of the time."""
     t = np.arange(0.0, turns * period, 1.0 / hertz)
-    depth = np.abs((t / period) % 1.0 * 2.0 - 1.0)
-    smooth = 0.7 * np.expm1(1.5 * (1.0 - depth)) * (1.0 - 0.1 * np.exp(-t / period))
+    depth = 1.0 - np.abs((t / period) % 1.0 * 2.0 - 1.0)
+    depth *= 1.0 + growing * (t // period)
+    smooth = 0.7 * np.expm1(1.5 * depth) * (1.0 - 0.1 * np.exp(-t / period))
     half = 0.5 * period
     phases = tuple(
         Phase("unload" if k % 2 else "ramp", k * half, (k + 1) * half) for k in range(2 * turns)
@@ -252,15 +254,39 @@ def cycles(rng, white, ou, tau, hertz=1000.0, turns=5, period=6.4, tests=4):
     records = []
     for _ in range(tests):
         noise = correlated(t.size * every, ou, tau, rng)[::every] + white * rng.normal(size=t.size)
-        records.append(Record(t, smooth + noise))
+        records.append(Record(t, smooth + noise, displacement=depth))
     return records, [phases] * tests
+
+
+@pytest.mark.parametrize("hertz", [1000.0, 10.0])
+@pytest.mark.parametrize(("white", "ou", "tau"), [(0.004, 0.006, 0.5), (0.006, 0.003, 2.0)])
+def test_what_does_not_repeat_from_cycle_to_cycle_is_noise(white, ou, tau, hertz):
+    rng = np.random.default_rng(23)
+    found = [measure(*cycles(rng, white, ou, tau, hertz, turns=6)) for _ in range(12)]
+    assert all(one.testable for one in found)
+    # readings a tenth of a second apart hardly tell white noise from correlated
+    assert_centred(np.array([one.white for one in found]), white, 0.2)
+    assert_centred(np.array([one.total for one in found]), np.hypot(white, ou), 0.1)
+    times = np.log([one.tau / tau for one in found if one.ou > 0.0])
+    assert abs(times.mean()) < np.log(2.0)
+
+
+def test_equal_cycles_without_noise_have_next_to_none():
+    records, phases = cycles(np.random.default_rng(24), 0.0, 0.0, 1.0, hertz=20.0)
+    assert measure(records, phases).total == pytest.approx(3e-4 * records[0].force.max())
+
+
+@pytest.mark.parametrize("different", [{"turns": 3}, {"growing": 0.1}])
+def test_few_or_unequal_cycles_show_no_noise_by_what_does_not_repeat(different):
+    records, phases = cycles(np.random.default_rng(25), 0.004, 0.006, 0.5, **different)
+    assert not measure(records, phases).testable
 
 
 @pytest.mark.parametrize(("white", "ou", "tau"), [(0.004, 0.006, 0.5), (1e-4, 0.006, 1.0)])
 def test_without_a_dwell_strokes_show_the_noise(white, ou, tau):
     """How fast it wanders, exactly; how far, only as far as a stroke is long."""
     rng = np.random.default_rng(21)
-    found = [measure(*cycles(rng, white, ou, tau)) for _ in range(6)]
+    found = [measure(*cycles(rng, white, ou, tau, turns=3, tests=7)) for _ in range(6)]
     assert not any(one.testable for one in found)
     wander = np.log([one.ou**2 / one.tau for one in found]) - np.log(ou**2 / tau)
     assert abs(wander.mean()) < 0.35  # a fifth of the sd
@@ -269,8 +295,7 @@ def test_without_a_dwell_strokes_show_the_noise(white, ou, tau):
 
 
 def test_what_few_readings_do_not_show_is_as_large_as_the_white_noise():
-    records, phases = cycles(np.random.default_rng(22), 0.004, 0.0, 0.5, hertz=10.0)
+    records, phases = cycles(np.random.default_rng(22), 0.004, 0.0, 0.5, hertz=10.0, turns=3)
     found = measure(records, phases)
     assert found.ou == found.white
-    assert found.tau == pytest.approx(1.6, rel=0.01)
-    assert "taken to be there" in found.notices[0]
+    assert found.tau == pytest.approx(0.05 * 3 * 6.4, rel=0.01)

@@ -23,7 +23,7 @@ _BURST, _SPREAD = 120, 120  # readings in a row; means over the others of a dwel
 _GAPS = (1, 1, 2, 3, 5, 8, 13, 21)  # samples between the readings in a row
 _FEWEST_SAMPLES = 24
 _CONTACT = 0.02  # of the largest force: below, contact may be lost
-_PRESSED = 0.1  # of the same: below, a stroke may have a kink, as contact is found or lost
+PRESSED = 0.1  # of the same: below, a stroke may have a kink, as contact is found or lost
 _MARGIN = 0.1  # of a stroke, at either end: its turning point may have a kink
 _DEGREE = 8  # of a stroke's trend: it leaves far less than noise of a soft law's half cycle
 
@@ -34,6 +34,11 @@ class Record(Protocol):
     @property
     def time(self) -> Array:
         """Time in s."""
+        ...
+
+    @property
+    def displacement(self) -> Array:
+        """Displacement in mm (or strain)."""
         ...
 
     @property
@@ -51,14 +56,16 @@ class Record(Protocol):
 class Dwell:
     """One dwell: all readings (n,) and the first one (k,) of each run that is averaged.
 
-    scale: (n,) relative sd of each reading; moving: whether it is a stroke.
+    scale: (n,) relative sd of each reading; degree: of the polynomial that is there with the
+    relaxation; curve: (n, p) columns of what may be there instead.
     """
 
     time: Array
     force: Array
     scale: Array
     begin: NDArray[np.intp]
-    moving: bool = False
+    degree: int = 1
+    curve: Array | None = None
 
     @property
     def count(self) -> Array:
@@ -113,7 +120,7 @@ def _at_rest(test: Record, phase: Phase, step: float) -> Dwell | None:
     inside = inside[margin : inside.size - margin]
     if inside.size < _FEWEST_SAMPLES or _silent(test.force, inside, step):
         return None
-    return _dwell(test, inside)
+    return dwell_of(test, inside)
 
 
 def _pressed(test: Record, phase: Phase) -> Dwell | None:
@@ -121,11 +128,11 @@ def _pressed(test: Record, phase: Phase) -> Dwell | None:
         return None
     margin = _MARGIN * (phase.stop - phase.start)
     away = (test.time > phase.start + margin) & (test.time <= phase.stop - margin)
-    least = _PRESSED * float(np.abs(test.force).max(initial=0.0))
+    least = PRESSED * float(np.abs(test.force).max(initial=0.0))
     inside = np.flatnonzero(away & (np.abs(test.force) > least))
     if inside.size < 3 * _FEWEST_SAMPLES or np.ptp(inside) >= 2 * inside.size:
         return None
-    return replace(_dwell(test, inside), moving=True)
+    return replace(dwell_of(test, inside), degree=_DEGREE)
 
 
 def _regained(force: Array, inside: NDArray[np.intp]) -> int:
@@ -149,7 +156,8 @@ def _silent(force: Array, inside: NDArray[np.intp], step: float) -> bool:
     return step == 0.0 or abs(usual) < step or usual >= float(force.max())
 
 
-def _dwell(test: Record, inside: NDArray[np.intp]) -> Dwell:
+def dwell_of(test: Record, inside: NDArray[np.intp]) -> Dwell:
+    """Readings of a test at some places, thinned where they are many."""
     scale = np.ones(inside.size)
     if test.force_sd is not None:
         scale = test.force_sd[inside] / np.sqrt(np.mean(np.square(test.force_sd)))
@@ -187,22 +195,26 @@ def _kept(time: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 
 def trend(dwell: Dwell, ratio: float) -> Array:
-    """Orthonormal basis (k, p) of smooth relaxation, as means over the runs.
+    """Orthonormal basis (k, p) of all but the noise, as means over the runs.
 
-    Any combination of 1, t (in a stroke, a polynomial) and exp(-t/T_j), the T_j a factor ``ratio``
-    apart, from a few thousandths of the length of the dwell to all of it.
+    The dwell's own curve, or any combination of a polynomial and exp(-t/T_j), the T_j a factor
+    ``ratio`` apart, from a few thousandths of the length of the dwell to all of it.
     """
+    curve = _relaxing(dwell, ratio) if dwell.curve is None else dwell.curve
+    q, r, _ = qr(dwell.mean(curve) / run_scale(dwell)[:, None], mode="economic", pivoting=True)
+    size = np.abs(np.diag(r))
+    return np.asarray(q[:, size > 1e-10 * size[0]], dtype=np.float64)
+
+
+def _relaxing(dwell: Dwell, ratio: float) -> Array:
+    """Columns (n, p) of a polynomial in time and of exponentials."""
     t = dwell.time - dwell.time[0]
     length = float(t[-1])
     shortest = max(2.0 * float(t[1]), 2e-4 * length)
     times = length / ratio ** np.arange(1.0 + np.log(length / shortest) // np.log(ratio))
     times = times[: max(1, dwell.begin.size // 6)]
-    degree = _DEGREE if dwell.moving else 1
-    powers = legendre.legvander(2.0 * t / length - 1.0, degree)
-    basis = dwell.mean(np.column_stack([powers, np.exp(-t[:, None] / times)]))
-    q, r, _ = qr(basis / run_scale(dwell)[:, None], mode="economic", pivoting=True)
-    size = np.abs(np.diag(r))
-    return np.asarray(q[:, size > 1e-10 * size[0]], dtype=np.float64)
+    powers = legendre.legvander(2.0 * t / length - 1.0, dwell.degree)
+    return np.column_stack([powers, np.exp(-t[:, None] / times)])
 
 
 def run_scale(dwell: Dwell) -> Array:

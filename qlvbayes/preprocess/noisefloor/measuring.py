@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import Bounds, minimize
 
+from qlvbayes.preprocess.noisefloor.cycles import find_cycles
 from qlvbayes.preprocess.noisefloor.dwells import Dwell, Record, find_dwells, find_strokes
 from qlvbayes.preprocess.noisefloor.floor import NoiseFloor
 from qlvbayes.preprocess.noisefloor.pool import Pool
@@ -33,6 +34,9 @@ _STEP_SAMPLES = 20_000  # readings that show the step of a digitised force
 _LEAST_STEP = 1e-4  # of the force range: a smaller step is the file's last digit
 EXACT = 3e-4  # of the peak force: the motion between the readings is not known any better,
 _ROUNDED = 1.0 / np.sqrt(12.0)  # of an encoder step: sd of the displacement's rounding
+_OF_CYCLES = (
+    "no hold or recovery shows the noise: it is what does not repeat from one cycle to the next"
+)
 _TINY = float(np.finfo(np.float64).tiny) ** 0.5
 
 
@@ -48,8 +52,9 @@ def measure(
     grows with the force by more than 4. With a measured sd for each reading (``force_sd``) the
     noise is taken as proportional to it, and the sds returned hold at its root mean square.
 
-    Without any usable dwell the noise is measured about smooth curves of single strokes, and what
-    these do not show is taken from the prior; whether structure is noise is then not testable.
+    Without any usable dwell the noise of equal cycles is what does not repeat from one to the next.
+    Without these it is measured about smooth curves of single strokes, and what these do not show
+    is taken from the prior; whether structure is noise is then not testable.
     Noise below 3e-4 of the peak force and the rounding of the encoder is taken as that much: the
     motion between the readings is not known any better.
 
@@ -64,7 +69,12 @@ def measure(
     step = _force_step(tests)
     dwells = find_dwells(tests, phases, step)
     known = peak if all(test.force_sd is None for test in tests) else 0.0
-    floor = _pooled(dwells, known) if dwells else _without_dwells(tests, phases, known)
+    if dwells:
+        floor = _pooled(dwells, known)
+    elif cycles := find_cycles(tests, phases):
+        floor = replace(_pooled(cycles, known), notices=(_OF_CYCLES,))
+    else:
+        floor = _without_dwells(tests, phases, known)
     return _at_least(floor, step, float(np.hypot(EXACT * peak, _ROUNDED * of_a_step)))
 
 

@@ -1,0 +1,113 @@
+"""Which readings of equal cycles show the noise: what repeats from one to the next is none.
+
+Within a cycle the force is any smooth curve of each stroke, the same in all cycles but for what has
+not settled yet, which is smoother along the stroke and levels off or grows steadily with the number
+of the cycle. The first cycle, at whose beginning the pad was at rest, is left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.polynomial import legendre
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline
+from scipy.stats import theilslopes
+
+from qlvbayes.preprocess.noisefloor.dwells import PRESSED, Dwell, Record, dwell_of
+from qlvbayes.preprocess.phases import Phase
+
+Array = NDArray[np.float64]
+
+_FEWEST_CYCLES = 4
+_FEWEST_SAMPLES = 72  # pressed readings: three times those of a dwell, as the curve takes many
+_LATE = 0.1  # of a stroke: where one turns further off its time the cycles are not equal
+_UNEQUAL = 0.05  # of the stroke: the same of depths; the reading nearest a turn may miss it by half
+_KNOT_SAMPLES = 2.0  # readings of a cycle between two knots of the curve along a stroke
+_MOST_KNOTS = 16
+_SETTLING_DEGREE = 3  # along the stroke, of what changes from cycle to cycle
+
+
+def find_cycles(tests: Sequence[Record], phases: Sequence[Sequence[Phase]]) -> list[Dwell]:
+    """Pressed readings of each test of equal cycles, with the curves that they may follow."""
+    found = [_repeating(test, cut) for test, cut in zip(tests, phases, strict=True)]
+    return [one for one in found if one is not None]
+
+
+def _repeating(test: Record, phases: Sequence[Phase]) -> Dwell | None:
+    turns = _turns(phases)
+    if turns is None or not _equally_deep(test, turns):
+        return None
+    least = PRESSED * float(np.abs(test.force).max(initial=0.0))
+    during = (test.time > turns[1, 0]) & (test.time <= turns[-1, 0])
+    inside = np.flatnonzero(during & (np.abs(test.force) > least))
+    if inside.size < _FEWEST_SAMPLES:
+        return None
+    found = dwell_of(test, inside)
+    return replace(found, curve=_curve(found.time, turns))
+
+
+def _turns(phases: Sequence[Phase]) -> Array | None:
+    """Times (N + 1, 2) at which each of N cycles begins and turns, the end after the last.
+
+    As a clock would have them (Theil 1950; Sen 1968): when a cycle turns is known to a few samples
+    only. None where there are too few cycles, or they are not equally long.
+    """
+    pairs = [
+        (one.start, two.start)
+        for one, two in pairwise(phases)
+        if (one.kind, two.kind) == ("ramp", "unload") and one.stop == two.start
+    ]
+    if len(pairs) < _FEWEST_CYCLES:
+        return None
+    number, times = np.arange(len(pairs)), np.array(pairs)
+    lines = [theilslopes(column, number)[:2] for column in times.T]
+    clock = np.column_stack([at + slope * np.arange(len(pairs) + 1) for slope, at in lines])
+    shorter = np.diff(clock.ravel()).min()
+    late = np.abs(times - clock[:-1]).max()
+    return clock if shorter > 0.0 and late <= _LATE * shorter else None
+
+
+def _equally_deep(test: Record, turns: Array) -> bool:
+    depths = [
+        test.displacement[(test.time > begin) & (test.time <= end)]
+        for begin, end in pairwise(turns[:, 0])
+    ]
+    if any(depth.size == 0 for depth in depths):
+        return False
+    ends = np.array([(depth.min(), depth.max()) for depth in depths])
+    return bool(np.ptp(ends, axis=0).max() <= _UNEQUAL * np.ptp(ends))
+
+
+def _curve(time: Array, turns: Array) -> Array:
+    """Columns (n, p) of the curve along both strokes, and of how it settles with the cycles."""
+    cycle = np.searchsorted(turns[:, 0], time, side="left") - 1
+    way_back = time > turns[cycle, 1]
+    begin = np.where(way_back, turns[cycle, 1], turns[cycle, 0])
+    end = np.where(way_back, turns[cycle + 1, 0], turns[cycle, 1])
+    along = (time - begin) / (end - begin)
+    later = cycle - 1.0
+    settling = np.column_stack([later / (len(turns) - 2), np.exp(-later)])
+    columns = []
+    for stroke in (~way_back, way_back):
+        on = np.flatnonzero(stroke)
+        if on.size:
+            own = _stroke(along[on], settling[on], on.size / (len(turns) - 2))
+            spread = np.zeros((time.size, own.shape[1]))
+            spread[on] = own
+            columns.append(spread)
+    return np.hstack(columns)
+
+
+def _stroke(along: Array, settling: Array, samples: float) -> Array:
+    """A cubic spline along one stroke, and a cubic of each way of settling; samples: of a cycle."""
+    first, last = float(along.min()), float(along.max())
+    count = int(np.clip(samples / _KNOT_SAMPLES, 2, _MOST_KNOTS))
+    knots = np.concatenate([[first] * 3, np.linspace(first, last, count), [last] * 3])
+    spline = BSpline.design_matrix(along, knots, 3).toarray()
+    place = 2.0 * (along - first) / (last - first) - 1.0
+    powers = legendre.legvander(place, _SETTLING_DEGREE)
+    return np.hstack([spline, *(powers * way[:, None] for way in settling.T)])
