@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from qlvbayes.preprocess.noisefloor.posterior import Dwells
+from qlvbayes.preprocess.noisefloor.posterior import Dwells, Noise
 
 Array = NDArray[np.float64]
 
@@ -86,6 +86,5 @@ class NoiseFloor:
         least = np.sqrt(max(self.step**2 / 12.0 - self.ou**2, 0.0))
         return replace(self, white=max(self.white, float(least)))
 
-    def _like(self, found: tuple[float, float, float]) -> NoiseFloor:
-        white, ou, tau = found
-        return replace(self, white=white, ou=ou, tau=tau).rounded()
+    def _like(self, found: Noise) -> NoiseFloor:
+        return replace(self, **found._asdict()).rounded()

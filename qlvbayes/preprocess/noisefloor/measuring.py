@@ -34,6 +34,7 @@ _STEP_SAMPLES = 20_000  # readings that show the step of a digitised force
 _LEAST_STEP = 1e-4  # of the force range: a smaller step is the file's last digit
 EXACT = 3e-4  # of the peak force: the motion between the readings is not known any better,
 _ROUNDED = 1.0 / np.sqrt(12.0)  # of an encoder step: sd of the displacement's rounding
+_MOVES = ("ramp", "unload")
 _OF_CYCLES = (
     "no hold or recovery shows the noise: it is what does not repeat from one cycle to the next"
 )
@@ -69,10 +70,11 @@ def measure(
     step = _force_step(tests)
     dwells = find_dwells(tests, phases, step)
     known = peak if all(test.force_sd is None for test in tests) else 0.0
+    quickest = _quickest(phases)
     if dwells:
-        floor = _pooled(dwells, known)
+        floor = _pooled(dwells, known, quickest)
     elif cycles := find_cycles(tests, phases):
-        floor = replace(_pooled(cycles, known), notices=(_OF_CYCLES,))
+        floor = replace(_pooled(cycles, known, quickest), notices=(_OF_CYCLES,))
     else:
         floor = _without_dwells(tests, phases, known)
     return _at_least(floor, step, float(np.hypot(EXACT * peak, _ROUNDED * of_a_step)))
@@ -86,6 +88,12 @@ def _force_step(tests: Sequence[Record]) -> float:
     return step if step > _LEAST_STEP * span else 0.0
 
 
+def _quickest(phases: Sequence[Sequence[Phase]]) -> float:
+    """Time (s) of the shortest movement: a low-pass much slower would have smeared it."""
+    moves = [one.stop - one.start for cut in phases for one in cut if one.kind in _MOVES]
+    return min(moves, default=np.inf)
+
+
 def _without_dwells(
     tests: Sequence[Record], phases: Sequence[Sequence[Phase]], peak: float
 ) -> NoiseFloor:
@@ -96,7 +104,7 @@ def _without_dwells(
     length = max((float(np.ptp(t.time)) for t in tests if t.time.size), default=0.0) or 1.0
     strokes = find_strokes(tests, phases)
     if strokes:
-        floor = _pooled(strokes, peak, length)
+        floor = _pooled(strokes, peak, _quickest(phases), length)
         about = "it is measured about smooth curves of single strokes"
     else:
         found = [sensor_noise(t.time, t.force) for t in tests]
@@ -132,11 +140,11 @@ def _at_least(floor: NoiseFloor, step: float, least: float) -> NoiseFloor:
     )  # fmt: skip
 
 
-def _pooled(dwells: list[Dwell], peak: float, length: float = 0.0) -> NoiseFloor:
+def _pooled(dwells: list[Dwell], peak: float, quickest: float, length: float = 0.0) -> NoiseFloor:
     """White sd, correlated sd, its time and the growth, by restricted maximum likelihood.
 
-    peak: largest force; 0 where sds were measured, so that growth is not looked for; length (s): of
-    a test without dwells, whose strokes these are.
+    peak: largest force; 0 where sds were measured, so that growth is not looked for; quickest (s):
+    time of the shortest movement; length (s): of a test without dwells, whose strokes these are.
     """
     pool = _pool(dwells)
     lengths = [float(np.ptp(r.time)) for r in dwells]
@@ -147,11 +155,11 @@ def _pooled(dwells: list[Dwell], peak: float, length: float = 0.0) -> NoiseFloor
         longest = neutral / _LONGEST
     if not np.any(pool.y):
         return NoiseFloor(0.0, 0.0, neutral)
-    found = _fitted(pool, longest, usual)
+    found = _fitted(pool, longest, usual, quickest)
     growth, level = 0.0, float(np.mean(np.abs(pool.force)))
     if peak > 0.0 and (grown := _growth(found, peak, level)) is not None:
         growth, scaled = grown
-        found = _fitted(scaled, longest, usual)
+        found = _fitted(scaled, longest, usual, quickest)
     pool = found.pool
     alone, variance = pool.of_white()
     if found.best - alone < _DECISIVE:
@@ -173,8 +181,12 @@ def _pool(dwells: list[Dwell]) -> Pool:
     return pool
 
 
-def _fitted(pool: Pool, longest: float, usual: float) -> Dwells:
-    """The more likely of both kinds of correlated noise, at its mode."""
+def _fitted(pool: Pool, longest: float, usual: float, quickest: float) -> Dwells:
+    """The more likely of both kinds of correlated noise, at its mode, and the other beside it.
+
+    Smooth noise is that of a low-pass, which makes the force late as well: its time is no longer
+    than the quickest movement, of which the record would show little otherwise.
+    """
     gaps = pool.gaps[np.isfinite(pool.gaps)]
     shortest = 3.0 * float(np.quantile(gaps, 0.1))
     most = max(_LONGEST * longest, 2.0 * shortest)
@@ -184,9 +196,15 @@ def _fitted(pool: Pool, longest: float, usual: float) -> Dwells:
     rough = _mode(pool, bounds, usual_log_tau(usual), starts, smooth=False)
     if rough.best - pool.of_white()[0] < _DECISIVE:
         return rough
-    around = [(rough.ratio, max(rough.tau - lag, taus[0])) for lag in (0.5, 1.5, 3.0)]
+    if (most := min(taus[1], np.log(quickest))) <= taus[0]:
+        return rough
+    bounds = np.array([bounds[0], [bounds[1, 0], most]])
+    lags = np.clip(rough.tau - np.array([0.5, 1.5, 3.0]), taus[0], most)
+    around = [(rough.ratio, lag) for lag in lags.tolist()]
     smooth = _mode(pool, bounds, rough.usual, around, smooth=True)
-    return smooth if smooth.best > rough.best + _DECISIVE else rough
+    if smooth.best > rough.best + _DECISIVE:
+        return replace(smooth, other=rough)
+    return replace(rough, other=smooth)
 
 
 def _mode(

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit
 from scipy.stats import chi2, qmc
 from scipy.stats import t as student
 
@@ -23,13 +25,23 @@ TAU_SD = 1.5  # prior, log-normal with this sd (a quarter of a dwell is one away
 _RATIO_SD = 3.0  # prior of the log ratio of variances: sds that differ up to 4.5 times, usually
 
 
+class Noise(NamedTuple):
+    """White sd, correlated sd and its time, and whether that part is smooth (`NoiseFloor`)."""
+
+    white: float
+    ou: float
+    tau: float
+    smooth: bool
+
+
 @dataclass(frozen=True, eq=False)
 class Dwells:
     """The pooled dwells, and the noise of highest restricted likelihood.
 
     ratio, tau: logarithms of the correlated variance over the white one, and of its time; bounds:
     (2, 2) lowest and highest of both; usual: log of the prior's median time; correlated: whether
-    the correlated part is beyond doubt (else white noise alone has half the prior probability).
+    the correlated part is beyond doubt (else white noise alone has half the prior probability);
+    other: the other kind of correlated noise, as likely beforehand, at its own mode.
     """
 
     pool: Pool
@@ -40,6 +52,7 @@ class Dwells:
     usual: float
     smooth: bool
     correlated: bool
+    other: Dwells | None = None
 
     def log_likelihood(self, white: float, ou: float, tau: float) -> float:
         """Restricted log-likelihood (up to a constant) of some noise."""
@@ -48,23 +61,41 @@ class Dwells:
         size = variance / white**2
         return profile - 0.5 * self.pool.freedom * (size - 1.0 - float(np.log(size)))
 
-    def draw(self, count: int) -> list[tuple[float, float, float]]:
-        """(white, ou, tau) of equally likely noises, the same at every call.
+    def draw(self, count: int) -> list[Noise]:
+        """Equally likely noises, the same at every call.
 
         The scale's posterior at a given ratio and time is an inverse chi-square, exactly.
         """
+        few = round(self._share * count)
+        others = self.other._own(few) if self.other and few else []
+        return [*self._own(count - few), *others]
+
+    def weighted(self, count: int) -> tuple[list[Noise], Array]:
+        """The same, with weights (count,) of sum 1, so that unlikely noises are among them."""
+        share = self._share
+        parts = np.sqrt([1.0 - share, share])
+        few = round(count * parts[1] / parts.sum())
+        found, weights = self._own_weighted(count - few)
+        if self.other is None or few == 0:
+            return found, weights
+        others, beside = self.other._own_weighted(few)
+        return found + others, np.concatenate([(1.0 - share) * weights, share * beside])
+
+    @property
+    def _share(self) -> float:
+        """Probability of the other kind of correlated noise, both modes being equally wide."""
+        return float(expit(self.other.best - self.best)) if self.other else 0.0
+
+    def _own(self, count: int) -> list[Noise]:
         return self._chosen(count, self._sample[2])[0]
 
-    def weighted(self, count: int) -> tuple[list[tuple[float, float, float]], Array]:
-        """The same, with weights (count,) of sum 1, so that unlikely noises are among them."""
+    def _own_weighted(self, count: int) -> tuple[list[Noise], Array]:
         weights = self._sample[2]
         found, chosen = self._chosen(count, np.sqrt(weights))
         shares = np.sqrt(weights[chosen])
         return found, shares / shares.sum()
 
-    def _chosen(
-        self, count: int, weights: Array
-    ) -> tuple[list[tuple[float, float, float]], NDArray[np.intp]]:
+    def _chosen(self, count: int, weights: Array) -> tuple[list[Noise], NDArray[np.intp]]:
         """Noises at places drawn by their weights, and which places those are."""
         places, variances, _ = self._sample
         shares = (np.arange(count) + 0.5) / count
@@ -77,7 +108,8 @@ class Dwells:
         for k, scale in zip(chosen, scales, strict=True):
             white = float(np.sqrt(variances[k]) * scale)
             ratio, tau = places[k]
-            found.append((white, white * float(np.exp(0.5 * ratio)), float(np.exp(tau))))
+            ou = white * float(np.exp(0.5 * ratio))
+            found.append(Noise(white, ou, float(np.exp(tau)), self.smooth))
         return found, chosen
 
     @cached_property
