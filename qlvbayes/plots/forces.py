@@ -49,8 +49,9 @@ def plot_forces(
     One row a test, slowest first, named with its loading rate and whether it was fitted or
     predicted; one column a kind of phase. Ramps and unloads run in linear time since they began,
     holds and recoveries in logarithmic time, so that milliseconds and half a minute are both seen.
-    Dots are measured samples, the line is the posterior mean, the band holds 90 % of predicted
-    samples. The panels of a row share their force axis.
+    Dots are measured samples, the line is the model's posterior mean, the band holds 90 % of
+    predicted samples: with what the fit says that the model misses, so that it may lie beside the
+    line. The panels of a row share their force axis.
 
     Where phases of a kind repeat, as in a staircase, a first wide panel shows the whole test, and
     the repeats lie over each other, numbered, in the colour that they have in the whole test. A
@@ -107,7 +108,7 @@ def _lines(
         markeredgewidth=0,
         label="measured",
     )
-    axis.plot(time, prediction.mean[rows], color=colour, label="posterior mean")
+    axis.plot(time, prediction.mean[rows], color=colour, label="model's posterior mean")
 
 
 def _label_row(row: np.ndarray, prediction: Prediction, units: UnitSystem, *, tight: bool) -> None:
