@@ -47,7 +47,7 @@ def _repeating(test: Record, phases: Sequence[Phase]) -> Dwell | None:
     if inside.size < _FEWEST_SAMPLES:
         return None
     found = dwell_of(test, inside)
-    return replace(found, curve=_curve(found.time, turns))
+    return replace(found, curve=found.mean(_curve(found.time, turns)))
 
 
 def _turns(phases: Sequence[Phase]) -> Array | None:

@@ -57,7 +57,7 @@ class Dwell:
     """One dwell: all readings (n,) and the first one (k,) of each run that is averaged.
 
     scale: (n,) relative sd of each reading; degree: of the polynomial that is there with the
-    relaxation; curve: (n, p) columns of what may be there instead.
+    relaxation; curve: (k, p) means over the runs of what may be there instead.
     """
 
     time: Array
@@ -200,8 +200,8 @@ def trend(dwell: Dwell, ratio: float) -> Array:
     The dwell's own curve, or any combination of a polynomial and exp(-t/T_j), the T_j a factor
     ``ratio`` apart, from a few thousandths of the length of the dwell to all of it.
     """
-    curve = _relaxing(dwell, ratio) if dwell.curve is None else dwell.curve
-    q, r, _ = qr(dwell.mean(curve) / run_scale(dwell)[:, None], mode="economic", pivoting=True)
+    curve = dwell.mean(_relaxing(dwell, ratio)) if dwell.curve is None else dwell.curve
+    q, r, _ = qr(curve / run_scale(dwell)[:, None], mode="economic", pivoting=True)
     size = np.abs(np.diag(r))
     return np.asarray(q[:, size > 1e-10 * size[0]], dtype=np.float64)
 
