@@ -44,9 +44,8 @@ def plot_hysteresis(
     predicted. Dots are measured samples; the line is the model's posterior mean, solid on the way
     in with the holds after it (where it falls straight down), dashed on the way back with the
     dwells after that; bands hold 90 % of predicted samples while the platen moves, with what the
-    fit says that the model misses. The area of a loop is the
-    energy that the specimen loses. All panels share their axes. width: of the figure (mm). Returns
-    the panels.
+    fit says that the model misses. The area of a loop is the energy that the specimen loses. All
+    panels share their axes. width: of the figure (mm). Returns the panels.
     """
     tight = narrow(width)
     shown = sorted(predictions, key=lambda p: by_rate(p.trial.rate))
@@ -130,6 +129,6 @@ def _legend(figure: Figure, columns: int) -> None:
     ways = [Line2D([], [], color=colours()[k], linestyle=LINES[k]) for k in (False, True)]
     figure.legend(
         [Line2D([], [], markersize=5.0, **dot), *ways, Patch(color="0.6", alpha=0.4, linewidth=0)],
-        ["measured", "model's posterior mean, way in", "way back", "90 % predictive band"],
+        ["measured", "model's mean, way in", "way back", "90 % predictive band"],
         loc="outside upper center", ncols=columns,
     )  # fmt: skip
