@@ -291,6 +291,18 @@ def test_equal_cycles_without_noise_have_next_to_none():
     assert measure(records, phases).total == pytest.approx(3e-4 * records[0].force.max())
 
 
+@pytest.mark.parametrize("pressed", [1, 2, 50])
+def test_strokes_of_which_next_to_nothing_is_pressed_do_no_harm(pressed):
+    """Of every way back only so many readings are above a tenth of the peak."""
+    records, phases = cycles(np.random.default_rng(27), 0.004, 0.006, 0.5, hertz=20.0)
+    for record in records:
+        for one in phases[0][1::2]:
+            back = np.flatnonzero((record.time > one.start) & (record.time <= one.stop))
+            record.force[back[pressed:]] = 0.0
+    found = measure(records, phases)
+    assert 0.003 < found.total < 0.02
+
+
 @pytest.mark.parametrize("different", [{"turns": 3}, {"growing": 0.1}])
 def test_few_or_unequal_cycles_show_no_noise_by_what_does_not_repeat(different):
     records, phases = cycles(np.random.default_rng(25), 0.004, 0.006, 0.5, **different)

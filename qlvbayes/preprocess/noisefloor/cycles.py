@@ -105,6 +105,8 @@ def _curve(time: Array, turns: Array) -> Array:
 def _stroke(along: Array, settling: Array, samples: float) -> Array:
     """A cubic spline along one stroke, and a cubic of each way of settling; samples: of a cycle."""
     first, last = float(along.min()), float(along.max())
+    if first == last:
+        return np.ones((along.size, 1))
     count = int(np.clip(samples / _KNOT_SAMPLES, 2, _MOST_KNOTS))
     knots = np.concatenate([[first] * 3, np.linspace(first, last, count), [last] * 3])
     spline = BSpline.design_matrix(along, knots, 3).toarray()
