@@ -44,7 +44,7 @@ from qlvbayes.preprocess.phases import Phase
 from qlvbayes.preprocess.record import Blocks, Record
 
 _ORDERS = 4
-_DRAWS = 12  # of the floor, over which p-values are averaged
+_DRAWS = 48  # of the floor, over which p-values are averaged: with 12 one of 0.02 may read 1e-9
 _FEWEST = 3  # blocks a curve, at least
 _MOST_APART = 5  # phases of a kind in a test: of more, as in cycles, one cell is made,
 _CYCLE_ORDERS = 2  # whose mean over a cycle may drift by a straight line and a parabola

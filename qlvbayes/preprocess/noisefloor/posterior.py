@@ -9,14 +9,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
-from scipy.stats import chi2, qmc
+from scipy.stats import chi2, norm, qmc
 from scipy.stats import t as student
 
 from qlvbayes.preprocess.noisefloor.pool import Pool
 
 Array = NDArray[np.float64]
 
-_POINTS = 32  # of the importance sample over (log ratio, log tau)
+_POINTS = 32  # of the importance sample over (log ratio, log tau), about the mode
+_PRIOR_POINTS = 64  # the same, from the prior
 _HEAVY = 5.0  # degrees of freedom of its Student-t
 _STEP = 0.1  # of both numbers, in the curvature's differences
 _WIDEST = 2.0  # sd of that t where the dwells say little
@@ -116,38 +117,39 @@ class Dwells:
     def _sample(self) -> tuple[Array, Array, Array]:
         """Places (n, 2) of (log ratio, log tau), their white variances and weights (n,).
 
-        Importance sampling from a Student-t at the mode; -inf for log ratio is white noise alone.
+        Importance sampling from a Student-t at the mode and from the prior together (each weight by
+        the density of both; Veach & Guibas 1995): where the dwells say little, nothing near the
+        mode reaches what they leave open. -inf for log ratio is white noise alone.
         """
-        mode, root = np.array([self.ratio, self.tau]), self._spread()
-        normal = qmc.Sobol(3, seed=0).random(_POINTS)
-        z = student_t(normal)
-        places = mode + z @ root.T
+        places, density = self._proposed()
         inside = np.all((places > self.bounds[0]) & (places < self.bounds[1]), axis=1)
-        places, z = places[inside], z[inside]
+        places, count = places[inside], density.size
         found = [self.pool.likelihood(r, log_tau, self.smooth) for r, log_tau in places.tolist()]
         logs, variances = np.array(found).T
-        proposal = -0.5 * (_HEAVY + 2.0) * np.log1p(np.sum(z**2, axis=1) / _HEAVY)
-        prior = self._log_prior(places[:, 1]) - 0.5 * (places[:, 0] / _RATIO_SD) ** 2
-        weights = np.exp(logs + prior - proposal - self.best)
-        if not self.correlated:
-            places, variances, weights = self._or_white(places, variances, weights, root)
+        weights = np.exp(logs - self.best) * self._prior(places) / density[inside]
+        if not self.correlated:  # white noise alone beside it, as likely beforehand
+            log_white, variance = self.pool.of_white()
+            places = np.concatenate([places, [[-np.inf, self.usual]]])
+            variances = np.append(variances, variance)
+            weights = np.append(weights, count * np.exp(log_white - self.best))
         return places, variances, weights / weights.sum()
 
-    def _or_white(
-        self, places: Array, variances: Array, weights: Array, root: Array
-    ) -> tuple[Array, Array, Array]:
-        """White noise alone beside them, as likely beforehand."""
-        log_white, variance = self.pool.of_white()
-        # mean likelihood over the prior: normal in log ratio and log tau
-        volume = 2.0 * np.pi * abs(float(np.linalg.det(root))) / _POINTS
-        density = 1.0 / (2.0 * np.pi * _RATIO_SD * TAU_SD)
-        alone = np.exp(log_white - self.best) / (volume * density)
-        place = np.array([[-np.inf, self.usual]])
-        return (
-            np.concatenate([places, place]),
-            np.append(variances, variance),
-            np.append(weights, alone),
-        )
+    def _proposed(self) -> tuple[Array, Array]:
+        """Places (n, 2) about the mode and all over the prior, and the density of both there."""
+        mode, root = np.array([self.ratio, self.tau]), self._spread()
+        near = mode + student_t(qmc.Sobol(3, seed=0).random(_POINTS)) @ root.T
+        z = norm.ppf(qmc.Sobol(2, seed=0).random(_PRIOR_POINTS))
+        places = np.concatenate([near, [0.0, self.usual] + z * [_RATIO_SD, TAU_SD]])
+        z = np.linalg.solve(root, (places - mode).T)
+        peak = 2.0 * np.pi * abs(float(np.linalg.det(root)))
+        about = (1.0 + np.sum(z**2, axis=0) / _HEAVY) ** (-0.5 * (_HEAVY + 2.0)) / peak
+        return places, (_POINTS * about + _PRIOR_POINTS * self._prior(places)) / len(places)
+
+    def _prior(self, places: Array) -> Array:
+        """Density (n,) of (log ratio, log tau): independent normals."""
+        ratio, tau = places.T
+        exponent = self._log_prior(tau) - 0.5 * (ratio / _RATIO_SD) ** 2
+        return np.asarray(np.exp(exponent) / (2.0 * np.pi * _RATIO_SD * TAU_SD))
 
     def _log_prior(self, tau: Array) -> Array:
         return -0.5 * ((tau - self.usual) / TAU_SD) ** 2
