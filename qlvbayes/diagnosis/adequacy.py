@@ -44,7 +44,8 @@ from qlvbayes.preprocess.phases import Phase
 from qlvbayes.preprocess.record import Blocks, Record
 
 _ORDERS = 4
-_DRAWS = 48  # of the floor, over which p-values are averaged: with 12 one of 0.02 may read 1e-9
+_DRAWS = 12  # of the floor, over which p-values are averaged
+_MANY_DRAWS = 48  # the same where its kind is in doubt: with 12 a p-value of 0.02 may read 1e-9
 _FEWEST = 3  # blocks a curve, at least
 _MOST_APART = 5  # phases of a kind in a test: of more, as in cycles, one cell is made,
 _CYCLE_ORDERS = 2  # whose mean over a cycle may drift by a straight line and a parabola
@@ -91,17 +92,18 @@ def adequacy(experiment: Experiment, record: Record, point: Point) -> Adequacy:
     vectors = np.concatenate([residual[None], slopes, curves])
     peak = experiment.scales.force
     tests = _tests(record.blocks)
-    floors, weights = experiment.floor.weighted(_DRAWS)
+    floor = experiment.floor
+    floors, weights = floor.weighted(_DRAWS if floor.is_sure else _MANY_DRAWS)
     found = []
-    for floor in floors:
-        products = _products(floor, tests, vectors, peak)
+    for one in floors:
+        products = _products(one, tests, vectors, peak)
         found.append(_p_values(products, len(slopes), [rows for _, rows in cells]))
     cell_ps = np.average([ps for ps, _, _ in found], axis=0, weights=weights)
-    joint, both = np.average([one[1:] for one in found], axis=0, weights=weights)
+    joint, both = np.average([p[1:] for p in found], axis=0, weights=weights)
     tested = tuple(
         CellTest(*cell, len(rows), float(p)) for (cell, rows), p in zip(cells, cell_ps, strict=True)
     )
-    return Adequacy(tested, float(joint), float(both), experiment.floor.testable)
+    return Adequacy(tested, float(joint), float(both), floor.testable)
 
 
 def combined(worst: float, cells: int, joint: float) -> float:

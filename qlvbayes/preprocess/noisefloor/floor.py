@@ -53,6 +53,11 @@ class NoiseFloor:
         """Correlation time (s) of the Ornstein-Uhlenbeck process with the same slow part."""
         return self.tau
 
+    @property
+    def is_sure(self) -> bool:
+        """Whether the dwells leave no doubt of what kind the noise is."""
+        return self.dwells is None or self.dwells.is_sure
+
     def scale(self, force: ArrayLike) -> Array:
         """Sd at a force, any shape, over the one at ``level``."""
         size = np.abs(np.asarray(force, dtype=np.float64))

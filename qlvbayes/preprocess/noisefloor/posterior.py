@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 
 _POINTS = 32  # of the importance sample over (log ratio, log tau), about the mode
 _PRIOR_POINTS = 64  # the same, from the prior
+_DOUBT = 0.05  # probability of the other kind, from which on it is reckoned with
 _HEAVY = 5.0  # degrees of freedom of its Student-t
 _STEP = 0.1  # of both numbers, in the curvature's differences
 _WIDEST = 2.0  # sd of that t where the dwells say little
@@ -86,6 +87,11 @@ class Dwells:
     def _share(self) -> float:
         """Probability of the other kind of correlated noise, both modes being equally wide."""
         return float(expit(self.other.best - self.best)) if self.other else 0.0
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether that noise is correlated, and in which way, is beyond doubt."""
+        return self.correlated and self._share < _DOUBT
 
     def _own(self, count: int) -> list[Noise]:
         return self._chosen(count, self._sample[2])[0]
