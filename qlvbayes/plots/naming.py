@@ -20,7 +20,7 @@ def model_name(effects: Sequence[str], laws: Sequence[str] = ()) -> str:
 
     laws: base laws that are not those chosen.
     """
-    words = [f"by {' and '.join(laws)}"] if laws else []
+    words = [_by(laws)] if laws else []
     words += [f"with {' + '.join(effects)}"] if effects else []
     return " ".join(words) or "plain model"
 
@@ -46,7 +46,11 @@ def _found(diagnosis: DiagnosisResult) -> str:
 
 def _on_laws(diagnosis: DiagnosisResult) -> str:
     """The base laws, where they are not those chosen."""
-    return f", by {' and '.join(diagnosis.changed)}" if diagnosis.changed else ""
+    return f", {_by(diagnosis.changed)}" if diagnosis.changed else ""
+
+
+def _by(laws: Sequence[str]) -> str:
+    return f"by {' and '.join(laws)}"
 
 
 def parameter_label(name: str, unit: str = "1") -> str:

@@ -17,17 +17,16 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.stats import theilslopes
 
-from qlvbayes.preprocess.noisefloor.dwells import PRESSED, Dwell, Record, dwell_of
+from qlvbayes.preprocess.noisefloor.dwells import Dwell, Record, dwell_of, pressed
 from qlvbayes.preprocess.phases import Phase
 
 Array = NDArray[np.float64]
 
-_FEWEST_CYCLES = 4
-_FEWEST_SAMPLES = 72  # pressed readings: three times those of a dwell, as the curve takes many
+_FEWEST_CYCLES = 4  # the first is left out, and three values tell two ways of settling from noise
 _LATE = 0.1  # of a stroke: where one turns further off its time the cycles are not equal
 _UNEQUAL = 0.05  # of the stroke: the same of depths; the reading nearest a turn may miss it by half
 _KNOT_SAMPLES = 2.0  # readings of a cycle between two knots of the curve along a stroke
-_MOST_KNOTS = 16
+_MOST_KNOTS = 16  # along a stroke: pieces of 6 % of it, within which a soft law is a cubic
 _SETTLING_DEGREE = 3  # along the stroke, of what changes from cycle to cycle
 
 
@@ -41,10 +40,8 @@ def _repeating(test: Record, phases: Sequence[Phase]) -> Dwell | None:
     turns = _turns(phases)
     if turns is None or not _equally_deep(test, turns):
         return None
-    least = PRESSED * float(np.abs(test.force).max(initial=0.0))
-    during = (test.time > turns[1, 0]) & (test.time <= turns[-1, 0])
-    inside = np.flatnonzero(during & (np.abs(test.force) > least))
-    if inside.size < _FEWEST_SAMPLES:
+    inside = pressed(test, (test.time > turns[1, 0]) & (test.time <= turns[-1, 0]))
+    if inside is None:
         return None
     found = dwell_of(test, inside)
     return replace(found, curve=found.mean(_curve(found.time, turns)))

@@ -23,7 +23,7 @@ _BURST, _SPREAD = 120, 120  # readings in a row; means over the others of a dwel
 _GAPS = (1, 1, 2, 3, 5, 8, 13, 21)  # samples between the readings in a row
 _FEWEST_SAMPLES = 24
 _CONTACT = 0.02  # of the largest force: below, contact may be lost
-PRESSED = 0.1  # of the same: below, a stroke may have a kink, as contact is found or lost
+_PRESSED = 0.1  # of the same: below, a stroke may have a kink, as contact is found or lost
 _MARGIN = 0.1  # of a stroke, at either end: its turning point may have a kink
 _DEGREE = 8  # of a stroke's trend: it leaves far less than noise of a soft law's half cycle
 
@@ -93,7 +93,7 @@ def find_dwells(
 
 def find_strokes(tests: Sequence[Record], phases: Sequence[Sequence[Phase]]) -> list[Dwell]:
     """The same of loading and unloading, where the pad is surely pressed."""
-    return _best_sampled(tests, phases, _pressed)
+    return _best_sampled(tests, phases, _stroke)
 
 
 def _best_sampled(
@@ -123,16 +123,22 @@ def _at_rest(test: Record, phase: Phase, step: float) -> Dwell | None:
     return dwell_of(test, inside)
 
 
-def _pressed(test: Record, phase: Phase) -> Dwell | None:
+def _stroke(test: Record, phase: Phase) -> Dwell | None:
     if phase.kind in ("hold", "recovery"):
         return None
     margin = _MARGIN * (phase.stop - phase.start)
     away = (test.time > phase.start + margin) & (test.time <= phase.stop - margin)
-    least = PRESSED * float(np.abs(test.force).max(initial=0.0))
-    inside = np.flatnonzero(away & (np.abs(test.force) > least))
-    if inside.size < 3 * _FEWEST_SAMPLES or np.ptp(inside) >= 2 * inside.size:
+    inside = pressed(test, away)
+    if inside is None or np.ptp(inside) >= 2 * inside.size:
         return None
     return replace(dwell_of(test, inside), degree=_DEGREE)
+
+
+def pressed(test: Record, among: NDArray[np.bool_]) -> NDArray[np.intp] | None:
+    """Readings among some (n,) at which the pad is surely pressed; None where these are few."""
+    least = _PRESSED * float(np.abs(test.force).max(initial=0.0))
+    inside = np.flatnonzero(among & (np.abs(test.force) > least))
+    return inside if inside.size >= 3 * _FEWEST_SAMPLES else None
 
 
 def _regained(force: Array, inside: NDArray[np.intp]) -> int:

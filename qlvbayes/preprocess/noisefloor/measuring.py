@@ -76,7 +76,7 @@ def measure(
     elif cycles := find_cycles(tests, phases):
         floor = replace(_pooled(cycles, known, quickest), notices=(_OF_CYCLES,))
     else:
-        floor = _without_dwells(tests, phases, known)
+        floor = _without_dwells(tests, phases, known, quickest)
     return _at_least(floor, step, float(np.hypot(EXACT * peak, _ROUNDED * of_a_step)))
 
 
@@ -95,7 +95,7 @@ def _quickest(phases: Sequence[Sequence[Phase]]) -> float:
 
 
 def _without_dwells(
-    tests: Sequence[Record], phases: Sequence[Sequence[Phase]], peak: float
+    tests: Sequence[Record], phases: Sequence[Sequence[Phase]], peak: float, quickest: float
 ) -> NoiseFloor:
     """About smooth curves of strokes; what these do not show is as the prior has it at its middle.
 
@@ -104,7 +104,7 @@ def _without_dwells(
     length = max((float(np.ptp(t.time)) for t in tests if t.time.size), default=0.0) or 1.0
     strokes = find_strokes(tests, phases)
     if strokes:
-        floor = _pooled(strokes, peak, _quickest(phases), length)
+        floor = _pooled(strokes, peak, quickest, length)
         about = "it is measured about smooth curves of single strokes"
     else:
         found = [sensor_noise(t.time, t.force) for t in tests]
