@@ -6,8 +6,8 @@ from qlvbayes.diagnosis.result import DiagnosisResult, ParameterBias
 from qlvbayes.diagnosis.work import Work
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import joined, plain
+from qlvbayes.preprocess.phases import NAMES
 
-_PHASE = {"ramp": "ramp", "hold": "hold", "unload": "unloading", "recovery": "recovery"}
 _MOST_BIASES = 3
 _LINEAR = 0.5  # relative change up to which slopes tell how far a constant moves
 _MOST_CELLS = 4
@@ -117,14 +117,14 @@ def _structure(d: DiagnosisResult, work: Work) -> str:
             f"depth ({d.base.elastic}) nothing is left but noise ({_p(last.p_value)})."
         )
     worst = last.worst
-    cells = list(dict.fromkeys(f"{_PHASE[at.phase]} of {at.test}" for at in last.failing))
+    cells = list(dict.fromkeys(f"{NAMES[at.phase]} of {at.test}" for at in last.failing))
     more = f" and {len(cells) - _MOST_CELLS} more" if len(cells) > _MOST_CELLS else ""
     where = f", in the {joined(cells[:_MOST_CELLS])}{more}" if cells else ""
     sign = "above" if worst.bias > 0.0 else "below"
     return (
         f"structure remains beyond the noise floor of {plain(d.noise)} {unit} "
         f"({_p(last.p_value)}){where}. The largest error left is {plain(worst.rmse)} {unit} in the "
-        f"{_PHASE[worst.phase]} of {worst.test}, where the measured force lies "
+        f"{NAMES[worst.phase]} of {worst.test}, where the measured force lies "
         f"{plain(abs(worst.bias))} {unit} {sign} the model on average.{_size(d, work)}"
     )
 
@@ -200,7 +200,7 @@ def _measure(d: DiagnosisResult, work: Work) -> str:
     if left is None:
         return ""
     if left.rms > 0.0:
-        place, most = f"in the {_PHASE[left.phase]} of {left.test}", f", {left.upper95:.2g} {unit}"
+        place, most = f"in the {NAMES[left.phase]} of {left.test}", f", {left.upper95:.2g} {unit}"
         return (
             f"{_share(left.share_of_peak)} of the peak force ({left.rms:.2g} {unit}{most} at most) "
             f"{place}"
@@ -226,7 +226,7 @@ def _where(d: DiagnosisResult) -> str:
     units, worst = d.units, d.stages[0].worst
     sign = "above" if worst.bias > 0.0 else "below"
     return (
-        f"Where the plain model fails worst: the {_PHASE[worst.phase]} of {worst.test} "
+        f"Where the plain model fails worst: the {NAMES[worst.phase]} of {worst.test} "
         f"({_rate(worst.rate, units)}), by {plain(worst.rmse)} {units.force} root mean square; the "
         f"measured force lies {plain(abs(worst.bias))} {units.force} {sign} the model on average."
     )

@@ -58,6 +58,16 @@ class Chain:
     steps: int
     enough: bool
 
+    @classmethod
+    def judged(
+        cls, theta: np.ndarray, log_density: np.ndarray, acceptance: float, steps: int
+    ) -> Chain:
+        """The chain with its autocorrelation time, and whether that is enough."""
+        time = autocorrelation_time(theta)
+        mixed = not diagnose_chain(np.swapaxes(theta, 0, 1)).troubles
+        enough = mixed and bool(len(theta) >= STEPS_PER_TIME * time)
+        return cls(theta, log_density, time, acceptance, steps, enough)
+
 
 @dataclass
 class _Run:
@@ -109,11 +119,7 @@ class _Run:
         density = np.concatenate([stretch.log_density for stretch in kept])
         burn = int(_BURN_IN * len(theta))
         accepted = sum(stretch.accepted for stretch in kept) / density.size
-        theta, density = theta[burn:], density[burn:]
-        time = autocorrelation_time(theta)
-        mixed = not diagnose_chain(np.swapaxes(theta, 0, 1)).troubles
-        enough = mixed and bool(len(theta) >= STEPS_PER_TIME * time)
-        return Chain(theta, density, time, accepted, self.steps, enough)
+        return Chain.judged(theta[burn:], density[burn:], accepted, self.steps)
 
 
 def sample(
@@ -217,10 +223,10 @@ def _advance(
     return state, stretch
 
 
-def key_of(posterior: Posterior, settings: Settings) -> str:
+def key_of(posterior: Posterior, settings: Settings, method: str = "emcee") -> str:
     """Digest of everything that a chain depends on."""
     leaves, shape = jax.tree.flatten(posterior)
-    digest = hashlib.sha256(repr((str(shape), settings)).encode())
+    digest = hashlib.sha256(repr((str(shape), settings, method)).encode())
     for leaf in leaves:
         digest.update(np.ascontiguousarray(leaf).tobytes())
     return digest.hexdigest()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -12,7 +12,8 @@ import numpy as np
 from qlvbayes.fitting import compiled
 from qlvbayes.fitting.chainstore import ChainStore
 from qlvbayes.fitting.diagnostics import diagnose_chain
-from qlvbayes.fitting.ensemble import STEPS_PER_TIME, Progress, Settings, key_of, sample
+from qlvbayes.fitting.ensemble import STEPS_PER_TIME, Chain, Progress, Settings, key_of, sample
+from qlvbayes.fitting.least_squares import NormalApproximation
 from qlvbayes.fitting.marginal import floor_likelihood
 from qlvbayes.fitting.optimum import starting_point
 from qlvbayes.fitting.prediction import Prediction, predict
@@ -29,7 +30,11 @@ from qlvbayes.preprocess.carried import carried_notices, clock_notices
 from qlvbayes.preprocess.experiment import Experiment, Trial
 from qlvbayes.preprocess.record import Record
 
-METHODS = ("emcee", "least-squares", "two-step")
+Sampler = Callable[
+    [Posterior, NormalApproximation, Settings, ChainStore | None, Progress | None], Chain
+]
+SAMPLERS: dict[str, Sampler] = {"emcee": sample}
+METHODS = (*SAMPLERS, "least-squares", "two-step")
 _KEPT = 2000  # draws kept in the results, at most
 _NORMAL_DRAWS = (4, 1000)  # chains and draws that stand for a normal approximation
 
@@ -74,7 +79,7 @@ class Fit:
 
     def summary(self) -> FitSummary:
         """Means, sds, medians, intervals and diagnostics of every constant, before thinning."""
-        judged = diagnose_chain(self.every) if self.method == "emcee" else None
+        judged = diagnose_chain(self.every) if self.method in SAMPLERS else None
         troubles = (*(judged.troubles if judged else ()), *_length_troubles(self))
         return FitSummary(
             pad=self.pad,
@@ -137,16 +142,16 @@ def fit_pad(
 ) -> Fit:
     """Fit the trials whose role is ``fit``.
 
-    method: ``emcee`` samples the posterior; ``least-squares`` and ``two-step`` are the paper's
-    routes, whose draws come from the normal approximation at the optimum. ``folder`` is where the
-    growing chain is kept, so that a killed run resumes. Raises InputError on settings that do not
-    fit the model.
+    method: ``emcee``, or another of ``SAMPLERS``, samples the posterior; ``least-squares`` and
+    ``two-step`` are the paper's routes, whose draws come from the normal approximation at the
+    optimum. ``folder`` is where the growing chain is kept, so that a killed run resumes. Raises
+    InputError on settings that do not fit the model.
     """
     settings = settings or Settings()
     experiment = replace(experiment, rested=choices.rested)
     trials = experiment.with_role("fit")
-    if method == "emcee":
-        return _sampled(experiment, choices, trials, settings, folder, progress)
+    if method in SAMPLERS:
+        return _sampled(experiment, choices, method, trials, settings, folder, progress)
     if method not in METHODS:
         raise InputError(f"no method {method!r}", remedy=f"use one of {', '.join(METHODS)}")
     white = replace(choices, noise="white")
@@ -160,6 +165,7 @@ def fit_pad(
 def _sampled(
     experiment: Experiment,
     choices: Choices,
+    method: str,
     trials: tuple[Trial, ...],
     settings: Settings,
     folder: Path | None,
@@ -168,8 +174,8 @@ def _sampled(
     posterior = build_posterior(experiment, choices, trials)
     rng = np.random.default_rng(settings.seed)
     start = starting_point(posterior, experiment.floor, rng).normal
-    store = ChainStore(folder, key_of(posterior, settings)) if folder else None
-    chain = sample(posterior, start, settings, store, progress)
+    store = ChainStore(folder, key_of(posterior, settings, method)) if folder else None
+    chain = SAMPLERS[method](posterior, start, settings, store, progress)
     steps, walkers = chain.log_density.shape
     thin = max(1, -(-steps * walkers // _KEPT))
     theta = np.swapaxes(chain.theta, 0, 1)
@@ -184,7 +190,7 @@ def _sampled(
     }
     return Fit(
         experiment.pad,
-        "emcee",
+        method,
         choices,
         settings,
         experiment,
@@ -245,7 +251,7 @@ def _notices(fit: Fit) -> Iterator[str]:
 
 
 def _length_troubles(fit: Fit) -> list[str]:
-    if fit.method != "emcee":
+    if fit.method not in SAMPLERS:
         return [] if fit.enough else ["no two starts came to the same optimum"]
     steps, time = fit.facts["kept_steps"], fit.facts["autocorrelation_steps"]
     if steps >= STEPS_PER_TIME * time:

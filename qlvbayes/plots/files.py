@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -18,6 +19,7 @@ _METADATA: dict[str, dict[str, Any]] = {
     "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
     "png": {"Software": None},
 }
+_NO_ENGINE: Any = {"figure.autolayout": False, "figure.constrained_layout.use": False}
 
 
 def figure_of(drawn: Axes | Sequence[Axes] | Figure) -> Figure:
@@ -45,11 +47,15 @@ def save_figure(drawn: Axes | Sequence[Axes] | Figure, path: Path) -> Path:
 
 @contextmanager
 def _laid_out(figure: Figure) -> Iterator[None]:
-    """Lay the figure out once, not once for each file: that takes longer than the drawing."""
+    """Lay the figure out once, not once for each file: that takes longer than the drawing.
+
+    No engine is left, not even that which stands for none: with one, ``savefig`` draws twice.
+    """
     engine = figure.get_layout_engine()
     if engine is not None:
         engine.execute(figure)
-        figure.set_layout_engine("none")
+        with matplotlib.rc_context(_NO_ENGINE):
+            figure.set_layout_engine(None)
     try:
         yield
     finally:

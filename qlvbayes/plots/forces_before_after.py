@@ -17,7 +17,7 @@ from qlvbayes.diagnosis.curves import Band, Curve, curves
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.verdict import Diagnosis
 from qlvbayes.io.units import UnitSystem
-from qlvbayes.plots.naming import broken, heading, model_name
+from qlvbayes.plots.naming import heading, model_lines, model_name
 from qlvbayes.plots.panels import leaders, lines_of, name_row, place_panels
 from qlvbayes.plots.stretches import (
     DWELLS,
@@ -172,7 +172,9 @@ def _legend(figure: Figure, axes: np.ndarray, diagnosis: DiagnosisResult, *, tig
     for colour, effects, laws in [*models, (final, diagnosis.tried, diagnosis.changed)]:
         handles += [lines[colour], bands[to_hex(colour)]]
         labels += [
-            _named(effects, laws) if tight else fill(model_name(effects, laws), _LABEL),
+            model_lines(effects, laws, _LABEL_TIGHT)
+            if tight
+            else fill(model_name(effects, laws), _LABEL),
             "its 90 % band",
         ]
     if tight:  # lines in the first column, bands in the second
@@ -191,11 +193,3 @@ def _legend(figure: Figure, axes: np.ndarray, diagnosis: DiagnosisResult, *, tig
     )
     key = "residual: measured − predicted, dots in the model's colour"
     figure.supxlabel(key, x=0.01, ha="left")
-
-
-def _named(effects: Sequence[str], laws: Sequence[str]) -> str:
-    """The model's name in lines that fit into half a column."""
-    words = ["by " + "\nand ".join(broken(name, _LABEL_TIGHT) for name in laws)] if laws else []
-    parts = [broken(name, _LABEL_TIGHT) for name in effects]
-    words += ["with " + "\n+ ".join(parts)] if parts else []
-    return "\n".join(words) or model_name(effects)

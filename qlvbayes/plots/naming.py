@@ -25,6 +25,13 @@ def model_name(effects: Sequence[str], laws: Sequence[str] = ()) -> str:
     return " ".join(words) or "plain model"
 
 
+def model_lines(effects: Sequence[str], laws: Sequence[str], most: int) -> str:
+    """The same in lines of at most so many characters, where words allow it."""
+    words = ["by " + "\nand ".join(broken(name, most) for name in laws)] if laws else []
+    words += ["with " + "\n+ ".join(broken(name, most) for name in effects)] if effects else []
+    return "\n".join(words) or model_name(effects)
+
+
 def heading(diagnosis: DiagnosisResult, *, tight: bool = False) -> str:
     """The pad and its verdict, in as many lines as it takes; tight: of one column."""
     line = _LINE_TIGHT if tight else _LINE

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from qlvbayes.preprocess.experiment import Trial
+from qlvbayes.preprocess.phases import MOVING
 
 _DECADES = 10.0  # highest over lowest rate, from where on time is logarithmic too
 _EARLIEST = 0.01  # of the shortest first movement: from there on time is logarithmic
@@ -29,7 +30,7 @@ def since_contact(trial: Trial, time: np.ndarray) -> np.ndarray:
 def first_movement(trial: Trial) -> tuple[float, float]:
     """When the first ramp or unload began and ended (s)."""
     phases = trial.phases
-    found = next((p for p in phases if p.kind in ("ramp", "unload")), phases[0])
+    found = next((p for p in phases if p.kind in MOVING), phases[0])
     return found.start, found.stop
 
 

@@ -14,7 +14,14 @@ from qlvbayes.preprocess.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 Kind = Literal["ramp", "hold", "unload", "recovery"]
-KINDS: tuple[Kind, ...] = ("ramp", "hold", "unload", "recovery")
+NAMES: dict[str, str] = {  # of kinds, for readers
+    "ramp": "ramp",
+    "hold": "hold",
+    "unload": "unloading",
+    "recovery": "recovery",
+}
+KINDS = tuple(NAMES)
+MOVING = ("ramp", "unload")  # there and back
 
 _LEAST_SHARE = 0.01  # of the stroke: a smaller movement is drift or jitter
 _LEAST_STEPS = 5.0  # encoder steps, for the same reason

@@ -19,7 +19,7 @@ from qlvbayes.preprocess.batching import padded_size
 from qlvbayes.preprocess.grid import grid_times, path_at
 from qlvbayes.preprocess.noisefloor import NoiseFloor
 from qlvbayes.preprocess.past import Past
-from qlvbayes.preprocess.phases import Phase, find_phases
+from qlvbayes.preprocess.phases import MOVING, Phase, find_phases
 from qlvbayes.preprocess.record import Blocks, Record, held
 from qlvbayes.preprocess.trajectory import Trajectory
 
@@ -51,7 +51,7 @@ def block_edges(phases: Sequence[Phase], kinks: np.ndarray, shortest: float) -> 
     """Times at which blocks begin and end; no block crosses a phase's end or a kink."""
     edges = [np.array([phases[0].start])]
     for phase in phases:
-        parts = MOVING_BLOCKS if phase.kind in ("ramp", "unload") else RESTING_BLOCKS
+        parts = MOVING_BLOCKS if phase.kind in MOVING else RESTING_BLOCKS
         edges.append(_phase_edges(phase, parts, shortest))
     if kinks.size <= _MOST_KINKS:
         edges.append(kinks)

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from qlvbayes.fitting import residuals
 from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.io.wording import joined
+from qlvbayes.preprocess.phases import NAMES
 from qlvbayes.report.collect import Model, PadResults
 from qlvbayes.report.numbers import number, percent, with_unit
 
-_PHASES = {"ramp": "ramp", "hold": "hold", "unload": "unloading", "recovery": "recovery"}
 _DARKEST = 5.0  # times the noise, from where on a cell is as dark as can be
 
 
@@ -105,7 +105,7 @@ def failing_of(pad: PadResults) -> Failing | None:
 def where(cell: residuals.Cell, noise: float, unit: str) -> str:
     """'the ramp of C-100, by 0.049 N (4.7 times the noise)'."""
     return (
-        f"the {_PHASES.get(cell.phase, cell.phase)} of {cell.test}, by "
+        f"the {NAMES.get(cell.phase, cell.phase)} of {cell.test}, by "
         f"{with_unit(number(cell.rmse, 2), unit)} root mean square "
         f"({number(cell.rmse / noise, 2)} times the noise)"
     )
@@ -140,13 +140,13 @@ def _words(name: str, check: CheckResult, pad: PadResults) -> str:
 
 
 def _map(name: str, check: CheckResult) -> Map:
-    phases = [p for p in _PHASES if any(cell.phase == p for cell in check.cells)]
+    phases = [p for p in NAMES if any(cell.phase == p for cell in check.cells)]
     found: dict[str, dict[str, residuals.Cell]] = {}
     for cell in check.cells:
         found.setdefault(cell.test, {})[cell.phase] = cell
     return Map(
         f"{name[0].upper()}{name[1:]}",
-        tuple(_PHASES[phase] for phase in phases),
+        tuple(NAMES[phase] for phase in phases),
         tuple(
             TestRow(
                 test,
@@ -171,7 +171,7 @@ def _cell(cell: residuals.Cell | None, noise: float) -> Cell | None:
 def _detail(cell: residuals.Cell, noise: float) -> Detail:
     return Detail(
         cell.test,
-        _PHASES.get(cell.phase, cell.phase),
+        NAMES.get(cell.phase, cell.phase),
         "fitted" if cell.role == "fit" else "predicted",
         number(cell.rate),
         str(cell.n),
@@ -191,7 +191,7 @@ def _repeated(check: CheckResult) -> tuple[Repeated, ...]:
     return tuple(
         Repeated(
             test,
-            _PHASES.get(phase, phase),
+            NAMES.get(phase, phase),
             ", ".join(f"{cycle.rmse / check.noise:.1f}" for cycle in cycles),
             ", ".join(number(cycle.bias, 2) for cycle in cycles),
         )

@@ -12,7 +12,7 @@ from qlvbayes.diagnosis.nexttest.design import Design
 from qlvbayes.diagnosis.nexttest.rig import Rig
 from qlvbayes.inference.features import Places
 from qlvbayes.laws.motion import Motion
-from qlvbayes.preprocess.phases import KINDS
+from qlvbayes.preprocess.phases import KINDS, MOVING
 from qlvbayes.preprocess.record import Blocks, Record
 
 Array = NDArray[np.float64]
@@ -23,7 +23,6 @@ POINTS = 320
 """Of its motion: two nodes a mean, and up to 64 knots."""
 _EARLY = 1e-4  # of a dwell: its first block
 _LONGER = 3.0  # than the block before it, at most: of few, the last would hold nearly all of it
-_MOVES = ("ramp", "unload")
 _MOVING = 1.0 / 3.0  # of the blocks, for all movements: forces are simpler there than in dwells
 
 
@@ -72,15 +71,15 @@ def _kept(count: Array, rows: int) -> Array:
 def _edges(design: Design, interval: float) -> list[tuple[Array, Array]]:
     """Begin and end of the blocks of each movement and dwell."""
     stretches = design.stretches
-    moves = sum(kind in _MOVES for kind, *_ in stretches)
+    moves = sum(kind in MOVING for kind, *_ in stretches)
     dwells = max(len(stretches) - moves, 1)
     move = max(int(_MOVING * BLOCKS) // moves, 1)
     rest = (BLOCKS - move * moves) // dwells
     found = []
     for kind, start, stop in stretches:
         length = stop - start
-        parts = int(np.clip(length / interval, 1, move if kind in _MOVES else rest))
-        if kind in _MOVES or parts < 3:
+        parts = int(np.clip(length / interval, 1, move if kind in MOVING else rest))
+        if kind in MOVING or parts < 3:
             shares = np.linspace(0.0, 1.0, parts + 1)
         else:
             first = max(2.0 * interval / length, _EARLY, _LONGER ** (1.0 - parts))

@@ -18,7 +18,7 @@ from scipy.interpolate import BSpline
 from scipy.stats import theilslopes
 
 from qlvbayes.preprocess.noisefloor.dwells import Dwell, Record, dwell_of, pressed
-from qlvbayes.preprocess.phases import Phase
+from qlvbayes.preprocess.phases import MOVING, Phase
 
 Array = NDArray[np.float64]
 
@@ -56,7 +56,7 @@ def _turns(phases: Sequence[Phase]) -> Array | None:
     pairs = [
         (one.start, two.start)
         for one, two in pairwise(phases)
-        if (one.kind, two.kind) == ("ramp", "unload") and one.stop == two.start
+        if (one.kind, two.kind) == MOVING and one.stop == two.start
     ]
     if len(pairs) < _FEWEST_CYCLES:
         return None

@@ -14,7 +14,7 @@ from qlvbayes.preprocess.noisefloor.dwells import Dwell, Record, find_dwells, fi
 from qlvbayes.preprocess.noisefloor.floor import NoiseFloor
 from qlvbayes.preprocess.noisefloor.pool import Pool
 from qlvbayes.preprocess.noisefloor.posterior import Dwells, usual_log_tau
-from qlvbayes.preprocess.phases import Phase
+from qlvbayes.preprocess.phases import MOVING, Phase
 from qlvbayes.preprocess.segments import encoder_step, sensor_noise
 
 Array = NDArray[np.float64]
@@ -34,7 +34,6 @@ _STEP_SAMPLES = 20_000  # readings that show the step of a digitised force
 _LEAST_STEP = 1e-4  # of the force range: a smaller step is the file's last digit
 EXACT = 3e-4  # of the peak force: the motion between the readings is not known any better,
 _ROUNDED = 1.0 / np.sqrt(12.0)  # of an encoder step: sd of the displacement's rounding
-_MOVES = ("ramp", "unload")
 _OF_CYCLES = (
     "no hold or recovery shows the noise: it is what does not repeat from one cycle to the next"
 )
@@ -90,7 +89,7 @@ def _force_step(tests: Sequence[Record]) -> float:
 
 def _quickest(phases: Sequence[Sequence[Phase]]) -> float:
     """Time (s) of the shortest movement: a low-pass much slower would have smeared it."""
-    moves = [one.stop - one.start for cut in phases for one in cut if one.kind in _MOVES]
+    moves = [one.stop - one.start for cut in phases for one in cut if one.kind in MOVING]
     return min(moves, default=np.inf)
 
 
