@@ -1,6 +1,9 @@
 """Double precision and the compile cache for every test, and the paper's pads as models."""
 
+from collections import defaultdict
+
 import jax.numpy as jnp
+import numpy as np
 import pytest
 
 from qlvbayes.io.runtime import configure, forget_compiled
@@ -11,6 +14,21 @@ from qlvbayes.laws.elastic.exponential import Exponential  # noqa: E402
 from qlvbayes.laws.relaxation.prony import Prony  # noqa: E402
 from qlvbayes.model.model import Model  # noqa: E402
 from qlvbayes.simulate import TABLE_1  # noqa: E402
+
+
+@pytest.hookimpl(tryfirst=True)  # before pytest itself looks at marks
+def pytest_collection_modifyitems(items):
+    """Of a test marked ``few`` all cases are slow but for so many, evenly spread."""
+    cases = defaultdict(list)
+    for item in items:
+        if item.get_closest_marker("few"):
+            cases[item.nodeid.partition("[")[0]].append(item)
+    for same in cases.values():
+        (count,) = same[0].get_closest_marker("few").args
+        kept = set(np.linspace(0, len(same) - 1, count).round().astype(int).tolist())
+        for place, item in enumerate(same):
+            if place not in kept:
+                item.add_marker(pytest.mark.slow)
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -47,6 +47,7 @@ def test_one_explanation_is_its_own_average():
     }
 
 
+@pytest.mark.slow
 def test_rivals_make_the_verdict_ambiguous_and_a_further_test_is_suggested(either):
     assert either.result.verdict == "ambiguous"
     assert {"viscous_drag", "power_law_drag"} <= set(either.result.group)
@@ -54,6 +55,7 @@ def test_rivals_make_the_verdict_ambiguous_and_a_further_test_is_suggested(eithe
     assert either.result.suggestions[0].evidence > 0.0
 
 
+@pytest.mark.slow
 def test_one_of_the_group_is_there_by_the_posterior(either):
     told = either.result
     held = [r.inclusion for r in told.ranking if r.effect in told.group]
@@ -61,6 +63,7 @@ def test_one_of_the_group_is_there_by_the_posterior(either):
     assert max(held) < Settings().named
 
 
+@pytest.mark.slow
 def test_constants_are_those_of_the_base_law_and_less_sure(either):
     last = either.result.stages[-1].parameters
     assert set(either.result.constants) == {name for name in last if "." not in name}
@@ -70,6 +73,7 @@ def test_constants_are_those_of_the_base_law_and_less_sure(either):
         assert found.sd >= last[name].sd * np.sqrt(told) * 0.99
 
 
+@pytest.mark.slow
 def test_words_and_json_give_the_averaged_constants(either):
     first = either.paragraphs()[0]
     m = either.result.constants["m"]
@@ -77,6 +81,7 @@ def test_words_and_json_give_the_averaged_constants(either):
     assert either.result.as_dict()["constants"]["m"] == {"unit": "N/mm", "mean": m.mean, "sd": m.sd}
 
 
+@pytest.mark.slow
 def test_what_is_not_ruled_out_is_told_beside_the_name(either):
     """A set's probability is summed over all base laws; the likeliest come first."""
     listed = either.result.not_ruled_out
@@ -91,6 +96,7 @@ def test_what_is_not_ruled_out_is_told_beside_the_name(either):
             assert f"{' and '.join(one.effects)} (" in said
 
 
+@pytest.mark.slow
 def test_sets_beyond_those_listed_are_told_together(either):
     first, *_ = either.result.not_ruled_out
     beside = said_otherwise(either, verdict="missing_effect", group=(), effects=("friction",))
@@ -105,6 +111,7 @@ def left(either):
     return drawn_hypotheses(either, Choices())
 
 
+@pytest.mark.slow
 def test_draws_of_the_hypotheses_are_as_many_as_they_are_likely(either, left):
     told = either.result.alternatives
     assert [(one.base, one.effects) for one in left.hypotheses] == [
@@ -115,6 +122,7 @@ def test_draws_of_the_hypotheses_are_as_many_as_they_are_likely(either, left):
         assert abs(len(one.constants["m"]) - 400 * one.probability / total) <= 1.0
 
 
+@pytest.mark.slow
 def test_draws_have_the_moments_and_the_bounds_of_the_diagnosis(either, left):
     last = either.result.stages[-1]
     drawn = drawn_hypotheses(either, Choices(), draws=8000)
@@ -132,6 +140,7 @@ def test_draws_have_the_moments_and_the_bounds_of_the_diagnosis(either, left):
         assert min(one.constants.get("viscous_drag.eta", (0.0,))) >= 0.0
 
 
+@pytest.mark.slow
 def test_a_prediction_of_the_motion_tested_holds_the_measured_force(either, left):
     """Averaged over all hypotheses, late in the hold of the fastest test."""
     trial = either.work.experiment.trials[-1]

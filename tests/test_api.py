@@ -98,6 +98,7 @@ def test_a_pad_fits_and_the_fit_says_all_that_the_readme_asks_of_it(study):
     assert {cell.test for cell in fit.check().cells} == {test.name for test in study["C"].pad.tests}
 
 
+@pytest.mark.slow
 def test_a_specimen_of_strain_and_stress_is_bonded_unless_it_is_said(tmp_path, study):
     head, *rows = Path(study.source).read_text().splitlines()
     text = head.replace("displacement_mm", "strain").replace("force_N", "stress_kPa")

@@ -535,6 +535,7 @@ def command():
     return lambda *words: CliRunner().invoke(app, list(words))
 
 
+@pytest.mark.slow
 def test_the_command_writes_json_and_figure(command, tmp_path, monkeypatch):
     monkeypatch.setattr(one_study, "run_case", lambda plan, index: case(index=index))
     found = command("--studies", "3", "-o", str(tmp_path), "--json")

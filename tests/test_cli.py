@@ -188,6 +188,7 @@ def test_fit_prints_json_only(tmp_path):
     assert json.loads(out) == [read_json(tmp_path / "B" / "summary.json")]
 
 
+@pytest.mark.slow
 def test_a_seed_repeats_and_another_does_not(tmp_path):
     found = []
     for place, seed in (("first", 4), ("second", 4), ("third", 5)):
@@ -202,6 +203,7 @@ def test_a_seed_repeats_and_another_does_not(tmp_path):
     assert not found[0]["converged"]
 
 
+@pytest.mark.slow
 def test_a_fixed_constant_stays(tmp_path):
     found = parameters_after(tmp_path, *QUICK, "--fix", "v[2]=0.14", "--fix", "b=1.2")
     assert found["v[2]"]["mean"] == found["v[2]"]["median"] == 0.14
@@ -221,6 +223,7 @@ def test_a_prior_is_said_and_used(tmp_path):
 
 
 @pytest.mark.parametrize("method", ["least-squares", "two-step"])
+@pytest.mark.few(1)
 def test_method_is_named_in_the_summary(tmp_path, method):
     parameters_after(tmp_path, "--pads", "B", "--method", method)
     content = read_json(tmp_path / "B" / "summary.json")
@@ -228,6 +231,7 @@ def test_method_is_named_in_the_summary(tmp_path, method):
     assert content["converged"] is True
 
 
+@pytest.mark.slow
 def test_noise_law_and_modes_make_the_constants(tmp_path):
     found = parameters_after(tmp_path / "1", *QUICK, "--elastic", "hertz", "--modes", "1")
     assert found["m"]["unit"] == "N/mm^n"
@@ -241,12 +245,14 @@ def test_noise_law_and_modes_make_the_constants(tmp_path):
     ("kind", "names"),
     [("white", ["noise.white"]), ("student-t", ["noise.scale", "noise.nu"])],
 )
+@pytest.mark.slow
 def test_noise_option_chooses_the_noise(tmp_path, kind, names):
     status, out, _ = call("fit", PADS, "-o", tmp_path, *BRIEF, "--noise", kind, "--json")
     assert status == 0
     assert list(json.loads(out)[0]["parameters"])[len(CONSTANTS) :] == names
 
 
+@pytest.mark.slow
 def test_all_tests_fits_every_test(tmp_path):
     parameters_after(tmp_path, *QUICK, "--all-tests")
     saved = load(tmp_path / "B" / "posterior.nc")

@@ -209,6 +209,7 @@ def test_the_worked_example_keeps_the_rules_and_competes(own_effects):
     assert found.effects == ("squeeze_film",)
 
 
+@pytest.mark.slow
 def test_a_users_effect_can_be_fitted(own_effects, tmp_path):
     words = ("--effects-file", own_effects, "--add", "quadratic_drag", "--max-steps", "60")
     status, _, err = call("fit", HIDDEN, "-o", tmp_path / "out", *words)

@@ -108,6 +108,7 @@ def test_check_needs_a_fit(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_check_says_when_the_data_are_gone_or_changed(fitted_folder, tmp_path):
     folder, data = fitted_folder / "out", fitted_folder / "pads.csv"
     content = data.read_bytes()
@@ -164,6 +165,7 @@ def test_simulate_refuses(tmp_path, words, says):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_full_disk_leaves_no_half_written_results(tmp_path):
     # files of at most 1 MB: as on a full disk, a write comes to an end in the middle
     limited = ["sh", "-c", 'ulimit -f 1000; exec "$0" "$@"', COMMAND]
@@ -195,6 +197,7 @@ def test_json_refuses_what_is_not_finite(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_stopped_fit_resumes_and_ends_as_if_never_stopped(tmp_path):
     """Killed outright, then Ctrl-C, then left alone: the numbers of one uninterrupted run."""
     words = ["fit", str(PADS), "-o", str(tmp_path / "out"), "--pads", "B", "--seed", "8"]

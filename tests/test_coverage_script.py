@@ -109,6 +109,7 @@ def two_fits():
     return [run(setting, 3, index, settings) for index in (0, 1)]
 
 
+@pytest.mark.slow
 def test_a_fit_covers_every_constant_once(two_fits):
     for fit in two_fits:
         assert tuple(fit["parameters"]) == PAD

@@ -402,6 +402,7 @@ print(peak() - before, sum(test.time.size for pad in study.pads for test in pad.
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="ru_maxrss is in kilobytes on Linux only")
+@pytest.mark.slow
 def test_a_million_rows_need_little_more_memory_than_their_numbers(tmp_path):
     small, big = write(tmp_path, big_text(200_000), "small.csv"), write(tmp_path, big_text(10**6))
     command = [sys.executable, "-c", MEASURE, str(small), str(big)]

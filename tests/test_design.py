@@ -70,6 +70,7 @@ def present():
     return fitted(ramps(0, ("one",)))
 
 
+@pytest.mark.slow
 def test_suggestions_come_best_first_whatever_the_order(present):
     experiment, density, found_modes = present
     found = suggest(experiment, density, found_modes)

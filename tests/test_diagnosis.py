@@ -55,6 +55,7 @@ def two():
     return diagnose(measured(effects))
 
 
+@pytest.mark.slow
 def test_nothing_missing_is_called_adequate(plain):
     assert plain.result.verdict == "adequate"
     assert plain.result.effects == ()
@@ -72,6 +73,7 @@ def test_a_hidden_drag_is_named_with_its_size(drag):
     assert after < 1.2 * drag.result.noise < before
 
 
+@pytest.mark.slow
 def test_a_watched_search_can_be_ended_and_what_is_known_is_told():
     """The standing is the decision on the way; ended when the drag is likely, it is named."""
     standings = []
@@ -100,6 +102,7 @@ def test_evidence_of_what_is_likely_is_sampled_with_an_error(drag):
     assert 0.0 <= named.inclusion_error < 0.05
 
 
+@pytest.mark.slow
 def test_two_effects_are_found_one_by_one(two):
     assert set(two.result.effects) == {"viscous_drag", "force_offset"}
     errors = [stage.heldout_rmse for stage in two.result.stages]
@@ -108,10 +111,12 @@ def test_two_effects_are_found_one_by_one(two):
 
 
 @pytest.mark.parametrize("name", ["plain", "drag", "two"])
+@pytest.mark.slow
 def test_the_json_keeps_the_contract(name, request):
     keeps_diagnosis_contract(request.getfixturevalue(name))
 
 
+@pytest.mark.slow
 def test_the_words_say_verdict_place_and_size(drag, plain):
     said = " ".join(drag.paragraphs())
     assert "viscous_drag (eta = " in said
@@ -121,6 +126,7 @@ def test_the_words_say_verdict_place_and_size(drag, plain):
     assert "nothing is missing that these tests can show" in plain.paragraphs()[0]
 
 
+@pytest.mark.slow
 def test_the_words_do_not_call_a_doubtful_nothing_sure(plain):
     told = plain.result.ranking
     ranking = [changed(r, inclusion=0.3) if r.effect == "none" else r for r in told]
@@ -135,6 +141,7 @@ def test_an_error_that_rose_is_not_said_to_fall(drag):
     assert "falls from" not in said_otherwise(drag, stages=(nearer, *others)).paragraphs()[0]
 
 
+@pytest.mark.slow
 def test_adhesion_shows_only_where_the_platen_retracts():
     """A ramp and hold that never unloads cannot show softening, set or adhesion."""
     experiment = measured(protocol=lambda rate: paper_protocol(rate)[:2], rates=(1.0, 100.0))
@@ -155,6 +162,7 @@ def _not_seen(experiment):
     }
 
 
+@pytest.mark.slow
 def test_an_effect_that_hides_says_what_it_would_bend(plain):
     biases = {bias.effect: bias for bias in plain.result.biases}
     assert "frame_compliance" in biases
@@ -165,6 +173,7 @@ def test_an_effect_that_hides_says_what_it_would_bend(plain):
 @pytest.mark.parametrize(
     ("change", "words"), [(0.04, "4% too high"), (-1.58, "more than half too low")]
 )
+@pytest.mark.slow
 def test_no_constant_is_said_to_fall_by_more_than_all_of_itself(plain, change, words):
     bias = ParameterBias("inertia", "inertia.mass", 1.0, 0.1, {"b": change}, visible=False)
     said = "\n".join(said_otherwise(plain, biases=(bias,)).paragraphs())
@@ -207,6 +216,7 @@ def _plain_point(experiment, work):
     return search.density.space.record, find_mode(search.density, search.usual, start).point
 
 
+@pytest.mark.slow
 def test_left_out_is_predicted_from_the_others_only(drag):
     """What a test's own readings are has no part in what is predicted of it."""
     work = drag.work
@@ -220,6 +230,7 @@ def test_left_out_is_predicted_from_the_others_only(drag):
     assert found == pytest.approx(np.hypot(expected, 0.5), rel=0.05)
 
 
+@pytest.mark.slow
 def test_samples_are_predicted_as_by_the_model_itself(drag):
     """Parts of a record, each by the compiled functions of the fit, against one run of all.
 

@@ -47,6 +47,7 @@ def radau(model, force, rate, until):
 
 
 @pytest.mark.parametrize("load", ["dead weight", "sine"])
+@pytest.mark.few(1)
 def test_an_exponential_law_against_a_stiff_solver(load):
     model = Model(Exponential(0.34, 1.165), PRONY)
     swing, omega = (0.0, 1.0) if load == "dead weight" else (0.4, 3.0)
@@ -85,6 +86,7 @@ def test_there_and_back_with_contact_lost():
     assert relative(back, load) < 1e-8
 
 
+@pytest.mark.slow
 def test_slopes_along_force_and_constants_are_finite():
     time = np.linspace(0.0, 12.0, POINTS)
     load = np.clip(1.2 * np.sin(1.5 * time), 0.0, None)
@@ -98,6 +100,7 @@ def test_slopes_along_force_and_constants_are_finite():
     assert np.any(slopes[-1] > 0.0)
 
 
+@pytest.mark.slow
 def test_a_batch_of_specimens():
     time = np.linspace(0.0, 12.0, POINTS)
     models = Model(Exponential(jnp.array([0.3, 0.6]), 1.165), PRONY)

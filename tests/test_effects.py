@@ -95,11 +95,13 @@ def force(model, path=PRESS):
 
 
 @EVERY
+@pytest.mark.few(4)
 def test_every_effect_keeps_the_rules(kind):
     check_effect(kind)
 
 
 @pytest.mark.parametrize("kind", [FluidPressure, SqueezeFilm, Friction, ContactOffset])
+@pytest.mark.slow
 def test_the_rules_hold_in_other_units_too(kind):
     check_effect(kind, STRAINED)
 
@@ -291,6 +293,7 @@ def test_a_user_made_effect_may_keep_the_rules():
         (Striding, "steps and the force of a whole motion differ"),
     ],
 )
+@pytest.mark.few(5)
 def test_a_broken_rule_is_named(kind, rule):
     with pytest.raises(EffectError, match=rule):
         check_effect(kind)

@@ -60,6 +60,7 @@ def scaled(found, factor):
     return replace(found, low=middle - half, high=middle + half)
 
 
+@pytest.mark.slow
 def test_every_effect_is_recovered_at_the_right_rate(recovered, kinds):
     assert {found.effect for found in recovered} == {kind.name for kind in kinds}
     assert not off(recovered)

@@ -63,6 +63,7 @@ def test_every_effect_has_its_counterpart():
 @pytest.mark.parametrize("speed", [1.0, 20.0])
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 @pytest.mark.parametrize("name", SIMULATED)
+@pytest.mark.few(24)
 def test_the_force_is_the_simulators(paper_model, name, protocol, speed):
     effect = drawn(name, int(speed))
     platen = Platen(PROTOCOLS[protocol](speed), start_s=START)
@@ -73,6 +74,7 @@ def test_the_force_is_the_simulators(paper_model, name, protocol, speed):
 @pytest.mark.parametrize(
     "together", SETS, ids=lambda names: "+".join(names) if len(names) < 9 else "all"
 )
+@pytest.mark.few(2)
 def test_effects_nest_as_in_the_simulator(paper_model, together):
     effects = [drawn(name, 7) for name in together]
     platen = Platen(full_retraction_protocol(20.0), start_s=START)

@@ -92,6 +92,7 @@ def test_hertz_step_is_exact_when_the_force_is_quadratic_in_depth():
 
 @pytest.mark.parametrize("law", LAWS, ids=repr)
 @pytest.mark.parametrize("decay", DECAYS)
+@pytest.mark.few(18)
 def test_slopes_of_a_step_are_finite(law, decay):
     slopes = jax.grad(step, argnums=(0, 1, 2, 3))
     for start, stop in [(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (0.7, 0.7), (-0.1, 0.1)]:
@@ -100,6 +101,7 @@ def test_slopes_of_a_step_are_finite(law, decay):
 
 
 @pytest.mark.parametrize("kind", KNOWN.elastic, ids=lambda kind: kind.name)
+@pytest.mark.few(2)
 def test_every_elastic_law_keeps_the_rules(kind):
     check_law(kind)
 

@@ -139,6 +139,7 @@ def test_a_killed_chain_resumes_bitwise(uninformed, start, chain, tmp_path):
     assert resumed.acceptance == chain.acceptance
 
 
+@pytest.mark.slow
 def test_a_resumed_chain_is_not_looked_at_more_often(uninformed, start, tmp_path, monkeypatch):
     """Else a stopped run would end sooner, at a length that favours luck."""
     looks = []
@@ -265,6 +266,7 @@ def banana_density(points):
 
 
 @pytest.mark.parametrize("kind", ["normal", "draws"])
+@pytest.mark.few(1)
 def test_its_move_leaves_a_banana_as_it_is(kind):
     """Metropolis-Hastings with a proposal that is off centre gives the banana's moments."""
     if kind == "normal":

@@ -83,6 +83,7 @@ def thetas(space, hypothesis, count):
     ],
     ids=lambda h: f"{h.elastic}-{h.relaxation}-{len(h.effects)}",
 )
+@pytest.mark.few(2)
 def test_engine_gives_the_forces_of_the_models_it_stands_for(space, hypothesis):
     own = space.parameters(hypothesis)
     constants = own.constants(thetas(space, hypothesis, 3))

@@ -47,6 +47,7 @@ def compiled(tmp_path_factory):
 
 
 @pytest.mark.parametrize("law", LAWS)
+@pytest.mark.few(2)
 def test_force_is_that_of_the_python_model_on_the_six_tests(compiled, law):
     pad, program = compiled(law)
     for time, depth in six_tests():
@@ -126,6 +127,7 @@ def test_a_force_that_no_displacement_bears_is_told(compiled):
 
 
 @pytest.mark.parametrize("relaxation", list(RELAXATION))
+@pytest.mark.few(1)
 def test_every_relaxation_goes_along_as_its_spectrum(compiled, relaxation):
     pad, program = compiled(relaxation=relaxation)
     time, depth = six_tests()[3]

@@ -63,6 +63,7 @@ def ran(tmp_path_factory):
 
 
 @pytest.mark.parametrize("case", range(len(CASES)))
+@pytest.mark.few(1)
 def test_force_and_displacement_are_those_of_the_python_model(ran, case):
     root, pads, time, depth = ran
     force, contact, found, _ = np.loadtxt(root / str(case) / "out.txt", delimiter=",").T

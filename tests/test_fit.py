@@ -80,6 +80,7 @@ def test_the_noise_is_the_measured_floor_and_nothing_is_missed():
     assert remainder.median < 0.5 * floor.total
 
 
+@pytest.mark.slow
 def test_free_noise_is_found_as_it_was_simulated():
     summary = fitted(Choices(noise="correlated")).summary()
     # 0.006 N white, 0.008 N correlated over 0.5 s
@@ -127,6 +128,7 @@ def test_too_few_steps_do_not_converge_and_say_why():
     assert summary.as_dict()["troubles"] == list(summary.troubles)
 
 
+@pytest.mark.slow
 def test_fixed_constants_are_exactly_that():
     values = {"v[2]": 0.14, "m": 0.34, "c[0]": 0.3, "noise.white": 0.006, "noise.remainder": 0.001}
     choices = Choices(fixed=tuple(f"{name}={value}" for name, value in values.items()))
@@ -193,6 +195,7 @@ def test_student_t_noise_runs():
     assert mean(found, "noise.scale") == pytest.approx(0.009, rel=0.5)
 
 
+@pytest.mark.slow
 def test_a_wrong_law_leaves_a_larger_residual():
     exact = fitted(method="least-squares").facts["residual_sd"]
     for wrong in (Choices(law="linear"), Choices(modes=1)):
@@ -202,6 +205,7 @@ def test_a_wrong_law_leaves_a_larger_residual():
     assert hertz > 0.9 * exact
 
 
+@pytest.mark.slow
 def test_more_modes_do_not_fit_worse():
     sds = [
         fitted(Choices(modes=modes), method="least-squares").facts["residual_sd"]
@@ -210,6 +214,7 @@ def test_more_modes_do_not_fit_worse():
     assert sds[0] > sds[1] > 0.999 * sds[2]
 
 
+@pytest.mark.slow
 def test_fitted_tests_are_those_whose_role_says_so():
     assert [trial.name for trial in fitted().trials] == ["B-20"]
     pad = replace_roles(["fit", "validate", "fit", None, None, None])

@@ -109,6 +109,7 @@ TEXTS = [
 
 @pytest.mark.parametrize("fixture", TEXTS, ids=lambda f: f"{f.format}/{f.name}")
 @pytest.mark.parametrize("cut", [1, 3, 6, 10, 17, 25])
+@pytest.mark.few(38)
 def test_a_cut_file_gives_a_part_of_the_test_and_no_number_that_is_not_in_it(
     fixture, cut, tmp_path
 ):
@@ -143,6 +144,7 @@ def test_what_is_lost_is_counted(tmp_path):
 
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "cp1252"])
 @pytest.mark.parametrize("fixture", TEXTS, ids=lambda f: f"{f.format}/{f.name}")
+@pytest.mark.few(20)
 def test_the_letters_code_does_not_matter(fixture, encoding, tmp_path):
     path = written(fixture, tmp_path)
     plain = convert([path])
@@ -362,6 +364,7 @@ def test_a_package_that_is_not_there_is_named_with_the_way_to_get_it(tmp_path, m
         convert([path])
 
 
+@pytest.mark.slow
 def test_a_million_rows_take_less_than_two_seconds(tmp_path):
     path = tmp_path / "a.csv"
     path.write_bytes(machine_files.bluehill_3(pressed(rate=10_000.0, hold=99.2)))

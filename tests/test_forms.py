@@ -43,11 +43,13 @@ STRAINED = Scales(
 
 
 @ADDED
+@pytest.mark.few(1)
 def test_every_form_keeps_the_rules(kind):
     check_effect(kind)
 
 
 @pytest.mark.parametrize("kind", [PowerLawDrainage, PressureFriction, GradualContact])
+@pytest.mark.slow
 def test_the_rules_hold_in_other_units_too(kind):
     check_effect(kind, STRAINED)
 
@@ -220,6 +222,7 @@ def disagreement(model, added, twins, platen):
 @pytest.mark.parametrize("speed", [1.0, 20.0])
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 @pytest.mark.parametrize("name", TWINS)
+@pytest.mark.few(4)
 def test_a_form_is_its_twin(paper_model, name, protocol, speed):
     rng = np.random.default_rng([int(speed), list(TWINS).index(name)])
     twin = draw_effect(name, rng, PRESSED, STROKE, 20.0, SIZE, TABLE_1["B"])
@@ -273,6 +276,7 @@ def test_friction_may_go_with_the_force_in_part(paper_model):
 
 
 @pytest.mark.parametrize("kind", FORMS, ids=names(FORMS))
+@pytest.mark.few(1)
 def test_what_a_test_remembers_of_earlier_ones_is_the_lists(paper_model, kind):
     """With points of an earlier test before the test's own: at `reduces`, the family's force."""
     rng, listed = np.random.default_rng(5), find(kind.family())

@@ -266,6 +266,7 @@ def fine_quadrature(model, time, depth):
 
 
 @pytest.mark.parametrize("case", HOSTILE)
+@pytest.mark.few(3)
 def test_hostile_motions_and_constants_give_exact_forces_and_finite_slopes(case):
     elastic, relaxation, time, depth = HOSTILE[case]
     model = bonded(elastic, relaxation)
@@ -376,6 +377,7 @@ def test_every_length_is_the_beginning_of_a_longer_one(paper_model, points):
     assert np.allclose(part, whole[:points], rtol=1e-12, atol=1e-13)
 
 
+@pytest.mark.slow
 def test_compiled_and_eager_agree(paper_model):
     time, depth = protocol_points(20)
     model = paper_model("C")
@@ -384,6 +386,7 @@ def test_compiled_and_eager_agree(paper_model):
     assert np.allclose(force(model, time, depth), eager, rtol=1e-13, atol=1e-14)
 
 
+@pytest.mark.slow
 def test_a_batch_is_its_members_one_by_one(paper_model):
     rng = np.random.default_rng(3)
     time = np.cumsum(rng.exponential(0.2, (3, 40)), axis=1)

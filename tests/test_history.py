@@ -120,6 +120,7 @@ def own(effect):
 
 
 @pytest.mark.parametrize("name", ["contact_offset", "frame_compliance", "strain_dependent_rate"])
+@pytest.mark.few(1)
 def test_an_effect_on_depth_or_time_acts_on_the_past_too(name):
     effect = draw_effect(name, np.random.default_rng(1), 1.4, 1.6, 30.0, 0.06, SLOW)
     pad = HiddenPad(SLOW, (effect,))
@@ -144,6 +145,7 @@ PER_TEST = {
 
 
 @pytest.mark.parametrize("name", PER_TEST)
+@pytest.mark.few(1)
 def test_what_an_effect_adds_to_a_relaxed_pad_is_that_of_the_test_alone(name):
     """The modes here relax within a pause: then nothing that came before it matters."""
     _, platen, time, past = sequence(PAPER)

@@ -144,6 +144,7 @@ def test_choices_of_older_results_are_a_prony_series():
     assert Choices.from_dict(json.loads(json.dumps(found.as_dict()))) == found
 
 
+@pytest.mark.slow
 def test_laws_of_ones_own_keep_the_rules_and_are_found(own):
     laws = own_laws(own)
     check_all(laws)
@@ -180,6 +181,7 @@ def test_a_bad_file_is_refused_with_its_place(own, change, problem):
         (('"tau": "time"}', '"t": "time"}'), "units must name exactly"),
     ],
 )
+@pytest.mark.few(3)
 def test_a_law_that_breaks_a_rule_is_told_which(own, change, problem):
     text = OWN.replace(*change)
     assert text != OWN
@@ -188,6 +190,7 @@ def test_a_law_that_breaks_a_rule_is_told_which(own, change, problem):
         check_all(own_laws(own))
 
 
+@pytest.mark.slow
 def test_a_fit_with_laws_of_ones_own_is_saved_checked_and_reported(tmp_path, own):
     """From the command to the page, through every file between."""
     out = tmp_path / "out"
@@ -204,6 +207,7 @@ def test_a_fit_with_laws_of_ones_own_is_saved_checked_and_reported(tmp_path, own
     assert "what stays" in page
 
 
+@pytest.mark.slow
 def test_a_time_that_the_tests_do_not_hold_is_noticed(tmp_path):
     """The simulated pad relaxes from 0.16 s on: a box fixed to begin at 1 us lies below 1 ms."""
     words = ("--relaxation", "fung", "--fix", "tau1=1e-6", "--fix", "tau2=1000")
@@ -214,6 +218,7 @@ def test_a_time_that_the_tests_do_not_hold_is_noticed(tmp_path):
     assert any("tau2 is about 1e+03 s, beyond the longest hold" in text for text in notices)
 
 
+@pytest.mark.slow
 def test_two_step_needs_no_prony_series(tmp_path):
     words = ("--relaxation", "stretched", "--method", "two-step")
     status, _, err = call("fit", PADS, "-o", tmp_path, *FIT, *words)

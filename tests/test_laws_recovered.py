@@ -1,6 +1,7 @@
 """A pad that relaxes by a power law, written in closed form: the fit finds its constants again."""
 
 import numpy as np
+import pytest
 from support.endtoend import call, read_json
 
 M, C0, ALPHA, TAU = 0.8, 0.2, 0.3, 0.05  # N/mm, share, exponent, s
@@ -25,6 +26,7 @@ def rows(rate, rng):
     ]
 
 
+@pytest.mark.slow
 def test_a_power_law_is_found_again(tmp_path):
     rng = np.random.default_rng(0)
     lines = [line for rate in (1.0, 5.0, 20.0) for line in rows(rate, rng)]

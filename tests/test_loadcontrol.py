@@ -119,6 +119,7 @@ def test_a_weight_put_on_at_once_jumps_along_the_elastic_curve():
 # told from others
 
 
+@pytest.mark.slow
 def test_creep_is_seen_for_what_it_is():
     for load in (0.3, 1.0, 2.0):
         assert control_of(creep(creep_protocol(load))) == "force"

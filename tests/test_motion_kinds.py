@@ -88,6 +88,7 @@ def table(kinds):
 @pytest.mark.parametrize("step", STEPS)
 @pytest.mark.parametrize("jitter", JITTERS)
 @table(SMOOTH | KINKED)
+@pytest.mark.few(40)
 def test_velocity_within_2_and_acceleration_within_10_per_cent(
     motion, interval, jitter, step, request
 ):
@@ -124,6 +125,7 @@ def test_jerk_limited_moves(motion, interval, jitter, step):
 @pytest.mark.parametrize("step", STEPS[1:])
 @pytest.mark.parametrize("jitter", [0.0, 0.1])
 @table(SMOOTH | KINKED)
+@pytest.mark.few(26)
 def test_the_stated_error_of_the_displacement_is_honest(motion, interval, jitter, step):
     """Within a factor 2 of the true one for a single record, never beyond it where it matters.
 

@@ -59,6 +59,7 @@ def straight():
     return Straight(priors, [], jnp.asarray(slopes), jnp.asarray(slopes @ [0.5, -1.0, 0.3]))
 
 
+@pytest.mark.slow
 def test_the_evidence_of_a_straight_line_is_exact(straight):
     runs = [nested_evidence(straight, seed, live=60) for seed in range(4)]
     found = np.array([run.log_evidence for run in runs])
@@ -77,6 +78,7 @@ def test_draws_are_of_the_posterior(straight):
     np.testing.assert_allclose(together.std(axis=0), sd, rtol=0.3)
 
 
+@pytest.mark.slow
 def test_a_seed_repeats(straight):
     one, two = (nested_evidence(straight, 7, live=60) for _ in range(2))
     assert one.log_evidence == two.log_evidence

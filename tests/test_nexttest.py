@@ -441,6 +441,7 @@ def test_a_folder_without_results_is_named(tmp_path):
         design_into(tmp_path, "B", (), minutes=1.0, tests=1)
 
 
+@pytest.mark.slow
 def test_a_posterior_made_elsewhere_says_what_it_lacks(tmp_path):
     """Its draws, its noise, and what its tests cover must be known."""
     from qlvbayes.pipeline.designing import present_of_fit

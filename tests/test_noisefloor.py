@@ -106,6 +106,7 @@ def pressed_again(t, drift):
     return np.where(t < 30.0, relaxation(t, drift), np.maximum(rise, 0.0))
 
 
+@pytest.mark.slow
 def test_a_kink_where_contact_is_regained_is_no_noise():
     """The likelihood that the true noise loses is half a chi^2 with three degrees of freedom."""
     rng = np.random.default_rng(6)
@@ -118,6 +119,7 @@ def test_a_kink_where_contact_is_regained_is_no_noise():
     assert lost.mean() < 1.5 + 3.0 * np.sqrt(1.5 / lost.size)
 
 
+@pytest.mark.slow
 def test_one_test_alone():
     white, _, _, total = draws(30, 5, tests=1).T
     assert_centred(white, WHITE, 0.03)
@@ -189,6 +191,7 @@ def test_the_draws_hold_the_truth_as_often_as_they_say():
         assert coverage(floors, name, truth) > 0.68  # binomial: less has probability 0.002
 
 
+@pytest.mark.slow
 def test_correlated_noise_without_a_white_part():
     white, ou, tau, _ = draws(10, 10, white=0.0, ou=0.006, tau=1.0, rows=thinned()).T
     assert_centred(ou, 0.006, 0.15)
@@ -196,6 +199,7 @@ def test_correlated_noise_without_a_white_part():
     assert 0.6 < np.median(tau) < 1.6
 
 
+@pytest.mark.slow
 def test_the_size_of_noise_with_a_memory_of_a_quarter_of_a_hold_is_within_what_is_left_open():
     """In 39 of 60 others it was, where 54 are promised: so long a memory looks like the trend."""
     rng = np.random.default_rng(11)
@@ -275,6 +279,7 @@ def cycles(rng, white, ou, tau, hertz=1000.0, turns=5, period=6.4, tests=4, grow
 
 @pytest.mark.parametrize("hertz", [1000.0, 10.0])
 @pytest.mark.parametrize(("white", "ou", "tau"), [(0.004, 0.006, 0.5), (0.006, 0.003, 2.0)])
+@pytest.mark.few(1)
 def test_what_does_not_repeat_from_cycle_to_cycle_is_noise(white, ou, tau, hertz):
     rng = np.random.default_rng(23)
     found = [measure(*cycles(rng, white, ou, tau, hertz, turns=6)) for _ in range(12)]
@@ -310,6 +315,7 @@ def test_few_or_unequal_cycles_show_no_noise_by_what_does_not_repeat(different):
 
 
 @pytest.mark.parametrize(("white", "ou", "tau"), [(0.004, 0.006, 0.5), (1e-4, 0.006, 1.0)])
+@pytest.mark.few(1)
 def test_without_a_dwell_strokes_show_the_noise(white, ou, tau):
     """How fast it wanders, exactly; how far, only as far as a stroke is long."""
     rng = np.random.default_rng(21)

@@ -76,6 +76,7 @@ def test_converted_constants_give_the_same_force(given_units, wanted_units):
 
 @pytest.mark.parametrize("law", ["exponential", "linear", "polynomial:3", "toe"])
 @pytest.mark.parametrize(("length", "force"), [("um", "nN"), ("m", "mN")])
+@pytest.mark.few(1)
 def test_posterior_does_not_depend_on_units(tmp_path, law, length, force):
     """Priors and likelihood: the same constants have, but for a factor of all, the same density."""
     # drag by a power of the speed has its prior at the unit's own speed

@@ -68,6 +68,7 @@ def test_pairs_are_equal_near_or_far():
     assert first.m != second.m
 
 
+@pytest.mark.slow
 def test_one_pair_from_simulation_to_truth():
     """An equal pair: a short chain of one test each, and every true difference is 0."""
     found = run_pair(1, 0, Settings(max_steps=20), rates=(20.0,))

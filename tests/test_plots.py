@@ -128,12 +128,14 @@ def test_every_sample_and_band_is_in_view(predictions):
 
 @every_width
 @every_protocol
+@pytest.mark.few(6)
 def test_no_text_leaves_the_page(predictions, width):
     assert ink_stays_on_the_page(page(plot_forces, predictions, PAD, width=width))
 
 
 @every_width
 @every_protocol
+@pytest.mark.few(6)
 def test_tick_labels_do_not_touch(predictions, width):
     figure = page(plot_forces, predictions, PAD, width=width)
     renderer = drawn(figure)
@@ -235,6 +237,7 @@ def test_the_map_names_tests_by_rate_roles_and_units():
 
 
 @every_protocol
+@pytest.mark.few(3)
 def test_the_map_of_any_protocol_stays_on_the_page(predictions):
     found = check("B", NOISE, predictions)
     figure = page(plot_residual_map, found, PAD)

@@ -167,6 +167,7 @@ def words(figure):
 
 
 @every_case_and_width
+@pytest.mark.few(3)
 def test_nothing_leaves_the_page_and_type_can_be_read(case, width):
     for figure, renderer in pages(case, width):
         ink, page = figure.get_tightbbox(renderer).extents, figure.bbox_inches.extents
@@ -196,6 +197,7 @@ def test_no_text_of_a_narrow_figure_runs_into_another(case):
 
 
 @every_case
+@pytest.mark.few(1)
 def test_every_axis_names_its_unit(case):
     unit = CASES[case][0].units.force
     residuals, forces, evidence, staircase = (figure for figure, _ in pages(case))
@@ -403,6 +405,7 @@ def real():
     return diagnose(prepare(Pad("B", found, PAD)), kinds=FEW)
 
 
+@pytest.mark.slow
 def test_curves_hold_the_stages_errors_and_most_readings(real):
     shown = curves(real)
     assert real.result.tried == ("viscous_drag",)
@@ -419,12 +422,14 @@ def test_curves_hold_the_stages_errors_and_most_readings(real):
     assert 0.8 < np.concatenate(inside).mean() < 0.98
 
 
+@pytest.mark.slow
 def test_curves_are_repeatable(real):
     first, again, other = curves(real), curves(real), curves(real, seed=1)
     assert np.array_equal(first[0].final.low, again[0].final.low)
     assert not np.array_equal(first[0].final.low, other[0].final.low)
 
 
+@pytest.mark.slow
 def test_files_have_the_names_that_the_command_line_tells(real, tmp_path):
     images = save_diagnosis_figures(real, tmp_path / "figures")
     assert [image.stem for image in images] == list(FIGURES)
@@ -436,6 +441,7 @@ def test_files_have_the_names_that_the_command_line_tells(real, tmp_path):
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_measured_sds_shape_the_noise_band(real):
     samples, floor = real.work.samples, real.work.experiment.floor
     noisier = tuple(3.0 * weights for weights in samples.weights)

@@ -206,6 +206,7 @@ def estimate(noise, record, blocks):
 
 @pytest.mark.parametrize("rate", [1.0, 20.0])
 @pytest.mark.parametrize("kind", NOISE)
+@pytest.mark.few(1)
 def test_blocks_say_as_much_as_every_sample(record, kind, rate):
     """Sds grow by less than a tenth, and nothing but chance moves the means.
 

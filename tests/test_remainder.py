@@ -124,6 +124,7 @@ def rippled():
     return diagnose(prepare(replace(pad, tests=tuple(tests))), kinds=FEW)
 
 
+@pytest.mark.slow
 def test_structure_that_is_sure_but_small_does_not_make_a_pad_unexplained(rippled):
     assert rippled.result.stages[-1].p_value < Settings().false_alarms
     assert rippled.result.verdict == "adequate"

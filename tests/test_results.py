@@ -181,6 +181,7 @@ def test_posterior_predictive_noise_is_the_models(tree):
         Choices(modes=3, bonded=True, fixed=("v[2]=0.5", "c[1]=0.2")),
     ],
 )
+@pytest.mark.few(1)
 def test_what_is_saved_is_loaded(choices, tmp_path):
     found = fitted(choices, method="least-squares")
     path = tmp_path / "posterior.nc"

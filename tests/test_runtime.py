@@ -10,6 +10,7 @@ MAPS = "00400000-00452000 r-xp 00000000 08:02 173521 /usr/bin/python\n"
 
 
 @pytest.mark.parametrize(("lines", "kept"), [(100, True), (30_000, False)])
+@pytest.mark.slow
 def test_compiled_functions_are_dropped_where_they_are_many(tmp_path, monkeypatch, lines, kept):
     maps = tmp_path / "maps"
     maps.write_text(MAPS * lines)

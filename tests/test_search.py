@@ -153,6 +153,7 @@ class Shifted(Scaled):
 
 
 @pytest.mark.parametrize("kind", [Scaled, Shifted])
+@pytest.mark.slow
 def test_a_users_effect_is_tried_whatever_its_prior_and_its_null(kind):
     """A factor of all forces is the stiffness once more: the best fit is the plain model's."""
     search = search_of(hidden_pad(rates=RATES[:2]), Choices(), kinds=(kind,))
@@ -190,12 +191,14 @@ def rubbing():
     return search
 
 
+@pytest.mark.slow
 def test_an_effect_is_screened_where_no_discrepancy_can_hide_it(rubbing):
     known, names = rubbing.modes[USUAL][0], rubbing.families.listed
     first, *_ = screened(rubbing.density, known, names, rubbing.settings.tolerance)
     assert first.point.own.hypothesis == USUAL.plus("friction")
 
 
+@pytest.mark.slow
 def test_the_mode_is_found_where_a_discrepancy_could_stand_for_the_effect(rubbing):
     search = rubbing
     plain, more = search.seen[USUAL], USUAL.plus("friction")

@@ -56,12 +56,14 @@ RELAXATION = [
 
 @pytest.mark.parametrize("elastic", ELASTIC, ids=repr)
 @pytest.mark.parametrize("bonded", [False, True])
+@pytest.mark.few(4)
 def test_steps_give_the_force_of_the_whole_motion(elastic, bonded):
     model = Model(elastic, PRONY, bonded)
     assert relative(stepped(model, DEPTH, DT), batch(model, DEPTH)) < 1e-12
 
 
 @pytest.mark.parametrize("relaxation", RELAXATION, ids=lambda x: type(x).__name__)
+@pytest.mark.few(1)
 def test_steps_serve_every_relaxation(relaxation):
     model = Model(Exponential(0.34, 1.165), relaxation)
     assert relative(stepped(model, DEPTH, DT), batch(model, DEPTH)) < 1e-12
@@ -71,6 +73,7 @@ def test_steps_serve_every_relaxation(relaxation):
 
 @pytest.mark.parametrize("elastic", ELASTIC, ids=repr)
 @pytest.mark.parametrize("bonded", [False, True])
+@pytest.mark.few(4)
 def test_there_and_back(elastic, bonded):
     """Displacement to force to displacement in contact; force to displacement to force always."""
     model = Model(elastic, PRONY, bonded)
@@ -131,6 +134,7 @@ def test_a_large_load_at_once(paper_model):
         assert np.isclose(place, np.log1p(force * constants.b / constants.m) / constants.b)
 
 
+@pytest.mark.slow
 def test_slopes_of_the_displacement_are_those_of_differences(paper_model):
     model = paper_model("B")
     load = 0.2 + 0.1 * np.sin(TIME)

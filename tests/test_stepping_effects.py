@@ -40,6 +40,7 @@ def test_every_effect_steps_or_is_refused():
 
 
 @pytest.mark.parametrize("name", CONSTANTS)
+@pytest.mark.few(2)
 def test_steps_give_the_force_of_the_whole_motion(name, paper_model):
     model = paper_model("B") + effect(name)
     force = batch(model, DEPTH)
@@ -48,6 +49,7 @@ def test_steps_give_the_force_of_the_whole_motion(name, paper_model):
 
 
 @pytest.mark.parametrize("name", INVERTED)
+@pytest.mark.few(2)
 def test_there_and_back(name, paper_model):
     model = paper_model("B") + effect(name)
     force = stepped(model, SHALLOW, DT)
@@ -55,6 +57,7 @@ def test_there_and_back(name, paper_model):
 
 
 @pytest.mark.parametrize("gap", [0.2, -0.2])
+@pytest.mark.few(1)
 def test_a_rest_before_contact_came_first(gap, paper_model):
     model = paper_model("B") + effect("contact_offset", gap) + effect("friction")
     force = stepped(model, DEPTH, DT)
@@ -64,6 +67,7 @@ def test_a_rest_before_contact_came_first(gap, paper_model):
     assert relative(stepped(model, found, DT), force) < 1e-8
 
 
+@pytest.mark.slow
 def test_all_together(paper_model):
     model = paper_model("B")
     for name in INVERTED:
@@ -75,6 +79,7 @@ def test_all_together(paper_model):
     assert without_steps(model) == ()
 
 
+@pytest.mark.slow
 def test_a_load_below_the_readings_zero_lifts_the_platen(paper_model):
     """With an offset of 0.03 N no displacement reads less; the platen just leaves the pad."""
     model = paper_model("B") + effect("force_offset") + effect("contact_offset")
@@ -93,6 +98,7 @@ def test_the_others_are_refused_by_name(name, paper_model):
         step(model, begin(model), 0.1, 0.01)
 
 
+@pytest.mark.slow
 def test_slopes_along_all_constants_are_those_of_differences(paper_model):
     model = paper_model("B")
     for name in INVERTED:
@@ -113,6 +119,7 @@ def late(model, delay=0.037):
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.004, 0.01, 0.037, 1.3])
+@pytest.mark.few(1)
 def test_a_late_channel_reads_what_was_there_before(delay, paper_model):
     """Between steps, at a step, over many of them; beneath it effects that remember."""
     model = paper_model("B") + effect("friction") + effect("extra_relaxation_mode")

@@ -119,6 +119,7 @@ def test_each_effect_vanishes_at_its_null(name):
 
 
 @pytest.mark.parametrize("name", EVERY)
+@pytest.mark.few(6)
 def test_finer_cells_change_nothing(name):
     for protocol, rate in ((paper_protocol, 0.1), (full_retraction_protocol, 30.0)):
         platen, times = paired(protocol, rate)
@@ -138,6 +139,7 @@ PAIRS = [
 
 
 @pytest.mark.parametrize("names", PAIRS)
+@pytest.mark.few(6)
 def test_finer_cells_change_nothing_of_several_effects(names):
     platen, times = paired(full_retraction_protocol)
     effects = [effect(name) for name in names]
@@ -356,6 +358,7 @@ def bare():
 
 
 @pytest.mark.parametrize("name", EVERY)
+@pytest.mark.few(8)
 def test_drawn_effects_have_the_size_asked_for(name, bare):
     on_return = name in ("stress_softening", "exponential_softening", "adhesion")
     protocol = full_retraction_protocol if on_return else paper_protocol

@@ -21,6 +21,7 @@ def jump():
     return diagnose(hidden_pad(given_way, rates=PAPER_RATES), kinds=FEW)
 
 
+@pytest.mark.slow
 def test_a_jump_in_the_middle_of_a_study_is_no_drift_alone(jump):
     """A drift may take a part of it, but something else is there and is said to be."""
     assert jump.result.verdict in ("partly_explained", "unexplained")
