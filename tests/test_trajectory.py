@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
 from qlvbayes.preprocess.phases import find_phases
+from qlvbayes.preprocess.segments import encoder_step, known_scatter
 from qlvbayes.preprocess.trajectory import smooth
 
 PADS = Path(__file__).parents[1] / "data" / "pads.csv"
@@ -141,6 +142,42 @@ def test_a_thinned_record_keeps_the_ramp():
     away = platen.away(t)
     assert np.abs(motion.velocity(t) - v)[away].max() < 0.02 * 20.0
     assert np.abs(motion.acceleration(t) - a)[away].max() < 0.10 * LIMIT
+
+
+@pytest.mark.parametrize("begin", [0.1, 0.104, 0.108, 0.113, 0.117])
+@pytest.mark.parametrize("speed", [10.0, 20.0, 100.0])
+def test_stairs_too_quick_for_the_readings_are_no_scatter(speed, begin):
+    """One or two readings a stair: an estimate of scatter that takes them for it follows none."""
+    platen = Platen((begin,), *[(0.4, speed), (3.3,)] * 4, (-0.8, speed), (3.3,))
+    t = np.arange(0.0, platen.knots[-1], 0.02)
+    x = read(platen.at(t)[0])
+    motion = smooth(t, x, STEP)
+    assert np.abs(motion.displacement(t) - x).max() <= STEP
+    standing = np.abs(platen.at(t - 0.02)[0] - platen.at(t + 0.02)[0]) == 0.0
+    assert np.all(motion.velocity(t[standing]) == 0.0)
+
+
+def test_a_few_stairs_of_one_size_are_not_the_encoders():
+    t = np.arange(0.0, 20.0, 0.02)
+    stairs = np.interp(t, [3.0, 3.04, 7.0, 7.04, 11.0, 11.04], [0.0, 0.4, 0.4, 0.8, 0.8, 1.2])
+    assert set(np.round(np.diff(stairs), 12)) == {0.0, 0.2}
+    assert encoder_step(stairs) == 0.0
+    ramp = np.round(np.linspace(0.0, 20.0, t.size)) * 0.2
+    assert encoder_step(np.concatenate([ramp, ramp[::-1]])) == 0.2
+
+
+def test_few_readings_do_not_take_turns_for_scatter():
+    """Five readings a stroke show none; the slow record of the same sensor does."""
+    times, paths = [], []
+    for speed, every in ((0.5, 0.02), (20.0, 0.017)):
+        platen = Platen((0.1,), *[(0.8, speed), (-0.8, speed)] * 4)
+        times.append(np.arange(0.0, platen.knots[-1], every))
+        paths.append(read(platen.at(times[-1])[0]))
+    bounds = known_scatter(times, paths, [STEP, STEP])
+    assert bounds == [np.inf, 0.0]
+    alone, known = (smooth(times[1], paths[1], STEP, most) for most in bounds)
+    off = [np.abs(motion.displacement(times[1]) - paths[1]).max() for motion in (alone, known)]
+    assert off[1] <= STEP < 0.01 < off[0]
 
 
 def test_a_staircase_up_and_down():

@@ -17,7 +17,7 @@ from qlvbayes.preprocess.past import Past, past_of
 from qlvbayes.preprocess.phases import Phase, find_phases, loading_rate, phase_index
 from qlvbayes.preprocess.record import Record
 from qlvbayes.preprocess.reduction import Care, reduce_test
-from qlvbayes.preprocess.segments import encoder_steps
+from qlvbayes.preprocess.segments import encoder_steps, known_scatter
 from qlvbayes.preprocess.stiffness import largest_stiffness
 from qlvbayes.preprocess.trajectory import Trajectory, smooth
 
@@ -169,8 +169,10 @@ def prepare(pad: Pad, *, all_tests: bool = False) -> Experiment:
     Tests without a role: the one whose rate is nearest to 20 mm/s (in the logarithm) is fitted,
     the others validate; ``all_tests`` fits every one.
     """
-    steps = encoder_steps([test.displacement for test in pad.tests])
-    trials = [_trial(test, step) for test, step in zip(pad.tests, steps, strict=True)]
+    paths = [test.displacement for test in pad.tests]
+    steps = encoder_steps(paths)
+    scatters = known_scatter([test.time for test in pad.tests], paths, steps)
+    trials = list(map(_trial, pad.tests, steps, scatters))
     roles = _roles(trials, FIT_RATE * pad.units.mm_per_s)
     trials = [replace(t, role=role) for t, role in zip(trials, roles, strict=True)]
     if all_tests:
@@ -182,8 +184,9 @@ def prepare(pad: Pad, *, all_tests: bool = False) -> Experiment:
     return Experiment(pad.name, pad.units, tuple(trials), floor, pad.fluid)
 
 
-def _trial(test: Test, step: float) -> Trial:
-    trajectory, control = smooth(test.time, test.displacement, step), control_of(test)
+def _trial(test: Test, step: float, scatter: float) -> Trial:
+    trajectory = smooth(test.time, test.displacement, step, scatter)
+    control = control_of(test)
     phases = find_phases(trajectory) if control == "displacement" else force_phases(test)
     if control == "force":
         trajectory = crept_path(trajectory, test)

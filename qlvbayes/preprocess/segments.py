@@ -15,6 +15,10 @@ _FIT_SAMPLES = 200  # a quadratic needs no more samples than this
 _FEWEST_IN_DWELL = 5
 _ROUNDING = 1e-9  # a range of two whole steps is motion, however the file's unit rounds them
 _LEAST_STEP = 1e-6  # of the range: finer rounding is no encoder's
+_LARGE = 0.02  # of the range: a step that a movement there and back passes a hundred times,
+_PASSED = 20  # changes that show a larger one
+_MANY = 100  # readings that tell scatter from motion
+_REPEATS = 0.3  # of a step: sd of the scatter with which six readings repeat in half of all cases
 _UNSEEN = 0.3  # of the bound on each residual: their root mean square in an exact record
 
 
@@ -42,7 +46,8 @@ def encoder_step(displacement: Array) -> float:
     """Return the step of which all changes are multiples; 0 if there is none or it does not show.
 
     A record of exactly straight lines has equal changes too, so the changes must come in more
-    than one size, or now and then be missing (or come) for a single reading.
+    than one size, or now and then be missing (or come) for a single reading. Of a large step the
+    readings pass many one by one: where few readings change at all, they are stairs of the motion.
     """
     span = float(np.ptp(displacement))
     changes = np.diff(displacement)
@@ -53,7 +58,7 @@ def encoder_step(displacement: Array) -> float:
     if sizes[-1] - sizes[0] < 1e-6 * sizes[-1]:
         moving = np.abs(changes) > 0.5 * sizes[0]
         alone = (moving[1:-1] != moving[:-2]) & (moving[1:-1] != moving[2:])
-        if np.count_nonzero(alone) < (1 if sizes[0] < 0.02 * span else 6):
+        if np.count_nonzero(alone) < (1 if sizes[0] < _LARGE * span else 6):
             return 0.0
     step = float(sizes[0])
     for _ in range(12):
@@ -61,7 +66,7 @@ def encoder_step(displacement: Array) -> float:
         rest = rest[rest > max(0.05 * step, 1e-9 * span)]
         if rest.size == 0:
             counts = np.round(sizes / step)
-            if step < _LEAST_STEP * span:
+            if step < _LEAST_STEP * span or (step > _LARGE * span and sizes.size < _PASSED):
                 return 0.0
             return float(sizes @ counts / (counts @ counts))
         step = float(rest.min())
@@ -84,6 +89,20 @@ def encoder_steps(displacements: Sequence[Array]) -> list[float]:
     ]
 
 
+def known_scatter(
+    times: Sequence[Array], displacements: Sequence[Array], steps: Sequence[float]
+) -> list[float]:
+    """Return what the scatter's sd is at most in each of several records by one sensor.
+
+    Few readings cannot tell it from motion: theirs is the least that longer records show, infinite
+    where there are none. So is that of the longer ones, which tell it themselves.
+    """
+    many = [time.size >= _MANY for time in times]
+    told = zip(times, displacements, steps, many, strict=True)
+    least = min((sensor_noise(t, x, step) for t, x, step, enough in told if enough), default=np.inf)
+    return [np.inf if enough else least for enough in many]
+
+
 def _divides(step: float, displacement: Array) -> bool:
     """Whether all changes are multiples of a step."""
     changes = np.abs(np.diff(displacement))
@@ -97,9 +116,10 @@ def sensor_noise(time: Array, signal: Array, step: float = 0.0) -> float:
     Combinations of 3 to 6 neighbouring readings that cancel polynomials of degree 1 to 4 leave the
     scatter; windows of equal readings tell nothing about a quantised sensor and are left out. The
     least of the degrees is taken: a smooth motion shrinks with the degree, scatter does not.
-    Scatter no larger than rounding can make is no noise.
+    Scatter no larger than rounding can make is no noise. Nor can it be larger than readings allow
+    that repeat exactly in most windows: what else moves there is the motion, too quick for them.
     """
-    best = np.inf
+    best, most = np.inf, np.inf
     for points in (3, 4, 5, 6):
         if time.size < points + 6:
             break
@@ -108,6 +128,8 @@ def sensor_noise(time: Array, signal: Array, step: float = 0.0) -> float:
         moving = np.ptp(windows, axis=1) > 0.0
         if np.count_nonzero(moving) < 6:
             return 0.0
+        if 2 * np.count_nonzero(moving) < moving.size:
+            most = _REPEATS * step
         size = np.abs(np.sum(windows * weights, axis=1)[moving])
         rounding = 0.501 * step * np.abs(weights[moving]).sum(axis=1)
         beyond = int(np.count_nonzero(size > rounding))
@@ -116,7 +138,7 @@ def sensor_noise(time: Array, signal: Array, step: float = 0.0) -> float:
         best = min(best, _trimmed_sd(size))
     if not np.isfinite(best):
         return 0.0
-    return float(np.sqrt(max(best**2 - step**2 / 12.0, 0.0)))
+    return float(np.sqrt(max(min(best, most) ** 2 - step**2 / 12.0, 0.0)))
 
 
 def _trimmed_sd(size: Array) -> float:
@@ -134,20 +156,20 @@ def _divided_difference(times: Array) -> Array:
     return np.asarray(weights / np.linalg.norm(weights, axis=1, keepdims=True), dtype=np.float64)
 
 
-def tolerance(time: Array, displacement: Array, step: float) -> Tolerance:
+def tolerance(time: Array, displacement: Array, step: float, scatter: float = np.inf) -> Tolerance:
     """Return what step and scatter allow, and never less than 1e-4 of the range.
 
     Fewer than 100 readings cannot tell scatter from motion for certain: there it counts for no more
-    than 5 % of the range.
+    than 5 % of the range. scatter: its largest sd, where that is known.
     """
     span = float(np.ptp(displacement))
     floor = 1e-4 * span
     part = slice(0, 50_000)
-    noise = sensor_noise(time[part], displacement[part], step)
+    noise = min(sensor_noise(time[part], displacement[part], step), scatter)
     if noise <= 0.1 * floor:
         noise = 0.0
     spread = float(1.0 + np.sqrt(2.0 * np.log(max(time.size, 2)))) * noise
-    if time.size < 100:
+    if time.size < _MANY:
         spread = min(spread, 0.05 * span)
     return Tolerance(
         sample=max(0.75 * step, 0.5 * step + spread, floor),

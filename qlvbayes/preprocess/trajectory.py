@@ -162,7 +162,12 @@ def _largest(poly: PPoly, slope: PPoly) -> float:
     return float(max(np.max(np.abs(e), initial=0.0) for e in ends))
 
 
-def smooth(time: ArrayLike, displacement: ArrayLike, resolution: float | None = None) -> Trajectory:
+def smooth(
+    time: ArrayLike,
+    displacement: ArrayLike,
+    resolution: float | None = None,
+    scatter: float = np.inf,
+) -> Trajectory:
     """Return the motion behind an encoder record: few pieces, faithful to every reading.
 
     Dwells come out exactly constant. Each stretch between dwells becomes a quadratic spline with
@@ -177,6 +182,8 @@ def smooth(time: ArrayLike, displacement: ArrayLike, resolution: float | None = 
         (n,) readings, n >= 2, time increasing in s, evenly spaced or not.
     resolution
         Encoder step in units of displacement; found from the readings if None.
+    scatter
+        Largest sd of the sensor's scatter, where other records show it.
 
     Raises
     ------
@@ -187,7 +194,7 @@ def smooth(time: ArrayLike, displacement: ArrayLike, resolution: float | None = 
     x = np.asarray(displacement, dtype=np.float64)
     _check(t, x)
     step = encoder_step(x) if resolution is None else float(resolution)
-    tol = tolerance(t, x, step)
+    tol = tolerance(t, x, step, scatter)
     segments = greedy_segments(t, x, tol)
     dwells = find_dwells(t, x, segments, tol)
     parts = _stretches(t, x, segments, dwells, tol)
