@@ -17,7 +17,8 @@ _ROUNDING = 1e-9  # a range of two whole steps is motion, however the file's uni
 _LEAST_STEP = 1e-6  # of the range: finer rounding is no encoder's
 _LARGE = 0.02  # of the range: a step that a movement there and back passes a hundred times,
 _PASSED = 20  # changes that show a larger one
-_MANY = 100  # readings that tell scatter from motion
+_MANY = 100  # readings that tell scatter from motion,
+_SHOWING = 50_000  # and that show it to a third of a per cent
 _REPEATS = 0.3  # of a step: sd of the scatter with which six readings repeat in half of all cases
 _UNSEEN = 0.3  # of the bound on each residual: their root mean square in an exact record
 
@@ -97,10 +98,12 @@ def known_scatter(
     Few readings cannot tell it from motion: theirs is the least that longer records show, infinite
     where there are none. So is that of the longer ones, which tell it themselves.
     """
-    many = [time.size >= _MANY for time in times]
-    told = zip(times, displacements, steps, many, strict=True)
-    least = min((sensor_noise(t, x, step) for t, x, step, enough in told if enough), default=np.inf)
-    return [np.inf if enough else least for enough in many]
+    few = [time.size < _MANY for time in times]
+    if not any(few):
+        return [np.inf] * len(few)
+    told = zip(times, displacements, steps, few, strict=True)
+    least = min((_scatter(t, x, step) for t, x, step, short in told if not short), default=np.inf)
+    return [least if short else np.inf for short in few]
 
 
 def _divides(step: float, displacement: Array) -> bool:
@@ -164,8 +167,7 @@ def tolerance(time: Array, displacement: Array, step: float, scatter: float = np
     """
     span = float(np.ptp(displacement))
     floor = 1e-4 * span
-    part = slice(0, 50_000)
-    noise = min(sensor_noise(time[part], displacement[part], step), scatter)
+    noise = min(_scatter(time, displacement, step), scatter)
     if noise <= 0.1 * floor:
         noise = 0.0
     spread = float(1.0 + np.sqrt(2.0 * np.log(max(time.size, 2)))) * noise
@@ -177,6 +179,11 @@ def tolerance(time: Array, displacement: Array, step: float, scatter: float = np
         noise=noise,
         step=step,
     )
+
+
+def _scatter(time: Array, displacement: Array, step: float) -> float:
+    """Of as many readings as show it: windows of all of a long record take much memory."""
+    return sensor_noise(time[:_SHOWING], displacement[:_SHOWING], step)
 
 
 def _quadratic_fits(time: Array, x: Array, tol: Tolerance) -> bool:
