@@ -80,6 +80,7 @@ def thetas(space, hypothesis, count):
         Hypothesis("polynomial:3", "fung", frozenset({"friction"})),
         Hypothesis("toe", "power-law"),
         Hypothesis("exponential", "prony:2", frozenset({"frame_compliance", "inertia"})),
+        Hypothesis("exponential", "prony:2", frozenset({"frame_compliance", "channel_lag"})),
     ],
     ids=lambda h: f"{h.elastic}-{h.relaxation}-{len(h.effects)}",
 )

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from typing import Any, ClassVar, Self
 
@@ -28,7 +28,7 @@ from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
 from qlvbayes.laws.scales import Scales
 from qlvbayes.model.model import Model
-from qlvbayes.preprocess.record import Record
+from qlvbayes.preprocess.record import Record, held
 
 Array = NDArray[np.float64]
 
@@ -152,16 +152,17 @@ class Engine:
         return tuple(sorted(self.effects, key=lambda effect: (effect.level, effect.rank)))
 
     @cached_property
-    def _parts(self) -> list[frozenset[str]]:
-        """Sets of effects that are compiled together, the cheapest first."""
-        listed = [e for e in self.effects if e.generalises is None and not e.outside]
-        light = [e.name for e in listed if not e.costly]
-        costly = [e.name for e in self.effects if e.costly]
-        every = [e.name for e in self.effects]
-        cheap = [e.name for e in self.effects if not e.costly]
-        with_one = [[*some, one] for some in (light, cheap) for one in costly]
-        sets = [[], light, *with_one[: len(costly)], cheap, *with_one[len(costly) :], every]
-        return [frozenset(names) for names in sets]
+    def _sets(self) -> list[frozenset[str]]:
+        """Sets of effects that are not costly, each compiled as one: none, the listed, all."""
+        cheap = [e for e in self.effects if not e.costly]
+        listed = [e for e in cheap if e.generalises is None and not e.outside]
+        return [frozenset(e.name for e in some) for some in ([], listed, cheap)]
+
+    def _together(self, at_work: frozenset[str]) -> frozenset[str]:
+        """Effects compiled with those at work: with costly ones, which are at work themselves."""
+        costly = frozenset(e.name for e in self.effects if e.costly) & at_work
+        sets = self._sets[1:] if costly else self._sets
+        return costly | next(names for names in sets if at_work - costly <= names)
 
     def forces(
         self, which: int, lanes: int, at_work: frozenset[str], rows: Array, record: Record
@@ -170,14 +171,14 @@ class Engine:
 
         which: number of the elastic law; lanes: L; at_work: effects that are not at their null.
         """
-        names = next(names for names in self._parts if at_work <= names)
+        names = self._together(at_work)
         kept = [effect for effect in self._nested if effect.name in names]
         start = self.width + 2 * lanes + 1
         columns = [start + k for effect in kept for k in self.slots[effect.name]]
         own = filled_up(rows[:, [*range(start), *columns]])
         parts = np.split(own, range(TOGETHER, len(own), TOGETHER))
-        motions, nodes = _motions(record), np.asarray(record.nodes)
-        shape = jax.tree.structure(record.motion)
+        motion, nodes = _with_bows(record.motion), np.asarray(record.nodes)
+        motions, shape = _by_test(motion, nodes), jax.tree.structure(motion)
         tasks: list[tuple[Any, ...]] = [
             (which, part, *motion) for motion in motions for part in parts
         ]
@@ -224,14 +225,21 @@ def filled_up(rows: Array) -> Array:
     return np.concatenate([rows, np.repeat(rows[:1], -len(rows) % TOGETHER, axis=0)])
 
 
-def _motions(record: Record) -> list[tuple[Array, ...]]:
+def _with_bows(motion: Motion) -> Motion:
+    """The motion; straight lines bow by nothing, so that one compiled function serves both."""
+    if motion.bow is not None:
+        return motion
+    return replace(motion, bow=held(np.zeros(np.shape(motion.time))))
+
+
+def _by_test(motion: Motion, nodes: NDArray[np.intp]) -> list[tuple[Array, ...]]:
     """Of each test, its motion's arrays: what is compiled then knows no number of tests.
 
     Each as long as its own points ask for: the longest test may have many times as many.
     """
-    leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(record.motion)]
+    leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(motion)]
     found = []
-    for k, last in enumerate(np.max(np.asarray(record.nodes), axis=(1, 2)).tolist()):
+    for k, last in enumerate(np.max(nodes, axis=(1, 2)).tolist()):
         size = leaves[0].shape[1]
         while size >= 2 * _WORTH and size % 2 == 0 and size // 2 > last:  # few sizes are compiled
             size //= 2

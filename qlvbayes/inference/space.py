@@ -20,7 +20,7 @@ from jaxtyping import Array as JaxArray
 from numpy.typing import NDArray
 
 from qlvbayes.effects.effect import AbstractEffect
-from qlvbayes.inference.engine import FEW, Engine, filled_up
+from qlvbayes.inference.engine import FEW, Engine
 from qlvbayes.inference.fixedrates import FixedRates, relaxation_of
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
@@ -35,6 +35,7 @@ from qlvbayes.priors.natural import AbstractDirect, Natural, Quadratic, natural
 Array = NDArray[np.float64]
 
 _DRAWS = 25  # of each prior, for medians, quantiles and starts
+_LEAST = 16  # rows of constants that are computed at once: what has few takes no time
 _PLACES = 40  # depths, or times, at which laws are compared
 
 
@@ -75,8 +76,9 @@ class Leaf:
         return structure, tuple(np.asarray(number, dtype=float) for number in numbers)
 
     def values(self, thetas: Array) -> Array:
-        """(K, ...) values of rows of all free numbers (K, F), K a multiple of ``TOGETHER``."""
-        return np.asarray(_value(*self.flat, thetas[:, self.theta.start : self.theta.stop]))
+        """(K, ...) values of rows of all free numbers (K, F)."""
+        own = thetas[:, self.theta.start : self.theta.stop]
+        return np.asarray(_value(*self.flat, _few_sizes(own)))[: len(thetas)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,10 +193,9 @@ class Parameters:
         """(K, P) constants of thetas (K, F)."""
         found = np.tile(self.fixed, (len(thetas), 1))
         found[:, self.direct.constants] = self.direct.values(thetas)
-        full = filled_up(thetas) if self.joint else thetas
         for leaf in self.joint:
             here = slice(leaf.constants.start, leaf.constants.stop)
-            found[:, here] = leaf.values(full).reshape(len(full), -1)[: len(thetas)]
+            found[:, here] = leaf.values(thetas).reshape(len(thetas), -1)
         return found
 
 
@@ -312,7 +313,7 @@ class Space:
 
     def curve(self, hypothesis: Hypothesis, part: str, constants: Array) -> Array:
         """(K, 40) elastic force (N) over depth, or relaxation over time, of constants (K, P)."""
-        count, full = self._counts[hypothesis.elastic], filled_up(constants)
+        count, full = self._counts[hypothesis.elastic], _few_sizes(constants)
         if part == "elastic":
             law = self.elastic[hypothesis.elastic]
             structure = jax.tree.structure(_emptied(law))
@@ -448,6 +449,14 @@ def _emptied(part: Any) -> Any:
     return jax.tree.map(lambda leaf: 0.0, part, is_leaf=is_prior)
 
 
+def _few_sizes(rows: Array) -> Array:
+    """Rows (K, ...) and the first of them again, up to 16, 64, 256 ...: few sizes are compiled."""
+    size = _LEAST
+    while size < len(rows):
+        size *= 4
+    return np.concatenate([rows, np.repeat(rows[:1], size - len(rows), axis=0)])
+
+
 def _spectra(
     structure: Any, shapes: list[tuple[int, ...]], constants: Array
 ) -> tuple[Array, Array]:
@@ -459,7 +468,7 @@ def _spectra(
     for size in shapes:
         count = math.prod(size)
         part = constants[:, start : start + count].reshape(len(constants), *size)
-        filled.append(filled_up(part))
+        filled.append(_few_sizes(part))
         start += count
     fractions, rates = _spectrum(structure, tuple(filled))
     return np.asarray(fractions)[: len(constants)], np.asarray(rates)[: len(constants)]

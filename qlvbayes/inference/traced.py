@@ -19,8 +19,15 @@ from jax import export
 import qlvbayes
 from qlvbayes.io.files import write_whole
 
-# what LLVM's costly passes would gain in speed cannot be measured; they take a third of the time
-_compiled = partial(jax.jit, compiler_options={"xla_llvm_disable_expensive_passes": True})
+# what XLA's newer emitters and LLVM's costly passes would gain in speed cannot be measured, and a
+# model of the listed effects takes 7 s to compile without them, 11 and 16 s with one and with both
+_compiled = partial(
+    jax.jit,
+    compiler_options={
+        "xla_cpu_use_fusion_emitters": False,
+        "xla_llvm_disable_expensive_passes": True,
+    },
+)
 
 
 @cache

@@ -111,7 +111,7 @@ def check_elastic(law: AbstractElastic, depth: float) -> None:
         raise LawError(f"{law}: force or stiffness is not finite")
     if abs(float(force[0])) > _EXACT * float(jnp.max(jnp.abs(force))):
         raise LawError(f"{law}: the force at zero depth is {float(force[0]):.3g}, not zero")
-    slope = jax.vmap(jax.grad(law.force))(depths[1:])
+    slope = _slope_of_force(law, depths[1:])
     error = float(jnp.max(jnp.abs(slope - stiffness[1:])) / jnp.max(jnp.abs(stiffness)))
     if not error <= _EXACT:
         raise LawError(f"{law}: stiffness is off the slope of the force by {error:.1e}")
@@ -119,28 +119,30 @@ def check_elastic(law: AbstractElastic, depth: float) -> None:
     _check_slopes_of_steps(law, depths)
 
 
+@eqx.filter_jit
+def _slope_of_force(law: AbstractElastic, depths: Array) -> Array:
+    return jax.vmap(jax.grad(law.force))(depths)
+
+
 def _check_steps(law: AbstractElastic, depth: float) -> None:
-    for start in (0.0, 0.15 * depth, 0.6 * depth):
-        for stop in (start + _STEP * depth, max(start - _STEP * depth, 0.0)):
-            for decay in _DECAYS:
-                found, exact = _step(law, start, stop, decay), _integral(law, start, stop, decay)
-                most = abs(float(law.force(jnp.asarray(depth))))
-                least = _TOUCH_ERROR * most if start == 0.0 else 0.0
-                allowed = max(_STEP_ERROR * max(abs(exact), _STEP * most), least)
-                if not abs(found - exact) <= allowed:
-                    raise LawError(
-                        f"{law}: the step from {start:.3g} to {stop:.3g} at a decay of {decay:g} "
-                        f"is {found:.6g}, its integral {exact:.6g}"
-                    )
-
-
-def _step(law: AbstractElastic, start: float, stop: float, decay: float) -> float:
-    """Compiled and plain, which must agree."""
+    starts = [0.0, 0.15 * depth, 0.6 * depth]
+    pairs = [(x, y) for x in starts for y in (x + _STEP * depth, max(x - _STEP * depth, 0.0))]
+    start, stop, decay = np.array([(*pair, decay) for pair in pairs for decay in _DECAYS]).T
     given = [jnp.asarray(x) for x in (start, stop, decay)]
-    plain, compiled = float(_run(law, *given)), float(_compiled_step(law, *given))
-    if not np.isclose(plain, compiled, rtol=1e-10, atol=1e-14):
-        raise LawError(f"{law}: compiled and plain steps differ: {compiled:.12g}, {plain:.12g}")
-    return plain
+    found, compiled = np.asarray(_run(law, *given)), np.asarray(_compiled_step(law, *given))
+    exact = np.asarray(_integrals(law, *given))
+    most = abs(float(law.force(jnp.asarray(depth))))
+    least = np.where(start == 0.0, _TOUCH_ERROR * most, 0.0)
+    allowed = np.maximum(_STEP_ERROR * np.maximum(np.abs(exact), _STEP * most), least)
+    for k in np.flatnonzero(~np.isclose(found, compiled, rtol=1e-10, atol=1e-14)):
+        raise LawError(
+            f"{law}: compiled and plain steps differ: {compiled[k]:.12g}, {found[k]:.12g}"
+        )
+    for k in np.flatnonzero(~(np.abs(found - exact) <= allowed)):
+        raise LawError(
+            f"{law}: the step from {start[k]:.3g} to {stop[k]:.3g} at a decay of {decay[k]:g} "
+            f"is {found[k]:.6g}, its integral {exact[k]:.6g}"
+        )
 
 
 def _run(law: AbstractElastic, start: Array, stop: Array, decay: Array) -> Array:
@@ -150,25 +152,37 @@ def _run(law: AbstractElastic, start: Array, stop: Array, decay: Array) -> Array
 _compiled_step = eqx.filter_jit(_run)  # once for all draws of a law
 
 
-def _integral(law: AbstractElastic, start: float, stop: float, decay: float) -> float:
-    """Of e^{-decay (1 - s)} K(depth(s)) over the step, in panels dense at its start."""
+@eqx.filter_jit
+def _integrals(law: AbstractElastic, start: Array, stop: Array, decay: Array) -> Array:
+    """Of e^{-decay (1 - s)} K(depth(s)) over each step, in panels dense at its start."""
     edges = np.linspace(0.0, 1.0, _PANELS + 1) ** 3
     half = 0.5 * np.diff(edges)[:, None]
     s = edges[:-1, None] + half * (1.0 + _NODES)
-    stiffness = np.asarray(law.stiffness(jnp.asarray(start + (stop - start) * s)))
-    return float(np.sum(half * _WEIGHTS * np.exp(-decay * (1.0 - s)) * stiffness * (stop - start)))
+
+    def one(start: Array, stop: Array, decay: Array) -> Array:
+        stiffness = law.stiffness(start + (stop - start) * s)
+        return jnp.sum(half * _WEIGHTS * jnp.exp(-decay * (1.0 - s)) * stiffness) * (stop - start)
+
+    return jax.vmap(one)(start, stop, decay)
 
 
 def _check_slopes_of_steps(law: AbstractElastic, depths: Array) -> None:
+    slopes = jax.tree.leaves(_slopes_of_steps(law, depths))
+    if not all(np.all(np.isfinite(slope)) for slope in slopes):
+        raise LawError(f"{law}: a slope along one of its constants is not finite")
+
+
+@eqx.filter_jit
+def _slopes_of_steps(law: AbstractElastic, depths: Array) -> AbstractElastic:
+    """Of the sum of all forces and steps, also of steps without travel."""
+
     def total(law: AbstractElastic) -> Array:
         force = law.force(depths)
         step = law.relaxed_step(depths[:-1], depths[1:], force[:-1], force[1:], jnp.asarray(0.1))
         rest = law.relaxed_step(depths, depths, force, force, jnp.asarray(0.1))
         return jnp.sum(step) + jnp.sum(rest) + jnp.sum(force)
 
-    slopes = jax.tree.leaves(jax.grad(total)(law))
-    if not all(np.all(np.isfinite(slope)) for slope in slopes):
-        raise LawError(f"{law}: a slope along one of its constants is not finite")
+    return jax.grad(total)(law)
 
 
 def check_relaxation(law: AbstractRelaxation, shortest: float, longest: float) -> None:
@@ -200,6 +214,9 @@ _compiled_curve = eqx.filter_jit(lambda law, time: law.curve(time))  # once for 
 
 
 def _check_slopes_of_curve(law: AbstractRelaxation, time: Array) -> None:
-    slopes = jax.tree.leaves(jax.jacfwd(lambda law: law.curve(time))(law))
+    slopes = jax.tree.leaves(_slopes_of_curve(law, time))
     if not all(np.all(np.isfinite(slope)) for slope in slopes):
         raise LawError(f"{law}: a slope of g along one of its constants is not finite")
+
+
+_slopes_of_curve = eqx.filter_jit(lambda law, time: jax.jacfwd(lambda law: law.curve(time))(law))

@@ -17,7 +17,6 @@ from qlvbayes.evaluation.recovery.bench import bench
 from qlvbayes.fitting import compiled
 from qlvbayes.inference.density import Density
 from qlvbayes.inference.discrepancy import Discrepancy
-from qlvbayes.inference.engine import filled_up
 from qlvbayes.inference.evidence import evidence
 from qlvbayes.inference.importance import Cloud, Sampled, about, sample
 from qlvbayes.inference.modes import Mode, distinct, find_mode, modes
@@ -80,7 +79,7 @@ def slices(density: Density, own: Parameters, effect: str, best: Mode) -> Iterat
 def _held(density: Density, effect: str, field: str, leaf: Leaf, theta: Array) -> Density:
     """The density with one field of an effect fixed at its value at theta (F,)."""
     space = density.space
-    value = leaf.values(filled_up(theta[None]))[0]
+    value = leaf.values(theta[None])[0]
     fixed = eqx.tree_at(lambda e: getattr(e, field), space.effects[effect], value, is_leaf=is_prior)
     return density.with_space(space.with_effects({**space.effects, effect: fixed}))
 
