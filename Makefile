@@ -4,9 +4,6 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 OUT ?= results
 PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
-# tests run few times what they compile: XLA compiles it four times as fast without optimising;
-# `make validate` has what users have
-QUICK := XLA_FLAGS="--xla_cpu_use_fusion_emitters=false --xla_backend_optimization_level=0"
 
 .PHONY: demo test check bench validate notebooks docs clean
 
@@ -24,7 +21,7 @@ demo: $(VENV)/installed
 	@echo "open $(OUT)/report.html in a browser"
 
 test: $(VENV)/installed-dev
-	$(QUICK) $(PYTEST) -m "not slow"
+	$(PYTEST) -m "not slow"
 
 check: $(VENV)/installed-dev
 	$(BIN)/ruff check .
