@@ -4,6 +4,7 @@ import jax
 import numpy as np
 import pytest
 
+from qlvbayes.inference import traced as module
 from qlvbayes.inference.traced import traced
 
 
@@ -58,3 +59,14 @@ def test_nothing_is_kept_of_what_may_change_unseen(cache, counted):
     function, _ = counted
     np.testing.assert_array_equal(next_process(function, like(3), None)(np.ones(3)), 2.0)
     assert not list(cache.glob("*.traced"))
+
+
+def test_options_that_this_xla_does_not_know_are_left_out(monkeypatch):
+    options = {"xla_llvm_disable_expensive_passes": True, "xla_is_not_called_so": False}
+    monkeypatch.setattr(module, "_QUICK", options)
+    module._known_options.cache_clear()
+    try:
+        assert module._known_options() == {"xla_llvm_disable_expensive_passes": True}
+        assert module._compiled(lambda x: x + 1.0)(1.0) == 2.0
+    finally:
+        module._known_options.cache_clear()

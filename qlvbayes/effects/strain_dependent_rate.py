@@ -17,7 +17,7 @@ from qlvbayes.laws.scales import Scales
 class StrainDependentRate(AbstractEffect):
     r"""v_i -> v_i e^{alpha d} for all modes: they relax in the time xi = int e^{alpha d} dt.
 
-    alpha: how depth hastens relaxation (1/mm), of either sign.
+    alpha: how depth quickens relaxation (1/mm), of either sign.
     """
 
     alpha: Any

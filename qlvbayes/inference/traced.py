@@ -10,8 +10,9 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from contextlib import suppress
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import jax
 from jax import export
@@ -19,15 +20,9 @@ from jax import export
 import qlvbayes
 from qlvbayes.io.files import write_whole
 
-# what XLA's newer emitters and LLVM's costly passes would gain in speed cannot be measured, and a
-# model of the listed effects takes 7 s to compile without them, 11 and 16 s with one and with both
-_compiled = partial(
-    jax.jit,
-    compiler_options={
-        "xla_cpu_use_fusion_emitters": False,
-        "xla_llvm_disable_expensive_passes": True,
-    },
-)
+# What XLA's newer emitters and LLVM's costly passes would gain in speed cannot be measured, and a
+# model of the listed effects takes 7 s to compile without them, 11 and 16 s with one and with both.
+_QUICK = {"xla_cpu_use_fusion_emitters": False, "xla_llvm_disable_expensive_passes": True}
 
 
 @cache
@@ -52,6 +47,21 @@ def traced(
     with suppress(OSError):  # a cache only: a full disk costs the next process its time
         write_whole(file, bytes(found.serialize()))
     return _compiled(found.call)
+
+
+def _compiled(function: Callable[..., jax.Array]) -> Any:
+    return jax.jit(function, compiler_options=_known_options())
+
+
+@cache
+def _known_options() -> dict[str, bool]:
+    """Those that this XLA knows: options come and go with its versions."""
+    found = {}
+    for name, value in _QUICK.items():
+        with suppress(jax.errors.JaxRuntimeError):
+            jax.jit(lambda x: x, compiler_options={name: value}).lower(0.0).compile()
+            found[name] = value
+    return found
 
 
 @cache
