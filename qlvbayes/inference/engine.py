@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cache, cached_property
 from typing import Any, ClassVar, Self
 
@@ -28,7 +28,8 @@ from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
 from qlvbayes.laws.scales import Scales
 from qlvbayes.model.model import Model
-from qlvbayes.preprocess.record import Record, held
+from qlvbayes.preprocess.batching import told
+from qlvbayes.preprocess.record import Record
 
 Array = NDArray[np.float64]
 
@@ -177,8 +178,9 @@ class Engine:
         columns = [start + k for effect in kept for k in self.slots[effect.name]]
         own = filled_up(rows[:, [*range(start), *columns]])
         parts = np.split(own, range(TOGETHER, len(own), TOGETHER))
-        motion, nodes = _with_bows(record.motion), np.asarray(record.nodes)
-        motions, shape = _by_test(motion, nodes), jax.tree.structure(motion)
+        record = told(record, "bow", float)  # one compiled function serves straight lines too
+        motions, nodes = _motions(record), np.asarray(record.nodes)
+        shape = jax.tree.structure(record.motion)
         tasks: list[tuple[Any, ...]] = [
             (which, part, *motion) for motion in motions for part in parts
         ]
@@ -220,26 +222,19 @@ class Engine:
         return Model(elastic, relaxation, self.bonded, empty)
 
 
-def filled_up(rows: Array) -> Array:
-    """Rows (K, ...) and the first of them again, up to a multiple of ``TOGETHER``."""
-    return np.concatenate([rows, np.repeat(rows[:1], -len(rows) % TOGETHER, axis=0)])
+def filled_up(rows: Array, multiple: int = TOGETHER) -> Array:
+    """Rows (K, ...) and the first of them again, up to a multiple."""
+    return np.concatenate([rows, np.repeat(rows[:1], -len(rows) % multiple, axis=0)])
 
 
-def _with_bows(motion: Motion) -> Motion:
-    """The motion; straight lines bow by nothing, so that one compiled function serves both."""
-    if motion.bow is not None:
-        return motion
-    return replace(motion, bow=held(np.zeros(np.shape(motion.time))))
-
-
-def _by_test(motion: Motion, nodes: NDArray[np.intp]) -> list[tuple[Array, ...]]:
+def _motions(record: Record) -> list[tuple[Array, ...]]:
     """Of each test, its motion's arrays: what is compiled then knows no number of tests.
 
     Each as long as its own points ask for: the longest test may have many times as many.
     """
-    leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(motion)]
+    leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(record.motion)]
     found = []
-    for k, last in enumerate(np.max(nodes, axis=(1, 2)).tolist()):
+    for k, last in enumerate(np.max(np.asarray(record.nodes), axis=(1, 2)).tolist()):
         size = leaves[0].shape[1]
         while size >= 2 * _WORTH and size % 2 == 0 and size // 2 > last:  # few sizes are compiled
             size //= 2

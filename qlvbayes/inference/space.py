@@ -20,7 +20,7 @@ from jaxtyping import Array as JaxArray
 from numpy.typing import NDArray
 
 from qlvbayes.effects.effect import AbstractEffect
-from qlvbayes.inference.engine import FEW, Engine
+from qlvbayes.inference.engine import FEW, Engine, filled_up
 from qlvbayes.inference.fixedrates import FixedRates, relaxation_of
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
@@ -454,7 +454,7 @@ def _few_sizes(rows: Array) -> Array:
     size = _LEAST
     while size < len(rows):
         size *= 4
-    return np.concatenate([rows, np.repeat(rows[:1], size - len(rows), axis=0)])
+    return filled_up(rows, size)
 
 
 def _spectra(
