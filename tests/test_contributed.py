@@ -24,6 +24,7 @@ def example(name):
     return found[name]
 
 
+@pytest.mark.slow
 def test_a_sampler_finds_the_posterior_that_emcee_finds(monkeypatch):
     monkeypatch.setitem(fit.SAMPLERS, "metropolis", example("metropolis"))
     found = fit.fit_pad(

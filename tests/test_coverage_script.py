@@ -121,6 +121,7 @@ def test_a_fit_covers_every_constant_once(two_fits):
             assert abs(row["mean"] - row["truth"]) < 10 * row["sd"]
 
 
+@pytest.mark.slow
 def test_fits_survive_the_file_and_make_a_page(two_fits, tmp_path):
     kept = Kept(tmp_path / "fits.jsonl")
     for fit in two_fits:

@@ -86,6 +86,7 @@ def test_explanations_that_are_the_same_promise_nothing(present):
     assert {suggestion.evidence for suggestion in found} == {0.0}
 
 
+@pytest.mark.slow
 def test_the_promise_is_kept(present):
     """Press once more in an hour: the offset, which is right, gains about what was promised."""
     experiment, density, found = present

@@ -63,6 +63,7 @@ def test_nothing_missing_is_called_adequate(plain):
     assert plain.result.stages[-1].heldout_rmse < 1.2 * plain.result.noise
 
 
+@pytest.mark.slow
 def test_a_hidden_drag_is_named_with_its_size(drag):
     assert drag.result.verdict == "missing_effect"
     assert drag.result.effects == ("viscous_drag",)
@@ -95,6 +96,7 @@ def test_a_watched_search_can_be_ended_and_what_is_known_is_told():
     assert len(whole) > len(standings)
 
 
+@pytest.mark.slow
 def test_evidence_of_what_is_likely_is_sampled_with_an_error(drag):
     first, *_ = drag.result.alternatives
     assert 0.0 < first.log_evidence_error < 0.3
@@ -134,6 +136,7 @@ def test_the_words_do_not_call_a_doubtful_nothing_sure(plain):
     assert "although something may be missing" in doubtful.paragraphs()[0]
 
 
+@pytest.mark.slow
 def test_an_error_that_rose_is_not_said_to_fall(drag):
     first, *others = drag.result.stages
     nearer = changed(first, heldout_rmse=0.5 * others[-1].heldout_rmse)
@@ -180,6 +183,7 @@ def test_no_constant_is_said_to_fall_by_more_than_all_of_itself(plain, change, w
     assert f"b would be {words}" in said
 
 
+@pytest.mark.slow
 def test_an_added_effect_is_part_of_the_plain_model(drag):
     experiment = drag.work.experiment
     with_it = diagnose(experiment, Choices(effects=("viscous_drag",)), kinds=FEW)
@@ -187,14 +191,14 @@ def test_an_added_effect_is_part_of_the_plain_model(drag):
     assert "viscous_drag" not in [ranked.effect for ranked in with_it.result.ranking]
 
 
-def test_student_noise_is_refused(drag):
+def test_student_noise_is_refused():
     with pytest.raises(InputError, match="normal noise"):
-        diagnose(drag.work.experiment, Choices(noise="student-t"))
+        diagnose(measured(rates=(20.0,)), Choices(noise="student-t"))
 
 
-def test_priors_that_leave_no_finite_force_are_refused(drag):
+def test_priors_that_leave_no_finite_force_are_refused():
     with pytest.raises(InputError, match="narrow the priors"):
-        diagnose(drag.work.experiment, Choices(priors=("b=lognormal(9,0.1)",)))
+        diagnose(measured(rates=(20.0,)), Choices(priors=("b=lognormal(9,0.1)",)))
 
 
 @pytest.mark.slow

@@ -9,31 +9,21 @@ from scipy.stats import binom
 
 from qlvbayes import InputError
 from qlvbayes.effects.adhesion import Adhesion
-from qlvbayes.effects.catalogue import EFFECTS, find
+from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.evaluation.recovery import recovery_rate
 from qlvbayes.evaluation.recovery.rate import LEVEL, recovery_rates
 
 DRAWS = 4
-FEW = tuple(map(find, ("viscous_drag", "friction", "force_drift")))
-DRAWS_OF_FEW = 16
 ERRORS = 3.0  # binomial standard errors of the overall rate
 CHANCE = 2.0 * 0.00135  # the same, as a probability
 
 
-@pytest.fixture(scope="module", params=["few", pytest.param("all", marks=pytest.mark.slow)])
-def kinds(request):
-    return FEW if request.param == "few" else EFFECTS
-
-
 @pytest.fixture(scope="module")
-def recovered(kinds):
+def recovered():
     """Each effect; those that run the law several times have a model of their own."""
-    draws = DRAWS_OF_FEW if kinds == FEW else DRAWS
-    light = [kind for kind in kinds if not kind.costly]
-    costly = [kind for kind in kinds if kind.costly]
-    return [
-        found for some in (light, costly) if some for found in recovery_rates(some, draws=draws)
-    ]
+    light = [kind for kind in EFFECTS if not kind.costly]
+    costly = [kind for kind in EFFECTS if kind.costly]
+    return [found for some in (light, costly) for found in recovery_rates(some, draws=DRAWS)]
 
 
 def off(recovered):
@@ -61,21 +51,24 @@ def scaled(found, factor):
 
 
 @pytest.mark.slow
-def test_every_effect_is_recovered_at_the_right_rate(recovered, kinds):
-    assert {found.effect for found in recovered} == {kind.name for kind in kinds}
+def test_every_effect_is_recovered_at_the_right_rate(recovered):
+    assert {found.effect for found in recovered} == {kind.name for kind in EFFECTS}
     assert not off(recovered)
     assert not below_chance(recovered)
 
 
+@pytest.mark.slow
 def test_intervals_of_half_the_width_are_noticed(recovered):
     assert off([scaled(found, 0.5) for found in recovered])
 
 
+@pytest.mark.slow
 def test_one_effect_whose_intervals_miss_is_noticed(recovered):
     wrong = [scaled(recovered[0], 0.0), *recovered[1:]]
     assert below_chance(wrong) == [recovered[0].effect]
 
 
+@pytest.mark.slow
 def test_intervals_come_from_enough_draws(recovered):
     assert min(found.worth.min() for found in recovered) > 50.0
 

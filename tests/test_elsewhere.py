@@ -140,6 +140,7 @@ def test_check_without_noise_says_what_is_missing(tmp_path):
     assert "the posterior of pad B has no noise; give draws of noise.white" in err
 
 
+@pytest.mark.slow
 def test_compare_works_on_them_alone_and_better_with_the_data(results):
     status, _, err = call("compare", results, "--json")
     assert (status, err) == (0, "")

@@ -77,6 +77,7 @@ def prior_quantiles(rates, name, shares):
     return np.quantile(rates, shares, axis=0)[:, int(name[2]) - 1]
 
 
+@pytest.mark.slow
 def test_without_information_the_prior_comes_out(uninformed, constants, rates):
     shares = np.array([0.05, 0.25, 0.5, 0.75, 0.95])
     ess = diagnose_chain(constants).ess_bulk

@@ -179,6 +179,7 @@ def test_two_steps_underestimate_the_instantaneous_force():
     assert 0.75 < elastic / exact < 0.97
 
 
+@pytest.mark.slow
 def test_white_noise_in_the_likelihood_makes_sds_too_small():
     """Noise is correlated over 0.5 s: who takes it for white believes too much."""
     white = fitted(Choices(noise="white")).summary()

@@ -257,6 +257,7 @@ def test_constants_have_the_posterior_that_importance_sampling_finds():
         assert summary[name].sd == pytest.approx(sd[k], rel=0.15), name
 
 
+@pytest.mark.slow
 def test_a_hidden_effect_widens_the_intervals_and_is_told_in_newtons():
     rates = (20.0,)
     plain = fit_pad(hidden_pad(rates=rates), Choices(), settings=LONGER).summary()

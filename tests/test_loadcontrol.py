@@ -273,6 +273,7 @@ def creeps(constants, seed, closed_loop):
     ]
 
 
+@pytest.mark.slow
 def test_creep_alone_tells_the_constants():
     # four sds of seven constants fail by chance once in two thousand
     assert max(map(abs, zs(B, creeps(B, 0, closed_loop=False)).values())) < 4.0

@@ -399,6 +399,7 @@ def fitted(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_the_command_leaves_a_plan_that_can_be_run(fitted):
     status, out, _ = call(
         "design", fitted, "--pad", "B", "--for", "m,b", "--minutes", 3, "--tests", 1, "--json",

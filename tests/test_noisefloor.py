@@ -78,6 +78,7 @@ def test_white_and_correlated_noise_are_told_apart():
     assert total.std() < 0.08 * np.hypot(WHITE, OU)
 
 
+@pytest.mark.slow
 def test_white_noise_alone_is_called_white():
     white, ou, _, _ = draws(20, 2, ou=0.0).T
     assert_centred(white, WHITE, 0.02)

@@ -129,16 +129,22 @@ CASES = {
         diagnosed(verdict="unexplained", effects=(), group=(), units=STRAIN), pressed(3)
     ),
 }  # fmt: skip
-every_case = pytest.mark.parametrize("case", CASES)
 FULLEST = ("one effect", "twelve tests, four effects")
+QUICK = {("one effect", 85.0), *((case, 180.0) for case in (*FULLEST, "one test", "staircase"))}
+
+
+def drawn_quickly(case, width=180.0):
+    """Pages of these layouts are drawn in every run; the others take as long again."""
+    return () if (case, width) in QUICK else pytest.mark.slow
+
+
+every_case = pytest.mark.parametrize(
+    "case", [pytest.param(case, marks=drawn_quickly(case)) for case in CASES]
+)
 every_case_and_width = pytest.mark.parametrize(
     ("case", "width"),
     [
-        pytest.param(
-            case,
-            width,
-            marks=pytest.mark.slow if width == 85.0 and case not in FULLEST else (),
-        )
+        pytest.param(case, width, marks=drawn_quickly(case, width))
         for case in CASES
         for width in (85.0, 180.0)
     ],
@@ -167,7 +173,6 @@ def words(figure):
 
 
 @every_case_and_width
-@pytest.mark.few(3)
 def test_nothing_leaves_the_page_and_type_can_be_read(case, width):
     for figure, renderer in pages(case, width):
         ink, page = figure.get_tightbbox(renderer).extents, figure.bbox_inches.extents
@@ -190,14 +195,15 @@ def test_titles_legends_and_notes_do_not_overlap(case, width):
                 assert not box.padded(-1.0).overlaps(other)
 
 
-@pytest.mark.parametrize("case", FULLEST)
+@pytest.mark.parametrize(
+    "case", [pytest.param(case, marks=drawn_quickly(case, 85.0)) for case in FULLEST]
+)
 def test_no_text_of_a_narrow_figure_runs_into_another(case):
     for figure, _ in (pages(case, 85.0)[k] for k in (0, 2, 3)):
         assert collisions(figure) == []
 
 
 @every_case
-@pytest.mark.few(1)
 def test_every_axis_names_its_unit(case):
     unit = CASES[case][0].units.force
     residuals, forces, evidence, staircase = (figure for figure, _ in pages(case))

@@ -61,6 +61,7 @@ def drag():
     return search
 
 
+@pytest.mark.slow
 def test_hidden_drag_is_found_on_the_right_law(drag):
     found = decided(drag)
     assert drag.best == USUAL.plus("viscous_drag")
@@ -68,6 +69,7 @@ def test_hidden_drag_is_found_on_the_right_law(drag):
     assert found.base["exponential", "prony:2"] > 0.5
 
 
+@pytest.mark.slow
 def test_what_is_found_holds_the_true_drag(drag):
     point = drag.seen[drag.best].point
     place = point.own.names.index("viscous_drag.eta")
@@ -75,6 +77,7 @@ def test_what_is_found_holds_the_true_drag(drag):
     assert point.residual @ point.residual / point.residual.size == pytest.approx(1.0, abs=0.2)
 
 
+@pytest.mark.slow
 def test_every_neighbour_of_the_best_has_been_seen(drag):
     best = drag.best
     for name in set(drag.families.listed) - best.effects:

@@ -30,6 +30,7 @@ def test_a_jump_in_the_middle_of_a_study_is_no_drift_alone(jump):
     assert jump.result.stages[-1].rmse > 1.5 * jump.result.noise
 
 
+@pytest.mark.slow
 def test_a_steady_drift_is_one():
     steady = hidden_pad(HIDDEN["force_drift"](rate=1e-4), rates=PAPER_RATES)
     found = diagnose(steady, kinds=FEW).result
