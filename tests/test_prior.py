@@ -9,7 +9,7 @@ from qlvbayes.diagnosis.families import Families
 from qlvbayes.diagnosis.prior import log_prior
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.effects.catalogue import EFFECTS, EVERY
-from qlvbayes.inference.space import Hypothesis
+from qlvbayes.inference.hypothesis import Hypothesis
 
 LAWS = (("x",), ("p",))
 USUAL = Hypothesis("x", "p")

@@ -17,8 +17,8 @@ from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.effects.catalogue import OUTSIDE
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.inference.extending import shapes
+from qlvbayes.inference.hypothesis import Hypothesis
 from qlvbayes.inference.modes import find_modes
-from qlvbayes.inference.space import Hypothesis
 from qlvbayes.io.data import Pad, Test
 from qlvbayes.io.units import PAD
 from qlvbayes.model.choices import Choices

@@ -119,7 +119,7 @@ def test_each_effect_vanishes_at_its_null(name):
 
 
 @pytest.mark.parametrize("name", EVERY)
-@pytest.mark.few(6)
+@pytest.mark.few(3)
 def test_finer_cells_change_nothing(name):
     for protocol, rate in ((paper_protocol, 0.1), (full_retraction_protocol, 30.0)):
         platen, times = paired(protocol, rate)
@@ -139,7 +139,7 @@ PAIRS = [
 
 
 @pytest.mark.parametrize("names", PAIRS)
-@pytest.mark.few(6)
+@pytest.mark.few(2)
 def test_finer_cells_change_nothing_of_several_effects(names):
     platen, times = paired(full_retraction_protocol)
     effects = [effect(name) for name in names]

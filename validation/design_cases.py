@@ -24,7 +24,7 @@ from qlvbayes.diagnosis.weighed import described
 from qlvbayes.diagnosis.workbench import as_chosen, search_of
 from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE
 from qlvbayes.evaluation.study import measured
-from qlvbayes.inference.space import Hypothesis
+from qlvbayes.inference.hypothesis import Hypothesis
 from qlvbayes.io.data import Pad, Test
 from qlvbayes.io.units import PAD
 from qlvbayes.pipeline.designing import likely

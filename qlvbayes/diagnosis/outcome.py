@@ -28,7 +28,7 @@ from qlvbayes.diagnosis.samples import Samples, cell_errors, rmse
 from qlvbayes.diagnosis.search import Search
 from qlvbayes.diagnosis.standing import weights_of
 from qlvbayes.diagnosis.weighed import Weighed
-from qlvbayes.inference.space import Hypothesis
+from qlvbayes.inference.hypothesis import Hypothesis
 from qlvbayes.model.parameters import unit_kinds
 from qlvbayes.preprocess.experiment import Experiment
 

@@ -7,7 +7,7 @@ from collections.abc import Collection
 
 from qlvbayes.diagnosis.families import Families
 from qlvbayes.diagnosis.settings import Settings
-from qlvbayes.inference.space import Hypothesis
+from qlvbayes.inference.hypothesis import Hypothesis
 
 
 def log_prior(

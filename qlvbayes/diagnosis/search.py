@@ -21,6 +21,7 @@ from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.weighed import Weighed, described, weigh
 from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.extending import amplitude_of, carried, shapes
+from qlvbayes.inference.hypothesis import Hypothesis
 from qlvbayes.inference.importance import CLOSE, sampled_evidence
 from qlvbayes.inference.modes import (
     BEHIND,
@@ -31,7 +32,7 @@ from qlvbayes.inference.modes import (
     modes,
 )
 from qlvbayes.inference.projection import projected
-from qlvbayes.inference.space import Hypothesis, in_natural_amplitude, median
+from qlvbayes.inference.space import in_natural_amplitude, median
 from qlvbayes.io.checks import NoFiniteForceError
 from qlvbayes.laws.scales import SHARE
 

@@ -14,7 +14,8 @@ from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.fitting.marginal import known_floor
 from qlvbayes.inference.density import Density
 from qlvbayes.inference.discrepancy import Discrepancy
-from qlvbayes.inference.space import Hypothesis, Space, in_natural_amplitude
+from qlvbayes.inference.hypothesis import Hypothesis
+from qlvbayes.inference.space import Space, in_natural_amplitude
 from qlvbayes.io.checks import InputError
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation

@@ -25,8 +25,9 @@ from jaxtyping import Array as JaxArray
 from numpy.typing import NDArray
 
 from qlvbayes.inference.discrepancy import Discrepancy, Sized
+from qlvbayes.inference.hypothesis import Hypothesis, Parameters
 from qlvbayes.inference.noticeable import log_noticeable
-from qlvbayes.inference.space import Hypothesis, Parameters, Space
+from qlvbayes.inference.space import Space
 from qlvbayes.inference.whitening import Whitener
 from qlvbayes.priors.distributions import AbstractPrior
 from qlvbayes.priors.natural import Natural

@@ -25,8 +25,8 @@ from scipy.special import gammaln, logsumexp
 
 from qlvbayes.inference.density import Density
 from qlvbayes.inference.evidence import Evidence
+from qlvbayes.inference.hypothesis import Parameters
 from qlvbayes.inference.modes import Mode
-from qlvbayes.inference.space import Parameters
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from qlvbayes.inference.density import Point
-from qlvbayes.inference.space import Hypothesis, Parameters, Space
+from qlvbayes.inference.hypothesis import Hypothesis, Parameters
+from qlvbayes.inference.space import Space
 
 Array = NDArray[np.float64]
 Curve = Callable[[Array], Array]

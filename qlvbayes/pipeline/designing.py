@@ -30,7 +30,7 @@ from qlvbayes.diagnosis.workbench import as_chosen, search_of
 from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE
 from qlvbayes.fitting.results import Saved, load
 from qlvbayes.fitting.runs import Run, Runs
-from qlvbayes.inference.space import Hypothesis
+from qlvbayes.inference.hypothesis import Hypothesis
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
 from qlvbayes.io.files import write_whole

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes.inference.density import Density, Point, Terms
+from qlvbayes.inference.hypothesis import Hypothesis
 from qlvbayes.inference.modes import bounded_step, promised
-from qlvbayes.inference.space import Hypothesis
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

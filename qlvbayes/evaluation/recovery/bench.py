@@ -9,7 +9,8 @@ from functools import cache
 import numpy as np
 
 from qlvbayes.effects.effect import AbstractEffect, Protocol
-from qlvbayes.inference.space import Hypothesis, Space, in_natural_amplitude
+from qlvbayes.inference.hypothesis import Hypothesis
+from qlvbayes.inference.space import Space, in_natural_amplitude
 from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation

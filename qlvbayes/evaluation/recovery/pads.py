@@ -18,9 +18,10 @@ from qlvbayes.fitting import compiled
 from qlvbayes.inference.density import Density
 from qlvbayes.inference.discrepancy import Discrepancy
 from qlvbayes.inference.evidence import evidence
+from qlvbayes.inference.hypothesis import Leaf, Parameters
 from qlvbayes.inference.importance import Cloud, Sampled, about, sample
 from qlvbayes.inference.modes import Mode, distinct, find_mode, modes
-from qlvbayes.inference.space import Leaf, Parameters, Space
+from qlvbayes.inference.space import Space
 from qlvbayes.inference.whitening import Whitener
 from qlvbayes.io.checks import NoFiniteForceError
 from qlvbayes.model.noise import Correlated
