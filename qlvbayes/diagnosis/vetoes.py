@@ -1,7 +1,8 @@
 """What is told of a finished search: the decision by probabilities, and what may veto it.
 
-An effect with which tests left out are predicted worse is not named; nor one beside something
-unlisted that takes more of the error than it; and nothing is explained where what is left matters.
+An effect with which tests left out are predicted worse is not named; nor one whose strength would
+have to vary from test to test, nor one beside something unlisted that takes more of the error than
+it; and nothing is explained where what is left matters.
 Likely beside an effect that is not to be named is not likely: after a veto the decision is made
 again, as if nothing could be there but what it named before, or had in a group, and was not vetoed.
 """
@@ -11,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from qlvbayes.diagnosis.constancy import MOST, log_odds_of_varying
 from qlvbayes.diagnosis.decision import (
     LEFT,
     Decision,
@@ -25,6 +27,7 @@ from qlvbayes.diagnosis.search import Tell
 from qlvbayes.diagnosis.weighed import Weighed
 
 RISES = "tests left out are predicted worse with it"
+VARIES = "its strength would have to vary between tests or phases: something else imitates it"
 IMITATES = "it takes less of the error than what no effect of the list explains, and may imitate it"
 
 
@@ -56,9 +59,10 @@ def _tested(outcome: Outcome, weights: Sequence[Weight]) -> Decision:
 def _refused(outcome: Outcome, decision: Decision) -> dict[str, str]:
     """Effects that are not to be named, with the reason."""
     told = outcome.seen[decision.told]
-    rising = {name: RISES for name in decision.tried if _rises(outcome, told, name)}
-    if rising or decision.verdict != "partly_explained":
-        return rising
+    refused = {name: VARIES for name in decision.tried if _varies(outcome, told, name)}
+    refused |= {name: RISES for name in decision.tried if _rises(outcome, told, name)}
+    if refused or decision.verdict != "partly_explained":
+        return refused
     return {name: IMITATES for name in decision.effects if _takes_little(outcome, told, name)}
 
 
@@ -72,15 +76,29 @@ def _is_enough(outcome: Outcome, told: Weighed) -> bool:
     return tested.is_sound(outcome.search.settings) or left.is_small or little
 
 
+def _member(outcome: Outcome, told: Weighed, effect: str) -> str | None:
+    """The form in which a hypothesis has an effect; None if it has not got it."""
+    families = outcome.search.families
+    own = outcome.search.added(told.hypothesis)
+    return next((member for member in own if families.of[member] == effect), None)
+
+
 def _without(outcome: Outcome, told: Weighed, effect: str) -> Weighed | None:
     """A hypothesis less one of its effects, in whichever form; None if it has not got it."""
-    search, own = outcome.search, told.hypothesis
-    for member in search.added(own):
-        if search.families.of[member] == effect:
-            search.see_without(own, member)
-            found = search.modes.get(own.less(member))
-            return found[0] if found else None
-    return None
+    member, search = _member(outcome, told, effect), outcome.search
+    if member is None:
+        return None
+    search.see_without(told.hypothesis, member)
+    found = search.modes.get(told.hypothesis.less(member))
+    return found[0] if found else None
+
+
+def _varies(outcome: Outcome, told: Weighed, effect: str) -> bool:
+    """Whether an effect would need other strengths from test to test."""
+    member = _member(outcome, told, effect)
+    if member is None:
+        return False
+    return log_odds_of_varying(outcome.search.density, outcome.samples, told, member) > MOST
 
 
 def _rises(outcome: Outcome, told: Weighed, effect: str) -> bool:

@@ -52,8 +52,8 @@ def plot_evidence(diagnosis: DiagnosisResult, *, width: float = DOUBLE) -> Axes:
     Over all base laws and all companions. The number and the probability stand beside the bar;
     ``none`` is that no effect is. Effects named in the verdict are dark blue, others that explain
     the tests as well are light blue with a frame. A cross marks an effect that was refused because
-    left-out tests are predicted worse with it, or because it takes less than is left. width: of the
-    figure (mm).
+    it imitates something else or left-out tests are predicted worse with it. width: of the figure
+    (mm).
     """
     tight = narrow(width)
     with style():
@@ -201,7 +201,7 @@ def _notes(figure: Figure, diagnosis: DiagnosisResult, tight: bool) -> None:
         f"{exp(_ODDS):.0f} to 1 for the effect."
     ]
     if _refused(diagnosis):
-        lines += ["×: refused, predicts left-out tests worse or takes less than is left."]
+        lines += ["×: refused, as it imitates something, or left-out tests are predicted worse with it."]
     if unseen:
         lines += [f"Not ranked, as these tests cannot show them: {', '.join(unseen)}."]
     text = "\n".join(fill(line, _NOTE_TIGHT if tight else _NOTE) for line in lines)

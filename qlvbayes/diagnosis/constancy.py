@@ -1,0 +1,79 @@
+r"""Whether an effect acts by the same constants wherever it acts, or each test would need its own.
+
+What is on no list may look like an effect of the list, but it obeys another law: an imitation fits
+each test by another strength. The force e(x) that an effect adds at a mode is let free to be
+stronger or weaker in each test and in each kind of phase (loading, hold, unloading, recovery),
+
+.. math:: e(x)\,(1 + \delta_{test} + \delta_{phase}), \qquad \delta \sim N(0, \tau^2),
+
+with tau = 0.3 for an imitation, and 0.05 for the effect itself, as no real pad keeps a law exactly.
+With V its whitened parts, J and H the Jacobian and curvature of the hypothesis and Q of
+`discrepancy`, to the first order (a random-effects score; Verbeke & Molenberghs 2003,
+doi:10.1111/1541-0420.00032),
+
+.. math:: A = V Q V^T - V Q J^T H^{-1} J Q V^T, \quad b = V Q r, \quad
+          \ln L(\tau) = \tfrac12 b^T (A + \tau^{-2})^{-1} b - \tfrac12 \ln |1 + \tau^2 A|
+
+and B = L(0.3) / L(0.05) is the Bayes factor of an imitation. The constants and the discrepancy come
+first: only what neither takes speaks for it. Of an effect that is what it is called the mean of B
+is 1, so that it exceeds 20 in one pad of twenty at most (Markov's inequality).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qlvbayes.diagnosis.samples import Samples
+from qlvbayes.diagnosis.weighed import Weighed
+from qlvbayes.inference.density import Density
+from qlvbayes.inference.extending import carried
+from qlvbayes.inference.features import Places
+
+Array = NDArray[np.float64]
+
+MOST = float(np.log(20.0))
+"""Log Bayes factor from which an effect is an imitation: the usual 95 %."""
+_VARIES = 0.3  # tau of an imitation: off by a third or so
+_HOLDS = 0.05  # tau of an effect whose name serves: what it predicts is right to 5 %
+
+
+def log_odds_of_varying(density: Density, samples: Samples, found: Weighed, effect: str) -> float:
+    """Log Bayes factor of an imitation, of one effect of a hypothesis, at its mode."""
+    point, space = found.point, density.space
+    less = found.hypothesis.less(effect)
+    theta = carried(point.own, point.theta, space.parameters(less))
+    without = space.forces(less, space.parameters(less).constants(theta[None]))[0]
+    parts = _parts(samples, point.predicted - without)
+    sized = density.discrepancy.at(found.mode.size)
+    products = sized.products(np.concatenate([point.vectors, density.whitener(parts)]))
+    known = len(point.vectors)
+    beside, terms = products[1:known, known:], point.terms(sized)
+    solved = np.linalg.solve(terms.curvature, np.column_stack([beside, terms.gradient]))
+    free = products[known:, known:] - beside.T @ solved[:, :-1]
+    slope = products[known:, 0] + beside.T @ solved[:, -1]
+    return log_bayes_factor(free, slope)
+
+
+def log_bayes_factor(free: Array, slope: Array) -> float:
+    """Log B of strengths (G,) whose log likelihood has the slope b and minus the curvature A."""
+    values, axes = np.linalg.eigh(0.5 * (free + free.T))
+    squares, values = (axes.T @ slope) ** 2, np.maximum(values, 0.0)
+    return _log_likelihood(squares, values, _VARIES) - _log_likelihood(squares, values, _HOLDS)
+
+
+def _log_likelihood(squares: Array, values: Array, tau: float) -> float:
+    volume = np.log1p(tau**2 * values).sum()
+    return float(0.5 * (squares / (values + tau**-2)).sum() - 0.5 * volume)
+
+
+def _parts(samples: Samples, force: Array) -> Array:
+    """(G, T, B) of a force (T, B): in each test (phase, of one alone), each kind of phase."""
+    real = samples.space.real
+    places = Places.of_blocks(samples.experiment, samples.trials, samples.space.record.blocks)
+    masks = [out for out, _, _ in samples.left_out()]
+    masks += [places.phase == kind for kind in np.unique(places.phase)]
+    found = np.zeros((len(masks), *force.shape))
+    for one, mask in zip(found, masks, strict=True):
+        one[real] = np.where(mask, force[real], 0.0)
+    return found
