@@ -264,8 +264,21 @@ def test_parts_of_several_processes_are_read_together_and_cut_lines_mended(tmp_p
     assert [c["index"] for c in Kept(path, key).first(3)] == [0, 1, 2]
 
 
-def test_the_digest_repeats():
-    assert code_digest() == code_digest()
+def test_the_digest_is_of_code_that_may_change_an_outcome(tmp_path):
+    """Not of words about it, nor of code that only looks at what came out."""
+    law, figure = tmp_path / "laws" / "hertz.py", tmp_path / "plots" / "bars.py"
+    for file in (law, figure):
+        file.parent.mkdir()
+        file.write_text("POWER = 1.5\n")
+    first = code_digest(tmp_path)
+    law.write_text('"""Of a sphere."""\n\nPOWER = 1.5  # Hertz 1881\n')
+    figure.write_text("POWER = 2.0\n")
+    assert code_digest(tmp_path) == first
+    law.write_text("POWER = 2.0\n")
+    assert code_digest(tmp_path) != first
+    law.rename(law.with_name("sphere.py"))
+    figure.rename(tmp_path / "laws" / "hertz.py")
+    assert code_digest(tmp_path) != first
 
 
 # scores

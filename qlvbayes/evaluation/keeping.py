@@ -13,6 +13,8 @@ from qlvbayes.evaluation.rate import Case
 
 Tell = Callable[[int, int], None]
 
+_PACKAGE = Path(qlvbayes.__file__).parent
+
 _SCORING = (
     "rate",
     "scores",
@@ -97,12 +99,11 @@ def _mend(path: Path) -> None:
             path.write_text(f"{whole}\n" if whole else "", encoding="utf-8")
 
 
-def code_digest() -> str:
+def code_digest(root: Path = _PACKAGE) -> str:
     """Digest of all code that a study's outcome may depend on; comments, docstrings, layout aside.
 
     Studies of other code must not be mixed with new ones.
     """
-    root = Path(qlvbayes.__file__).parent
     digest = hashlib.sha256()
     for path in sorted(root.rglob("*.py")):
         name = path.relative_to(root).as_posix()

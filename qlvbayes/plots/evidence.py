@@ -201,7 +201,9 @@ def _notes(figure: Figure, diagnosis: DiagnosisResult, tight: bool) -> None:
         f"{exp(_ODDS):.0f} to 1 for the effect."
     ]
     if _refused(diagnosis):
-        lines += ["×: refused, as it imitates something, or left-out tests are predicted worse with it."]
+        lines += [
+            "×: refused, as it imitates something, or left-out tests are predicted worse with it."
+        ]
     if unseen:
         lines += [f"Not ranked, as these tests cannot show them: {', '.join(unseen)}."]
     text = "\n".join(fill(line, _NOTE_TIGHT if tight else _NOTE) for line in lines)
