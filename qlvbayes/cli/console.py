@@ -6,6 +6,7 @@ import shlex
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import (
@@ -17,7 +18,8 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from qlvbayes.fitting.ensemble import Progress as Report
+if TYPE_CHECKING:  # a sampler's import takes longer than what most commands do
+    from qlvbayes.fitting.ensemble import Progress as Report
 
 WIDE = 140  # columns of a table where the output is no terminal
 
