@@ -194,6 +194,7 @@ def test_a_constant_fixed_in_both_is_not_compared():
     assert found.omnibus.freedom == 5
 
 
+@pytest.mark.slow
 def test_fits_are_compared_at_places_that_their_tests_reach():
     """A fit against itself, nothing said of depth, rates and frequencies."""
     fit = fitted(method="least-squares")

@@ -125,6 +125,7 @@ def test_the_words_say_how_many_specimens(fluids):
     assert any("3 specimens" in text for text in words)
 
 
+@pytest.mark.slow
 def test_specimens_alone_make_two_pads_differ_but_not_two_fluids():
     rng = np.random.default_rng(3)
     truth = table_1("B")

@@ -274,6 +274,7 @@ def fitted(rested):
     return fit_pad(prepare(measured(), all_tests=True), choices, method="least-squares")
 
 
+@pytest.mark.slow
 def test_constants_are_found_where_tests_from_rest_would_bend_them():
     truth = {"m": SLOW.m, "b": SLOW.b, "c[2]": SLOW.c[2], "v[2]": SLOW.v[1]}
     carried, rested = fitted(False).summary(), fitted(True).summary()

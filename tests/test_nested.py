@@ -69,6 +69,7 @@ def test_the_evidence_of_a_straight_line_is_exact(straight):
     assert np.all((errors > 0.1) & (errors < 0.8))
 
 
+@pytest.mark.slow
 def test_draws_are_of_the_posterior(straight):
     runs = [nested_evidence(straight, seed, live=60, draws=500) for seed in range(4)]
     mean, sd = straight.moments

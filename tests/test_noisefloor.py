@@ -278,6 +278,7 @@ def cycles(rng, white, ou, tau, hertz=1000.0, turns=5, period=6.4, tests=4, grow
     return records, [phases] * tests
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hertz", [1000.0, 10.0])
 @pytest.mark.parametrize(("white", "ou", "tau"), [(0.004, 0.006, 0.5), (0.006, 0.003, 2.0)])
 @pytest.mark.few(1)
