@@ -1,27 +1,19 @@
 """Effects that act by the same constants everywhere, and what only looks like them."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from support.hidden_pads import FEW
+from support.hidden_pads import FEW, hidden_pad
 
 from qlvbayes.diagnosis.constancy import MOST, log_bayes_factor, log_odds_of_varying
 from qlvbayes.diagnosis.samples import Samples
 from qlvbayes.diagnosis.weighed import weigh
 from qlvbayes.diagnosis.workbench import search_of
-from qlvbayes.evaluation.study import measured
 from qlvbayes.inference.hypothesis import Hypothesis
 from qlvbayes.inference.modes import find_mode
+from qlvbayes.io.data import Pad
+from qlvbayes.io.units import PAD
 from qlvbayes.preprocess.experiment import prepare
-from qlvbayes.simulate import (
-    HIDDEN,
-    NOISES,
-    TABLE_1,
-    HiddenPad,
-    paper_protocol,
-    record_study,
-)
+from qlvbayes.simulate import HIDDEN
 
 RATES = (1.0, 5.0, 20.0, 100.0)  # mm/s
 DRAG = Hypothesis("exponential", "prony:2", frozenset({"viscous_drag"}))
@@ -29,20 +21,10 @@ DRAG = Hypothesis("exponential", "prony:2", frozenset({"viscous_drag"}))
 
 def pad_with_drags(etas, seed=0):
     """One test at each rate, each with a drag of its own (N s/mm)."""
-    programs = {f"{rate:g}": paper_protocol(rate) for rate in RATES}
-    studies = [
-        measured(
-            record_study(
-                {"B": HiddenPad(TABLE_1["B"], [HIDDEN["viscous_drag"](eta=eta)])},
-                programs, NOISES["correlated"], seed, 300,
-            ),
-            "B",
-        )
-        for eta in sorted(set(etas))
-    ]  # fmt: skip
-    by_eta = dict(zip(sorted(set(etas)), studies, strict=True))
-    tests = tuple(by_eta[eta].tests[k] for k, eta in enumerate(etas))
-    return prepare(replace(studies[0], tests=tests))
+    drags = {eta: HIDDEN["viscous_drag"](eta=eta) for eta in etas}
+    pads = {eta: hidden_pad(drag, rates=RATES, seed=seed) for eta, drag in drags.items()}
+    tests = tuple(pads[eta].trials[k].test for k, eta in enumerate(etas))
+    return prepare(Pad("B", tests, PAD))
 
 
 def log_odds(etas, seed=0):
