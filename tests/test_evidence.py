@@ -224,7 +224,7 @@ def test_an_effect_at_nothing_is_where_it_would_be_computed(density, space):
         start[own.carried(point.own)] = theta
         number = amplitude_of(own, effect).number
         start[number] = 0.0
-        (one,) = density.extensions(point, hypothesis, number, [start])
+        (one,) = density.extensions(point, [(hypothesis, number, [start])])
         found = density.extended(point, one)
         expected = density.at(hypothesis, start)
         apart = np.abs(found.responses - expected.responses).max(axis=(1, 2)) * own.length
@@ -244,7 +244,7 @@ def test_what_an_effect_promises_is_the_evidence_with_it_where_all_is_linear(
     start = np.zeros(own.size)
     start[own.carried(point.own)] = point.theta
     number = amplitude_of(own, effect).number
-    (one,) = density.extensions(point, hypothesis, number, [start])
+    (one,) = density.extensions(point, [(hypothesis, number, [start])])
     plain_terms = density.terms_by_size(point)
     below, above = point.own.lowest - point.theta, point.own.highest - point.theta
     by_size = normals(plain_terms, below, above)[0] + density.discrepancy.log_prior

@@ -82,22 +82,26 @@ def _promised_at(
     density: Density, found: Weighed, names: Sequence[str], whole: bool
 ) -> list[Promise]:
     """Each of some effects more at a mode; whole: over all of its first shape's prior."""
-    added = [part for name in names for part in _extensions(density, found, name, whole)]
+    several = [one for name in names if (one := _at_nothing(density, found, name, whole))]
+    added = density.extensions(found.point, several) if several else []
     if not added:
         return []
     logs = promised_evidence(density, found.point, found.evidence.by_size, added)
     return [Promise(found.point, part, log) for part, log in zip(added, logs.tolist(), strict=True)]
 
 
-def _extensions(density: Density, found: Weighed, effect: str, whole: bool) -> list[Extension]:
+def _at_nothing(
+    density: Density, found: Weighed, effect: str, whole: bool
+) -> tuple[Hypothesis, int, list[Array]] | None:
+    """A mode with an effect more, its amplitude's place, and thetas with it at nothing."""
     hypothesis = found.hypothesis.plus(effect)
     own = density.space.parameters(hypothesis)
     amplitude = amplitude_of(own, effect)
     if amplitude is None:
-        return []
+        return None
     starts = shapes(density.space, found.point, own, effect)
     some = starts if whole else starts[len(starts) // 2 :][:1]
-    return density.extensions(found.point, hypothesis, amplitude.number, some)
+    return hypothesis, amplitude.number, some
 
 
 def _order(one: Promise) -> float:

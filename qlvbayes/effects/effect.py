@@ -56,6 +56,7 @@ class AbstractEffect(eqx.Module):
     amplitude); ``law``, ``seen``, ``reference``: for people, in one line each; ``needs``: what of
     the motion its force is made of: records that do not give it cannot show it; ``costly``:
     whether it runs the law beneath it several times, so that models without it are compiled apart;
+    ``own_time``: whether the law beneath it runs in a time that depends on its constants;
     ``generalises``: name of the listed effect whose law lies inside, where the constants in
     ``reduces`` have these values (the others have the same names in both); ``outside``: whether it
     names nothing, but stands for what no list holds; ``inverts``: whether the force after a step
@@ -72,6 +73,7 @@ class AbstractEffect(eqx.Module):
     rank: ClassVar[int] = 0
     needs: ClassVar[str] = "displacement"
     costly: ClassVar[bool] = False
+    own_time: ClassVar[bool] = False
     generalises: ClassVar[str | None] = None
     reduces: ClassVar[dict[str, float]] = {}
     outside: ClassVar[bool] = False

@@ -181,23 +181,29 @@ class Density:
         return found
 
     def extensions(
-        self, point: Point, hypothesis: Hypothesis, number: int, starts: Sequence[Array]
+        self, point: Point, several: Sequence[tuple[Hypothesis, int, Sequence[Array]]]
     ) -> list[Extension]:
         """An effect more at its null, where of all new numbers its amplitude alone moves the force.
 
-        number: the amplitude's place in theta; starts: thetas (F,) that differ from the point's by
-        new numbers only. What is not finite is left out.
+        several: hypotheses of one effect more, the amplitude's place in theta, and thetas (F,) that
+        differ from the point's by new numbers only. What is not finite is left out.
         """
-        own = self.space.parameters(hypothesis)
-        step = _STEP * own.length[number]
-        moved = np.stack(starts)
-        moved[:, number] += step
-        added = (self.space.forces(hypothesis, own.constants(moved)) - point.predicted) / step
-        white = self.whitener(added)
+        rows, places = [], []
+        for hypothesis, number, starts in several:
+            own = self.space.parameters(hypothesis)
+            step = _STEP * own.length[number]
+            moved = np.stack(starts)
+            moved[:, number] += step
+            rows.append((hypothesis, own.constants(moved)))
+            places += [(own, number, start, step) for start in starts]
+        steps = np.array([step for *_, step in places])[:, None, None]
+        added = (np.concatenate(self.space.forces_of(rows)) - point.predicted) / steps
         return [
-            Extension(own, number, *each)
-            for each in zip(starts, added, white, strict=True)
-            if np.isfinite(each[1]).all()
+            Extension(own, number, start, force, white)
+            for (own, number, start, _), force, white in zip(
+                places, added, self.whitener(added), strict=True
+            )
+            if np.isfinite(force).all()
         ]
 
     def extended(self, point: Point, one: Extension) -> Point | None:

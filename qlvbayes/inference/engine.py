@@ -37,6 +37,7 @@ TOGETHER = 4
 """Sets of constants come in multiples of this, so that few sizes are compiled."""
 _AT_ONCE = ThreadPoolExecutor(min(4, os.cpu_count() or 1), thread_name_prefix="force")
 """XLA runs a force on one core and lets Python go on meanwhile: so do several at once."""
+_APART = (0, 3)  # leaves of a model that are no columns of a row: the law's number, the rates
 _WORTH = 512  # points: their force takes a millisecond, to trace another size a second
 FEW = 4
 """Modes up to which a spectrum counts as short, and runs in a model of its own."""
@@ -125,7 +126,8 @@ class Engine:
 
     elastic: laws that may be meant, in the order of their numbers (any values); effects: candidates
     (any values, nested as in `Model`). A row of constants holds the elastic law's numbers (E,), the
-    fractions (L + 1,), the rates (L,) and the effects' constants.
+    fractions (L + 1,) and the effects' constants. Rates (1/s) are each row's own, (K, L), or
+    one set (L,) for all: what decays then does so alike in all rows, and is computed once.
     """
 
     elastic: tuple[AbstractElastic, ...]
@@ -152,46 +154,50 @@ class Engine:
     def _nested(self) -> tuple[AbstractEffect, ...]:
         return tuple(sorted(self.effects, key=lambda effect: (effect.level, effect.rank)))
 
-    @cached_property
-    def _sets(self) -> list[frozenset[str]]:
-        """Sets of effects that are not costly, each compiled as one: none, the listed, all."""
-        cheap = [e for e in self.effects if not e.costly]
-        listed = [e for e in cheap if e.generalises is None and not e.outside]
-        return [frozenset(e.name for e in some) for some in ([], listed, cheap)]
+    def compiled_with(self, at_work: frozenset[str], alike: bool) -> frozenset[str]:
+        """Effects compiled with those at work: none, the listed or all that are not costly.
 
-    def _together(self, at_work: frozenset[str]) -> frozenset[str]:
-        """Effects compiled with those at work: with costly ones, which are at work themselves."""
-        costly = frozenset(e.name for e in self.effects if e.costly) & at_work
-        sets = self._sets[1:] if costly else self._sets
-        return costly | next(names for names in sets if at_work - costly <= names)
+        Costly ones only where they are at work, and so, where all rows decay alike, what would give
+        each a time of its own.
+        """
+        apart = frozenset(e.name for e in self.effects if e.costly or (alike and e.own_time))
+        cheap = [e for e in self.effects if e.name not in apart]
+        listed = [e for e in cheap if e.generalises is None and not e.outside]
+        sets = [frozenset(e.name for e in some) for some in ([], listed, cheap)]
+        here = apart & at_work
+        return here | next(n for n in (sets[1:] if here else sets) if at_work - here <= n)
 
     def forces(
-        self, which: int, lanes: int, at_work: frozenset[str], rows: Array, record: Record
+        self, which: int, at_work: frozenset[str], rows: Array, rates: Array, record: Record
     ) -> Array:
         """(K, T, B) block means of the force (N) of rows of constants, over a record.
 
-        which: number of the elastic law; lanes: L; at_work: effects that are not at their null.
+        which: number of the elastic law; at_work: effects that are not at their null.
         """
-        names = self._together(at_work)
+        names = self.compiled_with(at_work, alike=rates.ndim == 1)
         kept = [effect for effect in self._nested if effect.name in names]
-        start = self.width + 2 * lanes + 1
+        start = self.width + rates.shape[-1] + 1
         columns = [start + k for effect in kept for k in self.slots[effect.name]]
-        own = filled_up(rows[:, [*range(start), *columns]])
-        parts = np.split(own, range(TOGETHER, len(own), TOGETHER))
+        parts = _in_parts(rows[:, [*range(start), *columns]])
+        rates_of = [rates] * len(parts) if rates.ndim == 1 else _in_parts(rates)
         record = told(record, "bow", float)  # one compiled function serves straight lines too
         motions, nodes = _motions(record), np.asarray(record.nodes)
         shape = jax.tree.structure(record.motion)
         tasks: list[tuple[Any, ...]] = [
-            (which, part, *motion) for motion in motions for part in parts
+            (which, part, own, *motion)
+            for motion in motions
+            for part, own in zip(parts, rates_of, strict=True)
         ]
 
+        def kind(task: tuple[Any, ...]) -> Any:
+            return names, shape, task[2].shape, task[3].shape
+
         def run(task: tuple[Any, ...]) -> Array:
-            return np.asarray(self._forces[lanes, names, shape, task[2].shape](*task))
+            return np.asarray(self._forces[kind(task)](*task))
 
         for task in tasks[:: len(parts)]:  # by one thread only: each would compile it for itself
-            kind = (lanes, names, shape, task[2].shape)
-            if kind not in self._forces:
-                self._forces[kind] = self._force_of(lanes, kept, shape, task)
+            if kind(task) not in self._forces:
+                self._forces[kind(task)] = self._force_of(kept, shape, task)
                 run(task)
         found = list(_AT_ONCE.map(run, tasks))
         per_test = [found[k : k + len(parts)] for k in range(0, len(found), len(parts))]
@@ -202,11 +208,11 @@ class Engine:
         return np.stack(of_blocks, axis=1)[: len(rows)]
 
     def _force_of(
-        self, lanes: int, effects: Sequence[AbstractEffect], of_motion: Any, arguments: Any
+        self, effects: Sequence[AbstractEffect], of_motion: Any, arguments: Any
     ) -> Callable[..., JaxArray]:
         """Compiled force of one test, from arguments like those given."""
-        leaves, structure = jax.tree.flatten(self._model(lanes, effects))
-        sizes = tuple(int(np.size(leaf)) for leaf in leaves[1:])  # the first is the law's
+        leaves, structure = jax.tree.flatten(self._model(arguments[2].shape[-1], effects))
+        sizes = tuple(int(np.size(leaf)) for k, leaf in enumerate(leaves) if k not in _APART)
         parts = (*self.elastic, *effects)
         ours = all(type(part).__module__.startswith("qlvbayes.") for part in parts)
         meaning = f"{structure} {sizes} {of_motion}" if ours else None
@@ -220,6 +226,12 @@ class Engine:
         relaxation = AnyRelaxation(np.zeros(lanes + 1), np.zeros(lanes))
         empty = tuple(jax.tree.map(lambda x: np.zeros(()), effect) for effect in effects)
         return Model(elastic, relaxation, self.bonded, empty)
+
+
+def _in_parts(rows: Array) -> list[Array]:
+    """Rows (K, ...), filled up, as many together as are run at once."""
+    full = filled_up(rows)
+    return np.split(full, range(TOGETHER, len(full), TOGETHER))
 
 
 def filled_up(rows: Array, multiple: int = TOGETHER) -> Array:
@@ -244,23 +256,23 @@ def _motions(record: Record) -> list[tuple[Array, ...]]:
 
 @cache
 def _forces_of(structure: Any, sizes: tuple[int, ...], of_motion: Any) -> Callable[..., JaxArray]:
-    """Force (4, N) of one test, of which law, rows of constants and a motion's arrays.
+    """Force (K, N) of one test, of which law, rows of constants, rates and a motion's arrays.
 
-    structure, sizes: of a model, and of its leaves beside the law's number; 1 is a scalar;
-    of_motion: the motion's structure.
+    structure, sizes: of a model, and of its leaves beside the law's number and the rates; 1 is a
+    scalar; of_motion: the motion's structure.
     Arguments are plain arrays: to take modules apart at every call would cost as much as the force.
     """
     ends = np.cumsum(sizes)[:-1].tolist()
 
-    def forces(which: JaxArray, rows: JaxArray, *arrays: JaxArray) -> JaxArray:
+    def forces(which: JaxArray, rows: JaxArray, rates: JaxArray, *arrays: JaxArray) -> JaxArray:
         motion: Motion = jax.tree.unflatten(of_motion, arrays)
 
-        def one(row: JaxArray) -> JaxArray:
+        def one(row: JaxArray, rates: JaxArray) -> JaxArray:
             parts = jnp.split(row, ends)
-            numbers = [part[0] if part.size == 1 else part for part in parts]
-            own: Model = jax.tree.unflatten(structure, [which, *numbers])
+            law, fractions, *effects = [part[0] if part.size == 1 else part for part in parts]
+            own: Model = jax.tree.unflatten(structure, [which, law, fractions, rates, *effects])
             return own.force(motion)
 
-        return jax.vmap(one)(rows)
+        return jax.vmap(one, in_axes=(0, 0 if rates.ndim == 2 else None))(rows, rates)
 
     return forces

@@ -7,7 +7,7 @@ by one `Engine`.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
@@ -100,10 +100,34 @@ class Space:
 
         One of the same shape as the space's own takes no compiling.
         """
-        which = list(self.elastic).index(hypothesis.elastic)
+        return self.forces_of([(hypothesis, constants)], record)[0]
+
+    def forces_of(
+        self, several: Sequence[tuple[Hypothesis, Array]], record: Record | None = None
+    ) -> list[Array]:
+        """`forces` of several hypotheses on the same laws, each with its constants.
+
+        Those that one compiled function serves are run together.
+        """
         record = record or self.record
-        rows, lanes = self._rows(hypothesis, constants, self._fixed(record))
-        return self.engine.forces(which, lanes, hypothesis.effects, rows, record)
+        rows, rates = self._rows(several, self._fixed(record))
+        which = list(self.elastic).index(several[0][0].elastic)
+        ends = np.cumsum([len(constants) for _, constants in several])
+        places = np.split(np.arange(ends[-1]), ends[:-1])
+        found: dict[int, Array] = {}
+        alike = rates.ndim == 1
+        together: dict[frozenset[str], list[int]] = {}
+        for k, (hypothesis, _) in enumerate(several):
+            names = self.engine.compiled_with(hypothesis.effects, alike)
+            together.setdefault(names, []).append(k)
+        for members in together.values():
+            some = np.concatenate([places[k] for k in members])
+            at_work = frozenset[str]().union(*(several[k][0].effects for k in members))
+            own = rates if alike else rates[some]
+            forces = self.engine.forces(which, at_work, rows[some], own, record)
+            parts = np.split(forces, np.cumsum([len(places[k]) for k in members])[:-1])
+            found |= dict(zip(members, parts, strict=True))
+        return [found[k] for k in range(len(several))]
 
     def _fixed(self, record: Record) -> FixedRates:
         """Rates by which long spectra run over a record."""
@@ -184,30 +208,34 @@ class Space:
         return frozenset(n for n, k in every.items() if k.relaxed is not AbstractEffect.relaxed)
 
     def _rows(
-        self, hypothesis: Hypothesis, constants: Array, fixed: FixedRates
-    ) -> tuple[Array, int]:
-        """(K, R) rows of the engine, and their lanes."""
-        count = self._counts[hypothesis.elastic]
-        elastic = np.zeros((len(constants), self.engine.width))
-        elastic[:, :count] = constants[:, :count]
-        shapes = self._shapes[hypothesis.relaxation]
-        structure = self._structures[hypothesis.relaxation]
-        fractions, rates = _spectra(structure, shapes, constants[:, count:])
-        lanes = FEW if rates.shape[1] <= FEW else fixed.rates.size
-        if rates.shape[1] > lanes:
-            fractions = fixed.fractions(fractions, rates)
-            rates = np.tile(fixed.rates, (len(rates), 1))
-        missing = lanes - rates.shape[1]
-        fractions = np.pad(fractions, ((0, 0), (0, missing)))
-        rates = np.pad(rates, ((0, 0), (0, missing)), constant_values=1.0)
-        slots = self.engine.slots
-        effects = np.tile(self._null, (len(constants), 1))
+        self, several: Sequence[tuple[Hypothesis, Array]], fixed: FixedRates
+    ) -> tuple[Array, Array]:
+        """(K, R) rows of the engine, and their rates, (K, L) or the fixed ones (L,)."""
+        elastic_law, relaxation = several[0][0].base
+        count, shapes = self._counts[elastic_law], self._shapes[relaxation]
         start = count + sum(math.prod(shape) for shape in shapes)
-        for name in sorted(hypothesis.effects, key=lambda name: slots[name].start):
+        laws = np.concatenate([constants[:, :start] for _, constants in several])
+        elastic = np.zeros((len(laws), self.engine.width))
+        elastic[:, :count] = laws[:, :count]
+        fractions, rates = _spectra(self._structures[relaxation], shapes, laws[:, count:])
+        missing = FEW - rates.shape[1]
+        if missing < 0:
+            fractions, rates = fixed.fractions(fractions, rates), fixed.rates
+        else:
+            fractions = np.pad(fractions, ((0, 0), (0, missing)))
+            rates = np.pad(rates, ((0, 0), (0, missing)), constant_values=1.0)
+        effects = [self._columns(one.effects, constants[:, start:]) for one, constants in several]
+        return np.concatenate([elastic, fractions, np.concatenate(effects)], axis=1), rates
+
+    def _columns(self, effects: frozenset[str], constants: Array) -> Array:
+        """(K, ...) constants of all effects, of those of some, the others at nothing."""
+        slots, start = self.engine.slots, 0
+        found = np.tile(self._null, (len(constants), 1))
+        for name in sorted(effects, key=lambda name: slots[name].start):
             width = len(slots[name])
-            effects[:, slots[name].start : slots[name].stop] = constants[:, start : start + width]
+            found[:, list(slots[name])] = constants[:, start : start + width]
             start += width
-        return np.concatenate([elastic, fractions, rates, effects], axis=1), lanes
+        return found
 
     @cached_property
     def _null(self) -> Array:

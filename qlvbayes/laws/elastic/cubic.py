@@ -7,9 +7,8 @@ from typing import Any, ClassVar, Self
 from jaxtyping import Array
 
 from qlvbayes.laws.elastic.law import AbstractElastic
-from qlvbayes.laws.elastic.steps import first_moment, second_moment
+from qlvbayes.laws.elastic.steps import moments
 from qlvbayes.laws.scales import Scales, lognormal
-from qlvbayes.laws.smoothmath import exp_slope
 from qlvbayes.priors import Normal
 
 
@@ -57,8 +56,6 @@ class Cubic(AbstractElastic):
         """Exact: dd (K(d0) M_0 + K'(d0) dd M_1 + 3 k3 dd^2 M_2), moments of e^{-v h (1-s)}."""
         travel = stop - start
         slope = 2.0 * self.k2 + 6.0 * self.k3 * start
-        return travel * (
-            self.stiffness(start) * exp_slope(-decay)
-            + travel * slope * first_moment(decay)
-            + 3.0 * self.k3 * travel**2 * second_moment(decay)
-        )
+        zeroth, first, second = moments(decay, 3)
+        bend = travel * (slope * first + 3.0 * self.k3 * travel * second)
+        return travel * (self.stiffness(start) * zeroth + bend)

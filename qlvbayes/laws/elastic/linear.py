@@ -8,8 +8,8 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from qlvbayes.laws.elastic.law import AbstractElastic
+from qlvbayes.laws.elastic.steps import moments
 from qlvbayes.laws.scales import Scales, lognormal
-from qlvbayes.laws.smoothmath import exp_slope
 
 
 class Linear(AbstractElastic):
@@ -39,4 +39,4 @@ class Linear(AbstractElastic):
         self, start: Array, stop: Array, force_start: Array, force_stop: Array, decay: Array
     ) -> Array:
         """Exact: m dd (1 - e^{-v h})/(v h)."""
-        return self.m * (stop - start) * exp_slope(-decay)
+        return self.m * (stop - start) * moments(decay, 1)[0]

@@ -7,9 +7,8 @@ from typing import Any, ClassVar, Self
 from jaxtyping import Array
 
 from qlvbayes.laws.elastic.law import AbstractElastic
-from qlvbayes.laws.elastic.steps import first_moment
+from qlvbayes.laws.elastic.steps import moments
 from qlvbayes.laws.scales import Scales, lognormal
-from qlvbayes.laws.smoothmath import exp_slope
 from qlvbayes.priors import Normal
 
 
@@ -49,6 +48,6 @@ class Quadratic(AbstractElastic):
     ) -> Array:
         """Exact: dd (K(d0) M_0 + 2 k2 dd M_1), M_n the moments of e^{-v h (1-s)}."""
         travel = stop - start
-        zeroth, first = exp_slope(-decay), first_moment(decay)
+        zeroth, first = moments(decay, 2)
         at_start = self.m + 2.0 * self.k2 * start
         return travel * (at_start * zeroth + 2.0 * self.k2 * travel * first)

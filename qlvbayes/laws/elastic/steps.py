@@ -1,41 +1,43 @@
-"""Moments of a decaying exponential over one step, and steps of polynomial forces."""
+r"""Moments of a decaying exponential over one step, and steps of polynomial forces.
+
+.. math:: M_n(a) = \int_0^1 s^n e^{-a (1 - s)} ds, \quad M_n = \frac{1 - n M_{n-1}}{a}, \quad
+          M_0 = \frac{1 - e^{-a}}{a}
+"""
 
 from __future__ import annotations
 
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from qlvbayes.laws.smoothmath import exp_slope
-
 _NEAR = 0.3  # decay below which the series of 13 terms is exact to 1e-15; division is above it
+_TERMS = 13
+
+
+def moments(decay: Array, count: int) -> list[Array]:
+    """M_0, M_1, ... of as many orders, at a decay of zero or more, each of its shape.
+
+    Near zero the last by its series, M_n = n! sum_k (-a)^k / (n + 1 + k)!, and from it those before
+    (M_n-1 = (1 - a M_n)/n); elsewhere each from the one before. One exponential and one division
+    serve all.
+    """
+    near = decay < _NEAR
+    close = jnp.where(near, decay, 0.0)
+    last = jnp.full_like(close, 1.0 / (count + _TERMS))
+    for k in range(count + _TERMS - 1, count - 1, -1):
+        last = (1.0 - close * last) * (1.0 / k)
+    by_series = [last]
+    for n in range(count - 1, 0, -1):
+        by_series.insert(0, (1.0 - close * by_series[0]) * (1.0 / n))
+    inverse = 1.0 / jnp.where(near, 1.0, decay)
+    by_division = [(1.0 - jnp.exp(-decay)) * inverse]
+    for n in range(1, count):
+        by_division.append((1.0 - n * by_division[-1]) * inverse)
+    return [jnp.where(near, *both) for both in zip(by_series, by_division, strict=True)]
 
 
 def quadratic_force_step(f0: Array, fm: Array, f1: Array, decay: Array) -> Array:
     """Integral of e^{-decay(1-s)} dF/ds over s in (0,1), F quadratic through f0, fm, f1."""
     slope = 4.0 * fm - 3.0 * f0 - f1
     bend = 4.0 * (f0 + f1 - 2.0 * fm)
-    return slope * exp_slope(-decay) + bend * first_moment(decay)
-
-
-def first_moment(decay: Array) -> Array:
-    """Integral of s e^{-decay(1-s)} over s in (0,1): (1 - M_0)/decay, 1/2 at no decay."""
-    return _moment(decay, 1, exp_slope)
-
-
-def second_moment(decay: Array) -> Array:
-    """Integral of s^2 e^{-decay(1-s)} over s in (0,1): (1 - 2 M_1)/decay, 1/3 at no decay."""
-    return _moment(decay, 2, lambda x: first_moment(-x))
-
-
-def _moment(decay: Array, order: int, lower) -> Array:  # type: ignore[no-untyped-def]
-    """Of order 1 or 2, by its series near zero and by the moment below it elsewhere.
-
-    M_n = n! sum_k (-decay)^k / (n + 1 + k)!
-    """
-    near = decay < _NEAR
-    close = jnp.where(near, decay, 0.0)
-    far = jnp.where(near, 1.0, decay)
-    series = jnp.full_like(close, 1.0 / (order + 14))
-    for k in range(order + 13, order, -1):
-        series = (1.0 - close * series) / k
-    return jnp.where(near, series, (1.0 - order * lower(-far)) / far)
+    zeroth, first = moments(decay, 2)
+    return slope * zeroth + bend * first

@@ -8,8 +8,9 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from qlvbayes.laws.elastic.law import AbstractElastic
+from qlvbayes.laws.elastic.steps import moments
 from qlvbayes.laws.scales import Scales, lognormal
-from qlvbayes.laws.smoothmath import exp_difference_ratio, exp_growth, exp_slope
+from qlvbayes.laws.smoothmath import exp_difference_ratio, exp_growth
 
 
 class ToeExponential(AbstractElastic):
@@ -62,7 +63,7 @@ class ToeExponential(AbstractElastic):
         # what is passed first decays through the rest of the step
         after_toe = jnp.where(travel >= 0.0, decay_beyond, 0.0)
         after_beyond = jnp.where(travel >= 0.0, 0.0, decay_toe)
-        toe = self.m * in_toe * exp_slope(-decay_toe) * jnp.exp(-after_toe)
+        toe = self.m * in_toe * moments(decay_toe, 1)[0] * jnp.exp(-after_toe)
         beyond = self._beyond(start, stop, decay_beyond) * jnp.exp(-after_beyond)
         return toe + beyond
 
