@@ -9,7 +9,7 @@ from support.stepped import DEPTH, DT, SHALLOW, TIME, batch, relative, solved, s
 from qlvbayes import InputError, Stepper, displacement_from_force
 from qlvbayes.effects.catalogue import EFFECTS, find
 from qlvbayes.effects.effect import AbstractEffect
-from qlvbayes.model.stepping import begin, step, without_steps
+from qlvbayes.model.stepping import _ROUNDING, begin, step, without_steps
 
 # constants of a size that is seen in a pad of about 1.6 N
 CONSTANTS = {
@@ -35,6 +35,17 @@ def effect(name, *constants):
     return find(name)(*map(jnp.asarray, constants or CONSTANTS[name]))
 
 
+def unresolved(name):
+    """Force (N) of what steps leave open of two neighbouring places (1e-15 of each, `_ROUNDING`).
+
+    k |v|^n has no slope at rest, so that it tells what is rounding, another on each processor.
+    """
+    if name != "power_law_drag":
+        return 0.0
+    k, n = CONSTANTS[name]
+    return k * (2.0 * _ROUNDING * np.max(SHALLOW) / DT) ** n
+
+
 def test_every_effect_steps_or_is_refused():
     assert sorted([*CONSTANTS, *REFUSED]) == sorted(kind.name for kind in EFFECTS)
 
@@ -53,7 +64,8 @@ def test_steps_give_the_force_of_the_whole_motion(name, paper_model):
 def test_there_and_back(name, paper_model):
     model = paper_model("B") + effect(name)
     force = stepped(model, SHALLOW, DT)
-    assert relative(stepped(model, solved(model, force, DT), DT), force) < 1e-8
+    close = 1e-8 + unresolved(name) / float(np.max(force))
+    assert relative(stepped(model, solved(model, force, DT), DT), force) < close
 
 
 @pytest.mark.parametrize("gap", [0.2, -0.2])
