@@ -64,8 +64,12 @@ def test_steps_give_the_force_of_the_whole_motion(name, paper_model):
 def test_there_and_back(name, paper_model):
     model = paper_model("B") + effect(name)
     force = stepped(model, SHALLOW, DT)
+    places = solved(model, force, DT)
     close = 1e-8 + unresolved(name) / float(np.max(force))
-    assert relative(stepped(model, solved(model, force, DT), DT), force) < close
+    assert relative(stepped(model, places, DT), force) < close
+    if name == "power_law_drag":  # what its force leaves open its place does not
+        carried = np.asarray(force) > 0.0
+        assert relative(places[carried], SHALLOW[carried]) < 1e-8
 
 
 @pytest.mark.parametrize("gap", [0.2, -0.2])
