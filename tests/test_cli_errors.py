@@ -165,6 +165,12 @@ def test_simulate_refuses(tmp_path, words, says):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_simulate_tells_of_a_missing_folder_before_it_simulates(tmp_path):
+    missing = tmp_path / "missing"
+    many = ("--pads", "finger:400")  # would take minutes
+    assert refused("simulate", "-o", missing / "x.csv", *many).startswith(f"{missing}: no such")
+
+
 @pytest.mark.slow
 def test_a_full_disk_leaves_no_half_written_results(tmp_path):
     # files of at most 1 MB: as on a full disk, a write comes to an end in the middle

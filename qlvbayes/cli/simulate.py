@@ -67,6 +67,9 @@ def simulate(
     The platen accelerates at most 1000 mm/s2, the encoder steps by 1 um, the load cell's noise is
     correlated, the record is taken at 1 kHz.
     """
+    for folder in {path.parent for path in (output, answer) if path is not None}:
+        if not folder.is_dir():  # told before the work, not after it
+            raise InputError("no such folder", file=folder, remedy="make it, or choose another")
     if noise not in NOISES:
         raise InputError(f"no noise {noise!r}", remedy=f"use one of {', '.join(NOISES)}")
     if protocol not in PROTOCOLS:

@@ -46,13 +46,8 @@ def log_odds_of_varying(density: Density, samples: Samples, found: Weighed, effe
     without = space.forces(less, space.parameters(less).constants(theta[None]))[0]
     parts = _parts(samples, point.predicted - without)
     sized = density.discrepancy.at(found.mode.size)
-    products = sized.products(np.concatenate([point.vectors, density.whitener(parts)]))
-    known = len(point.vectors)
-    beside, terms = products[1:known, known:], point.terms(sized)
-    solved = np.linalg.solve(terms.curvature, np.column_stack([beside, terms.gradient]))
-    free = products[known:, known:] - beside.T @ solved[:, :-1]
-    slope = products[known:, 0] + beside.T @ solved[:, -1]
-    return log_bayes_factor(free, slope)
+    gradient, free = point.beyond(density.whitener(parts), sized)
+    return log_bayes_factor(free, -gradient)
 
 
 def log_bayes_factor(free: Array, slope: Array) -> float:

@@ -60,7 +60,8 @@ def _refused(outcome: Outcome, decision: Decision) -> dict[str, str]:
     """Effects that are not to be named, with the reason."""
     told = outcome.seen[decision.told]
     refused = {name: VARIES for name in decision.tried if _varies(outcome, told, name)}
-    refused |= {name: RISES for name in decision.tried if _rises(outcome, told, name)}
+    others = [name for name in decision.tried if name not in refused]
+    refused |= {name: RISES for name in others if _rises(outcome, told, name)}
     if refused or decision.verdict != "partly_explained":
         return refused
     return {name: IMITATES for name in decision.effects if _takes_little(outcome, told, name)}

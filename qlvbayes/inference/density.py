@@ -81,6 +81,19 @@ class Point:
             self.prior.curvature + products[1:, 1:],
         )
 
+    def beyond(self, more: Array, own: Sized) -> tuple[Array, Array]:
+        """Gradient (K,) and curvature (K, K) over K more columns of the Jacobian, without priors.
+
+        more: (K, n), whitened. The free numbers follow: what they take off is taken off.
+        """
+        products = own.products(np.concatenate([self.vectors, more]))
+        old, new = slice(1, len(self.vectors)), slice(len(self.vectors), None)
+        beside = products[old, new]
+        known = np.column_stack([beside, self.prior.gradient - products[0, old]])
+        solved = np.linalg.solve(products[old, old] + self.prior.curvature, known)
+        gradient = -products[0, new] - beside.T @ solved[:, -1]
+        return gradient, products[new, new] - beside.T @ solved[:, :-1]
+
 
 class Extension(NamedTuple):
     """One more effect at its null.

@@ -160,12 +160,24 @@ class Engine:
         Costly ones only where they are at work, and so, where all rows decay alike, what would give
         each a time of its own.
         """
-        apart = frozenset(e.name for e in self.effects if e.costly or (alike and e.own_time))
-        cheap = [e for e in self.effects if e.name not in apart]
-        listed = [e for e in cheap if e.generalises is None and not e.outside]
-        sets = [frozenset(e.name for e in some) for some in ([], listed, cheap)]
+        apart, listed, cheap = self._sets[alike]
         here = apart & at_work
-        return here | next(n for n in (sets[1:] if here else sets) if at_work - here <= n)
+        sets = [listed, cheap] if here else [frozenset[str](), listed, cheap]
+        return here | next(names for names in sets if at_work - here <= names)
+
+    @cached_property
+    def _sets(self) -> tuple[tuple[frozenset[str], ...], ...]:
+        """Effects compiled apart, the listed ones of the others, all of the others.
+
+        First where each row has its own rates, then where all decay alike.
+        """
+        found = []
+        for alike in (False, True):
+            apart = frozenset(e.name for e in self.effects if e.costly or (alike and e.own_time))
+            cheap = [e for e in self.effects if e.name not in apart]
+            listed = frozenset(e.name for e in cheap if e.generalises is None and not e.outside)
+            found.append((apart, listed, frozenset(e.name for e in cheap)))
+        return tuple(found)
 
     def forces(
         self, which: int, at_work: frozenset[str], rows: Array, rates: Array, record: Record

@@ -35,18 +35,13 @@ def promised_evidence(
 
     by_size: the point's own evidence at every size of the discrepancy.
     """
-    vectors = np.concatenate([point.vectors, [one.white for one in added]])
-    old, new = slice(1, len(point.vectors)), slice(len(point.vectors), None)
+    more = np.array([one.white for one in added])
     slope, prior_curvature, log_prior, least = np.array([_prior_of(one) for one in added]).T
     total = []
     for size, log in zip(density.discrepancy.sizes.tolist(), by_size, strict=True):
-        products = density.discrepancy.at(size).products(vectors)
-        beside = products[old, new]
-        known = np.column_stack([beside, point.prior.gradient - products[0, old]])
-        solved = np.linalg.solve(products[old, old] + point.prior.curvature, known)
-        own = np.diag(products[new, new]) - np.sum(beside * solved[:, :-1], axis=0)
-        curvature = np.maximum(own, 0.0) + prior_curvature
-        gradient = slope - products[0, new] - beside.T @ solved[:, -1]
+        gradient, free = point.beyond(more, density.discrepancy.at(size))
+        curvature = np.maximum(np.diag(free), 0.0) + prior_curvature
+        gradient += slope
         gain = 0.5 * gradient**2 / curvature - 0.5 * np.log(curvature / (2.0 * math.pi))
         inside = log_ndtr(-(gradient / curvature + least) * np.sqrt(curvature))
         total.append(log + gain + log_prior + inside)
