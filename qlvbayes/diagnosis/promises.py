@@ -67,11 +67,14 @@ def screened(
     if mode is None:
         return []
     plain = weigh(density.coarse, known.hypothesis, mode, tolerance)
-    starts: dict[Hypothesis, Array] = {}
+    likeliest: dict[Hypothesis, Promise] = {}
     for one in sorted(_promised_at(density.coarse, plain, names, True), key=_order):
-        starts.setdefault(one.hypothesis, one.added.theta)
+        likeliest.setdefault(one.hypothesis, one)
     found: list[Mode] = []
-    for hypothesis, start in starts.items():
+    for hypothesis, one in likeliest.items():
+        start = density.coarse.extended(one.point, one.added)
+        if start is None:
+            continue
         least = min((other.loss for other in found), default=math.inf)
         better = rough_mode(density, hypothesis, start, least)
         found += [better] if better is not None and better.loss < mode.loss else []

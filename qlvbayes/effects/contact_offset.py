@@ -12,7 +12,9 @@ from qlvbayes.laws.layered import Law, State, at_depth, line_at_depth
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
 
-_REST = 1e5  # s at the first depth before the test, where contact came first
+_REST = 1e5  # s at zero displacement before the test
+BEFORE = 2
+"""Points that `rested` adds."""
 
 
 class ContactOffset(AbstractEffect):
@@ -40,13 +42,14 @@ class ContactOffset(AbstractEffect):
     def force(self, below: Law, motion: Motion) -> Array:
         """Shift the depth."""
         known = rested(motion)
-        return below.force(at_depth(known, known.displacement - self.gap))[1:]
+        return below.force(at_depth(known, known.displacement - self.gap))[BEFORE:]
 
     def begin(self, below: Law, displacement: Array) -> State:
-        """The law's own, after a long rest."""
+        """The law's own, after a long rest and a jump."""
         zero = jnp.zeros_like(displacement)
         state = below.begin(jnp.maximum(zero - self.gap, 0.0))
-        return self.step(below, state, Line(zero + _REST, displacement, zero))[0]
+        state, _ = self.step(below, state, Line(zero + _REST, zero, zero))
+        return self.step(below, state, Line(zero, displacement, zero))[0]
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
         """Shift the depth."""
@@ -54,13 +57,17 @@ class ContactOffset(AbstractEffect):
 
 
 def rested(motion: Motion) -> Motion:
-    """The motion with one more point, at zero displacement long before all that is known."""
+    """The motion after a long rest at zero displacement, from which it jumps to its first point.
+
+    As a motion without it does, so that a gap of nothing changes nothing.
+    """
+    rest, first = jnp.zeros(BEFORE), motion.time[:1]
     return Motion(
-        jnp.concatenate([motion.time[:1] - _REST, motion.time]),
-        jnp.concatenate([jnp.zeros(1), motion.displacement]),
-        jnp.concatenate([jnp.zeros(1), motion.velocity]),
-        jnp.concatenate([jnp.zeros(1), motion.acceleration]),
+        jnp.concatenate([first - _REST, first, motion.time]),
+        jnp.concatenate([rest, motion.displacement]),
+        jnp.concatenate([rest, motion.velocity]),
+        jnp.concatenate([rest, motion.acceleration]),
         motion.start,
-        None if motion.ago is None else jnp.concatenate([motion.ago[:1], motion.ago]),
-        None if motion.bow is None else jnp.concatenate([jnp.zeros(1), motion.bow]),
+        None if motion.ago is None else jnp.concatenate([motion.ago[:1]] * BEFORE + [motion.ago]),
+        None if motion.bow is None else jnp.concatenate([rest, motion.bow]),
     )

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Self
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from qlvbayes.effects.contact_offset import ContactOffset, rested
+from qlvbayes.effects.contact_offset import BEFORE, ContactOffset, rested
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.laws.layered import Law, at_depth
 from qlvbayes.laws.motion import Motion
@@ -56,4 +56,4 @@ class GradualContact(AbstractEffect):
             acceleration=known.acceleration * (1.0 - slope) + known.velocity**2 * slope / over,
         )
         depth = known.displacement - self.gap * (1.0 - missing)
-        return below.force(at_depth(changed, depth))[1:]
+        return below.force(at_depth(changed, depth))[BEFORE:]

@@ -8,7 +8,9 @@ would fall beyond its bounds l_j and h_j:
           - \Phi\left(\frac{l_j - \mu_j}{\sigma_j}\right)\right]
 
 with loss, gradient and curvature at the mode under that size: where the force is linear in what is
-free it is exact. An amplitude's prior leaves out what is too small to matter (`noticeable`).
+free it is exact. A number counts as far as a normal laid about the mode may tell, some natural
+lengths: under a size that leaves it open the normal's own mean may lie anywhere. An amplitude's
+prior leaves out what is too small to matter (`noticeable`).
 """
 
 from __future__ import annotations
@@ -27,6 +29,7 @@ Array = NDArray[np.float64]
 
 
 _FAR = 2.0  # log density below a mode, from which nothing normal can be laid about a place
+_NEAR = 6.0  # natural lengths from a place, up to which a normal may stand for the density
 _SINGULAR = 1e-14  # least eigenvalue of a scaled curvature that is told from nothing
 
 
@@ -58,7 +61,10 @@ def evidence(density: Density, point: Point) -> Evidence:
     terms = density.terms_by_size(point)
     if _is_far(density, point):
         terms = terms._replace(gradient=np.zeros_like(terms.gradient))
-    logs, shifts = normals(terms, point.own.lowest - own, point.own.highest - own)
+    near = _NEAR * point.own.length
+    below = np.maximum(point.own.lowest - own, -near)
+    above = np.minimum(point.own.highest - own, near)
+    logs, shifts = normals(terms, below, above)
     logs += density.discrepancy.log_prior
     best = int(np.argmax(logs))
     if not math.isfinite(logs[best]):

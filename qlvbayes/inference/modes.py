@@ -157,7 +157,7 @@ def _is_hopeless(
 def rough_mode(
     density: Density,
     hypothesis: Hypothesis,
-    start: Array,
+    start: Array | Point,
     best: float = np.inf,
     known: Sequence[Mode] = (),
 ) -> Mode | None:

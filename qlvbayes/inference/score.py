@@ -11,7 +11,9 @@ and where the force is linear in all that is free the log evidence rises by
 .. math:: \tfrac12 \gamma^2/\kappa - \tfrac12 \ln (\kappa / 2 \pi) + \ln \pi(a_0)
           + \ln P(a\ \text{above its least value}),
 
-at every size of the discrepancy, over which evidences are summed.
+at every size of the discrepancy, over which evidences are summed. An effect whose force begins
+without a slope (a tension that lets go at its strength) is taken along secants instead, over a
+quarter, a half, one and two sds of its amplitude.
 """
 
 from __future__ import annotations

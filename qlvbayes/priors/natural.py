@@ -120,6 +120,32 @@ class Natural(AbstractDirect):
         return Quadratic(lowest, math.inf, self.sd, mean, self.sd**-2, self.sd**-2, top)
 
 
+class Positive(AbstractDirect):
+    """A half-normal prior of what is no amplitude, taken in the value itself, which may be zero.
+
+    In its logarithm the density falls without end towards zero, ever straighter: no normal stands
+    for it there.
+    """
+
+    inner: Any
+    word: ClassVar[str] = "positive"
+
+    @property
+    def in_log(self) -> bool:
+        """No."""
+        return False
+
+    def inside(self, value: Array) -> Array:
+        """From zero on."""
+        return value >= 0.0
+
+    def density(self) -> Quadratic:
+        """Of the half-normal."""
+        sd = float(self.inner.sd)
+        top = math.log(2.0) - math.log(sd) - _LOG_ROOT
+        return Quadratic(0.0, math.inf, sd, 0.0, sd**-2, sd**-2, top)
+
+
 class Bounded(AbstractDirect):
     """A uniform prior taken in the value itself, or a log-uniform one in its logarithm."""
 
@@ -173,11 +199,13 @@ def natural(prior: object) -> object:
 
 
 def in_own_numbers(part: Part) -> Part:
-    """A law or effect whose uniform, log-uniform and log-normal priors are quadratic."""
+    """A law or effect whose priors are quadratic, but for those of several numbers."""
 
     def direct(prior: object) -> object:
         if isinstance(prior, LogNormal):
             return Logarithmic(prior)
+        if isinstance(prior, HalfNormal):
+            return Positive(prior)
         return Bounded(prior) if isinstance(prior, Uniform | LogUniform) else prior
 
     changed: Part = jax.tree.map(direct, part, is_leaf=lambda x: isinstance(x, AbstractPrior))

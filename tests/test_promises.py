@@ -1,0 +1,89 @@
+"""What an effect promises before it is optimised, against what it adds."""
+
+import numpy as np
+import pytest
+from support.hidden_pads import hidden_pad
+
+from qlvbayes.diagnosis.workbench import search_of
+from qlvbayes.effects.catalogue import EFFECTS, FORMS, find
+from qlvbayes.inference.evidence import evidence
+from qlvbayes.inference.extending import amplitude_of, shapes
+from qlvbayes.inference.hypothesis import Hypothesis
+from qlvbayes.priors.natural import Positive
+from qlvbayes.simulate import HIDDEN, full_retraction_protocol
+
+USUAL = Hypothesis("exponential", "prony:2")
+RATES = (1.0, 20.0, 100.0)
+
+
+@pytest.fixture(scope="module")
+def plain():
+    """A search over all effects that knows the plain model's mode, of tests that lose contact."""
+    search = search_of(hidden_pad(rates=RATES, protocol=full_retraction_protocol))
+    search.begin()
+    return search
+
+
+@pytest.mark.parametrize("effect", [kind.name for kind in EFFECTS])
+def test_what_an_effect_adds_is_foreseen_where_it_is_at_nothing(plain, effect):
+    """At least half of what the prior's size adds, in units of the noise; of adhesion too.
+
+    A tension that lets go at its strength adds nothing where the strength is small.
+    """
+    density, point = plain.density, plain.modes[USUAL][0].point
+    space, hypothesis = density.space, USUAL.plus(effect)
+    own = space.parameters(hypothesis)
+    amplitude = amplitude_of(own, effect)
+    for start in shapes(space, point, own, effect):
+        added = space.added_force(hypothesis, start, amplitude.number, amplitude.sd)
+        white = density.whitener(added[None])[0]
+        assert np.linalg.norm(white) > 3.0  # or these tests could not show it
+        found = density.extensions(point, [(hypothesis, amplitude.number, [start])])
+        shares = [(one.white @ white) ** 2 / (one.white @ one.white) for one in found]
+        assert np.nanmax(shares) > 0.5 * np.linalg.norm(white) ** 2
+
+
+@pytest.mark.parametrize("kind", [*EFFECTS, *FORMS], ids=lambda kind: kind.name)
+def test_an_effect_at_nothing_is_the_plain_model(plain, kind):
+    """Where a record begins above zero too; what adds points to the grid is 1e-5 off at most."""
+    point, space = plain.modes[USUAL][0].point, plain.density.space
+    assert np.asarray(space.record.motion.displacement)[:, 0].max() > 0.0
+    hypothesis = USUAL.plus(kind.name)
+    own = space.parameters(hypothesis)
+    start = shapes(space, point, own, kind.name)[-1]
+    found = space.forces(hypothesis, own.constants(start[None]))[0]
+    close = (1e-5 if kind.costly else 1e-9) * np.abs(point.predicted).max()
+    np.testing.assert_allclose(found, point.predicted, rtol=0.0, atol=close)
+
+
+@pytest.mark.parametrize("kind", [*EFFECTS, *FORMS], ids=lambda kind: kind.name)
+@pytest.mark.parametrize("share", [1e-3, 1.0])
+def test_no_evidence_is_above_the_likelihood_of_an_exact_fit(plain, kind, share):
+    """Z_s = int L_s pi <= max L_s, at every size; also where constants are next to nothing."""
+    density, point = plain.density, plain.modes[USUAL][0].point
+    hypothesis = USUAL.plus(kind.name)
+    own = density.space.parameters(hypothesis)
+    start = shapes(density.space, point, own, kind.name)[0]
+    amplitude = amplitude_of(own, kind.name)
+    start[amplitude.number] = 0.5 * amplitude.sd
+    halves = [leaf.theta.start for leaf in own.leaves if isinstance(leaf.prior, Positive)]
+    start[halves] *= share
+    place = density.at(hypothesis, start)
+    sizes = density.discrepancy.sizes.tolist()
+    highest = np.array([-0.5 * density.discrepancy.at(size).log_volume for size in sizes])
+    found = evidence(density, place).by_size - density.discrepancy.log_prior
+    assert np.all(found <= highest)
+
+
+def test_hidden_adhesion_is_found():
+    """Where the gap it leaves could be taken for an offset of the force."""
+    hidden = HIDDEN["adhesion"](strength=0.03)
+    kinds = tuple(map(find, ("adhesion", "force_offset", "contact_offset")))
+    search = search_of(
+        hidden_pad(hidden, rates=RATES, protocol=full_retraction_protocol), kinds=kinds
+    )
+    search.run()
+    assert "adhesion" in search.best.effects
+    point = search.seen[search.best].point
+    strength = point.constants[point.own.names.index("adhesion.strength")]
+    assert strength == pytest.approx(0.03, rel=0.2)
