@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.special import logsumexp
-from scipy.stats import multivariate_normal
+from scipy.stats import multivariate_normal, norm
 
 from qlvbayes.inference.evidence import Evidence
 from qlvbayes.inference.importance import sampled_evidence
@@ -29,9 +29,7 @@ class Pretended:
         return np.stack([logs, logs + np.log(0.5)], axis=1)
 
     def found(self, centres, widened=1.0):
-        own = SimpleNamespace(
-            size=3, within=lambda theta: np.maximum(theta, self.lowest), lowest=self.lowest
-        )
+        own = SimpleNamespace(size=3, lowest=self.lowest, highest=np.full(3, np.inf))
         mode = SimpleNamespace(point=SimpleNamespace(own=own))
         return [
             (mode, Evidence(0.0, np.zeros(2), np.array(c), widened * COVARIANCE)) for c in centres
@@ -67,6 +65,34 @@ def test_what_lies_beyond_a_bound_is_left_out():
     one = sampled_evidence(density, pairs, 0.0, 0.05)
     beyond = multivariate_normal(0.0, COVARIANCE[0, 0]).cdf(-1.0)
     assert one.log == pytest.approx(TRUTH + np.log(beyond), abs=4.0 * one.error)
+
+
+def test_the_error_holds_where_many_numbers_lie_at_a_bound():
+    """Amplitudes at zero, whose normals' means are beyond it or inside, and what follows them."""
+    means, size = np.array([-3.0, -1.0, 0.0, 1.0]), 12
+    rng = np.random.default_rng(2)
+    covariance = np.eye(size)
+    covariance[4:, :4] = rng.uniform(-0.4, 0.4, (size - 4, 4))
+    covariance[:4, 4:] = covariance[4:, :4].T
+    covariance[4:, 4:] += covariance[4:, :4] @ covariance[:4, 4:]
+    normal = multivariate_normal(np.append(means, np.zeros(size - 4)), covariance)
+    lowest = np.append(np.zeros(4), np.full(size - 4, -np.inf))
+    own = SimpleNamespace(size=size, lowest=lowest, highest=np.full(size, np.inf))
+
+    def log_density(own, thetas, tolerance):
+        inside = (thetas >= lowest).all(axis=1)
+        return np.where(inside, normal.logpdf(thetas), -np.inf)[:, None]
+
+    none = SimpleNamespace(sizes=np.zeros(1))
+    density = SimpleNamespace(discrepancy=none, log_density=log_density)
+    mode = SimpleNamespace(point=SimpleNamespace(own=own))
+    pairs = [(mode, Evidence(0.0, np.zeros(1), normal.mean, covariance))]
+    found = [sampled_evidence(density, pairs, 0.0, 0.0, seed) for seed in range(60)]
+    truth = norm.logcdf(means).sum()
+    z = np.array([(one.log - truth) / one.error for one in found])
+    assert max(one.error for one in found) < 0.2
+    assert np.sqrt(np.mean(z**2)) == pytest.approx(1.0, abs=0.35)
+    assert abs(np.mean(z)) < 0.5
 
 
 def test_nothing_is_told_where_the_draws_miss_what_counts():
