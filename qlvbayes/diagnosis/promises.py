@@ -84,9 +84,13 @@ def screened(
 def _promised_at(
     density: Density, found: Weighed, names: Sequence[str], whole: bool
 ) -> list[Promise]:
-    """Each of some effects more at a mode; whole: over all of its first shape's prior."""
+    """Each of some effects more at a mode; whole: over all of its first shape's prior.
+
+    Not those that a record cannot show: with them the evidence is the same.
+    """
     several = [one for name in names if (one := _at_nothing(density, found, name, whole))]
     added = density.extensions(found.point, several) if several else []
+    added = [one for one in added if one.is_visible]
     if not added:
         return []
     logs = promised_evidence(density, found.point, found.evidence.by_size, added)
