@@ -1,6 +1,7 @@
 """Is the same best mode found whatever the starts? Writes a page.
 
-Interrupted, it goes on where it was: finished pads lie in build/validation.
+Interrupted, it goes on where it was: finished pads lie in build/validation. `--part 0/8` to
+`--part 7/8` run them in eight processes, also on several machines, and write no page.
 """
 
 from __future__ import annotations
@@ -55,19 +56,26 @@ def main() -> None:
     command = shlex.join([".venv/bin/python", "validation/modes.py", *sys.argv[1:]])
     origin = Origin.now(command, ROOT)
     file = ROOT / "build" / "validation" / code_digest() / f"modes-seed{options.seed}.jsonl"
-    kept, bundled = Kept(file), _bundled()
+    part, parts = options.part or (0, 1)
+    kept = Kept(file if options.part is None else file.with_name(f"{file.name}.{part}"))
+    finished = [Kept(one).fits for one in sorted(file.parent.glob(f"{file.name}*"))]
+    fits = {index: fit for some in finished for index, fit in some.items()}
+    bundled = _bundled()
     count = len(bundled) + options.pads
-    missing = [index for index in range(count) if index not in kept.fits]
+    missing = [index for index in range(part, count, parts) if index not in fits]
     with progress() as bar:
         for index in bar.track(missing, description="pads"):
             inside = index < len(bundled)
             pad = bundled[index] if inside else _simulated(options.seed, index - len(bundled))
             if pad is not None:
-                kept.add({"index": index, "pad": pad.name, **_losses(pad, options.sets)})
+                losses = _losses(pad, options.sets)
+                fits[index] = {"index": index, "pad": pad.name, "machine": origin.machine, **losses}
+                kept.add(fits[index])
                 forget_compiled()
-    found = [kept.fits[index] for index in sorted(kept.fits) if index < count]
-    write_whole(options.output, _page(found, len(bundled), options, origin).encode())
-    print(options.output)
+    if options.part is None:
+        found = [fits[index] for index in sorted(fits) if index < count]
+        write_whole(options.output, _page(found, len(bundled), options, origin).encode())
+        print(options.output)
 
 
 def _options() -> argparse.Namespace:
@@ -75,8 +83,14 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--pads", type=int, default=100, help="simulated ones")
     parser.add_argument("--sets", type=int, default=20, help="sets of starts")
     parser.add_argument("--seed", type=int, default=303, help="of the wide population")
+    parser.add_argument("--part", type=_part, metavar="K/N", help="every Nth pad from the Kth on")
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "docs" / "modes.md")
     return parser.parse_args()
+
+
+def _part(text: str) -> tuple[int, int]:
+    part, parts = text.split("/")
+    return int(part), int(parts)
 
 
 def _bundled() -> list[Pad]:
@@ -133,7 +147,7 @@ def _page(found: list[dict], bundled: int, options: argparse.Namespace, origin: 
         command=origin.command,
         date=origin.date,
         commit=origin.commit,
-        machine=origin.machine,
+        machine="; ".join(sorted({one["machine"] for one in found})),
     )
 
 
