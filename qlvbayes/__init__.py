@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from qlvbayes.comparison.compare import compare
     from qlvbayes.comparison.contrast import Comparison
     from qlvbayes.diagnosis.result import DiagnosisResult
-    from qlvbayes.diagnosis.verdict import Diagnosis
+    from qlvbayes.diagnosis.telling.verdict import Diagnosis
     from qlvbayes.fitting.ensemble import Settings
     from qlvbayes.fitting.fit import Fit
     from qlvbayes.fitting.prediction import Prediction
@@ -56,7 +56,7 @@ _HOMES = {
     "CheckResult": "fitting.residuals.CheckResult",
     "Choices": "model.choices.Choices",
     "Comparison": "comparison.contrast.Comparison",
-    "Diagnosis": "diagnosis.verdict.Diagnosis",
+    "Diagnosis": "diagnosis.telling.verdict.Diagnosis",
     "DiagnosisResult": "diagnosis.result.DiagnosisResult",
     "Experiment": "preprocess.experiment.Experiment",
     "Fit": "fitting.fit.Fit",

@@ -5,8 +5,8 @@ import pytest
 from msgspec.structs import replace as changed
 from support.hidden_pads import FEW, hidden_pad, said_otherwise
 
+from qlvbayes.diagnosis.checks.outcome import averaged
 from qlvbayes.diagnosis.diagnose import diagnose
-from qlvbayes.diagnosis.outcome import averaged
 from qlvbayes.diagnosis.result import Estimate
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.effects.catalogue import find

@@ -14,7 +14,7 @@ from qlvbayes.diagnosis.settings import Settings as Thresholds
 from qlvbayes.diagnosis.standing import Enough, Standing
 from qlvbayes.fitting.ensemble import Settings
 from qlvbayes.fitting.runs import Runs
-from qlvbayes.inference.hypothesis import Hypothesis
+from qlvbayes.inference.forward.hypothesis import Hypothesis
 
 DATA = Path(__file__).parents[1] / "data" / "pads.csv"
 STANDING = Standing(

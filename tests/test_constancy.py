@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from support.hidden_pads import FEW, hidden_pad
 
-from qlvbayes.diagnosis.constancy import MOST, log_bayes_factor, log_odds_of_varying
-from qlvbayes.diagnosis.samples import Samples
+from qlvbayes.diagnosis.checks.constancy import MOST, log_bayes_factor, log_odds_of_varying
+from qlvbayes.diagnosis.checks.samples import Samples
 from qlvbayes.diagnosis.weighed import weigh
 from qlvbayes.diagnosis.workbench import search_of
-from qlvbayes.inference.hypothesis import Hypothesis
+from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.modes import find_mode
 from qlvbayes.io.data import Pad
 from qlvbayes.io.units import PAD

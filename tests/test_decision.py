@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from qlvbayes.diagnosis.decision import VERDICTS, Weight, decide, listed, of_effects, unless_sound
-from qlvbayes.diagnosis.families import Families
+from qlvbayes.diagnosis.prior import Families
 
 EXP = ("exponential", "prony:2")
 HERTZ = ("hertz", "prony:2")

@@ -9,13 +9,13 @@ from msgspec.structs import replace as changed
 from support.hidden_pads import FEW, hidden_pad, keeps_diagnosis_contract, said_otherwise
 
 from qlvbayes import Choices, InputError
-from qlvbayes.diagnosis.adequacy import adequacy
+from qlvbayes.diagnosis.checks.adequacy import adequacy
+from qlvbayes.diagnosis.checks.heldout import held_out
+from qlvbayes.diagnosis.checks.samples import Samples
+from qlvbayes.diagnosis.checks.sensitivity import responses, unseen
 from qlvbayes.diagnosis.diagnose import diagnose
-from qlvbayes.diagnosis.heldout import held_out
 from qlvbayes.diagnosis.protocol import protocol_of
 from qlvbayes.diagnosis.result import ParameterBias
-from qlvbayes.diagnosis.samples import Samples
-from qlvbayes.diagnosis.sensitivity import responses, unseen
 from qlvbayes.diagnosis.standing import Enough
 from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.effects.catalogue import find

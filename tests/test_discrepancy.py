@@ -6,11 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.hidden_pads import hidden_pad
 
-from qlvbayes.diagnosis.discrepancy import discrepancy
-from qlvbayes.diagnosis.samples import Samples
-from qlvbayes.diagnosis.work import Work
+from qlvbayes.diagnosis.checks.samples import Samples
+from qlvbayes.diagnosis.telling.discrepancy import discrepancy
+from qlvbayes.diagnosis.telling.work import Work
 from qlvbayes.diagnosis.workbench import search_of
-from qlvbayes.inference.features import Features, Places, covariance
+from qlvbayes.inference.errors.features import Features, Places, covariance
 from qlvbayes.simulate import OUTSIDE
 
 SHARE = 1e-3  # of the variance, that features may leave out

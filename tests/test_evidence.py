@@ -15,15 +15,15 @@ from scipy.stats import multivariate_normal
 from qlvbayes import read_study
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.inference.density import Density, Terms
-from qlvbayes.inference.discrepancy import ROUGH, Discrepancy
+from qlvbayes.inference.errors.discrepancy import ROUGH, Discrepancy
+from qlvbayes.inference.errors.whitening import Whitener, covariance
 from qlvbayes.inference.evidence import evidence, normals
 from qlvbayes.inference.extending import amplitude_of
-from qlvbayes.inference.hypothesis import Hypothesis
+from qlvbayes.inference.forward.hypothesis import Hypothesis
+from qlvbayes.inference.forward.space import Space, in_natural_amplitude, median
 from qlvbayes.inference.modes import bounded_step, find_mode, modes, promised
 from qlvbayes.inference.projection import projected
 from qlvbayes.inference.score import promised_evidence
-from qlvbayes.inference.space import Space, in_natural_amplitude, median
-from qlvbayes.inference.whitening import Whitener, covariance
 from qlvbayes.laws.catalogue import LAWS
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model.noise import Correlated

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from qlvbayes.inference.fixedrates import FixedRates
+from qlvbayes.inference.forward.fixedrates import FixedRates
 from qlvbayes.laws.relaxation.fung import Fung
 from qlvbayes.laws.relaxation.log_normal import LogNormalSpectrum
 from qlvbayes.laws.relaxation.power_law import PowerLaw

@@ -18,9 +18,9 @@ from qlvbayes.fitting.drawn_errors import missed
 from qlvbayes.fitting.fit import fit_pad
 from qlvbayes.fitting.marginal import Judged, floor_likelihood
 from qlvbayes.fitting.optimum import starting_point
-from qlvbayes.inference.discrepancy import ROUGH, TOLERANCE, Discrepancy
-from qlvbayes.inference.features import Features, Places
-from qlvbayes.inference.whitening import covariance
+from qlvbayes.inference.errors.discrepancy import ROUGH, TOLERANCE, Discrepancy
+from qlvbayes.inference.errors.features import Features, Places
+from qlvbayes.inference.errors.whitening import covariance
 from qlvbayes.io.checks import InputError
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.posterior import Posterior

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from qlvbayes.diagnosis.adequacy import combined
+from qlvbayes.diagnosis.checks.adequacy import combined
 from qlvbayes.fitting.drawn_errors import realisations
-from qlvbayes.inference.whitening import covariance
+from qlvbayes.inference.errors.whitening import covariance
 from qlvbayes.preprocess.noisefloor import NoiseFloor
 from qlvbayes.preprocess.noisefloor.dwells import Dwell
 from qlvbayes.preprocess.noisefloor.pool import Pool

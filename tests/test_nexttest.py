@@ -13,8 +13,6 @@ from support.endtoend import PADS, call, one_line
 from support.savedfit import REACH, saved
 
 from qlvbayes import InputError, predict_program
-from qlvbayes.diagnosis.design import cause_of
-from qlvbayes.diagnosis.families import Families
 from qlvbayes.diagnosis.nexttest.belief import Explanation, normalised
 from qlvbayes.diagnosis.nexttest.design import FORGOTTEN, LEAST_WAIT, Design, Recovery, drawn
 from qlvbayes.diagnosis.nexttest.draws import explanation_of_draws
@@ -26,6 +24,8 @@ from qlvbayes.diagnosis.nexttest.rig import Rig
 from qlvbayes.diagnosis.nexttest.screening import screened
 from qlvbayes.diagnosis.nexttest.series import Wish, bits_for_constants, planned_series
 from qlvbayes.diagnosis.nexttest.setpoints import PAUSE, as_csv, set_points
+from qlvbayes.diagnosis.nexttest.suggest import cause_of
+from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.result import Alternative, Laws
 from qlvbayes.effects.catalogue import EVERY
 from qlvbayes.io.units import PAD

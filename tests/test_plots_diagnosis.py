@@ -10,7 +10,6 @@ from support.figures import drawn, page, prediction, protocol
 from support.hidden_pads import FEW
 from support.pages import collisions
 
-from qlvbayes.diagnosis.curves import Band, Curve, curves
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.result import (
     Base,
@@ -26,7 +25,8 @@ from qlvbayes.diagnosis.result import (
     Worst,
 )
 from qlvbayes.diagnosis.settings import Settings
-from qlvbayes.diagnosis.verdict import Diagnosis
+from qlvbayes.diagnosis.telling.curves import Band, Curve, curves
+from qlvbayes.diagnosis.telling.verdict import Diagnosis
 from qlvbayes.effects.catalogue import names
 from qlvbayes.io.data import Pad
 from qlvbayes.io.data import Test as Record

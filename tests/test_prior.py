@@ -5,11 +5,10 @@ from itertools import combinations
 
 import pytest
 
-from qlvbayes.diagnosis.families import Families
-from qlvbayes.diagnosis.prior import log_prior
+from qlvbayes.diagnosis.prior import Families, log_prior
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.effects.catalogue import EFFECTS, EVERY
-from qlvbayes.inference.hypothesis import Hypothesis
+from qlvbayes.inference.forward.hypothesis import Hypothesis
 
 LAWS = (("x",), ("p",))
 USUAL = Hypothesis("x", "p")

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from numpy.polynomial import legendre
 from support.hidden_pads import FEW
 
+from qlvbayes.diagnosis.checks.remainder import Left, Remainder, structured
 from qlvbayes.diagnosis.diagnose import diagnose
-from qlvbayes.diagnosis.remainder import Left, Remainder, structured
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.evaluation.study import measured
-from qlvbayes.inference.discrepancy import TOLERANCE
+from qlvbayes.inference.errors.discrepancy import TOLERANCE
 from qlvbayes.inference.noticeable import log_noticeable
 from qlvbayes.io.checks import InputError
 from qlvbayes.preprocess.experiment import prepare

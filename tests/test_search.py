@@ -9,7 +9,7 @@ import pytest
 from support.hidden_pads import FEW, hidden_pad
 
 from qlvbayes.diagnosis.decision import Weight, decide
-from qlvbayes.diagnosis.families import Families
+from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.promises import screened
 from qlvbayes.diagnosis.search import Search
 from qlvbayes.diagnosis.settings import Settings
@@ -17,7 +17,7 @@ from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.effects.catalogue import OUTSIDE
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.inference.extending import shapes
-from qlvbayes.inference.hypothesis import Hypothesis
+from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.modes import find_modes
 from qlvbayes.io.data import Pad, Test
 from qlvbayes.io.units import PAD

@@ -4,8 +4,8 @@ import jax
 import numpy as np
 import pytest
 
-from qlvbayes.inference import traced as module
-from qlvbayes.inference.traced import traced
+from qlvbayes.inference.forward import traced as module
+from qlvbayes.inference.forward.traced import traced
 
 
 @pytest.fixture

@@ -5,8 +5,8 @@ import pytest
 from support.hidden_pads import FEW, hidden_pad, keeps_diagnosis_contract
 
 from qlvbayes.diagnosis.diagnose import diagnose
-from qlvbayes.diagnosis.discrepancy import discrepancy
 from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.telling.discrepancy import discrepancy
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.simulate import HIDDEN, OUTSIDE, PAPER_RATES
 

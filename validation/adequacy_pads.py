@@ -11,7 +11,7 @@ import numpy as np
 from scipy.signal import butter, lfilter
 
 from qlvbayes import Choices, Pad, Test
-from qlvbayes.diagnosis.adequacy import adequacy
+from qlvbayes.diagnosis.checks.adequacy import adequacy
 from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.fitting import compiled
 from qlvbayes.fitting.least_squares import without_noise

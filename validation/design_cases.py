@@ -8,9 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from qlvbayes import Choices
-from qlvbayes.diagnosis.design import cause_of
 from qlvbayes.diagnosis.diagnose import diagnose
-from qlvbayes.diagnosis.families import Families
 from qlvbayes.diagnosis.nexttest.belief import Belief, normalised
 from qlvbayes.diagnosis.nexttest.design import Design, drawn
 from qlvbayes.diagnosis.nexttest.errors import Errors
@@ -18,13 +16,15 @@ from qlvbayes.diagnosis.nexttest.hypotheses import explanation_of_mode
 from qlvbayes.diagnosis.nexttest.rig import Rig
 from qlvbayes.diagnosis.nexttest.screening import screened
 from qlvbayes.diagnosis.nexttest.series import Option, Wish, bits_for_constants, planned_series
+from qlvbayes.diagnosis.nexttest.suggest import cause_of
+from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.search import Search
 from qlvbayes.diagnosis.weighed import described
 from qlvbayes.diagnosis.workbench import as_chosen, search_of
 from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE
 from qlvbayes.evaluation.study import measured
-from qlvbayes.inference.hypothesis import Hypothesis
+from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.io.data import Pad, Test
 from qlvbayes.io.units import PAD
 from qlvbayes.pipeline.designing import likely

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from qlvbayes.cli.console import counting, err, out, waiting
 from qlvbayes.cli.tables import check_table, constants_table, ranking_table, steps_table
-from qlvbayes.diagnosis.verdict import Diagnosis
+from qlvbayes.diagnosis.telling.verdict import Diagnosis
 from qlvbayes.fitting.checked import CheckedPad
 from qlvbayes.fitting.ensemble import Progress
 from qlvbayes.fitting.summary import FitSummary

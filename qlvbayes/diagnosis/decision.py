@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import softmax
 
-from qlvbayes.diagnosis.families import Families
+from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.settings import Settings
 
 Array = NDArray[np.float64]

@@ -11,8 +11,8 @@ from qlvbayes.diagnosis.result import Sampled, Used
 from qlvbayes.diagnosis.search import Search, Tell
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.standing import Enough, Standing
-from qlvbayes.diagnosis.summing_up import summed_up
-from qlvbayes.diagnosis.verdict import Diagnosis
+from qlvbayes.diagnosis.telling.summing_up import summed_up
+from qlvbayes.diagnosis.telling.verdict import Diagnosis
 from qlvbayes.diagnosis.weighed import described
 from qlvbayes.diagnosis.workbench import as_chosen, search_of
 from qlvbayes.effects.catalogue import EFFECTS

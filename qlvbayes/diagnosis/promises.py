@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from qlvbayes.diagnosis.weighed import Weighed, weigh
 from qlvbayes.inference.density import Density, Extension, Point
 from qlvbayes.inference.extending import amplitude_of, shapes
-from qlvbayes.inference.hypothesis import Hypothesis
+from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.modes import Mode, rough_mode
 from qlvbayes.inference.score import promised_evidence
 

@@ -14,14 +14,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from qlvbayes.diagnosis.families import Families
-from qlvbayes.diagnosis.prior import log_prior
+from qlvbayes.diagnosis.prior import Families, log_prior
 from qlvbayes.diagnosis.promises import Promise, promised, screened
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.weighed import Weighed, described, weigh
 from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.extending import amplitude_of, carried, shapes
-from qlvbayes.inference.hypothesis import Hypothesis
+from qlvbayes.inference.forward.hypothesis import Hypothesis
+from qlvbayes.inference.forward.space import in_natural_amplitude, median
 from qlvbayes.inference.importance import CLOSE, sampled_evidence
 from qlvbayes.inference.modes import (
     BEHIND,
@@ -32,7 +32,6 @@ from qlvbayes.inference.modes import (
     modes,
 )
 from qlvbayes.inference.projection import projected
-from qlvbayes.inference.space import in_natural_amplitude, median
 from qlvbayes.io.checks import NoFiniteForceError
 from qlvbayes.laws.scales import SHARE
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from qlvbayes.diagnosis.decision import Decision, Weight, decide
 from qlvbayes.diagnosis.search import Search
-from qlvbayes.inference.hypothesis import Hypothesis
+from qlvbayes.inference.forward.hypothesis import Hypothesis
 
 
 class Enough(Exception):  # noqa: N818 - no error: who watches has seen enough

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from qlvbayes.diagnosis.families import Families
+from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.protocol import protocol_of
 from qlvbayes.diagnosis.search import Search, Tell
 from qlvbayes.diagnosis.settings import Settings
@@ -13,9 +13,9 @@ from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.fitting.marginal import known_floor
 from qlvbayes.inference.density import Density
-from qlvbayes.inference.discrepancy import Discrepancy
-from qlvbayes.inference.hypothesis import Hypothesis
-from qlvbayes.inference.space import Space, in_natural_amplitude
+from qlvbayes.inference.errors.discrepancy import Discrepancy
+from qlvbayes.inference.forward.hypothesis import Hypothesis
+from qlvbayes.inference.forward.space import Space, in_natural_amplitude
 from qlvbayes.io.checks import InputError
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation

@@ -33,12 +33,12 @@ from scipy.stats import norm
 from qlvbayes.effects.catalogue import EFFECTS, find
 from qlvbayes.evaluation.study import Study, true_noise, true_values
 from qlvbayes.inference.density import Density
-from qlvbayes.inference.discrepancy import Discrepancy
-from qlvbayes.inference.hypothesis import Hypothesis
+from qlvbayes.inference.errors.discrepancy import Discrepancy
+from qlvbayes.inference.errors.whitening import Whitener
+from qlvbayes.inference.forward.hypothesis import Hypothesis
+from qlvbayes.inference.forward.space import Space, in_natural_amplitude, median
 from qlvbayes.inference.modes import find_mode
 from qlvbayes.inference.noticeable import log_density
-from qlvbayes.inference.space import Space, in_natural_amplitude, median
-from qlvbayes.inference.whitening import Whitener
 from qlvbayes.io.checks import NoFiniteForceError
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import Correlated

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes.fitting import compiled
-from qlvbayes.inference.discrepancy import ROUGH, Discrepancy
-from qlvbayes.inference.features import Features, Places
+from qlvbayes.inference.errors.discrepancy import ROUGH, Discrepancy
+from qlvbayes.inference.errors.features import Features, Places
 from qlvbayes.model.posterior import Posterior
 from qlvbayes.preprocess.experiment import Experiment, Trial
 from qlvbayes.preprocess.noisefloor import NoiseFloor

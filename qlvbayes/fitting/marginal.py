@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from qlvbayes.inference.discrepancy import ROUGH, SIZES, Discrepancy
+from qlvbayes.inference.errors.discrepancy import ROUGH, SIZES, Discrepancy
 from qlvbayes.laws.scales import TOLERANCE
 from qlvbayes.model.floorlikelihood import FloorLikelihood
 from qlvbayes.model.noise import Floor

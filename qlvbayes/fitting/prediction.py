@@ -11,7 +11,7 @@ import numpy as np
 from qlvbayes.fitting import compiled
 from qlvbayes.fitting.drawn_errors import missed, realisations
 from qlvbayes.fitting.marginal import known_floor
-from qlvbayes.inference.features import Places
+from qlvbayes.inference.errors.features import Places
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import Floor
 from qlvbayes.model.parameters import names

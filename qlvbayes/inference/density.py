@@ -24,11 +24,11 @@ import numpy as np
 from jaxtyping import Array as JaxArray
 from numpy.typing import NDArray
 
-from qlvbayes.inference.discrepancy import Discrepancy, Sized
-from qlvbayes.inference.hypothesis import Hypothesis, Parameters
+from qlvbayes.inference.errors.discrepancy import Discrepancy, Sized
+from qlvbayes.inference.errors.whitening import Whitener
+from qlvbayes.inference.forward.hypothesis import Hypothesis, Parameters
+from qlvbayes.inference.forward.space import Space
 from qlvbayes.inference.noticeable import log_noticeable
-from qlvbayes.inference.space import Space
-from qlvbayes.inference.whitening import Whitener
 from qlvbayes.priors.distributions import AbstractPrior
 from qlvbayes.priors.natural import Natural
 

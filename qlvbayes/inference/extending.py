@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes.inference.density import Point
-from qlvbayes.inference.hypothesis import Parameters
-from qlvbayes.inference.space import Space
+from qlvbayes.inference.forward.hypothesis import Parameters
+from qlvbayes.inference.forward.space import Space
 from qlvbayes.priors.natural import Natural
 
 Array = NDArray[np.float64]

@@ -27,7 +27,7 @@ from scipy.special import gammaln, logsumexp, stdtr, stdtrit
 
 from qlvbayes.inference.density import Density
 from qlvbayes.inference.evidence import Evidence
-from qlvbayes.inference.hypothesis import Parameters
+from qlvbayes.inference.forward.hypothesis import Parameters
 from qlvbayes.inference.modes import Mode
 
 Array = NDArray[np.float64]
@@ -80,9 +80,7 @@ class Cloud(NamedTuple):
         shares = rng.random((count, self.centre.size))
         apart, found = np.zeros_like(shares), np.zeros_like(shares)
         for k in range(self.centre.size):
-            low, high = self._between(apart, k)
-            turned = low > 0.0  # to the tail whose probabilities keep their digits
-            low, high = np.where(turned, -high, low), np.where(turned, -low, high)
+            low, high, turned = self._between(apart, k)
             below, above = stdtr(_TAIL, low), stdtr(_TAIL, high)
             number = stdtrit(_TAIL, below + shares[:, k] * (above - below))
             apart[:, k] = np.where(turned, -number, number)
@@ -99,9 +97,7 @@ class Cloud(NamedTuple):
         found = self.centre.size * height - np.log(np.diag(self.root)).sum()
         found -= 0.5 * (_TAIL + 1.0) * np.log1p(apart**2 / _TAIL).sum(axis=1)
         for k in range(self._bounded):
-            low, high = self._between(apart, k)
-            turned = low > 0.0
-            low, high = np.where(turned, -high, low), np.where(turned, -low, high)
+            low, high, _ = self._between(apart, k)
             found -= np.log(np.maximum(stdtr(_TAIL, high) - stdtr(_TAIL, low), 1e-300))
         inside = np.all((places >= self.lowest) & (places <= self.highest), axis=1)
         return np.where(inside, found, -math.inf)
@@ -111,10 +107,15 @@ class Cloud(NamedTuple):
         """Numbers with bounds."""
         return int(np.sum(np.isfinite(self.lowest) | np.isfinite(self.highest)))
 
-    def _between(self, apart: Array, k: int) -> tuple[Array, Array]:
-        """Bounds (K,) of the k-th number in its own scale, after the steps (K, F) before it."""
+    def _between(self, apart: Array, k: int) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Bounds (K,) of the k-th number in its own scale, after the steps (K, F) before it.
+
+        Turned about, where they lie above zero, to the tail whose probabilities keep their digits.
+        """
         mean = self.centre[k] + apart[:, :k] @ self.root[k, :k]
-        return (self.lowest[k] - mean) / self.root[k, k], (self.highest[k] - mean) / self.root[k, k]
+        low, high = ((bound[k] - mean) / self.root[k, k] for bound in (self.lowest, self.highest))
+        turned = low > 0.0
+        return np.where(turned, -high, low), np.where(turned, -low, high), turned
 
 
 @dataclass(frozen=True, eq=False)

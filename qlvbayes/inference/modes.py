@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from qlvbayes.inference.density import Density, Point, Terms
-from qlvbayes.inference.hypothesis import Hypothesis
+from qlvbayes.inference.forward.hypothesis import Hypothesis
 
 Array = NDArray[np.float64]
 

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from qlvbayes.inference.density import Point
-from qlvbayes.inference.hypothesis import Hypothesis, Parameters
-from qlvbayes.inference.space import Space
+from qlvbayes.inference.forward.hypothesis import Hypothesis, Parameters
+from qlvbayes.inference.forward.space import Space
 
 Array = NDArray[np.float64]
 Curve = Callable[[Array], Array]

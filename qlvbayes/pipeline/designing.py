@@ -9,8 +9,6 @@ from pathlib import Path
 import numpy as np
 from msgspec.structs import replace as with_fields
 
-from qlvbayes.diagnosis.design import cause_of
-from qlvbayes.diagnosis.families import Families
 from qlvbayes.diagnosis.nexttest.belief import Belief, Explanation, normalised
 from qlvbayes.diagnosis.nexttest.design import Design
 from qlvbayes.diagnosis.nexttest.draws import explanation_of_draws
@@ -21,7 +19,9 @@ from qlvbayes.diagnosis.nexttest.result import NextTests
 from qlvbayes.diagnosis.nexttest.rig import Rig
 from qlvbayes.diagnosis.nexttest.series import Series, Wish, planned_series
 from qlvbayes.diagnosis.nexttest.setpoints import as_csv
+from qlvbayes.diagnosis.nexttest.suggest import cause_of
 from qlvbayes.diagnosis.nexttest.telling import told
+from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.result import Alternative, DiagnosisResult
 from qlvbayes.diagnosis.search import Search
 from qlvbayes.diagnosis.settings import Settings
@@ -30,7 +30,7 @@ from qlvbayes.diagnosis.workbench import as_chosen, search_of
 from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE
 from qlvbayes.fitting.results import Saved, load
 from qlvbayes.fitting.runs import Run, Runs
-from qlvbayes.inference.hypothesis import Hypothesis
+from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
 from qlvbayes.io.files import write_whole

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from qlvbayes.diagnosis.diagnose import diagnose
-from qlvbayes.diagnosis.discrepancy import discrepancy
 from qlvbayes.diagnosis.settings import Settings
-from qlvbayes.diagnosis.verdict import Diagnosis
+from qlvbayes.diagnosis.telling.discrepancy import discrepancy
+from qlvbayes.diagnosis.telling.verdict import Diagnosis
 from qlvbayes.io.data import Pad
 from qlvbayes.io.files import results_folder, write_whole
 from qlvbayes.model.choices import Choices

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.settings import Settings as Thresholds
-from qlvbayes.diagnosis.verdict import Diagnosis
+from qlvbayes.diagnosis.telling.verdict import Diagnosis
 from qlvbayes.fitting.checked import CheckedPad
 from qlvbayes.fitting.ensemble import Settings
 from qlvbayes.fitting.results import Saved, load

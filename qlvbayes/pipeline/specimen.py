@@ -11,7 +11,7 @@ from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.search import Tell
 from qlvbayes.diagnosis.settings import Settings as Thresholds
 from qlvbayes.diagnosis.standing import Standing
-from qlvbayes.diagnosis.verdict import Diagnosis
+from qlvbayes.diagnosis.telling.verdict import Diagnosis
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.fitting.ensemble import Progress, Settings
 from qlvbayes.fitting.fit import Fit, fit_pad

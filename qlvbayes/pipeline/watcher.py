@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from qlvbayes.diagnosis.standing import Standing
-from qlvbayes.diagnosis.verdict import Diagnosis
+from qlvbayes.diagnosis.telling.verdict import Diagnosis
 from qlvbayes.fitting.checked import CheckedPad
 from qlvbayes.fitting.ensemble import Progress
 from qlvbayes.fitting.summary import FitSummary

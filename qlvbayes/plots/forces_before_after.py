@@ -13,9 +13,9 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import MaxNLocator
 from scipy.special import ndtri
 
-from qlvbayes.diagnosis.curves import Band, Curve, curves
 from qlvbayes.diagnosis.result import DiagnosisResult
-from qlvbayes.diagnosis.verdict import Diagnosis
+from qlvbayes.diagnosis.telling.curves import Band, Curve, curves
+from qlvbayes.diagnosis.telling.verdict import Diagnosis
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.plots.naming import heading, model_lines, model_name
 from qlvbayes.plots.panels import leaders, lines_of, name_row, place_panels

@@ -113,11 +113,7 @@ class Natural(AbstractDirect):
 
     def density(self) -> Quadratic:
         """Of the normal, or the half-normal."""
-        folded = isinstance(self.inner, HalfNormal)
-        mean = 0.0 if folded else float(self.inner.mean)
-        top = -math.log(self.sd) - _LOG_ROOT + (math.log(2.0) if folded else 0.0)
-        lowest = 0.0 if folded else -math.inf
-        return Quadratic(lowest, math.inf, self.sd, mean, self.sd**-2, self.sd**-2, top)
+        return _quadratic(self.inner)
 
 
 class Positive(AbstractDirect):
@@ -141,9 +137,7 @@ class Positive(AbstractDirect):
 
     def density(self) -> Quadratic:
         """Of the half-normal."""
-        sd = float(self.inner.sd)
-        top = math.log(2.0) - math.log(sd) - _LOG_ROOT
-        return Quadratic(0.0, math.inf, sd, 0.0, sd**-2, sd**-2, top)
+        return _quadratic(self.inner)
 
 
 class Bounded(AbstractDirect):
@@ -191,6 +185,14 @@ class Logarithmic(AbstractDirect):
         mean, sd = float(self.inner.log_median), float(self.inner.log_sd)
         top = -math.log(sd) - _LOG_ROOT
         return Quadratic(-math.inf, math.inf, 1.0, mean, sd**-2, sd**-2, top)
+
+
+def _quadratic(inner: Any) -> Quadratic:
+    """Of a normal, or of a half-normal, whose length is its sd."""
+    folded, sd = isinstance(inner, HalfNormal), float(inner.sd)
+    mean, lowest = (0.0, 0.0) if folded else (float(inner.mean), -math.inf)
+    top = -math.log(sd) - _LOG_ROOT + (math.log(2.0) if folded else 0.0)
+    return Quadratic(lowest, math.inf, sd, mean, sd**-2, sd**-2, top)
 
 
 def natural(prior: object) -> object:

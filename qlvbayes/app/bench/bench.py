@@ -22,14 +22,14 @@ from qlvbayes.app.bench.model import (
 )
 from qlvbayes.app.bench.signature import beside
 from qlvbayes.app.bench.squares import Squares
+from qlvbayes.diagnosis.checks.samples import Samples, cell_errors, rmse
 from qlvbayes.diagnosis.result import CellError
-from qlvbayes.diagnosis.samples import Samples, cell_errors, rmse
 from qlvbayes.diagnosis.workbench import as_chosen, search_of
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.extending import amplitude_of, carried
+from qlvbayes.inference.forward.space import Space
 from qlvbayes.inference.projection import projected
-from qlvbayes.inference.space import Space
 from qlvbayes.io.checks import InputError, NoFiniteForceError
 from qlvbayes.model.choices import Choices
 from qlvbayes.preprocess.experiment import Experiment

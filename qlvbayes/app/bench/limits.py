@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from qlvbayes.diagnosis.samples import Samples
+from qlvbayes.diagnosis.checks.samples import Samples
 from qlvbayes.fitting.residuals import FALSE_ALARMS
 from qlvbayes.preprocess.phases import KINDS
 

@@ -9,8 +9,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from qlvbayes.inference.hypothesis import Hypothesis, Leaf, Parameters
-from qlvbayes.inference.space import Space, median
+from qlvbayes.inference.forward.hypothesis import Hypothesis, Leaf, Parameters
+from qlvbayes.inference.forward.space import Space, median
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.model.parameters import unit_kinds

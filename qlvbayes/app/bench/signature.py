@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from qlvbayes.app.bench.squares import Squares
 from qlvbayes.inference.density import Point
 from qlvbayes.inference.extending import Amplitude, amplitude_of, shapes
-from qlvbayes.inference.hypothesis import Hypothesis, Parameters
+from qlvbayes.inference.forward.hypothesis import Hypothesis, Parameters
 
 Array = NDArray[np.float64]
 

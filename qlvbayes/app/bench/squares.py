@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes.inference.density import Density, Point, Terms
-from qlvbayes.inference.hypothesis import Hypothesis
+from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.modes import bounded_step, promised
 
 Array = NDArray[np.float64]

@@ -10,7 +10,7 @@ from jaxtyping import Array as JaxArray
 from numpy.typing import NDArray
 
 from qlvbayes.diagnosis.nexttest.belief import Explanation
-from qlvbayes.inference.engine import TOGETHER, filled_up
+from qlvbayes.inference.forward.engine import TOGETHER, filled_up
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.drawn import described_model, drawn_models
 from qlvbayes.model.model import Model

@@ -13,9 +13,9 @@ from scipy.linalg import solve_triangular
 from qlvbayes.diagnosis.nexttest.design import Design
 from qlvbayes.diagnosis.nexttest.records import places_of
 from qlvbayes.diagnosis.nexttest.rig import Rig
-from qlvbayes.inference.discrepancy import ROUGH
-from qlvbayes.inference.features import covariance as smooth_covariance
-from qlvbayes.inference.whitening import covariance as floor_covariance
+from qlvbayes.inference.errors.discrepancy import ROUGH
+from qlvbayes.inference.errors.features import covariance as smooth_covariance
+from qlvbayes.inference.errors.whitening import covariance as floor_covariance
 from qlvbayes.preprocess.noisefloor import NoiseFloor
 from qlvbayes.preprocess.record import Record
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from qlvbayes.diagnosis.nexttest.belief import Explanation
 from qlvbayes.inference.density import Density, Point
-from qlvbayes.inference.hypothesis import Hypothesis
+from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.model.parameters import unit_kinds
 from qlvbayes.preprocess.record import Record
 

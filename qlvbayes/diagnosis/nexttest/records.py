@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from qlvbayes.diagnosis.nexttest.design import Design
 from qlvbayes.diagnosis.nexttest.rig import Rig
-from qlvbayes.inference.features import Places
+from qlvbayes.inference.errors.features import Places
 from qlvbayes.laws.motion import Motion
 from qlvbayes.preprocess.phases import KINDS, MOVING
 from qlvbayes.preprocess.record import Blocks, Record

@@ -9,8 +9,8 @@ from functools import cache
 import numpy as np
 
 from qlvbayes.effects.effect import AbstractEffect, Protocol
-from qlvbayes.inference.hypothesis import Hypothesis
-from qlvbayes.inference.space import Space, in_natural_amplitude
+from qlvbayes.inference.forward.hypothesis import Hypothesis
+from qlvbayes.inference.forward.space import Space, in_natural_amplitude
 from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation

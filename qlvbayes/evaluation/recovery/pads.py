@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from qlvbayes.evaluation.recovery.bench import bench
 from qlvbayes.fitting import compiled
 from qlvbayes.inference.density import Density
-from qlvbayes.inference.discrepancy import Discrepancy
+from qlvbayes.inference.errors.discrepancy import Discrepancy
+from qlvbayes.inference.errors.whitening import Whitener
 from qlvbayes.inference.evidence import evidence
-from qlvbayes.inference.hypothesis import Leaf, Parameters
+from qlvbayes.inference.forward.hypothesis import Leaf, Parameters
+from qlvbayes.inference.forward.space import Space
 from qlvbayes.inference.importance import Cloud, Sampled, about, sample
 from qlvbayes.inference.modes import Mode, distinct, find_mode, modes
-from qlvbayes.inference.space import Space
-from qlvbayes.inference.whitening import Whitener
 from qlvbayes.io.checks import NoFiniteForceError
 from qlvbayes.model.noise import Correlated
 from qlvbayes.model.posterior import draw_priors, is_prior

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from qlvbayes.comparison.side import Side
 from qlvbayes.diagnosis.result import Laws
-from qlvbayes.diagnosis.verdict import Diagnosis
+from qlvbayes.diagnosis.telling.verdict import Diagnosis
 from qlvbayes.diagnosis.weighed import Weighed
 from qlvbayes.io.resultfile import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem

@@ -12,7 +12,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from qlvbayes.diagnosis.constancy import MOST, log_odds_of_varying
+from qlvbayes.diagnosis.checks.constancy import MOST, log_odds_of_varying
+from qlvbayes.diagnosis.checks.outcome import Outcome
 from qlvbayes.diagnosis.decision import (
     LEFT,
     Decision,
@@ -22,7 +23,6 @@ from qlvbayes.diagnosis.decision import (
     of_effects,
     unless_sound,
 )
-from qlvbayes.diagnosis.outcome import Outcome
 from qlvbayes.diagnosis.search import Tell
 from qlvbayes.diagnosis.weighed import Weighed
 

@@ -37,7 +37,7 @@ from scipy.stats import chi2
 
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.inference.density import Point
-from qlvbayes.inference.whitening import covariance
+from qlvbayes.inference.errors.whitening import covariance
 from qlvbayes.preprocess.experiment import Experiment, Trial
 from qlvbayes.preprocess.noisefloor import NoiseFloor
 from qlvbayes.preprocess.phases import Phase

@@ -27,8 +27,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from qlvbayes.inference.features import Features, Places
-from qlvbayes.inference.whitening import Whitener
+from qlvbayes.inference.errors.features import Features, Places
+from qlvbayes.inference.errors.whitening import Whitener
 from qlvbayes.laws.scales import TOLERANCE
 from qlvbayes.preprocess.experiment import Experiment, Trial
 from qlvbayes.preprocess.record import Blocks

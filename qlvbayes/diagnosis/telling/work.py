@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from qlvbayes.diagnosis.adequacy import Adequacy
-from qlvbayes.diagnosis.samples import Samples
+from qlvbayes.diagnosis.checks.adequacy import Adequacy
+from qlvbayes.diagnosis.checks.samples import Samples
 from qlvbayes.diagnosis.search import Search
 from qlvbayes.diagnosis.weighed import Weighed
 from qlvbayes.preprocess.experiment import Experiment

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import softmax
 
-from qlvbayes.diagnosis.samples import Mask, Samples, rmse
+from qlvbayes.diagnosis.checks.samples import Mask, Samples, rmse
 from qlvbayes.diagnosis.weighed import Weighed
 from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.evidence import evidence

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array as JaxArray
 from numpy.typing import NDArray
 
-from qlvbayes.inference.engine import filled_up
+from qlvbayes.inference.forward.engine import filled_up
 from qlvbayes.model.parameters import names
 from qlvbayes.model.posterior import Posterior, is_prior, value_shape
 from qlvbayes.priors.distributions import AbstractPrior

@@ -9,7 +9,6 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from qlvbayes.diagnosis.families import Families
 from qlvbayes.diagnosis.nexttest.belief import Belief, normalised
 from qlvbayes.diagnosis.nexttest.design import Design, drawn
 from qlvbayes.diagnosis.nexttest.errors import Errors
@@ -17,6 +16,7 @@ from qlvbayes.diagnosis.nexttest.hypotheses import explanation_of_mode
 from qlvbayes.diagnosis.nexttest.information import evidence
 from qlvbayes.diagnosis.nexttest.rig import Rig
 from qlvbayes.diagnosis.nexttest.screening import TOGETHER, screened
+from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.result import Suggestion
 from qlvbayes.diagnosis.weighed import Weighed, described
 from qlvbayes.inference.density import Density

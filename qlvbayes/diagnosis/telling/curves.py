@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from qlvbayes.diagnosis.verdict import Diagnosis
+from qlvbayes.diagnosis.telling.verdict import Diagnosis
+from qlvbayes.diagnosis.telling.work import Work
 from qlvbayes.diagnosis.weighed import Weighed
-from qlvbayes.diagnosis.work import Work
 from qlvbayes.preprocess.experiment import Trial
 
 Array = NDArray[np.float64]

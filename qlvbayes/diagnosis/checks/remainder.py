@@ -33,9 +33,9 @@ import numpy as np
 from numpy.polynomial import legendre
 from scipy.linalg import cho_factor, cho_solve
 
-from qlvbayes.diagnosis.adequacy import Adequacy
+from qlvbayes.diagnosis.checks.adequacy import Adequacy
+from qlvbayes.diagnosis.checks.samples import Samples, rmse
 from qlvbayes.diagnosis.result import Remains
-from qlvbayes.diagnosis.samples import Samples, rmse
 from qlvbayes.diagnosis.settings import Settings
 
 _ORDERS = 4

@@ -1,8 +1,8 @@
 r"""What the hypothesis told leaves, as a smooth function of what the tests do.
 
-With the discrepancy's whitened features B (`inference.features`), the variances D of its rough part
-and of noise, and the size s that is likeliest, the coefficients w ~ N(0, s^2) given the whitened
-residual r of the block means are normal,
+With the discrepancy's whitened features B (`inference.errors.features`), the variances D of its
+rough part and of noise, and the size s that is likeliest, the coefficients w ~ N(0, s^2) given the
+whitened residual r of the block means are normal,
 
 .. math:: C = (s^{-2} + B D^{-1} B^T)^{-1}, \quad \hat w = C B D^{-1} r,
 
@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from qlvbayes.diagnosis.work import Work
-from qlvbayes.inference.features import Features, Places
+from qlvbayes.diagnosis.telling.work import Work
+from qlvbayes.inference.errors.features import Features, Places
 
 Array = NDArray[np.float64]
 

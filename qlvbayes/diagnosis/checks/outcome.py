@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp, softmax
 
-from qlvbayes.diagnosis.adequacy import Adequacy, adequacy
+from qlvbayes.diagnosis.checks.adequacy import Adequacy, adequacy
+from qlvbayes.diagnosis.checks.heldout import Part, Predicted, errors, leave_out, predictions
+from qlvbayes.diagnosis.checks.remainder import Remainder, remainder
+from qlvbayes.diagnosis.checks.samples import Samples, cell_errors, rmse
 from qlvbayes.diagnosis.decision import probabilities
-from qlvbayes.diagnosis.heldout import Part, Predicted, errors, leave_out, predictions
 from qlvbayes.diagnosis.prior import log_odds_of_effect
-from qlvbayes.diagnosis.remainder import Remainder, remainder
 from qlvbayes.diagnosis.result import (
     Alternative,
     Estimate,
@@ -24,11 +25,10 @@ from qlvbayes.diagnosis.result import (
     Ranked,
     Stage,
 )
-from qlvbayes.diagnosis.samples import Samples, cell_errors, rmse
 from qlvbayes.diagnosis.search import Search
 from qlvbayes.diagnosis.standing import weights_of
 from qlvbayes.diagnosis.weighed import Weighed
-from qlvbayes.inference.hypothesis import Hypothesis
+from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.model.parameters import unit_kinds
 from qlvbayes.preprocess.experiment import Experiment
 

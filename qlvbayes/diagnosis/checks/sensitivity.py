@@ -14,7 +14,7 @@ from qlvbayes.diagnosis.search import Search
 from qlvbayes.diagnosis.weighed import Weighed
 from qlvbayes.effects.effect import AbstractEffect, Protocol
 from qlvbayes.inference.extending import Amplitude, amplitude_of, shapes
-from qlvbayes.inference.hypothesis import Parameters
+from qlvbayes.inference.forward.hypothesis import Parameters
 
 Array = NDArray[np.float64]
 

@@ -22,7 +22,7 @@ from jaxtyping import Array as JaxArray
 from numpy.typing import NDArray
 
 from qlvbayes.effects.effect import AbstractEffect
-from qlvbayes.inference.traced import traced
+from qlvbayes.inference.forward.traced import traced
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.relaxation.law import AbstractRelaxation

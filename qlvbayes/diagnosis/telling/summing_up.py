@@ -9,23 +9,23 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from qlvbayes.diagnosis.decision import Decision
-from qlvbayes.diagnosis.design import suggest
-from qlvbayes.diagnosis.outcome import LEAST, Outcome
-from qlvbayes.diagnosis.protocol import protocol_of
-from qlvbayes.diagnosis.result import Base, DiagnosisResult, Refused, Suggestion, Worst
-from qlvbayes.diagnosis.search import Search, Tell
-from qlvbayes.diagnosis.sensitivity import (
+from qlvbayes.diagnosis.checks.outcome import LEAST, Outcome
+from qlvbayes.diagnosis.checks.sensitivity import (
     coincident,
     parameter_biases,
     responses,
     unmeasured,
     unseen,
 )
-from qlvbayes.diagnosis.verdict import Diagnosis
-from qlvbayes.diagnosis.vetoes import decided
+from qlvbayes.diagnosis.checks.vetoes import decided
+from qlvbayes.diagnosis.decision import Decision
+from qlvbayes.diagnosis.nexttest.suggest import suggest
+from qlvbayes.diagnosis.protocol import protocol_of
+from qlvbayes.diagnosis.result import Base, DiagnosisResult, Refused, Suggestion, Worst
+from qlvbayes.diagnosis.search import Search, Tell
+from qlvbayes.diagnosis.telling.verdict import Diagnosis
+from qlvbayes.diagnosis.telling.work import Work
 from qlvbayes.diagnosis.weighed import Weighed
-from qlvbayes.diagnosis.work import Work
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.laws.unresolved import unresolved_times
 from qlvbayes.preprocess.carried import carried_notices, clock_notices

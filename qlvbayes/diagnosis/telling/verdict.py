@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from qlvbayes.diagnosis.result import DiagnosisResult
-from qlvbayes.diagnosis.words import paragraphs
-from qlvbayes.diagnosis.work import Work
+from qlvbayes.diagnosis.telling.words import paragraphs
+from qlvbayes.diagnosis.telling.work import Work
 
 
 @dataclass(frozen=True, eq=False)

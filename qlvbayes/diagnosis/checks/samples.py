@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from qlvbayes.diagnosis.result import CellError
 from qlvbayes.fitting.prediction import looked_at, single_samples
-from qlvbayes.inference.hypothesis import Hypothesis
-from qlvbayes.inference.space import Space
+from qlvbayes.inference.forward.hypothesis import Hypothesis
+from qlvbayes.inference.forward.space import Space
 from qlvbayes.preprocess.batching import batch
 from qlvbayes.preprocess.experiment import Experiment, Trial
 from qlvbayes.preprocess.phases import KINDS, phase_index

@@ -24,11 +24,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from qlvbayes.diagnosis.samples import Samples
+from qlvbayes.diagnosis.checks.samples import Samples
 from qlvbayes.diagnosis.weighed import Weighed
 from qlvbayes.inference.density import Density
+from qlvbayes.inference.errors.features import Places
 from qlvbayes.inference.extending import carried
-from qlvbayes.inference.features import Places
 
 Array = NDArray[np.float64]
 

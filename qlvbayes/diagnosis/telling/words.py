@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from qlvbayes.diagnosis.result import DiagnosisResult, ParameterBias
-from qlvbayes.diagnosis.work import Work
+from qlvbayes.diagnosis.telling.work import Work
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import joined, plain
 from qlvbayes.preprocess.phases import NAMES

@@ -20,9 +20,9 @@ from jaxtyping import Array as JaxArray
 from numpy.typing import NDArray
 
 from qlvbayes.effects.effect import AbstractEffect
-from qlvbayes.inference.engine import FEW, Engine
-from qlvbayes.inference.fixedrates import FixedRates, relaxation_of
-from qlvbayes.inference.hypothesis import Hypothesis, Parameters, few_sizes
+from qlvbayes.inference.forward.engine import FEW, Engine
+from qlvbayes.inference.forward.fixedrates import FixedRates, relaxation_of
+from qlvbayes.inference.forward.hypothesis import Hypothesis, Parameters, few_sizes
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
 from qlvbayes.model.model import Model

@@ -1,0 +1,1 @@
+"""What the tests themselves say of hypotheses: what is left, tests left out, vetoes."""

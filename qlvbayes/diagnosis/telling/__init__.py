@@ -1,0 +1,1 @@
+"""From a finished search to what is said of it."""
