@@ -4,12 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from quoted import both_errors
+from quoted import QUICK, both_errors
 from scipy.stats import binom
 from simulated_fits import Setting, run
 from support.endtoend import CONSTANTS
 
-from qlvbayes.fitting.ensemble import Settings
 from qlvbayes.io.data import read_measurements
 from qlvbayes.model.choices import Choices
 from qlvbayes.preprocess.experiment import prepare
@@ -17,7 +16,6 @@ from qlvbayes.preprocess.experiment import prepare
 ROOT = Path(__file__).parents[1]
 
 REAL = ROOT.parent / "shared" / "real" / "muscle_ramps.csv"
-QUICK = Settings(max_steps=3000)
 
 
 @pytest.mark.slow

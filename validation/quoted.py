@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import qlvbayes as q
+from qlvbayes.diagnosis.checks.samples import rmse
 from qlvbayes.fitting.ensemble import Settings
 from qlvbayes.fitting.fit import build_posterior, fit_pad
 from qlvbayes.fitting.least_squares import least_squares, without_noise
@@ -32,7 +33,7 @@ ROOT = Path(__file__).resolve().parents[1]
 METHODS = ("emcee", "least-squares", "two-step")
 _SAME = 0.05  # of a number: the chain ends elsewhere on another processor
 _OF_WIDTH = 0.15  # of an interval, by which the ends of two chains of a thousand draws differ
-_QUICK = Settings(max_steps=3000)
+QUICK = Settings(max_steps=3000)
 
 _ROW = re.compile(
     r"^\| (?P<pad>[A-Z]) \| (?P<name>\S+)(?: \([^)]*\))? \| (?P<truth>[\d.]+) \|", re.M
@@ -111,12 +112,12 @@ def errors(experiment: Experiment, choices: Choices, constants: dict[str, np.nda
     """Root mean square of measured minus predicted mean (N), over the tests left out."""
     left = experiment.with_role("validate")
     found = predict(experiment, choices, constants, left)
-    return float(np.sqrt(np.mean(np.concatenate([one.residual for one in found]) ** 2)))
+    return rmse([one.residual for one in found])
 
 
 def both_errors(experiment: Experiment, choices: Choices) -> tuple[float, float]:
     """On tests left out: of the fit, and of least squares of the same model and samples."""
-    found = fit_pad(experiment, choices, settings=_QUICK)
+    found = fit_pad(experiment, choices, settings=QUICK)
     fitted = {name: found.constants[..., k] for k, name in enumerate(found.names)}
     posterior = build_posterior(experiment, choices, found.trials)
     scale = 1.0 / np.sqrt(np.asarray(posterior.record.blocks.count))
