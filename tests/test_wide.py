@@ -297,6 +297,7 @@ def test_a_run_under_other_code_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(registration, "code_digest", lambda: "other")
     monkeypatch.setattr(registration, "rules_digest", lambda: "other")
     assert promise.broken() == ["the code", "the rules of the count"]
+    assert promise.broken(finished=True) == ["the rules of the count"]
 
 
 def test_the_page_shows_rates_with_bounds_and_wrong_verdicts():
@@ -311,6 +312,22 @@ def test_the_page_shows_rates_with_bounds_and_wrong_verdicts():
     assert "nothing hidden: adequate | at least 95 % | 100.0 % | > 5.0 % | 1 | met" in text
     assert "Wrong verdicts where the truth could be seen: 5" in text
     assert report.as_dict()["rates"]["single_named"]["hits"] == 0
+
+
+def test_a_stated_probability_is_right_where_the_effect_is_hidden():
+    """The rig's own gap is neither wanted nor wrong; what a veto refused is told apart."""
+    base = {"index": 0, "seconds": {}, "rig": {"gap_mm": 0.01}}
+    probabilities = {"none": 0.0, "friction": 0.97, "inertia": 0.93, "contact_offset": 0.99}
+    single = case("single", ("friction",), "missing_effect", ["friction"]) | base
+    single |= {"probabilities": probabilities, "refused": [["inertia", "a reason"]]}
+    outside = case("outside", ("ringing",), "unexplained") | base
+    outside |= {"probabilities": {"friction": 0.95, "inertia": 0.35}}
+    low, high = WideReport(1, (single, outside)).reliability()
+    assert (low["low"], low["all"]["hits"], low["all"]["n"]) == (0.3, 0, 1)
+    assert (high["all"]["hits"], high["all"]["n"]) == (1, 3)
+    assert (high["kept"]["hits"], high["kept"]["n"]) == (1, 2)
+    assert high["kept"]["mean"] == pytest.approx(0.96)
+    assert high["kept"]["bounds95"][0] < 0.5 < high["kept"]["bounds95"][1]
 
 
 def test_before_and_after_stand_side_by_side():

@@ -67,13 +67,19 @@ class Registration:
             file.write(json.dumps(asdict(self), indent=2) + "\n")
         return path
 
-    def broken(self) -> list[str]:
-        """In what the present code is not what was registered; empty if it is."""
+    def broken(self, finished: bool = False) -> list[str]:
+        """In what the present code is not what was registered; empty if it is.
+
+        finished: to count studies that the registered code ran, as each of them says, only the
+        rules must be those.
+        """
         pairs = {
             "the code": (self.code, code_digest()),
             "the rules of the count": (self.rules, rules_digest()),
             "the strata": (self.strata, {key: list(levels) for key, levels in STRATA.items()}),
         }
+        if finished:
+            del pairs["the code"]
         return [what for what, (then, now) in pairs.items() if then != now]
 
 

@@ -39,7 +39,7 @@ def main() -> None:
         print(f"{promise.write()}: commit it before the run")
         return
     promise = Registration.read(options.name)
-    broken = promise.broken()
+    broken = promise.broken(options.finished)
     if broken:
         sys.exit(
             f"{', '.join(broken)} changed since '{options.name}' was registered: register anew"

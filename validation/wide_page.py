@@ -87,12 +87,26 @@ def _share(found: dict, sign: str) -> str:
 
 
 def _reliability(report: WideReport) -> str:
-    lines = ["## Probability of the first-ranked hypothesis against its share right\n"]
-    lines += ["Nothing or one listed effect hidden, all studies.\n"]
-    lines += ["| probability (mean) | right | n |", "|---|---|---|"]
+    intro = """Of every listed effect of every study, whether it could be seen or not: the stated
+    probability of its being there against the share in which it is hidden (of another form: its
+    family). What counts neither as wanted nor as wrong is left out. Behind each share its two-sided
+    95 % bounds (Clopper-Pearson); probabilities that are right lie within them."""
+    lines = ["## Stated probability of an effect against the share in which it is there\n"]
+    lines += [fill(" ".join(intro.split()), 100, break_on_hyphens=False) + "\n"]
+    lines += ["| probability | mean | there | n | not refused: mean | there | n |"]
+    lines += ["|---|---|---|---|---|---|---|"]
     for row in report.reliability():
-        lines.append(f"| {row['mean']:.2f} | {100 * row['share']:.0f} % | {row['n']} |")
+        shown = f"{_promised(row['all'])} | {_promised(row['kept'])}"
+        lines.append(f"| {row['low']:.1f} to {row['high']:.1f} | {shown} |")
     return "\n".join([*lines, ""])
+
+
+def _promised(found: dict) -> str:
+    if not found["n"]:
+        return "- | - | 0"
+    low, high = (100 * limit for limit in found["bounds95"])
+    share = f"{100 * found['share']:.0f} % ({low:.0f} to {high:.0f})"
+    return f"{found['mean']:.3f} | {share} | {found['n']}"
 
 
 def _wrong(report: WideReport) -> str:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import binomtest
 
 from qlvbayes.evaluation.counting import COUNTS, Count, bound, counted, is_right, names_wrongly
 from qlvbayes.evaluation.population import STRATA
 from qlvbayes.evaluation.rate import Case, Rate
 
-_BINS = 5  # of stated probability: fifths, as tenths would hold too few studies
+_BINS = 10  # of stated probability: tenths
 
 
 @dataclass(frozen=True)
@@ -39,18 +41,24 @@ class WideReport:
         return found
 
     def reliability(self) -> list[dict]:
-        """Mean probability of the first-ranked hypothesis against its share right, by fifths.
+        """Stated probability of an effect against the share in which it is hidden, by tenths.
 
-        Of the studies with nothing or one listed effect hidden.
+        Of every listed effect of every study; ``kept`` are those that no veto refused.
         """
-        pairs = [_first(c) for c in self.cases if c["kind"] in ("none", "single")]
-        known = [pair for pair in pairs if pair is not None]
+        told = [one for case in self.cases for one in _stated(case)]
+        place = [min(int(one.probability * _BINS), _BINS - 1) for one in told]
         rows = []
-        for k in range(_BINS):
-            some = [p for p in known if min(int(p[0] * _BINS), _BINS - 1) == k]
-            if some:
-                rate = Rate(sum(right for _, right in some), len(some))
-                rows.append({"mean": float(np.mean([p for p, _ in some])), **_shown(rate, True)})
+        for k in sorted(set(place)):
+            some = [one for one, its in zip(told, place, strict=True) if its == k]
+            kept = [one for one in some if not one.refused]
+            rows.append(
+                {
+                    "low": k / _BINS,
+                    "high": (k + 1) / _BINS,
+                    "all": _right(some),
+                    "kept": _right(kept),
+                }
+            )
         return rows
 
     @property
@@ -79,9 +87,34 @@ def _shown(rate: Rate, good: bool) -> dict:
     return {"hits": rate.hits, "n": rate.n, "share": rate.share, "bound95": limit}
 
 
-def _first(case: Case) -> tuple[float, bool] | None:
-    ranked = case.get("probabilities")
-    if not ranked:
-        return None
-    best = max(ranked, key=lambda name: ranked[name])
-    return ranked[best], best == (case["names"][0] if case["names"] else "none")
+@dataclass(frozen=True)
+class _Stated:
+    """One effect of one study: its probability, whether it is hidden, whether a veto refused it."""
+
+    probability: float
+    hidden: bool
+    refused: bool
+
+
+def _stated(case: Case) -> Iterator[_Stated]:
+    """Every effect ranked, less those that count neither as wanted nor as wrong."""
+    hidden = set(case["names"]).union(*case["kin"].values())
+    refused = {name for name, _ in case.get("refused", ())}
+    for name, probability in case.get("probabilities", {}).items():
+        alone = case | {"verdict": "missing_effect", "effects": [name]}
+        wrong = names_wrongly(alone)
+        if name != "none" and (wrong or name in hidden):
+            yield _Stated(probability, not wrong, name in refused)
+
+
+def _right(some: Sequence[_Stated]) -> dict:
+    """Mean probability and share hidden, with its two-sided 95 % bounds (Clopper-Pearson)."""
+    if not some:
+        return {"mean": None, "hits": 0, "n": 0, "share": None, "bounds95": None}
+    rate = Rate(sum(one.hidden for one in some), len(some))
+    limits = binomtest(rate.hits, rate.n).proportion_ci()
+    return {
+        "mean": float(np.mean([one.probability for one in some])),
+        "hits": rate.hits, "n": rate.n, "share": rate.share,
+        "bounds95": [float(limits.low), float(limits.high)],
+    }  # fmt: skip
