@@ -1,5 +1,7 @@
 """The verdict as a function of numbers: tables in, words out."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,6 +9,8 @@ from hypothesis import strategies as st
 
 from qlvbayes.diagnosis.decision import VERDICTS, Weight, decide, listed, of_effects, unless_sound
 from qlvbayes.diagnosis.prior import Families
+from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.telling.summing_up import unlikely_over_all
 
 EXP = ("exponential", "prony:2")
 HERTZ = ("hertz", "prony:2")
@@ -109,6 +113,21 @@ def test_what_takes_the_place_of_a_refused_effect_is_not_named():
     assert weights[found.told].effects == {"drag"}
     none = [weight("film", 0.9), weight("lag", 0.06), weight("", 0.04)]
     assert decide(of_effects(none, ())).verdict == "adequate"
+
+
+def test_what_is_named_only_after_a_veto_says_how_likely_it_is_over_all():
+    free = Weight(("spline", "prony:2"), frozenset({"drag"}), 0.0, 0.0, listed=False)
+    weights = [free, weight("drag film", 1e-9), weight("drag", 1e-13)]
+    over_all = decide(weights).inclusion
+    outcome = SimpleNamespace(
+        experiment=SimpleNamespace(pad="C"), inclusion=over_all.__getitem__,
+        search=SimpleNamespace(settings=Settings()),
+    )  # fmt: skip
+    (said,) = unlikely_over_all(outcome, decide(listed(weights)))
+    assert "pad C: film is named" in said
+    assert "there with 100.0%" in said
+    assert "over all it is there with 0.0%" in said
+    assert not unlikely_over_all(outcome, decide(weights))
 
 
 def test_the_base_told_is_likely_without_what_is_refused():

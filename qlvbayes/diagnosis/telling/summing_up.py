@@ -80,7 +80,7 @@ def summed_up(
         biases=tuple(parameter_biases(added, plain)),
         coincident=tuple(coincident(added)),
         refused=tuple(Refused(name, why) for name, why in refused),
-        notices=_notices(experiment, search, told),
+        notices=(*unlikely_over_all(outcome, decision), *_notices(experiment, search, told)),
         suggestions=_suggestions(outcome, decision),
         discrepancy=told.mode.size,
         tolerance=left.tolerance,
@@ -128,6 +128,17 @@ def _suggestions(outcome: Outcome, decision: Decision) -> tuple[Suggestion, ...]
             points.append(outcome.seen[max(same)[1]])
     found = suggest(outcome.experiment, outcome.search.density, points) if len(points) > 1 else []
     return tuple(found)
+
+
+def unlikely_over_all(outcome: Outcome, decision: Decision) -> list[str]:
+    """Effects that are named only after a veto: over all hypotheses they are not as likely."""
+    return [
+        f"pad {outcome.experiment.pad}: {name} is named among the hypotheses that the vetoes leave "
+        f"(there with {decision.inclusion[name]:.1%}); over all it is there with "
+        f"{outcome.inclusion(name):.1%}"
+        for name in decision.effects
+        if outcome.inclusion(name) < outcome.search.settings.named
+    ]
 
 
 def _notices(experiment: Experiment, search: Search, told: Weighed) -> tuple[str, ...]:
