@@ -426,6 +426,15 @@ def test_coverage_of_the_constants_before_and_after():
     assert found["all"].after == Rate(1, 2)
 
 
+def test_a_study_told_on_other_laws_says_nothing_of_a_constant_that_they_lack():
+    other = case(m=TRUE_M) | {"found": {"m": [TRUE_M, 0.01]}}
+    other["constants"] = {"m": TRUE_M, "c[0]": 0.3}
+    other["stages"][0]["parameters"]["c[0]"] = [0.3, 0.01]
+    found = constants([other])
+    assert found["m"].after == found["all"].after == Rate(1, 1)
+    assert "c[0]" not in found
+
+
 def test_constants_of_rivals_are_scored_by_their_average():
     off = case(verdict="ambiguous", m=TRUE_M + 0.03)
     assert constants([off])["m"].after == Rate(0, 1)

@@ -43,9 +43,13 @@ class Constant:
 
 
 def constants(cases: Sequence[Case]) -> dict[str, Constant]:
-    """One entry a constant, and ``all`` of them together."""
+    """One entry a constant, and ``all`` of them together.
+
+    A study that is told on laws without a constant of that name says nothing of it.
+    """
     some = [c for c in cases if c["kind"] == "single" and c["seen"] and "stages" in c]
-    off = {name: np.array([_off(c, name) for c in some]) for name in _names(some)}
+    told = {name: [_off(c, name) for c in some if name in _told(c)] for name in _names(some)}
+    off = {name: np.array(values) for name, values in told.items() if values}
     if off:
         off["all"] = np.concatenate(list(off.values()))
     return {name: _constant(name, values) for name, values in off.items()}
@@ -58,9 +62,14 @@ def _names(cases: Sequence[Case]) -> list[str]:
 def _off(case: Case, name: str) -> tuple[float, float]:
     """abs(mean - truth)/sd of the plain model and of the last one."""
     first, last = case["stages"][0], case["stages"][-1]
-    averaged = case.get("found", last["parameters"])
     before = _off_at(case["constants"], first["parameters"], name)
-    return before, _off_at(_renamed(case, last), averaged, name)
+    return before, _off_at(_renamed(case, last), _told(case), name)
+
+
+def _told(case: Case) -> Mapping:
+    """Mean and sd of the constants of the laws told, averaged over what is likely."""
+    averaged: Mapping = case.get("found", case["stages"][-1]["parameters"])
+    return averaged
 
 
 def _renamed(case: Case, stage: Mapping) -> Mapping[str, float]:
