@@ -375,9 +375,10 @@ def test_the_confusion_matrix_counts_every_study_once():
             case(kind="double", names=("inertia", "friction"), verdict="ambiguous"),
             nothing(),
             case(kind="form", names=("toe",), effects=("contact_offset",)),
+            case(kind="outside", names=("slip",), verdict="partly_explained"),
         ]
     )
-    assert found.rows == ("none", "viscous_drag", "two effects", "toe")
+    assert found.rows == ("none", "viscous_drag", "two effects", "toe", "slip")
     count = {
         (row, column): n
         for row, counts in zip(found.rows, found.counts, strict=True)
@@ -391,6 +392,7 @@ def test_the_confusion_matrix_counts_every_study_once():
         ("viscous_drag", "several"): 1,
         ("two effects", "ambiguous"): 1,
         ("toe", "contact_offset"): 1,
+        ("slip", "partly_explained"): 1,
     }
 
 

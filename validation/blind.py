@@ -39,7 +39,7 @@ def main() -> None:
         places = range(options.part, options.studies, options.workers)
         run_missing(partial(run_case, plan), Kept(file, plan.key, options.part), places)
         return
-    origin = Origin.now(f".venv/bin/python {shlex.join([_name(), *sys.argv[1:]])}", ROOT)
+    origin = Origin.now(_command(options.note), ROOT)
     if Kept(file, plan.key).missing(options.studies):
         _work(options, file, plan)
     _write(Report.of(plan, Kept(file, plan.key).first(options.studies)), origin, options)
@@ -60,8 +60,10 @@ def _options() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def _name() -> str:
-    return os.path.relpath(sys.argv[0], ROOT)
+def _command(note: str) -> str:
+    """What was called, without the note, which the page gives in its place."""
+    words = [one for one in sys.argv[1:] if one not in ("--note", note) or not note]
+    return f".venv/bin/python {shlex.join([os.path.relpath(sys.argv[0], ROOT), *words])}"
 
 
 def _work(options: argparse.Namespace, file: Path, plan: Plan) -> None:

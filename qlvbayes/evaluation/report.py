@@ -32,7 +32,8 @@ class Confusion:
         """Count; rows without any study are left out."""
         listed = names()
         rows = ("none", *listed, _TWO, *FORMS, *OUTSIDE)
-        columns = ("none", *listed, _SEVERAL, "ambiguous", "unexplained", "failed")
+        left = ("ambiguous", "partly_explained", "unexplained", "failed")
+        columns = ("none", *listed, _SEVERAL, *left)
         pairs = [(truth(case), said(case)) for case in cases]
         present = tuple(row for row in rows if any(true == row for true, _ in pairs))
         counts = tuple(tuple(pairs.count((row, column)) for column in columns) for row in present)
