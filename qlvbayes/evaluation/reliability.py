@@ -55,7 +55,7 @@ class Reliability:
             ]
         ).reshape(-1, 2)
         probability, right = pairs.T
-        place = np.minimum((probability * BINS).astype(int), BINS - 1)
+        place = tenths(probability)
         bins = []
         for k in np.unique(place).tolist():
             some = place == k
@@ -76,6 +76,11 @@ class Reliability:
             "by_chance": self.by_chance,
             "bins": bins,
         }
+
+
+def tenths(probability: np.ndarray) -> np.ndarray:
+    """Place of each probability among the bins."""
+    return np.minimum((probability * BINS).astype(int), BINS - 1)
 
 
 def _error(probability: np.ndarray, right: np.ndarray, place: np.ndarray) -> float:

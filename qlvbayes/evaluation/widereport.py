@@ -11,8 +11,7 @@ from scipy.stats import binomtest
 from qlvbayes.evaluation.counting import COUNTS, Count, bound, counted, is_right, names_wrongly
 from qlvbayes.evaluation.population import STRATA
 from qlvbayes.evaluation.rate import Case, Rate
-
-_BINS = 10  # of stated probability: tenths
+from qlvbayes.evaluation.reliability import BINS, tenths
 
 
 @dataclass(frozen=True)
@@ -46,15 +45,15 @@ class WideReport:
         Of every listed effect of every study; ``kept`` are those that no veto refused.
         """
         told = [one for case in self.cases for one in _stated(case)]
-        place = [min(int(one.probability * _BINS), _BINS - 1) for one in told]
+        place = tenths(np.array([one.probability for one in told])).tolist()
         rows = []
         for k in sorted(set(place)):
             some = [one for one, its in zip(told, place, strict=True) if its == k]
             kept = [one for one in some if not one.refused]
             rows.append(
                 {
-                    "low": k / _BINS,
-                    "high": (k + 1) / _BINS,
+                    "low": k / BINS,
+                    "high": (k + 1) / BINS,
                     "all": _right(some),
                     "kept": _right(kept),
                 }
