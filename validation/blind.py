@@ -39,7 +39,7 @@ def main() -> None:
         places = range(options.part, options.studies, options.workers)
         run_missing(partial(run_case, plan), Kept(file, plan.key, options.part), places)
         return
-    origin = Origin.now(_command(options.note), ROOT)
+    origin = Origin.now(_command(options), ROOT)
     if Kept(file, plan.key).missing(options.studies):
         _work(options, file, plan)
     _write(Report.of(plan, Kept(file, plan.key).first(options.studies)), origin, options)
@@ -60,10 +60,14 @@ def _options() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def _command(note: str) -> str:
-    """What was called, without the note, which the page gives in its place."""
-    words = [one for one in sys.argv[1:] if one not in ("--note", note) or not note]
-    return f".venv/bin/python {shlex.join([os.path.relpath(sys.argv[0], ROOT), *words])}"
+def _command(options: argparse.Namespace) -> str:
+    """What repeats the page: its note, which stands on it, and the workers decide nothing."""
+    words = ["validation/blind.py"]
+    for key in ("studies", "seed", "noise"):
+        words += [f"--{key}", str(getattr(options, key))]
+    for key, path in (("kept", options.kept), ("output", options.output)):
+        words += [f"--{key}", os.path.relpath(path, ROOT)] if path else []
+    return f".venv/bin/python {shlex.join(words)}"
 
 
 def _work(options: argparse.Namespace, file: Path, plan: Plan) -> None:
