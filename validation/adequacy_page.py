@@ -35,10 +35,11 @@ hundred.
 *KS*: p-value of Kolmogorov and Smirnov's test of uniformity. Shares are followed by their two-sided
 95 % bounds (Clopper and Pearson), the alarms by their one-sided 95 % upper bound.
 
-Without any hold ("g") the noise is taken from the fit, and structure that looks like it is not
-testable. Without noise ("h") what is left is the error of the numbers, far below the floor that
-stands in for it: each of its {noiseless} sets of constants gives one p-value, and only the low ones
-mean anything.
+Without any hold ("g") the noise is measured about smooth curves of single strokes, which take some
+of it for the pad's: p is too low, the answer says that this is not testable, and a pad is called
+adequate all the same where what is left over all is below the tolerance. Without noise ("h") what
+is left is the error of the numbers, far below the floor that stands in for it: each of its
+{noiseless} sets of constants gives one p-value, and only the low ones mean anything.
 """
 
 
