@@ -82,7 +82,8 @@ class Cloud(NamedTuple):
         for k in range(self.centre.size):
             low, high, turned = self._between(apart, k)
             below, above = stdtr(_TAIL, low), stdtr(_TAIL, high)
-            number = stdtrit(_TAIL, below + shares[:, k] * (above - below))
+            share = np.where(turned, 1.0 - shares[:, k], shares[:, k])  # one draw, either way about
+            number = stdtrit(_TAIL, below + share * (above - below))
             apart[:, k] = np.where(turned, -number, number)
         drawn = self.centre + apart @ self.root.T
         found[:, self.order] = np.clip(drawn, self.lowest, self.highest)
