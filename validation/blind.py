@@ -62,19 +62,21 @@ def _options() -> argparse.Namespace:
 
 def _command(options: argparse.Namespace) -> str:
     """What repeats the page: its note, which stands on it, and the workers decide nothing."""
-    words = ["validation/blind.py"]
-    for key in ("studies", "seed", "noise"):
-        words += [f"--{key}", str(getattr(options, key))]
+    words = ["validation/blind.py", *_given(options, "studies", "seed", "noise")]
     for key, path in (("kept", options.kept), ("output", options.output)):
         words += [f"--{key}", os.path.relpath(path, ROOT)] if path else []
     return f".venv/bin/python {shlex.join(words)}"
 
 
+def _given(options: argparse.Namespace, *keys: str) -> list[str]:
+    """The options of these names, as on a command line."""
+    return [word for key in keys for word in (f"--{key}", str(getattr(options, key)))]
+
+
 def _work(options: argparse.Namespace, file: Path, plan: Plan) -> None:
     """Run what is missing in processes of their own; all end with this one."""
     command = [sys.executable, str(Path(__file__).resolve()), "--kept", str(file)]
-    for key in ("studies", "seed", "noise", "workers"):
-        command += [f"--{key}", str(getattr(options, key))]
+    command += _given(options, "studies", "seed", "noise", "workers")
     workers = [subprocess.Popen([*command, "--part", str(part)]) for part in range(options.workers)]
     try:
         with counting("studies") as tell:
