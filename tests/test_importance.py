@@ -12,6 +12,7 @@ from qlvbayes.inference.importance import Cloud, sampled_evidence
 
 LOG = -7.3  # of the evidence of the first size; the second's is half of it
 COVARIANCE = np.array([[1.0, 0.6, 0.0], [0.6, 2.0, -0.3], [0.0, -0.3, 0.5]])
+NOTHING = np.zeros((3, 3))
 
 
 class Pretended:
@@ -22,7 +23,7 @@ class Pretended:
         self.lowest = np.array([lowest, -np.inf, -np.inf])
         self.normals = [multivariate_normal(np.array(c), COVARIANCE) for c in centres]
 
-    def log_density(self, own, thetas, tolerance):
+    def log_density(self, own, thetas, tolerance, about):
         logs = logsumexp([n.logpdf(thetas) for n in self.normals], axis=0)
         logs = logs.reshape(-1) - np.log(len(self.normals)) + LOG
         logs[(thetas < self.lowest).any(axis=1)] = -np.inf
@@ -32,7 +33,8 @@ class Pretended:
         own = SimpleNamespace(size=3, lowest=self.lowest, highest=np.full(3, np.inf))
         mode = SimpleNamespace(point=SimpleNamespace(own=own))
         return [
-            (mode, Evidence(0.0, np.zeros(2), np.array(c), widened * COVARIANCE)) for c in centres
+            (mode, Evidence(0.0, np.zeros(2), np.array(c), widened * COVARIANCE, NOTHING))
+            for c in centres
         ]
 
 
@@ -79,14 +81,14 @@ def test_the_error_holds_where_many_numbers_lie_at_a_bound():
     lowest = np.append(np.zeros(4), np.full(size - 4, -np.inf))
     own = SimpleNamespace(size=size, lowest=lowest, highest=np.full(size, np.inf))
 
-    def log_density(own, thetas, tolerance):
+    def log_density(own, thetas, tolerance, about):
         inside = (thetas >= lowest).all(axis=1)
         return np.where(inside, normal.logpdf(thetas), -np.inf)[:, None]
 
     none = SimpleNamespace(sizes=np.zeros(1))
     density = SimpleNamespace(discrepancy=none, log_density=log_density)
     mode = SimpleNamespace(point=SimpleNamespace(own=own))
-    pairs = [(mode, Evidence(0.0, np.zeros(1), normal.mean, covariance))]
+    pairs = [(mode, Evidence(0.0, np.zeros(1), normal.mean, covariance, 0.0 * covariance))]
     found = [sampled_evidence(density, pairs, 0.0, 0.0, seed) for seed in range(60)]
     truth = norm.logcdf(means).sum()
     z = np.array([(one.log - truth) / one.error for one in found])

@@ -70,7 +70,9 @@ def test_no_evidence_is_above_the_likelihood_of_an_exact_fit(plain, kind, share)
     start[halves] *= share
     place = density.at(hypothesis, start)
     sizes = density.discrepancy.sizes.tolist()
-    highest = np.array([-0.5 * density.discrepancy.at(size).log_volume for size in sizes])
+    highest = np.array(
+        [-0.5 * density.discrepancy.at(size, place.separation).log_volume for size in sizes]
+    )
     found = evidence(density, place).by_size - density.discrepancy.log_prior
     assert np.all(found <= highest)
 

@@ -32,6 +32,13 @@ def residuals_and_slopes(posterior: Posterior, scale: Array, theta: Array) -> tu
     return _value_and_slopes(lambda x: _residuals(posterior, scale, x), theta)
 
 
+def response(posterior: Posterior, theta: np.ndarray) -> np.ndarray:
+    """(D, T, B) slopes (N) of the block means' forces along the free numbers at theta (D,)."""
+    force = posterior.record.blocks.force
+    slopes = residuals_and_slopes(posterior, jnp.ones(force.shape), theta)[1]
+    return -np.moveaxis(np.asarray(slopes).reshape(*force.shape, -1), -1, 0)
+
+
 @jax.jit
 def constants(posterior: Posterior, thetas: Array) -> Array:
     """(W, D) flat vectors to (W, P) constants."""

@@ -38,11 +38,10 @@ def realisations(
 ) -> np.ndarray:
     """(len(floors), n) errors of single readings (n,), one realisation of each floor (N).
 
-    An error of the motion is drawn once for all readings.
+    An error of the motion is drawn once for all readings, that of its moments for each.
     """
-    time, weight, scale, extra = (
-        np.asarray(x) for x in (samples.first, samples.weight, samples.scale, samples.extra)
-    )
+    time, weight, scale = (np.asarray(x) for x in (samples.first, samples.weight, samples.scale))
+    extra, timing = np.asarray(samples.extra), np.asarray(samples.timing)
     white, ou, tau = (
         np.array([getattr(floor, name) for floor in floors])[:, None]
         for name in ("white", "ou", "tau")
@@ -50,7 +49,8 @@ def realisations(
     shape = (len(floors), time.size)
     walk = _smooth_walk if floors[0].smooth else _walk
     errors = scale * (white * weight * rng.standard_normal(shape) + ou * walk(time, tau[:, 0], rng))
-    return np.asarray(errors + extra * rng.standard_normal((len(floors), 1)))
+    errors += extra * rng.standard_normal((len(floors), 1))
+    return np.asarray(errors + timing * rng.standard_normal(shape))
 
 
 def _walk(time: np.ndarray, tau: np.ndarray, rng: np.random.Generator) -> np.ndarray:

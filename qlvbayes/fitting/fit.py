@@ -15,7 +15,7 @@ from qlvbayes.fitting.diagnostics import diagnose_chain
 from qlvbayes.fitting.ensemble import STEPS_PER_TIME, Chain, Progress, Settings, key_of, sample
 from qlvbayes.fitting.least_squares import NormalApproximation
 from qlvbayes.fitting.marginal import floor_likelihood
-from qlvbayes.fitting.optimum import starting_point
+from qlvbayes.fitting.optimum import least_squares_points, optimum_near, starting_point
 from qlvbayes.fitting.prediction import Prediction, predict
 from qlvbayes.fitting.residuals import CheckResult, check_experiment
 from qlvbayes.fitting.routes import LeastSquaresFit, one_step, two_step
@@ -35,6 +35,7 @@ Sampler = Callable[
 ]
 SAMPLERS: dict[str, Sampler] = {"emcee": sample}
 METHODS = (*SAMPLERS, "least-squares", "two-step")
+_SEPARATIONS = 2  # of the discrepancy from the slopes: the second moves the highest point by little
 _KEPT = 2000  # draws kept in the results, at most
 _NORMAL_DRAWS = (4, 1000)  # chains and draws that stand for a normal approximation
 
@@ -121,7 +122,10 @@ class Fit:
 
 
 def build_posterior(experiment: Experiment, choices: Choices, trials: Sequence[Trial]) -> Posterior:
-    """Model, noise and the block averages of some trials."""
+    """Model, noise and the block averages of some trials.
+
+    Under measured noise the discrepancy is not separated yet: see `separated_start`.
+    """
     model, noise = choices.build(experiment.scales)
     experiment = replace(experiment, rested=choices.rested)
     record = experiment.record(trials)
@@ -129,6 +133,28 @@ def build_posterior(experiment: Experiment, choices: Choices, trials: Sequence[T
         return Posterior(model, noise, record)
     floor = floor_likelihood(experiment, trials, record.blocks, noise)
     return Posterior(model, noise, record, floor)
+
+
+def separated_start(
+    experiment: Experiment, choices: Choices, trials: Sequence[Trial], rng: np.random.Generator
+) -> tuple[Posterior, NormalApproximation]:
+    """The posterior that is sampled, and the normal approximation about its highest point.
+
+    Under measured noise the discrepancy is separated from what the model's slopes can follow, at
+    the highest point itself, to which a few steps lead.
+    """
+    posterior, floor = build_posterior(experiment, choices, trials), experiment.floor
+    noise = posterior.noise
+    if not isinstance(noise, Floor):
+        return posterior, starting_point(posterior, floor, rng).normal
+    points = least_squares_points(posterior, floor, rng)
+    for _ in range(_SEPARATIONS):
+        slopes = compiled.response(posterior, points[0])
+        likelihood = floor_likelihood(experiment, trials, posterior.record.blocks, noise, slopes)
+        posterior = replace(posterior, floor=likelihood)
+        best = optimum_near(posterior, floor, points)
+        points = [best.theta]
+    return posterior, best.normal
 
 
 def fit_pad(
@@ -171,9 +197,8 @@ def _sampled(
     folder: Path | None,
     progress: Progress | None,
 ) -> Fit:
-    posterior = build_posterior(experiment, choices, trials)
     rng = np.random.default_rng(settings.seed)
-    start = starting_point(posterior, experiment.floor, rng).normal
+    posterior, start = separated_start(experiment, choices, trials, rng)
     store = ChainStore(folder, key_of(posterior, settings, method)) if folder else None
     chain = SAMPLERS[method](posterior, start, settings, store, progress)
     steps, walkers = chain.log_density.shape

@@ -1,8 +1,9 @@
 r"""From a pad's tests to the likelihood of a fit: measured noise, and a discrepancy summed over.
 
 The covariance of the floor, Sigma, and of a discrepancy of unit size, K = B^T B + rho (of
-`discrepancy`), are made diagonal together: with W Sigma W^T = 1 (of `whitening`) and the
-eigenvectors R of
+`discrepancy`), whose part that the model's slopes can follow is independent of the rest
+(`separation`, with kappa = 1), are made diagonal together: with W Sigma W^T = 1 (of `whitening`)
+and the eigenvectors R of
 
 .. math:: W K W^T = R\, \text{diag}(\kappa)\, R^T, \quad A = R^T W.
 
@@ -46,14 +47,25 @@ def known_floor(floor: NoiseFloor, noise: Floor) -> NoiseFloor:
 
 
 def floor_likelihood(
-    experiment: Experiment, trials: Sequence[Trial], blocks: Blocks, noise: Floor
+    experiment: Experiment,
+    trials: Sequence[Trial],
+    blocks: Blocks,
+    noise: Floor,
+    slopes: Array | None = None,
 ) -> FloorLikelihood:
-    """Of block means (T, B) of some trials of a pad."""
+    """Of block means (T, B) of some trials of a pad.
+
+    slopes (D, T, B): of the model's force along the free numbers where the fit is, from which the
+    discrepancy is separated; None where that is not known yet.
+    """
     floor = known_floor(experiment.floor, noise)
     experiment = replace(experiment, floor=floor)
     made = Discrepancy.on(experiment, trials, blocks, TOLERANCE, _SIZES)
     shapes, precisions = made.shapes, made.whitener.precisions
-    kappa, turn = np.linalg.eigh(shapes.T @ shapes + ROUGH * np.diag(precisions))
+    smooth = shapes.T @ shapes
+    if slopes is not None:
+        smooth -= made.separated(slopes, np.ones(len(slopes)), kept=1.0).removed
+    kappa, turn = np.linalg.eigh(smooth + ROUGH * np.diag(precisions))
     scales, sizes, log_prior = _pairs(floor, noise, made)
     variances = scales[:, None] ** 2 + sizes[:, None] ** 2 * np.maximum(kappa, 0.0)
     constant = 0.5 * np.sum(np.log(precisions / (2.0 * np.pi)))

@@ -47,8 +47,15 @@ def block_scale(posterior: Posterior, floor: NoiseFloor) -> np.ndarray:
 
 def starting_point(posterior: Posterior, floor: NoiseFloor, rng: np.random.Generator) -> Optimum:
     """Highest point found from multi-start least squares, and the curvature there."""
+    return optimum_near(posterior, floor, least_squares_points(posterior, floor, rng))
+
+
+def least_squares_points(
+    posterior: Posterior, floor: NoiseFloor, rng: np.random.Generator
+) -> list[np.ndarray]:
+    """Thetas of the model alone at the best optima of multi-start least squares."""
     fits = least_squares(without_noise(posterior), block_scale(posterior, floor), rng)
-    return optimum_near(posterior, floor, fits.thetas[:_OPTIMA])
+    return list(fits.thetas[:_OPTIMA])
 
 
 def optimum_near(posterior: Posterior, floor: NoiseFloor, thetas: Sequence[np.ndarray]) -> Optimum:

@@ -24,7 +24,8 @@ import numpy as np
 from jaxtyping import Array as JaxArray
 from numpy.typing import NDArray
 
-from qlvbayes.inference.errors.discrepancy import Discrepancy, Sized
+from qlvbayes.inference.errors.discrepancy import Discrepancy
+from qlvbayes.inference.errors.separation import Separated, Separation, Sized
 from qlvbayes.inference.errors.whitening import Whitener
 from qlvbayes.inference.forward.hypothesis import Hypothesis, Parameters
 from qlvbayes.inference.forward.space import Space
@@ -56,7 +57,7 @@ class Point:
     theta (F,): the free numbers; constants (P,) and their slopes (P, F) along them;
     predicted (T, B) and responses (F, T, B): the force (N) and its slopes; residual (n,) and
     jacobian (F, n): whitened; prior: log density over the free numbers, gradient and curvature (of
-    minus it).
+    minus it); separation: of the discrepancy from what the slopes can follow.
     """
 
     own: Parameters
@@ -68,13 +69,14 @@ class Point:
     residual: Array
     jacobian: Array
     prior: Terms
+    separation: Separation
 
     @cached_property
     def vectors(self) -> Array:
         """(1 + F, n): residual and Jacobian."""
         return np.concatenate([self.residual[None], self.jacobian])
 
-    def terms(self, own: Sized) -> Terms:
+    def terms(self, own: Sized | Separated) -> Terms:
         """Beside a discrepancy of one size."""
         products = own.products(self.vectors)
         return Terms(
@@ -83,7 +85,7 @@ class Point:
             self.prior.curvature + products[1:, 1:],
         )
 
-    def beyond(self, more: Array, own: Sized) -> tuple[Array, Array]:
+    def beyond(self, more: Array, own: Sized | Separated) -> tuple[Array, Array]:
         """Gradient (K,) and curvature (K, K) over K more columns of the Jacobian, without priors.
 
         more: (K, n), whitened. The free numbers follow: what they take off is taken off.
@@ -178,26 +180,33 @@ class Density:
             white[0],
             white[1:],
             prior,
+            self.discrepancy.separated(responses, own.length),
         )
 
-    def log_density(self, own: Parameters, thetas: Array, tolerance: float) -> Array:
+    def log_density(
+        self, own: Parameters, thetas: Array, tolerance: float, about: Sequence[Point]
+    ) -> Array:
         """(K, S) log posterior density at thetas (K, F) and each size of the discrepancy.
 
         Less the likelihood's constant. Minus infinity beyond the bounds and where the force is not
-        finite; amplitudes have the priors that leave out what is below the tolerance.
+        finite; amplitudes have the priors that leave out what is below the tolerance. The
+        discrepancy is separated as at the nearest of some points, the modes.
         """
         inside = np.all((thetas >= own.lowest) & (thetas <= own.highest), axis=1)
         found = np.full((len(thetas), self.discrepancy.sizes.size), -np.inf)
         if not inside.any():
             return found
-        some = thetas[inside]
-        predicted = self.space.forces(own.hypothesis, own.constants(some))
+        predicted = self.space.forces(own.hypothesis, own.constants(thetas[inside]))
         residuals = self._force - predicted
         largest = np.abs(residuals).max(axis=(1, 2))
         sound = largest < _FARTHEST * self.discrepancy.peak  # not a number is not
-        log = self.discrepancy.log_likelihoods(self.whitener(residuals[sound]))
-        log += np.array([_log_prior_of(own, theta, tolerance) for theta in some[sound]])[:, None]
-        found[np.flatnonzero(inside)[sound]] = log
+        kept = np.flatnonzero(inside)[sound]
+        white, nearest = self.whitener(residuals[sound]), _nearest(thetas[kept], about)
+        for k, point in enumerate(about):
+            some = nearest == k
+            log = self.discrepancy.log_likelihoods(white[some], point.separation)
+            prior = [_log_prior_of(own, theta, tolerance) for theta in thetas[kept[some]]]
+            found[kept[some]] = log + np.array(prior)[:, None] if prior else log
         return found
 
     def extensions(
@@ -256,21 +265,29 @@ class Density:
             rows[kept], rows[one.number] = old, new
             return rows
 
+        responses = filled(point.responses, one.added)
         return Point(
             own,
             one.theta,
             constants[0],
             ((constants[1:] - constants[0]) / steps[:, None]).T,
             point.predicted,
-            filled(point.responses, one.added),
+            responses,
             point.residual,
             filled(point.jacobian, one.white),
             prior,
+            self.discrepancy.separated(responses, own.length),
         )
 
     def terms(self, point: Point, size: float) -> Terms:
         """At a size (N) of the discrepancy."""
-        return point.terms(self.discrepancy.at(size))
+        return point.terms(self.discrepancy.at(size, point.separation))
+
+    def loss(self, point: Point, size: float, separation: Separation) -> float:
+        """Minus log density at a place, the discrepancy separated as at another one."""
+        own = self.discrepancy.at(size, separation)
+        misfit = float(own.squares(point.residual[None])[0])
+        return 0.5 * (misfit + own.log_volume) + float(point.prior.loss)
 
     def terms_by_size(self, point: Point) -> Terms:
         """At each of the discrepancy's S sizes."""
@@ -279,12 +296,18 @@ class Density:
 
     def likeliest_size(self, point: Point, near: float = 0.0) -> float:
         """Size (N) of highest density at a place, looked for from another one (N)."""
-        return self.discrepancy.likeliest(point.residual, near)
+        return self.discrepancy.likeliest(point.residual, near, point.separation)
 
 
 def _stepped(theta: Array, steps: Array) -> Array:
     """(1 + F, F): theta, and theta with a step along each number."""
     return np.concatenate([theta[None], theta + np.diag(steps)])
+
+
+def _nearest(thetas: Array, about: Sequence[Point]) -> NDArray[np.intp]:
+    """(K,) which of some points each of thetas (K, F) is nearest to, in natural lengths."""
+    apart = [((thetas - one.theta) / one.own.length) ** 2 for one in about]
+    return np.argmin([one.sum(axis=1) for one in apart], axis=0)
 
 
 def _prior(own: Parameters, theta: Array) -> Terms:

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import log_ndtr, logsumexp
+from scipy.special import log_ndtr, logsumexp, softmax
 
 from qlvbayes.inference.density import Density, Point, Terms
 from qlvbayes.inference.modes import bounded_step, promised
@@ -38,13 +38,15 @@ class Evidence:
     """Log evidence; by_size (S,): of every size of the discrepancy, with its prior.
 
     mean (F,) and covariance (F, F): of the free numbers at the likeliest size, without the bounds
-    (a number between two counts as normal with the sd that it has there).
+    (a number between two counts as normal with the sd that it has there); spread (F, F): by how
+    much what is missed may have moved them, over all sizes.
     """
 
     log: float
     by_size: Array
     mean: Array
     covariance: Array
+    spread: Array
 
     def probability_above(self, sizes: Array, size: float) -> float:
         """Posterior probability that the discrepancy is larger than a size (N)."""
@@ -68,9 +70,21 @@ def evidence(density: Density, point: Point) -> Evidence:
     logs += density.discrepancy.log_prior
     best = int(np.argmax(logs))
     if not math.isfinite(logs[best]):
-        return Evidence(-math.inf, logs, own, np.eye(own.size))
+        return Evidence(-math.inf, logs, own, np.eye(own.size), np.zeros((own.size, own.size)))
     covariance = np.linalg.inv(terms.curvature[best] + np.diag(_widths(point) ** -2))
-    return Evidence(float(logsumexp(logs)), logs, own + shifts[best], covariance)
+    return Evidence(
+        float(logsumexp(logs)),
+        logs,
+        own + shifts[best],
+        covariance,
+        _spread(density, point, softmax(logs)),
+    )
+
+
+def _spread(density: Density, point: Point, weights: Array) -> Array:
+    """(F, F) by how much what is missed may have moved the numbers, by the weights of its sizes."""
+    square = float(weights @ density.discrepancy.sizes**2)
+    return point.separation.spread(math.sqrt(square))
 
 
 def _is_far(density: Density, point: Point) -> bool:

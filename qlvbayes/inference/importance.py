@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.special import gammaln, logsumexp, stdtr, stdtrit
 
-from qlvbayes.inference.density import Density
+from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.evidence import Evidence
 from qlvbayes.inference.forward.hypothesis import Parameters
 from qlvbayes.inference.modes import Mode
@@ -150,7 +150,8 @@ def sampled_evidence(
         return so_far.error < close and so_far.effective >= _FEWEST
 
     own, rng = found[0][0].point.own, np.random.default_rng(seed)
-    best = sample(density, own, about(found), does, _ROUNDS, rng, tolerance)
+    points = [mode.point for mode, _ in found]
+    best = sample(density, own, about(found), points, does, _ROUNDS, rng, tolerance)
     return best if best.effective >= _FEWEST else None
 
 
@@ -158,12 +159,15 @@ def sample(
     density: Density,
     own: Parameters,
     start: Sequence[tuple[Cloud, float]],
+    points: Sequence[Point],
     does: Callable[[Sampled], bool],
     rounds: int,
     rng: np.random.Generator,
     tolerance: float = 0.0,
 ) -> Sampled:
     """Until the draws do or ``rounds`` are over; start: clouds and their shares, which sum to 1.
+
+    points: the modes, as at the nearest of which the discrepancy is separated.
 
     What counts are the draws of the last mixture, as chosen before them: clouds laid about draws
     that have been weighed make these too light (by 0.2 of ln Z in twelve numbers).
@@ -174,7 +178,7 @@ def sample(
     for done in range(1, rounds + 1):
         fresh = np.concatenate([cloud.draw(count, rng) for cloud, count in _counts(clouds)])
         seen = np.concatenate([seen, fresh])
-        heights = density.log_density(own, fresh, tolerance)
+        heights = density.log_density(own, fresh, tolerance, points)
         seen_heights = np.concatenate([seen_heights, heights])
         logs = seen_heights[first:] - _mixture(clouds, seen[first:])[:, None]
         best = _summed(seen[first:], logs)

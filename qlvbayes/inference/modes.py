@@ -90,15 +90,15 @@ def find_mode(
         if _is_hopeless(density, point, size, tried, promise, best + behind):
             break
         found = density.at(hypothesis, point.own.within(point.theta + step))
-        after = density.terms(found, size) if found is not None else None
-        if found is None or after is None or not after.loss < here.loss:
+        # the discrepancy's separation is held in a step: the objective must be one function
+        rise = here.loss - density.loss(found, size, point.separation) if found else -np.inf
+        if found is None or not rise > 0.0:
             damping *= 10.0
             over = damping > most
             continue
-        rise = here.loss - after.loss
         gain = rise / max(promise, 1e-300)
         damping = max(damping * (0.1 if gain > 0.5 else 1.0 if gain > 0.1 else 4.0), least)
-        point, here = found, after
+        point, here = found, density.terms(found, size)
         over = max(rise, 0.2 * promise) < max(_CREEP, least_rise)
     size = density.likeliest_size(point, size)
     return Mode(point, size, density.terms(point, size).loss, False, tried)

@@ -41,7 +41,7 @@ def promised_evidence(
     slope, prior_curvature, log_prior, least = np.array([_prior_of(one) for one in added]).T
     total = []
     for size, log in zip(density.discrepancy.sizes.tolist(), by_size, strict=True):
-        gradient, free = point.beyond(more, density.discrepancy.at(size))
+        gradient, free = point.beyond(more, density.discrepancy.at(size, point.separation))
         curvature = np.maximum(np.diag(free), 0.0) + prior_curvature
         gradient += slope
         gain = 0.5 * gradient**2 / curvature - 0.5 * np.log(curvature / (2.0 * math.pi))

@@ -90,10 +90,10 @@ class White(AbstractGaussian):
 
     def _scale(self, blocks: Blocks) -> Array:
         own = self.white * blocks.weight * blocks.scale
-        return jnp.hypot(own / jnp.sqrt(blocks.count), blocks.extra)
+        return jnp.hypot(own / jnp.sqrt(blocks.count), _motion_sd(blocks))
 
     def innovations(self, residual: Array, blocks: Blocks) -> tuple[Array, Array]:
-        """The residuals, of variance (white scale)^2/count + extra^2."""
+        """The residuals, of variance (white scale)^2/count + extra^2 + timing^2."""
         variances = jnp.where(blocks.real, self._scale(blocks) ** 2, 1.0)
         return jnp.where(blocks.real, residual, 0.0), variances
 
@@ -153,7 +153,8 @@ class Correlated(AbstractGaussian):
     filter, O(B), exact for averages over evenly spaced samples and for uneven gaps between them.
     Measured sds weigh the white part only: a correlated part proportional to the data would draw
     the fit below them (Peelle's puzzle). Noise that grows with the force is the same process times
-    ``Blocks.scale``; errors of the motion add ``Blocks.extra`` once a block.
+    ``Blocks.scale``; errors of the motion and of its moments add ``Blocks.extra`` and
+    ``Blocks.timing`` once a block.
     """
 
     white: Any
@@ -189,7 +190,7 @@ class Correlated(AbstractGaussian):
         """What the Kalman filter leaves of the residuals."""
         links = _links(blocks, self.tau)
         white = (self.white * blocks.weight) ** 2 / blocks.count
-        white += (blocks.extra / blocks.scale) ** 2
+        white += (_motion_sd(blocks) / blocks.scale) ** 2
 
         def step(state: tuple[Array, Array], block: tuple) -> tuple[tuple[Array, Array], tuple]:
             link, white_variance, value, real = block
@@ -292,6 +293,11 @@ NOISES: dict[str, type[AbstractNoise]] = {
     kind.name: kind for kind in (Floor, Correlated, White, StudentT)
 }
 """By name, the default first; the one with the most constants before those that it holds."""
+
+
+def _motion_sd(blocks: Blocks) -> Array:
+    """Sd (B,) in N of what is not known of the motion and its moments."""
+    return jnp.hypot(blocks.extra, blocks.timing)
 
 
 class _Links(NamedTuple):

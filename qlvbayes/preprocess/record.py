@@ -21,7 +21,8 @@ class Blocks(eqx.Module):
     force: mean of the samples (N); count: how many; first, last: times of the first and the last
     (s); weight: measured sd of the samples over its root mean square in the pad (1 where none was
     measured); scale: sd of all noise at the block's force over the one at the floor's level; extra:
-    sd (N) of the error that the motion's makes, one a block; real: False for padding.
+    sd (N) of the error that the motion's makes, one a block; timing: sd (N) of what is not known of
+    the moments (`timing`), independent from block to block; real: False for padding.
     """
 
     force: Array
@@ -31,14 +32,15 @@ class Blocks(eqx.Module):
     weight: Array
     scale: Array
     extra: Array
+    timing: Array
     real: Array
 
     @classmethod
     def of_samples(cls, time: np.ndarray, force: np.ndarray, weight: np.ndarray) -> Blocks:
         """Every sample its own block."""
         one = np.ones(time.shape)
-        fields = (force, one, time, time, weight, one, np.zeros_like(one), one > 0.0)
-        return cls(*map(held, fields))
+        none = np.zeros_like(one)
+        return cls(*map(held, (force, one, time, time, weight, one, none, none, one > 0.0)))
 
 
 class Record(eqx.Module):

@@ -21,6 +21,7 @@ from qlvbayes.preprocess.noisefloor import NoiseFloor
 from qlvbayes.preprocess.past import Past
 from qlvbayes.preprocess.phases import MOVING, Phase, find_phases
 from qlvbayes.preprocess.record import Blocks, Record, held
+from qlvbayes.preprocess.timing import off_kinks, timing_sd
 from qlvbayes.preprocess.trajectory import Trajectory
 
 GROWTH = 0.2  # a block's width over the time since its phase began
@@ -153,9 +154,13 @@ def reduce_test(
         kept = clear_of_kinks(test.time, trajectory, phases)[begin]
     averaged = jax.tree.map(lambda x: held(np.asarray(x)[kept]), _average(test, begin, sd_scale))
     centre, half = (x[kept] for x in _nodes(test.time, begin))
+    half = off_kinks(centre, half, test.time, trajectory)
     nodes = np.stack([centre - half, centre + half])
     if care is not None:
         averaged = _with_care(averaged, trajectory, centre, care)
+        white = care.floor.white
+        timing = timing_sd(test.time, test.force, begin, trajectory, white)[kept]
+        averaged = replace(averaged, timing=held(timing))
     chord = np.inf if care is None else care.chord
     begun = approached and (past is None or not past.stays)
     first = float(test.time[0]) if begins is None else begins
@@ -230,7 +235,8 @@ def _average(test: Test, begin: np.ndarray, sd_scale: float) -> Blocks:
     if test.force_sd is not None:
         weight = np.sqrt(np.add.reduceat((test.force_sd / sd_scale) ** 2, begin) / count)
     times = test.time[begin], test.time[last]
-    fields = (force, count, *times, weight, np.ones_like(count), 0.0 * count, count > 0.0)
+    none = np.zeros_like(count)
+    fields = (force, count, *times, weight, np.ones_like(count), none, none, count > 0.0)
     return Blocks(*map(held, fields))
 
 

@@ -45,7 +45,7 @@ def log_odds_of_varying(density: Density, samples: Samples, found: Weighed, effe
     theta = carried(point.own, point.theta, space.parameters(less))
     without = space.forces(less, space.parameters(less).constants(theta[None]))[0]
     parts = _parts(samples, point.predicted - without)
-    sized = density.discrepancy.at(found.mode.size)
+    sized = density.discrepancy.at(found.mode.size, point.separation)
     gradient, free = point.beyond(density.whitener(parts), sized)
     return log_bayes_factor(free, -gradient)
 

@@ -133,7 +133,8 @@ class Outcome:
     def estimates(self, found: Weighed, wanted: Callable[[str], bool]) -> dict[str, Estimate]:
         """Constants at a mode, by Laplace's approximation."""
         point, kinds = found.point, unit_kinds(found.point.own.posterior)
-        spread = point.slopes @ found.evidence.covariance @ point.slopes.T
+        covariance = found.evidence.covariance + found.evidence.spread
+        spread = point.slopes @ covariance @ point.slopes.T
         sds = np.sqrt(np.maximum(np.diag(spread), 0.0))
         return {
             name: Estimate(self.experiment.units.of(kind), float(value), float(sd))

@@ -95,10 +95,7 @@ def _log_density(
     found = density.space.forces(hypothesis, own.constants(own.within(theta)))
     change = point.predicted - found
     left = density.whitener(np.nan_to_num(change, posinf=0.0, neginf=0.0)) + point.residual
-    sized = density.discrepancy.at(size)
-    scaled = left * sized.root
-    taken = scaled @ sized.axes.T
-    misfit = np.sum(scaled**2, axis=1) - np.sum(taken**2, axis=1)
+    misfit = density.discrepancy.at(size, point.separation).squares(left)
     apart, prior = theta - point.theta, point.prior
     loss = apart @ prior.gradient + 0.5 * np.einsum("kf,fg,kg->k", apart, prior.curvature, apart)
     sound = inside & np.isfinite(change).all(axis=(1, 2))

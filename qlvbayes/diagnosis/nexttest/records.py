@@ -53,7 +53,8 @@ def _one(design: Design, rig: Rig) -> tuple[tuple[Array, ...], NDArray[np.intp],
     grid = _filled(grid, POINTS)
     motion = (grid, path.displacement(grid), path.velocity(grid), path.acceleration(grid))
     one, real = np.ones(begin.size), np.arange(BLOCKS) < begin.size
-    fields = (0.0 * one, count, middle - half, middle + half, one, one, 0.0 * one)
+    none = np.zeros_like(one)
+    fields = (none, count, middle - half, middle + half, one, one, none, none)
     return motion, _filled(places, BLOCKS), (*(_filled(x, BLOCKS) for x in fields), real)
 
 

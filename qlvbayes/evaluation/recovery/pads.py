@@ -162,7 +162,9 @@ class Pads:
         if beside:
             clouds = [(cloud, 0.5 * share) for cloud, share in clouds]
             clouds += [(cloud, 0.5 / len(beside)) for cloud in beside]
-        return sample(density, self.own, clouds, lambda one: one.effective >= _WORTH, _ROUNDS, rng)
+        points = [mode.point for mode in found]
+        does = lambda one: one.effective >= _WORTH  # noqa: E731
+        return sample(density, self.own, clouds, points, does, _ROUNDS, rng)
 
 
 def _quantiles(values: Array, weights: Array, shares: tuple[float, ...]) -> Array:

@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from qlvbayes.inference.errors.features import Features, Places
+from qlvbayes.inference.errors.separation import Separated, Separation, Sized, Slopes
 from qlvbayes.inference.errors.whitening import Whitener
 from qlvbayes.laws.scales import TOLERANCE
 from qlvbayes.preprocess.experiment import Experiment, Trial
@@ -40,24 +41,6 @@ ROUGH = 0.1
 """rho: smooth first of all, as no curve of a soft body has many kinks."""
 SIZES = np.geomspace(3e-4, 0.3, 19)
 """Of the peak force: below the least, noise hides it."""
-
-
-@dataclass(frozen=True, eq=False)
-class Sized:
-    """A discrepancy of one size: Q = root (1 - axes^T axes) root.
-
-    root (n,): D^(-1/2); axes (M, n); log_volume: ln|Q^-1|.
-    """
-
-    root: Array
-    axes: Array
-    log_volume: float
-
-    def products(self, vectors: Array) -> Array:
-        """(M, M) v^T Q w of whitened vectors (M, n)."""
-        own = vectors * self.root
-        parts = own @ self.axes.T
-        return np.asarray(own @ own.T - parts @ parts.T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,8 +115,32 @@ class Discrepancy:
         """(M, n) whitened."""
         return self.whitener(self.features)
 
-    def at(self, size: float) -> Sized:
-        """Of a size (N)."""
+    @cached_property
+    def plain(self) -> Array:
+        """(M, n) not whitened."""
+        return self.whitener.plain(self.features)
+
+    def separated(self, responses: Array, lengths: Array, kept: float = 0.0) -> Separation:
+        """From what slopes (F, T, B) of the force can follow.
+
+        lengths (F,): natural ones; kept: share of the variance of what the slopes can follow.
+        """
+        jacobian = self.whitener.plain(responses)
+        if not len(self.features):
+            jacobian = np.zeros_like(jacobian)
+        slopes = Slopes.from_jacobian(jacobian, lengths)
+        tied = (slopes.basis @ self.plain.T) @ self.plain
+        inner = tied @ slopes.basis.T
+        ties = tied - 0.5 * (1.0 + kept) * inner @ slopes.basis
+        white = self.whitener.of_plain(np.concatenate([slopes.basis, ties]))
+        return Separation(slopes, inner, white)
+
+    def at(self, size: float, separation: Separation | None = None) -> Sized | Separated:
+        """Of a size (N), as it is or separated from what a model's slopes can follow."""
+        plain = self._at(size)
+        return plain if separation is None else separation.at(plain)
+
+    def _at(self, size: float) -> Sized:
         if size not in self._sized:
             variances = 1.0 + ROUGH * size**2 * self.whitener.precisions
             root = variances**-0.5
@@ -141,27 +148,26 @@ class Discrepancy:
             factor = np.linalg.cholesky(np.eye(len(own)) + own @ own.T)
             volume = np.log(variances).sum() + 2.0 * np.log(np.diag(factor)).sum()
             axes = solve_triangular(factor, own, lower=True, check_finite=False)
-            self._sized[size] = Sized(root, axes, float(volume))
+            self._sized[size] = Sized(size, root, axes, float(volume))
         return self._sized[size]
 
-    def loss(self, residual: Array, place: int) -> float:
+    def loss(self, residual: Array, place: int, separation: Separation | None = None) -> float:
         """Minus log likelihood of a whitened residual (n,) at a size, less the size's log prior."""
-        own = self.at(float(self.sizes[place]))
-        loss = 0.5 * (float(own.products(residual[None])[0, 0]) + own.log_volume)
+        own = self.at(float(self.sizes[place]), separation)
+        loss = 0.5 * (float(own.squares(residual[None])[0]) + own.log_volume)
         return loss - float(self.log_prior[place])
 
-    def log_likelihoods(self, residuals: Array) -> Array:
+    def log_likelihoods(self, residuals: Array, separation: Separation | None = None) -> Array:
         """(K, S) of whitened residuals (K, n) at each size, with the sizes' log prior."""
         found = np.empty((len(residuals), self.sizes.size))
         for k, size in enumerate(self.sizes.tolist()):
-            own = self.at(size)
-            vectors = residuals * own.root
-            parts = vectors @ own.axes.T
-            squares = (vectors**2).sum(axis=1) - (parts**2).sum(axis=1)
-            found[:, k] = self.log_prior[k] - 0.5 * (squares + own.log_volume)
+            own = self.at(size, separation)
+            found[:, k] = self.log_prior[k] - 0.5 * (own.squares(residuals) + own.log_volume)
         return found
 
-    def likeliest(self, residual: Array, near: float = 0.0) -> float:
+    def likeliest(
+        self, residual: Array, near: float = 0.0, separation: Separation | None = None
+    ) -> float:
         """Size (N) of highest density given a whitened residual (n,).
 
         Downhill along the sizes from ``near`` (N), as the loss has one valley there; none at all is
@@ -172,11 +178,11 @@ class Discrepancy:
         if count == 1:
             return 0.0
         place = int(np.argmin(np.abs(self.sizes - near))) if near > 0.0 else count // 3
-        here = self.loss(residual, place)
+        here = self.loss(residual, place, separation)
         for way in (1, -1):
             first = place
             while 0 < place + way < count:
-                there = self.loss(residual, place + way)
+                there = self.loss(residual, place + way, separation)
                 if there >= here:
                     break
                 place, here = place + way, there
@@ -192,7 +198,7 @@ class Discrepancy:
         residual: whitened, (n,) or (R, n). Returns their means, (M,) or (R, M), and a root (M, M)
         of their covariance, root^T root.
         """
-        own = self.at(size)
+        own = self._at(size)
         shapes = self.shapes[:count] * own.root
         precision = shapes @ shapes.T + np.eye(len(shapes)) / size**2
         mean = np.linalg.solve(precision, shapes @ (residual * own.root).T).T

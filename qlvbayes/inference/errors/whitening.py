@@ -91,26 +91,36 @@ class Whitener:
         """(n, n) what takes the block means of all tests, one after another, to whitened ones."""
         return np.asarray(block_diag(*(rows for _, rows in self._bases)))
 
+    def plain(self, vectors: Array) -> Array:
+        """(M, T, B) to (M, n): the block means that count, one test after another."""
+        return np.concatenate([vectors[:, k, own] for k, own in enumerate(self.blocks)], axis=1)
+
+    def of_plain(self, vectors: Array) -> Array:
+        """(M, n) whitened."""
+        ends = np.cumsum([len(one) for one in self.covariances])[:-1]
+        parts = np.split(vectors, ends, axis=1)
+        whitened = [part @ rows.T for part, (_, rows) in zip(parts, self._bases, strict=True)]
+        return np.concatenate(whitened, axis=1)
+
     def __call__(self, vectors: Array) -> Array:
-        """(M, T, B) to (M, n)."""
-        parts = [
-            vectors[:, k, real] @ rows.T
-            for k, (real, (_, rows)) in enumerate(zip(self.blocks, self._bases, strict=True))
-        ]
-        return np.concatenate(parts, axis=1)
+        """(M, T, B) to (M, n) whitened."""
+        return self.of_plain(self.plain(vectors))
 
 
 def covariance(floor: NoiseFloor, blocks: Blocks, peak: float) -> np.ndarray:
     """Covariance (N, N) of the noise of one test's block means (N^2); peak: largest force (N).
 
     A millionth of it every block mean has, whatever the floor. What the motion is not known by is
-    one error a block, and alike over a movement.
+    one error a block, and alike over a movement; what moments are not known by is independent.
     """
-    first, last, count, weight, scale, extra = map(
+    first, last, count, weight, scale, extra, timing = map(
         np.asarray,
-        (blocks.first, blocks.last, blocks.count, blocks.weight, blocks.scale, blocks.extra),
+        (
+            *(blocks.first, blocks.last, blocks.count),
+            *(blocks.weight, blocks.scale, blocks.extra, blocks.timing),
+        ),
     )
-    white = (floor.white * weight * scale) ** 2 / count + (_LEAST * peak) ** 2
+    white = (floor.white * weight * scale) ** 2 / count + timing**2 + (_LEAST * peak) ** 2
     correlated = floor.ou**2 * np.outer(scale, scale)
     correlation = averaged_correlation(first, last, count, floor.tau, floor.smooth)
     moving = (extra > 0.0).astype(float)

@@ -37,7 +37,7 @@ def traced(
     where that is not known (a user's own effect may call on any file): nothing is kept then.
     """
     folder = jax.config.values["jax_compilation_cache_dir"]
-    if meaning is None or folder is None:
+    if meaning is None or not folder:
         return _compiled(function)
     text = f"{jax.__version__} {jax.default_backend()} {_own_code()} {arguments} {meaning}"
     file = Path(folder) / f"{hashlib.sha256(text.encode()).hexdigest()}.traced"

@@ -117,7 +117,11 @@ def _draws(weighed: Weighed, count: int, rng: np.random.Generator) -> NDArray[np
     """(count, P) of the constants about a mode; numbers stay within their priors' bounds."""
     own, found = weighed.point.own, weighed.evidence
     thetas = rng.multivariate_normal(
-        found.mean, found.covariance, _TRIED * count, check_valid="ignore", method="eigh"
+        found.mean,
+        found.covariance + found.spread,
+        _TRIED * count,
+        check_valid="ignore",
+        method="eigh",
     )
     inside = np.all((thetas >= own.lowest) & (thetas <= own.highest), axis=1)
     kept = np.concatenate([thetas[inside], own.within(thetas[~inside])])[:count]

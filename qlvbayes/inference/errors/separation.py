@@ -1,0 +1,189 @@
+r"""The part of a discrepancy that a model's own slopes can follow, made independent of the rest.
+
+Beside a smooth discrepancy of covariance s^2 K the likeliest curve need not follow the data: where
+the constants bend it away, what is missed elsewhere is more probable. With P the projection on the
+rows of the Jacobian J, orthogonal in plain squared error over the block means,
+
+.. math:: P = J^T (J J^T)^{-1} J, \quad K_P = (1 - P) K (1 - P) + \kappa\, P K P,
+
+nothing that is missed says any more where the curve should be: the constants are those of least
+squares as far as misfit goes (Zyskind 1967, doi:10.1214/aoms/1177698779; L2 calibration, Tuo & Wu
+2015, doi:10.1214/15-AOS1314; orthogonal Gaussian processes, Plumlee 2017,
+doi:10.1080/01621459.2016.1211016). P K P, which keeps its share kappa, is by what the constants may
+be off: a discrepancy of size s moves them by
+
+.. math:: \Delta \theta \sim N(0, s^2 J^+ K J^{+T}), \quad J^+ = (J J^T)^{-1} J.
+
+With kappa = 1 their posterior is wider by that. With kappa = 0 it is that of the curve which
+follows the data, and the spread is added where the constants are reported. Evidence is the same
+either way, as far as priors are wide.
+
+With Q an orthonormal basis of P, the difference to K has a low rank,
+
+.. math:: K_P = K - Q^T Y - Y^T Q = K - U^T S U, \quad
+          Y = Q K - \tfrac{1 + \kappa}{2} Q K P, \quad U = (Q; Y), \quad
+          S = \begin{pmatrix} 0 & 1 \\ 1 & 0 \end{pmatrix}
+
+so that with the inverse C^{-1} and determinant for K at hand those for K_P follow (Woodbury):
+
+.. math:: (C - s^2 U^T S U)^{-1} = C^{-1} + C^{-1} U^T M^{-1} U C^{-1}, \quad
+          M = S / s^2 - U C^{-1} U^T, \quad |C - s^2 U^T S U| = |C|\, |M|\, s^{4R}
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_SMALLEST = 1e-8
+"""Singular value of the scaled Jacobian, over the largest, below which it is rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class Slopes:
+    """What F free numbers can do to n block means, by the Jacobian's singular values.
+
+    basis (R, n): Q, orthonormal; moves (F, R): by how much the numbers follow a force (N) along
+    each of Q's rows; lengths (F,): their natural lengths.
+    """
+
+    basis: Array
+    moves: Array
+    lengths: Array
+
+    @classmethod
+    def from_jacobian(cls, slopes: Array, lengths: Array) -> Slopes:
+        """Of slopes (F, n) of the plain block means; what no number moves is left out."""
+        left, values, rows = np.linalg.svd(slopes * lengths[:, None], full_matrices=False)
+        kept = values > _SMALLEST * values.max(initial=0.0)
+        moves = lengths[:, None] * left[:, kept] / values[kept]
+        return cls(rows[kept], moves, lengths)
+
+    def spread(self, covariance: Array) -> Array:
+        """(F, F) covariance of the numbers, of forces along the basis with a covariance (R, R).
+
+        No number is left more open than its natural length.
+        """
+        moves = self.moves / self.lengths[:, None]
+        free = moves @ covariance @ moves.T
+        bounded = np.linalg.solve(np.eye(len(free)) + free, free)
+        return np.asarray(0.5 * (bounded + bounded.T) * np.outer(self.lengths, self.lengths))
+
+
+@dataclass(frozen=True, eq=False)
+class Separation:
+    """Of the discrepancy of one Jacobian.
+
+    slopes: what the model can follow; inner (R, R): Q K Q^T; white (2R, n): U whitened.
+    """
+
+    slopes: Slopes
+    inner: Array
+    white: Array
+    _sized: dict[float, Separated] = field(default_factory=dict)
+
+    def spread(self, size: float) -> Array:
+        """(F, F) by how much a discrepancy of this size (N) would move the free numbers."""
+        return self.slopes.spread(size**2 * self.inner)
+
+    @property
+    def rank(self) -> int:
+        """R."""
+        return len(self.slopes.basis)
+
+    @property
+    def removed(self) -> Array:
+        """(n, n) K - K_P, whitened."""
+        basis, ties = self.white[: self.rank], self.white[self.rank :]
+        product = basis.T @ ties
+        return np.asarray(product + product.T)
+
+    def at(self, plain: Sized) -> Sized | Separated:
+        """Of the size of a discrepancy that is not separated."""
+        if plain.size == 0.0 or not self.rank:
+            return plain
+        if plain.size not in self._sized:
+            self._sized[plain.size] = Separated.from_plain(plain, self.white)
+        return self._sized[plain.size]
+
+
+@dataclass(frozen=True, eq=False)
+class Sized:
+    """A discrepancy of one size s (N): C^-1 = root (1 - axes^T axes) root, in whitened numbers.
+
+    root (n,): D^(-1/2); axes (M, n); log_volume: ln|C|.
+    """
+
+    size: float
+    root: Array
+    axes: Array
+    log_volume: float
+
+    def products(self, vectors: Array) -> Array:
+        """(M, M) v^T C^-1 w of whitened vectors (M, n)."""
+        own, parts = self.parts(vectors)
+        return np.asarray(own @ own.T - parts @ parts.T)
+
+    def squares(self, vectors: Array) -> Array:
+        """(M,) v^T C^-1 v."""
+        own, parts = self.parts(vectors)
+        return np.asarray((own**2).sum(axis=1) - (parts**2).sum(axis=1))
+
+    def parts(self, vectors: Array) -> tuple[Array, Array]:
+        """Scaled vectors (M, n) and what of them the axes take."""
+        own = vectors * self.root
+        return own, own @ self.axes.T
+
+
+@dataclass(frozen=True, eq=False)
+class Separated:
+    """The same for K_P.
+
+    plain: for K; own, parts: of U; core (2R, 2R): M; log_volume: ln of the determinant.
+    """
+
+    plain: Sized
+    own: Array
+    parts: Array
+    core: Array
+    log_volume: float
+
+    @classmethod
+    def from_plain(cls, plain: Sized, white: Array) -> Self:
+        """Of U whitened (2R, n)."""
+        own, parts = plain.parts(white)
+        rank = len(white) // 2
+        swap = np.roll(np.eye(2 * rank), rank, axis=0)
+        core = swap / plain.size**2 - (own @ own.T - parts @ parts.T)
+        log_volume = plain.log_volume + float(np.linalg.slogdet(core)[1])
+        return cls(plain, own, parts, core, log_volume + 4.0 * rank * math.log(plain.size))
+
+    @property
+    def size(self) -> float:
+        """s (N)."""
+        return self.plain.size
+
+    @cached_property
+    def inverse(self) -> Array:
+        """(2R, 2R) M^-1."""
+        return np.asarray(np.linalg.inv(self.core))
+
+    def products(self, vectors: Array) -> Array:
+        """(M, M) v^T C^-1 w of whitened vectors (M, n)."""
+        own, parts = self.plain.parts(vectors)
+        with_u = own @ self.own.T - parts @ self.parts.T
+        return np.asarray(own @ own.T - parts @ parts.T + with_u @ self.inverse @ with_u.T)
+
+    def squares(self, vectors: Array) -> Array:
+        """(M,) v^T C^-1 v."""
+        own, parts = self.plain.parts(vectors)
+        with_u = own @ self.own.T - parts @ self.parts.T
+        found = (own**2).sum(axis=1) - (parts**2).sum(axis=1)
+        return np.asarray(found + np.einsum("mu,uw,mw->m", with_u, self.inverse, with_u))

@@ -1,0 +1,138 @@
+"""A discrepancy separated from what a model can follow: against dense algebra and its promises."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import multivariate_normal
+
+from qlvbayes.inference.errors.discrepancy import ROUGH, Discrepancy
+from qlvbayes.inference.errors.whitening import Whitener
+
+COUNT, FREE = 60, 4  # block means of two tests, free numbers
+X = np.linspace(0.0, 1.0, COUNT)
+
+
+def smooth_features():
+    """A discrepancy that bends slowly over the record: ten functions of unit size."""
+    return np.array([np.cos(np.pi * k * X) / (1.0 + k) for k in range(10)])
+
+
+def whitener(noise):
+    half = COUNT // 2
+    everything = np.ones(half, dtype=bool)
+    return Whitener((everything, everything), (noise[:half, :half], noise[half:, half:]))
+
+
+def by_test(rows):
+    return rows.reshape(len(rows), 2, COUNT // 2)
+
+
+def correlated(sd, memory):
+    gap = np.abs(np.subtract.outer(np.arange(COUNT // 2), np.arange(COUNT // 2)))
+    one = sd**2 * (0.7 * np.exp(-gap / memory) + 0.3 * np.eye(COUNT // 2))
+    return np.block([[one, np.zeros_like(one)], [np.zeros_like(one), 1.3 * one]])
+
+
+def made(noise):
+    return Discrepancy.of(by_test(smooth_features()), whitener(noise), 1.0, 0.01)
+
+
+def dense(noise, jacobian, size, kept):
+    """The covariance by its definition."""
+    smooth = smooth_features().T @ smooth_features()
+    basis = np.linalg.qr(jacobian.T)[0]
+    P = basis @ basis.T
+    rest = np.eye(COUNT) - P
+    own = rest @ smooth @ rest + kept * P @ smooth @ P
+    return noise + size**2 * (own + ROUGH * np.eye(COUNT))
+
+
+@given(
+    st.integers(0, 200),
+    st.sampled_from([1e-3, 0.03, 0.5]),
+    st.sampled_from([0.0, 0.4, 1.0]),
+)
+@settings(max_examples=25, deadline=None)
+def test_products_and_volume_are_those_of_the_whole_covariance(seed, size, kept):
+    rng = np.random.default_rng(seed)
+    noise, jacobian = correlated(0.01, 5.0), rng.standard_normal((FREE, COUNT))
+    found = made(noise)
+    separation = found.separated(by_test(jacobian), rng.uniform(0.1, 10.0, FREE), kept)
+    own = found.at(size, separation)
+    vectors = rng.standard_normal((3, COUNT))
+    whole = dense(noise, jacobian, size, kept)
+    expected = vectors @ np.linalg.solve(whole, vectors.T)
+    white = found.whitener(by_test(vectors))
+    np.testing.assert_allclose(own.products(white), expected, rtol=1e-7, atol=1e-7 * expected.max())
+    np.testing.assert_allclose(own.squares(white), np.diag(expected), rtol=1e-7)
+    volume = np.linalg.slogdet(whole)[1] - np.linalg.slogdet(noise)[1]
+    assert own.log_volume == pytest.approx(volume, rel=1e-8, abs=1e-7)
+
+
+def estimate(found, separation, jacobian, size, data):
+    """Most probable numbers of a linear model, without a prior."""
+    own = found.at(size, separation)
+    vectors = found.whitener(by_test(np.concatenate([data[None], jacobian])))
+    products = own.products(vectors)
+    return np.linalg.solve(products[1:, 1:], products[1:, 0])
+
+
+@pytest.mark.parametrize("kept", [0.0, 1.0])
+def test_beside_a_large_discrepancy_the_curve_is_that_of_least_squares(kept):
+    """Where it is not separated the curve may lie elsewhere: its error is larger."""
+    rng = np.random.default_rng(4)
+    jacobian = np.array([X**k for k in range(3)])
+    found = made(correlated(1e-3, 5.0))
+    misfit = 0.3 * np.sin(7.0 * X) * X + 0.02 * rng.standard_normal(COUNT)
+    separation = found.separated(by_test(jacobian), np.ones(3), kept)
+    squares = np.linalg.lstsq(jacobian.T, misfit, rcond=None)[0]
+    separated = estimate(found, separation, jacobian, 0.3, misfit)
+    free = estimate(found, None, jacobian, 0.3, misfit)
+    least, own, other = (
+        np.sqrt(np.mean((misfit - x @ jacobian) ** 2)) for x in (squares, separated, free)
+    )
+    assert own < 1.0001 * least
+    assert other > 1.05 * least
+
+
+def test_what_is_missed_moves_the_numbers_by_the_spread():
+    """Least squares of a discrepancy of one size, drawn anew: mean nothing, covariance as told."""
+    rng = np.random.default_rng(7)
+    jacobian, size, count = np.array([np.ones(COUNT), X, X**2]), 0.02, 4000
+    found = made(correlated(1e-3, 5.0))
+    separation = found.separated(by_test(jacobian), np.full(3, 10.0))
+    drawn = size * rng.standard_normal((count, 10)) @ smooth_features()
+    moved = np.linalg.lstsq(jacobian.T, drawn.T, rcond=None)[0]
+    expected = separation.spread(size)
+    scale = np.sqrt(np.diag(expected))
+    z = moved / scale[:, None]
+    assert np.max(np.abs(z.mean(axis=1))) < 5.0 / np.sqrt(count)
+    np.testing.assert_allclose(np.cov(z), expected / np.outer(scale, scale), atol=0.1)
+
+
+def test_no_number_is_more_open_than_its_natural_length():
+    jacobian = 1e-6 * np.array([np.ones(COUNT), X])
+    separation = made(correlated(1e-3, 5.0)).separated(by_test(jacobian), np.array([2.0, 0.5]))
+    assert np.all(np.sqrt(np.diag(separation.spread(1.0))) <= np.array([2.0, 0.5]) * 1.000001)
+    assert np.all(np.linalg.eigvalsh(separation.spread(1.0)) > 0.0)
+
+
+def test_evidence_does_not_depend_on_what_is_kept_where_priors_are_wide():
+    """Both are the probability of what the model cannot follow."""
+    rng = np.random.default_rng(1)
+    jacobian, noise, size = rng.standard_normal((FREE, COUNT)), 1e-8 * np.eye(COUNT), 0.1
+    logs = []
+    data = rng.standard_normal(COUNT)
+    for kept in (0.0, 1.0):
+        whole = dense(noise, jacobian, size, kept) + 1e8 * jacobian.T @ jacobian
+        logs.append(multivariate_normal(np.zeros(COUNT), whole, allow_singular=True).logpdf(data))
+    assert logs[0] == pytest.approx(logs[1], abs=1e-3)
+
+
+def test_a_model_without_slopes_leaves_the_discrepancy_as_it_is():
+    found = made(correlated(0.01, 5.0))
+    separation = found.separated(by_test(np.zeros((2, COUNT))), np.ones(2))
+    assert separation.rank == 0
+    assert found.at(0.1, separation) is found.at(0.1)
+    assert not separation.spread(0.1).any()
