@@ -49,11 +49,11 @@ def errors(stretch: Stretch, tol: Tolerance) -> Errors:
         nothing = np.zeros(joints.knots.size)
         most = np.full(joints.knots.size, np.sqrt(tol.variance))
         return Errors(joints.knots, most, nothing + np.inf, nothing + np.inf)
-    full, kept = _full_knots(joints, stretch.degree)
+    full, kept = repeated_knots(joints, stretch.degree)
     variance = _variance(stretch, inside, tol)
     pick = np.unique(np.linspace(0, inside.size - 1, min(inside.size, _MOST_TIMES)).astype(int))
     rows = [
-        _derivative(time[inside][pick], full, stretch.degree, order)[:, kept] for order in range(3)
+        derivative(time[inside][pick], full, stretch.degree, order)[:, kept] for order in range(3)
     ]
     basis = csr_array(BSpline.design_matrix(time[inside], full, stretch.degree))[:, kept]
     shares = np.sqrt(_quadratic_forms(basis, rows))
@@ -90,7 +90,7 @@ def evaluated(stretch: Stretch, t: Array) -> Array:
     return part.displacement[k] + s * (part.velocity[k] + s * (0.5 * part.acceleration[k] + value))
 
 
-def _full_knots(joints: Joints, degree: int) -> tuple[Array, slice]:
+def repeated_knots(joints: Joints, degree: int) -> tuple[Array, slice]:
     """Knots with multiplicity, and the coefficients that dwells at the ends leave free."""
     smooth = 2 if degree == 2 else 1  # a quintic's knots are not looked for
     repeats = np.where(joints.kinked, 3, smooth)
@@ -101,7 +101,7 @@ def _full_knots(joints: Joints, degree: int) -> tuple[Array, slice]:
     return full, slice(low, full.size - degree - 1 - high)
 
 
-def _derivative(t: Array, full: Array, degree: int, order: int) -> csr_array:
+def derivative(t: Array, full: Array, degree: int, order: int) -> csr_array:
     """Derivatives of the B-splines (n, coefficients)."""
     size = full.size - degree - 1
     shift = None

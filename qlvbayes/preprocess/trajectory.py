@@ -11,7 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PPoly
 
 from qlvbayes.io.checks import InputError
+from qlvbayes.preprocess.clock import clock_error
 from qlvbayes.preprocess.errors import Errors, errors
+from qlvbayes.preprocess.knoterrors import Moments, moments
 from qlvbayes.preprocess.segments import (
     Dwell,
     Tolerance,
@@ -28,6 +30,7 @@ _SPEED_KNOWN = 0.05  # of the top speed: the usual error, at most, of a known ve
 _ACCELERATION_KNOWN = 0.2  # and the same for the acceleration
 _JUMPS = 0.5  # share of the changes of velocity that are too quick to be resolved
 _EXACT = 1e-6  # of the range: no record is better than that
+_FREEDOM = 10  # readings in motion, a knot, that tell errors of readings from the path
 _SAME = 1e-6  # of the largest: smaller jumps are rounding
 
 
@@ -42,7 +45,10 @@ class Trajectory:
     displacement, 0 if none was seen; ``higher`` (m, k) the h_jk, None for constant accelerations.
     Outside the record the motion is at rest at its end value. At a kink the velocity and
     acceleration are those just after it. ``unresolved``: what the record cannot give ("velocity",
-    "acceleration"), with the reason in a few words.
+    "acceleration"), with the reason in a few words. ``moments``: sds of the times of knots.
+    ``clock_sd``: sd in s of the error of each reading's time stamp, from the jitter of the clock
+    and the rounding of the stamps (``clock.clock_error``), and no more than the readings of the
+    moving platen allow; 0 where stamps are exact or none were read.
     """
 
     knots: Array
@@ -53,6 +59,8 @@ class Trajectory:
     higher: Array | None = None
     unresolved: tuple[tuple[str, str], ...] = ()
     error: Errors | None = None
+    moments: Moments | None = None
+    clock_sd: float = 0.0
 
     @cached_property
     def _path(self) -> tuple[PPoly, PPoly, PPoly]:
@@ -89,6 +97,21 @@ class Trajectory:
     def speed_jumps(self) -> Array:
         """Size (j,) of the jump of velocity at each kink: changes too quick to resolve."""
         return self._jumps[0][self._at_kinks]
+
+    @property
+    def kink_sd(self) -> Array:
+        """Sd (j,) in s of the time of each kink, from the readings' errors and spacing.
+
+        It is that of the least squares that placed the kink (``knoterrors.moments``), with the
+        levels of the dwells beside it and the clock's error; at most the shorter piece beside it
+        over sqrt(12), and where less than three readings show that piece at least the interval
+        between readings over sqrt(12). Errors of neighbouring kinks may be correlated. What the
+        clock has in error at a kink is that of one moment, found from many readings; a single
+        reading's is ``clock_sd``. 0 for a planned motion.
+        """
+        if self.moments is None:
+            return np.zeros(self.kinks.shape)
+        return np.asarray(np.interp(self.kinks, self.moments.time, self.moments.sd))
 
     @property
     def _at_kinks(self) -> NDArray[np.bool_]:
@@ -198,7 +221,7 @@ def smooth(
     segments = greedy_segments(t, x, tol)
     dwells = find_dwells(t, x, segments, tol)
     parts = _stretches(t, x, segments, dwells, tol)
-    return _joined(t, parts, dwells, tol)
+    return _joined(t, x, parts, dwells, tol)
 
 
 def _check(time: Array, displacement: Array) -> None:
@@ -226,7 +249,9 @@ def _stretches(
     return parts
 
 
-def _joined(t: Array, parts: list[Stretch], dwells: list[Dwell], tol: Tolerance) -> Trajectory:
+def _joined(
+    t: Array, x: Array, parts: list[Stretch], dwells: list[Dwell], tol: Tolerance
+) -> Trajectory:
     """Put moving parts and dwells in order of time."""
     most = max((_order(p) for p in parts), default=0)
     starts = [part.pieces.knots[:-1] for part in parts]
@@ -242,8 +267,48 @@ def _joined(t: Array, parts: list[Stretch], dwells: list[Dwell], tol: Tolerance)
     plain = Trajectory(
         np.append(knots[order], t[-1]), d, v, a, tol.step, np.array(higher) if higher else None
     )
-    error = _all_errors(t, parts, found, dwells, tol)
-    return replace(plain, error=error, unresolved=_unresolved(plain, parts, found))
+    clock = _clock_sd(t, x, plain)
+    return replace(
+        plain,
+        error=_all_errors(t, parts, found, dwells, tol),
+        unresolved=_unresolved(plain, parts, found),
+        moments=_all_moments(t, parts, dwells, tol, clock),
+        clock_sd=clock,
+    )
+
+
+def _clock_sd(t: Array, x: Array, motion: Trajectory) -> float:
+    """What the stamps show, and no more than would have moved the readings by what they are off."""
+    speed = motion.velocity(t)
+    shown = clock_error(t)
+    if shown == 0.0 or _FREEDOM * motion.knots.size > np.count_nonzero(speed):
+        return shown  # a path that follows each reading shows none of its errors
+    off = x - motion.displacement(t)
+    weight = np.abs(speed)
+    return min(shown, float(np.sqrt(np.sum(weight * off**2) / np.sum(weight**3))))
+
+
+def _all_moments(
+    t: Array, parts: list[Stretch], dwells: list[Dwell], tol: Tolerance, clock: float
+) -> Moments:
+    """Of all stretches' knots, in order of time."""
+    times, sds = [np.array([t[0], t[-1]])], [np.zeros(2)]
+    for part in parts:
+        begin, end = part.joints.knots[[0, -1]]
+        before = [_level_sd(dwell, tol) for dwell in dwells if t[dwell.first] < begin]
+        after = [_level_sd(dwell, tol) for dwell in dwells if t[dwell.stop - 1] > end]
+        levels = (before[-1] if before else 0.0, after[0] if after else 0.0)
+        times.append(part.joints.knots)
+        sds.append(moments(part, tol, levels, clock))
+    time, sd = np.concatenate(times), np.concatenate(sds)
+    order = np.argsort(time, kind="stable")
+    return Moments(time[order], sd[order])
+
+
+def _level_sd(dwell: Dwell, tol: Tolerance) -> float:
+    """Sd of a dwell's level. At rest the rounding is not averaged out, unless scatter does it."""
+    rounding = tol.step**2 / 12.0 if tol.noise < 0.5 * tol.step else 0.0
+    return float(np.sqrt(tol.noise**2 / (dwell.stop - dwell.first) + rounding))
 
 
 def _order(part: Stretch) -> int:
@@ -261,16 +326,14 @@ def _rows(part: Stretch, most: int) -> Array:
 def _all_errors(
     t: Array, parts: list[Stretch], found: list[Errors], dwells: list[Dwell], tol: Tolerance
 ) -> Errors:
-    """Of stretches and dwells, in order of time. At rest the rounding is not averaged out."""
+    """Of stretches and dwells, in order of time."""
     begins = np.array([p.joints.knots[0] for p in parts] + [t[-1]])
     ends = np.array([t[0]] + [p.joints.knots[-1] for p in parts])
-    rounding = tol.step**2 / 12.0 if tol.noise < 0.5 * tol.step else 0.0
     every = list(found)
     for dwell in dwells:
         middle = 0.5 * (t[dwell.first] + t[dwell.stop - 1])
         span = np.array([ends[ends <= middle].max(), begins[begins >= middle].min()])
-        sd = np.full(2, np.sqrt(tol.noise**2 / (dwell.stop - dwell.first) + rounding))
-        every.append(Errors(span, sd, np.zeros(2), np.zeros(2)))
+        every.append(Errors(span, np.full(2, _level_sd(dwell, tol)), np.zeros(2), np.zeros(2)))
     joined = _concatenated(every)
     least = max((float(np.ptp(p.window.displacement)) for p in parts), default=0.0)
     return replace(joined, displacement=np.maximum(joined.displacement, _EXACT * least))

@@ -1,0 +1,118 @@
+"""Stated errors of kinks and clocks, in time, against motions whose kinks are known."""
+
+import numpy as np
+import pytest
+from support.motions import constant_jerk, sampled, trapezoids, triangle
+
+from qlvbayes.preprocess.clock import clock_error, last_decimal
+from qlvbayes.preprocess.programme import Stroke, planned
+from qlvbayes.preprocess.trajectory import smooth
+
+RECORDS = 40
+
+
+def sharp(speed, lasts, lead):
+    """A ramp without acceleration limits between two rests."""
+    return constant_jerk([(lead, 0, 0, 0), (lasts, 0, 0, speed), (2.0, 0, 0, 0)], 2)
+
+
+# motion that begins at a time, sampling interval (s), encoder step (mm), scatter (mm)
+KINDS = {
+    "sharp, 0.1 mm/s, steps": (lambda at: sharp(0.1, 3.0, at), 1e-3, 1e-3, 0.0),
+    "sharp, scatter and steps": (lambda at: sharp(10.0, 0.2, at), 1e-3, 1e-3, 3e-3),
+    "sharp, scatter": (lambda at: sharp(10.0, 0.2, at), 1e-3, 0.0, 3e-3),
+    "limited acceleration, steps": (lambda at: trapezoids(20.0, lead=at), 1e-3, 1e-3, 0.0),
+    "limited acceleration, scatter": (lambda at: trapezoids(20.0, lead=at), 1e-3, 0.0, 3e-3),
+    "turns that last 0.1 s": (lambda at: triangle(2.0 + at, 2, 0.1), 1e-2, 1e-3, 0.0),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_errors_of_kinks_are_as_large_as_stated(kind):
+    """Rounding errors that repeat themselves may be stated up to three times too large."""
+    make, interval, step, scatter = KINDS[kind]
+    rng = np.random.default_rng(1)
+    ratios = []
+    for _ in range(RECORDS):
+        motion = make(0.5 + rng.uniform(0.0, interval))
+        t = sampled(motion, interval)
+        x = motion.at(t)[0] + step * rng.uniform() + scatter * rng.normal(size=t.size)
+        fit = smooth(t, np.round(x / step) * step if step else x)
+        assert fit.kinks.size == motion.jumps.size
+        ratios.append((fit.kinks - motion.jumps) / fit.kink_sd)
+    size = np.sqrt(np.mean(np.square(ratios), axis=0))
+    assert np.all(size < 1.4)
+    assert np.all(size > (0.7 if scatter else 0.3))
+
+
+def test_a_jump_between_two_readings_is_anywhere_between_them():
+    t = np.arange(0.0, 1.0, 0.01)
+    fit = smooth(t, np.where(t < 0.5, 0.0, 1.0))
+    assert fit.kink_sd == pytest.approx(np.full(fit.kinks.size, 0.01 / np.sqrt(12.0)), rel=1e-6)
+
+
+def test_a_planned_motion_has_exact_kinks():
+    motion = planned([Stroke(1.0, 2.0, 3.0)], 100.0)
+    assert motion.kinks.size == 3
+    assert np.all(motion.kink_sd == 0.0)
+    assert motion.clock_sd == 0.0
+
+
+def test_a_jittered_clock_makes_kinks_less_certain():
+    motion = sharp(10.0, 0.2, 0.5 + 1e-4 * np.pi)
+    t = sampled(motion, 1e-3)
+    stamped = t + 4e-6 * np.random.default_rng(3).normal(size=t.size)
+    exact, jittered = smooth(t, motion.at(t)[0]), smooth(stamped, motion.at(t)[0])
+    assert exact.clock_sd == 0.0
+    assert jittered.clock_sd == pytest.approx(4e-6, rel=0.3)
+    assert np.all(jittered.kink_sd > exact.kink_sd)
+
+
+@pytest.mark.parametrize("interval", [1e-3, 0.02, 1.0 / 37.0])
+def test_even_stamps_are_exact(interval):
+    assert clock_error(interval * np.arange(1000)) == 0.0
+
+
+@pytest.mark.parametrize("jitter", [0.01, 0.05, 0.1])
+def test_jitter_is_measured(jitter):
+    t = 0.01 * np.arange(5000.0)
+    t += 0.01 * jitter * np.random.default_rng(0).normal(size=t.size)
+    assert clock_error(t) == pytest.approx(0.01 * jitter, rel=0.06)
+
+
+def test_stamps_rounded_to_milliseconds():
+    """Of 7.3 ms: the rounding errors are even over a millisecond."""
+    t = 7.3e-3 * np.arange(2000)
+    assert clock_error(np.round(t, 3)) == pytest.approx(1e-3 / np.sqrt(12.0), rel=0.25)
+
+
+def test_a_change_of_rate_and_a_gap_are_no_jitter():
+    fast, slow = 1e-3 * np.arange(500), 0.0123 * np.arange(1, 300)
+    t = np.concatenate([fast, fast[-1] + slow, fast[-1] + slow[-1] + 5.0 + slow])
+    assert clock_error(t) == 0.0
+
+
+def test_displacement_at_the_stamped_times_shows_that_stamps_are_exact():
+    """Uneven stamps of an even clock would scatter the readings of a moving platen."""
+    motion = triangle(4.0, 2)
+    t = sampled(motion, 1e-2, jitter=0.1)
+    assert clock_error(t) > 5e-4
+    assert smooth(t, motion.at(t)[0]).clock_sd < 1e-5
+    late = motion.at(t + 1e-3 * np.random.default_rng(5).normal(size=t.size))[0]
+    assert smooth(t, late).clock_sd == pytest.approx(clock_error(t), rel=0.5)
+
+
+def test_a_logger_that_stores_on_change_has_no_jitter():
+    rng = np.random.default_rng(2)
+    kept = np.sort(rng.choice(20_000, 900, replace=False))
+    assert clock_error(0.02 * kept) == 0.0
+    assert clock_error(0.005 * np.round(np.arange(300) * 5.37)) == 0.0
+    assert clock_error(np.round(np.cumsum(rng.uniform(0.02, 0.9, 500)), 2)) == pytest.approx(
+        0.01 / np.sqrt(12.0)
+    )
+
+
+def test_the_last_decimal_of_a_file():
+    assert last_decimal(np.array([0.25, 1.75])) == pytest.approx(0.01)
+    assert last_decimal(np.array([3.0, 20.0])) == 1.0
+    assert last_decimal(np.array([1.0 / 3.0])) == 0.0
