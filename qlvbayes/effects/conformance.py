@@ -29,6 +29,8 @@ from qlvbayes.priors.distributions import AbstractScalarPrior
 _DRAWS = 24  # of the priors, at each of which every rule is tried
 _REDUCED = 4  # draws at which a form is compared with its listed law
 _EXACT = 1e-12  # of the peak force
+_SLIGHT = 1e-9  # of an effect's size, at which it must not
+_NEXT_TO_NOTHING = 1e-6  # of the peak force: move the force by more than that
 _FAIR = (0.005, 0.25)  # median over the prior of the largest contribution, over the peak force
 
 _RATES = (0.1, 1.0, 10.0, 20.0, 30.0, 100.0)  # mm/s
@@ -47,13 +49,14 @@ class EffectError(AssertionError):
 def check_effect(kind: type[AbstractEffect], scales: Scales | None = None) -> None:
     """Check that an effect keeps the rules on which fits and comparisons of models rely.
 
-    It declares itself; it vanishes exactly at its null; its forces and their slopes are finite
-    under its priors; what comes later changes no earlier force; compiled, batched and plain
-    evaluation agree, and its steps with them, where it has any; no built-in effect nests at the
-    same place, so that the order in which effects are added does not matter; one that generalises
-    a listed effect nests where that does and has its law where it says; and its prior gives it a
-    fair size. The tests are those of the paper and one that retracts fully; with ``scales`` they
-    are stretched to its depth and force, and the size is not checked.
+    It declares itself; it vanishes exactly at its null, and at a billionth of its size it does next
+    to nothing (but at the instant of a kink of the motion, where a force may jump); its forces and
+    their slopes are finite under its priors; what comes later changes no earlier force; compiled,
+    batched and plain evaluation agree, and its steps with them, where it has any; no built-in
+    effect nests at the same place, so that the order in which effects are added does not matter;
+    one that generalises a listed effect nests where that does and has its law where it says; and
+    its prior gives it a fair size. The tests are those of the paper and one that retracts fully;
+    with ``scales`` they are stretched to its depth and force, and the size is not checked.
 
     Parameters
     ----------
@@ -74,6 +77,7 @@ def check_effect(kind: type[AbstractEffect], scales: Scales | None = None) -> No
     _check_amplitude(default)
     trial = _Trial(default, reference)
     _check_null(trial)
+    _check_slight(trial)
     _check_finite(trial)
     _check_causal(trial)
     _check_compiled(trial)
@@ -237,6 +241,19 @@ def _check_null(trial: _Trial) -> None:
             raise EffectError(
                 f"{trial.kind.name} does not vanish at its null: with {trial.values(constants)} "
                 f"the force is off by {error:.1e} of the peak"
+            )
+
+
+def _check_slight(trial: _Trial) -> None:
+    acceleration = np.asarray(trial.reference.motions.acceleration)
+    kinks = np.diff(acceleration, axis=1, prepend=acceleration[:, :1]) != 0.0
+    for draw, null, (nothing, _) in zip(trial.draws, trial.nulls, trial.at_null, strict=True):
+        force, _ = trial.both(null + _SLIGHT * (draw - null))
+        error = np.max(np.abs(force - nothing)[~kinks]) / trial.reference.peak
+        if not error <= _NEXT_TO_NOTHING:
+            raise EffectError(
+                f"{trial.kind.name} jumps: with a billionth of {trial.values(draw)} the force is "
+                f"off by {error:.1e} of the peak"
             )
 
 

@@ -167,7 +167,7 @@ class Separated:
 
     @property
     def size(self) -> float:
-        """s (N)."""
+        """The discrepancy's size (N)."""
         return self.plain.size
 
     @cached_property
