@@ -13,6 +13,7 @@ from qlvbayes.laws.scales import Scales
 from qlvbayes.preprocess.batching import batch
 from qlvbayes.preprocess.loadcontrol import control_of, crept_path, force_phases, with_both_errors
 from qlvbayes.preprocess.noisefloor import NoiseFloor, measure
+from qlvbayes.preprocess.noisefloor.fading import with_fading_sd
 from qlvbayes.preprocess.past import Past, past_of
 from qlvbayes.preprocess.phases import Phase, find_phases, loading_rate, phase_index
 from qlvbayes.preprocess.record import Record
@@ -177,10 +178,12 @@ def prepare(pad: Pad, *, all_tests: bool = False) -> Experiment:
     trials = [replace(t, role=role) for t, role in zip(trials, roles, strict=True)]
     if all_tests:
         trials = [replace(t, role="fit") for t in trials]
-    tests = [trial.test for trial in trials]
+    tests, fading = with_fading_sd([t.test for t in trials], [t.phases for t in trials])
+    trials = [replace(t, test=test) for t, test in zip(trials, tests, strict=True)]
     of_a_step = largest_stiffness(tests) * max(steps)
     read = with_both_errors(tests, [trial.control for trial in trials])
     floor = measure(read, [t.phases for t in trials], of_a_step=of_a_step)
+    floor = replace(floor, notices=(*fading, *floor.notices))
     return Experiment(pad.name, pad.units, tuple(trials), floor, pad.fluid)
 
 

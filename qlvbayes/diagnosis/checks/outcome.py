@@ -101,6 +101,12 @@ class Outcome:
         peak, settings = self.experiment.scales.force, self.search.settings
         return remainder(self.samples, residuals, test, plain, peak=peak, settings=settings)
 
+    def beyond_white(self, found: Weighed) -> float:
+        """By how much the error of all samples exceeds the white part of the noise (N)."""
+        white = [self.experiment.floor.white * own for own in self.samples.weights]
+        noise = float(np.mean(np.concatenate(white) ** 2))
+        return math.sqrt(max(rmse(self.residuals(found)) ** 2 - noise, 0.0))
+
     def stage(self, found: Weighed) -> Stage:
         """One hypothesis in figures."""
         residuals, tested = self.residuals(found), self.tested(found)

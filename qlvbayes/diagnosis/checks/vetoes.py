@@ -70,11 +70,13 @@ def _refused(outcome: Outcome, decision: Decision) -> dict[str, str]:
 def _is_enough(outcome: Outcome, told: Weighed) -> bool:
     """Whether what a hypothesis leaves passes as noise or is small.
 
-    Where no dwell shows whether noise is correlated, single cells say nothing: all over then.
+    Where no dwell shows whether noise is correlated, structure may have been measured as noise: the
+    size decides then, of all that exceeds the white noise.
     """
     tested, left = outcome.tested(told), outcome.left(told)
-    little = not tested.testable and left.excess <= left.tolerance * left.peak
-    return tested.is_sound(outcome.search.settings) or left.is_small or little
+    if not tested.testable:
+        return outcome.beyond_white(told) <= left.tolerance * left.peak
+    return tested.is_sound(outcome.search.settings) or left.is_small
 
 
 def _member(outcome: Outcome, told: Weighed, effect: str) -> str | None:

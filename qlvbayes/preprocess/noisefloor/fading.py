@@ -1,0 +1,124 @@
+r"""Noise that dies away along a test, as of a rheometer in its first tenths of a second.
+
+Of readings F_k at evenly growing times
+
+.. math:: e_k = F_k - \tfrac16 \left(-F_{k-2} + 4 F_{k-1} + 4 F_{k+1} - F_{k+2}\right)
+
+is the noise alone as long as the force is a cubic of the readings' number; independent noise of sd
+sigma gives it the variance 35/18 sigma^2. In windows of readings its median size tells sigma; a sd
+that does not rise from window to window is fitted to them (isotonic regression; Barlow et al.
+1972). Where it falls by much and beyond doubt, every reading has the sd of its place, as if the
+testing machine had told it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import isotonic_regression
+
+from qlvbayes.io.data import Test
+from qlvbayes.preprocess.phases import Phase
+
+Array = NDArray[np.float64]
+
+_WINDOW = 20
+"""Readings: a sd from their median is known to a quarter."""
+_FEWEST = 3
+"""Windows in which a fall can be told from a kink."""
+_FALLS = 4.0
+"""First sd over the last: more than noise that grows with a relaxing force makes of it."""
+_DECISIVE = 20.0
+"""Log-likelihood by which a falling sd must explain the readings better than one sd."""
+_INDEPENDENT = 1.0 / 3.0
+"""Share of the e_k that count as independent: neighbours share readings."""
+_BESIDE = 3
+"""Readings on either side of a change of phase that are no cubic of their number."""
+_EVEN = 1.5
+"""Ratio of neighbouring sampling intervals, above which a logger has changed its pace."""
+_VARIANCE = 35.0 / 18.0
+_MEDIAN = 0.6744897501960817
+"""Median size of a standard normal."""
+
+
+def with_fading_sd(
+    tests: Sequence[Test], phases: Sequence[Sequence[Phase]]
+) -> tuple[list[Test], tuple[str, ...]]:
+    """Tests whose noise dies away with a sd for each of their readings, and a sentence on each.
+
+    A measured ``force_sd`` is never replaced. Where any test's noise dies away, those whose noise
+    does not have their own sd all along, so that both kinds are weighed alike.
+    """
+    sds = [None if test.force_sd is not None else _levels(test, cut) for test, cut in
+           zip(tests, phases, strict=True)]  # fmt: skip
+    fades = [sd is not None and falls(*sd) for sd in sds]
+    if not any(fades):
+        return list(tests), ()
+    found, said = [], []
+    for test, sd, fading in zip(tests, sds, fades, strict=True):
+        if sd is None:
+            found.append(test)
+            continue
+        middle, level = sd
+        own = _falling(level) if fading else np.full(level.size, np.median(level))
+        every = np.exp(np.interp(np.arange(test.time.size), middle, np.log(own)))
+        found.append(replace(test, force_sd=every))
+        if fading:
+            begins, ends = every[0], every[-1]
+            until = float(test.time[np.argmax(every < np.sqrt(begins * ends))])
+            said.append(
+                f"the noise of test {test.name} dies away: its sd is {begins:.3g} at first and "
+                f"{ends:.3g} at the end, most of it before {until:.3g} s; each reading counts by "
+                "its own sd"
+            )
+    return found, tuple(said)
+
+
+def falls(middle: Array, level: Array) -> bool:
+    """Whether sds (W,) of windows fall by much and beyond doubt."""
+    if level.size < _FEWEST:
+        return False
+    own = _falling(level)
+    freedom = _INDEPENDENT * _WINDOW
+    together = np.sqrt(np.mean(level**2))
+    # of normal readings of one sd for all, or of the fitted ones, given the windows' variances
+    one = 0.5 * freedom * np.sum(2.0 * np.log(together) + level**2 / together**2)
+    each = 0.5 * freedom * np.sum(2.0 * np.log(own) + level**2 / own**2)
+    return bool(own[0] > _FALLS * own[-1] and one - each > _DECISIVE)
+
+
+def _falling(level: Array) -> Array:
+    """The nearest sds that do not rise, in their logarithms."""
+    return np.asarray(np.exp(isotonic_regression(np.log(level), increasing=False).x))
+
+
+def _levels(test: Test, phases: Sequence[Phase]) -> tuple[Array, Array] | None:
+    """Middle reading and sd (N) of each window (W,); None where these show no noise."""
+    if test.time.size < _FEWEST * _WINDOW:
+        return None
+    e, place = _deviations(test, phases)
+    count = e.size // _WINDOW
+    if count < _FEWEST:
+        return None
+    windows = np.array_split(np.arange(e.size), count)
+    level = np.array([np.median(np.abs(e[own])) for own in windows]) / _MEDIAN
+    middle = np.array([place[own].mean() for own in windows])
+    if not np.all(level > 0.0):  # a force that repeats itself, by its digits or its steps
+        return None
+    return middle, level / np.sqrt(_VARIANCE)
+
+
+def _deviations(test: Test, phases: Sequence[Phase]) -> tuple[Array, NDArray[np.intp]]:
+    """e_k (n,) and the readings that they belong to."""
+    force, step = test.force, np.diff(test.time)
+    e = force[2:-2] - (-force[:-4] + 4.0 * (force[1:-3] + force[3:-1]) - force[4:]) / 6.0
+    ratio = np.maximum(step[1:] / step[:-1], step[:-1] / step[1:])
+    even = np.max([ratio[k : ratio.size - 2 + k] for k in range(3)], axis=0) < _EVEN
+    place = np.arange(2, force.size - 2)
+    changes = np.searchsorted(test.time, [phase.stop for phase in phases[:-1]])
+    away = np.all(np.abs(place[:, None] - changes) > _BESIDE, axis=1)
+    kept = even & away
+    return e[kept], place[kept]
