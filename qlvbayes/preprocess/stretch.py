@@ -24,6 +24,7 @@ from qlvbayes.preprocess.freeknots import (
     residuals,
     with_knot_at_worst,
 )
+from qlvbayes.preprocess.polyline import corners
 from qlvbayes.preprocess.segments import Dwell, Tolerance
 
 Array = NDArray[np.float64]
@@ -62,7 +63,81 @@ def fitted(
     after: Dwell | None,
     tol: Tolerance,
 ) -> Stretch:
-    """Fit the motion between two dwells (None: the record begins or ends in motion)."""
+    """Fit the motion between two dwells (None: the record begins or ends in motion).
+
+    What strays from the readings, at them or between them, is replaced by straight lines.
+    """
+    found = _fitted(t, x, segments, before, after, tol)
+    return _lines(found, tol) if strays(found, tol) else found
+
+
+def strays(stretch: Stretch, tol: Tolerance) -> bool:
+    """Whether a path is farther from a reading than its errors explain, or leaves them between two.
+
+    Between two readings it may leave their line by as much as these or those beside them differ.
+    """
+    time, x = _readings(stretch)
+    if time.size < 2:
+        return False
+    if np.any(np.abs(evaluated(stretch, time) - x) > tol.farthest):
+        return True
+    moved = np.abs(np.diff(x))
+    beside = np.maximum(np.append(moved[1:], 0.0), np.append(0.0, moved[:-1]))
+    bound = np.maximum(moved, beside) + tol.farthest
+    knots = stretch.joints.knots
+    every = np.concatenate([0.5 * (time[1:] + time[:-1]), 0.5 * (knots[1:] + knots[:-1]), knots])
+    every = every[(every >= time[0]) & (every <= time[-1])]
+    between = np.clip(np.searchsorted(time, every, side="right") - 1, 0, moved.size - 1)
+    off = np.abs(evaluated(stretch, every) - np.interp(every, time, x))
+    return not bool(np.all(off <= bound[between]))
+
+
+def evaluated(stretch: Stretch, t: Array) -> Array:
+    """Displacement of the fitted pieces at times inside them."""
+    part = stretch.pieces
+    k = np.clip(np.searchsorted(part.knots, t, side="right") - 1, 0, part.knots.size - 2)
+    s = t - part.knots[k]
+    value = np.zeros_like(t)
+    if part.higher is not None:
+        for row in part.higher[::-1]:
+            value = s * (value + row[k])
+    return part.displacement[k] + s * (part.velocity[k] + s * (0.5 * part.acceleration[k] + value))
+
+
+def _readings(stretch: Stretch) -> tuple[Array, Array]:
+    """Those between the end knots."""
+    time, knots = stretch.window.time, stretch.joints.knots
+    inside = (time >= knots[0]) & (time <= knots[-1])
+    return time[inside], stretch.window.displacement[inside]
+
+
+def _lines(stretch: Stretch, tol: Tolerance) -> Stretch:
+    """Straight lines through some of the readings instead, from one dwell to the other."""
+    joints = stretch.joints
+    time, x = _readings(stretch)
+    if joints.left is not None:
+        time, x = np.append(joints.knots[0], time), np.append(joints.left, x)
+    if joints.right is not None:
+        time, x = np.append(time, joints.knots[-1]), np.append(x, joints.right)
+    apart = np.append(True, np.diff(time) > 0.0)
+    time, x = time[apart], x[apart]
+    kept = corners(time, x, tol.rest)
+    time, x = time[kept], x[kept]
+    kinked = np.ones(time.size, dtype=bool)
+    slopes = np.diff(x) / np.diff(time)
+    pieces = Pieces(time, x[:-1], slopes, np.zeros(slopes.size))
+    joints = Joints(time, kinked, joints.left, joints.right)
+    return Stretch(stretch.window, joints, 2, pieces, 2 * time.size)
+
+
+def _fitted(
+    t: Array,
+    x: Array,
+    segments: list[tuple[int, int]],
+    before: Dwell | None,
+    after: Dwell | None,
+    tol: Tolerance,
+) -> Stretch:
     first = 0 if before is None else before.stop
     stop = t.size if after is None else after.first
     low = first - 1 if before is not None else first
