@@ -33,7 +33,7 @@ _REST = 4.0  # if the rest after it lasts so many times as long,
 _LATE = 10.0  # and it is over within so many times the movement's duration
 _FEWEST_AT_REST = 3  # readings that show a rest,
 _FEWEST_MOVING = 2  # and a movement
-_WORTH = 8.0  # median intervals between readings, for which a dwell before the first movement
+_WORTH = 4.5  # median intervals between readings, for which a dwell before the first movement
 _SHARE = 0.1  # of that movement's duration is a hold
 _LEAST_SPEED = 1e-4  # of the record's top speed
 
@@ -57,7 +57,7 @@ def find_phases(trajectory: Trajectory) -> tuple[Phase, ...]:
     A movement counts if it covers more than 1 % of the stroke and five encoder steps; less is
     drift or jitter and belongs to the rest around it. A pause too short for such a movement at the
     neighbouring speed does not divide a ramp. A dwell before the first movement is a hold if it is
-    longer than that movement, or than a tenth of it and eight usual intervals between readings;
+    longer than that movement, or than a tenth of it and 4.5 usual intervals between readings;
     else part of it. Where a platen overshoots and settles, the rest begins at its farthest point:
     movements of less than a tenth of the one before them that follow it at once and end in a longer
     rest belong to that rest. A rest that lasts no two intervals between readings is none, nor is a

@@ -68,7 +68,11 @@ def fitted(
     What strays from the readings, at them or between them, is replaced by straight lines.
     """
     found = _fitted(t, x, segments, before, after, tol)
-    return _lines(found, tol) if strays(found, tol) else found
+    if not strays(found, tol):
+        return found
+    first = 0 if before is None else before.stop - 1
+    stop = t.size if after is None else after.first + 1
+    return _lines(t[first:stop], x[first:stop], found, tol)
 
 
 def strays(stretch: Stretch, tol: Tolerance) -> bool:
@@ -76,15 +80,17 @@ def strays(stretch: Stretch, tol: Tolerance) -> bool:
 
     Between two readings it may leave their line by as much as these or those beside them differ.
     """
-    time, x = _readings(stretch)
+    knots, time, x = stretch.joints.knots, stretch.window.time, stretch.window.displacement
+    path = evaluated(stretch, np.clip(time, knots[0], knots[-1]))
+    if not np.all(np.abs(path - x) <= tol.farthest):
+        return True
+    inside = (time >= knots[0]) & (time <= knots[-1])
+    time, x = time[inside], x[inside]
     if time.size < 2:
         return False
-    if np.any(np.abs(evaluated(stretch, time) - x) > tol.farthest):
-        return True
     moved = np.abs(np.diff(x))
     beside = np.maximum(np.append(moved[1:], 0.0), np.append(0.0, moved[:-1]))
     bound = np.maximum(moved, beside) + tol.farthest
-    knots = stretch.joints.knots
     every = np.concatenate([0.5 * (time[1:] + time[:-1]), 0.5 * (knots[1:] + knots[:-1]), knots])
     every = every[(every >= time[0]) & (every <= time[-1])]
     between = np.clip(np.searchsorted(time, every, side="right") - 1, 0, moved.size - 1)
@@ -104,30 +110,17 @@ def evaluated(stretch: Stretch, t: Array) -> Array:
     return part.displacement[k] + s * (part.velocity[k] + s * (0.5 * part.acceleration[k] + value))
 
 
-def _readings(stretch: Stretch) -> tuple[Array, Array]:
-    """Those between the end knots."""
-    time, knots = stretch.window.time, stretch.joints.knots
-    inside = (time >= knots[0]) & (time <= knots[-1])
-    return time[inside], stretch.window.displacement[inside]
-
-
-def _lines(stretch: Stretch, tol: Tolerance) -> Stretch:
-    """Straight lines through some of the readings instead, from one dwell to the other."""
-    joints = stretch.joints
-    time, x = _readings(stretch)
-    if joints.left is not None:
-        time, x = np.append(joints.knots[0], time), np.append(joints.left, x)
-    if joints.right is not None:
-        time, x = np.append(time, joints.knots[-1]), np.append(x, joints.right)
-    apart = np.append(True, np.diff(time) > 0.0)
-    time, x = time[apart], x[apart]
+def _lines(time: Array, x: Array, stretch: Stretch, tol: Tolerance) -> Stretch:
+    """Straight lines through some of the readings instead, from one dwell's last to the other's."""
+    left, right = stretch.joints.left, stretch.joints.right
+    x = x.copy()
+    x[0], x[-1] = (x[0] if left is None else left), (x[-1] if right is None else right)
     kept = corners(time, x, tol.rest)
     time, x = time[kept], x[kept]
-    kinked = np.ones(time.size, dtype=bool)
     slopes = np.diff(x) / np.diff(time)
-    pieces = Pieces(time, x[:-1], slopes, np.zeros(slopes.size))
-    joints = Joints(time, kinked, joints.left, joints.right)
-    return Stretch(stretch.window, joints, 2, pieces, 2 * time.size)
+    joints = Joints(time, np.ones(time.size, dtype=bool), left, right)
+    lines = Pieces(time, x[:-1], slopes, np.zeros(slopes.size))
+    return Stretch(stretch.window, joints, 2, lines, 2 * time.size)
 
 
 def _fitted(
