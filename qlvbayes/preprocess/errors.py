@@ -21,7 +21,7 @@ from scipy.sparse import csr_array, dia_array
 
 from qlvbayes.preprocess.freeknots import Joints
 from qlvbayes.preprocess.segments import Tolerance
-from qlvbayes.preprocess.stretch import Stretch
+from qlvbayes.preprocess.stretch import Stretch, evaluated
 
 Array = NDArray[np.float64]
 
@@ -76,18 +76,6 @@ def _variance(stretch: Stretch, inside: NDArray[np.intp], tol: Tolerance) -> Arr
     change = np.flatnonzero(np.diff(x) != 0.0) + 1
     runs = np.diff(np.concatenate([[0], change, [x.size]]))
     return tol.variance * np.repeat(runs, runs)
-
-
-def evaluated(stretch: Stretch, t: Array) -> Array:
-    """Displacement of the fitted pieces at times inside them."""
-    part = stretch.pieces
-    k = np.clip(np.searchsorted(part.knots, t, side="right") - 1, 0, part.knots.size - 2)
-    s = t - part.knots[k]
-    value = np.zeros_like(t)
-    if part.higher is not None:
-        for row in part.higher[::-1]:
-            value = s * (value + row[k])
-    return part.displacement[k] + s * (part.velocity[k] + s * (0.5 * part.acceleration[k] + value))
 
 
 def repeated_knots(joints: Joints, degree: int) -> tuple[Array, slice]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -13,6 +13,7 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.preprocess.trajectory import Trajectory
 
 Array = NDArray[np.float64]
+Move = tuple[int, int, int]  # first and last of the times, and the sign
 Kind = Literal["ramp", "hold", "unload", "recovery"]
 NAMES: dict[str, str] = {  # of kinds, for readers
     "ramp": "ramp",
@@ -27,6 +28,13 @@ _LEAST_SHARE = 0.01  # of the stroke: a smaller movement is drift or jitter
 _LEAST_STEPS = 5.0  # encoder steps, for the same reason
 _CREEP = 0.02  # of a movement's own speed: slower ends of it belong to the rest
 _DWELL = 0.2  # of the shorter movement beside it: a longer slow turn is a dwell
+_SETTLING = 0.1  # of a movement: what follows it at once and is smaller is the platen settling,
+_REST = 4.0  # if the rest after it lasts so many times as long,
+_LATE = 10.0  # and it is over within so many times the movement's duration
+_FEWEST_AT_REST = 3  # readings that show a rest,
+_FEWEST_MOVING = 2  # and a movement
+_WORTH = 4.5  # median intervals between readings, for which a dwell before the first movement
+_SHARE = 0.1  # of that movement's duration is a hold
 _LEAST_SPEED = 1e-4  # of the record's top speed
 
 
@@ -49,15 +57,19 @@ def find_phases(trajectory: Trajectory) -> tuple[Phase, ...]:
     A movement counts if it covers more than 1 % of the stroke and five encoder steps; less is
     drift or jitter and belongs to the rest around it. A pause too short for such a movement at the
     neighbouring speed does not divide a ramp. A dwell before the first movement is a hold if it is
-    longer than that movement, else part of it.
+    longer than that movement, or than a tenth of it and 4.5 usual intervals between readings;
+    else part of it. Where a platen overshoots and settles, the rest begins at its farthest point:
+    movements of less than a tenth of the one before them that follow it at once and end in a longer
+    rest belong to that rest. A rest that lasts no two intervals between readings is none, nor is a
+    movement between two readings.
     """
     times, depth = _turning_points(trajectory)
-    moves = _movements(times, depth, trajectory.resolution)
+    moves = _settled(_movements(times, depth, trajectory.resolution), times, depth)
     start, stop = float(times[0]), float(times[-1])
     phases: list[Phase] = []
     resting: Kind = "hold"
     at = start
-    moves = _turning(_from_the_start(moves, times), times, trajectory)
+    moves = _turning(_from_the_start(moves, times, trajectory), times, trajectory)
     for first, last, sign in moves:
         if times[first] > at:
             phases.append(Phase(resting, at, float(times[first])))
@@ -66,7 +78,73 @@ def find_phases(trajectory: Trajectory) -> tuple[Phase, ...]:
         resting = "hold" if sign > 0 else "recovery"
     if at < stop:
         phases.append(Phase(resting, at, stop))
-    return tuple(phases)
+    return tuple(_shown(phases, trajectory))
+
+
+def _settled(moves: list[tuple[int, int, int]], times: Array, depth: Array) -> list[Move]:
+    """Movements without the small ones in which a platen settles after a larger one."""
+    kept: list[Move] = []
+    k = 0
+    while k < len(moves):
+        first, last, _ = moves[k]
+        kept.append(moves[k])
+        run, end = k + 1, last
+        while run < len(moves) and _follows(
+            moves[run], end, abs(depth[last] - depth[first]), depth, times
+        ):
+            end, run = moves[run][1], run + 1
+        after = float(times[moves[run][0]] if run < len(moves) else times[-1]) - times[end]
+        lasted = times[end] - times[last]
+        if _REST * lasted <= after and lasted <= _LATE * (times[last] - times[first]):
+            k = run
+        else:
+            k += 1
+    return kept
+
+
+def _follows(move: Move, end: int, size: float, depth: Array, times: Array) -> bool:
+    """Whether a movement follows the end of another at once and is small beside a size."""
+    first, last, _ = move
+    pause = times[first] - times[end]
+    small = abs(depth[last] - depth[first]) < _SETTLING * size
+    return bool(small and pause <= _DWELL * (times[last] - times[first]))
+
+
+def _shown(phases: list[Phase], trajectory: Trajectory) -> list[Phase]:
+    """Phases without those that too few readings show: they belong to what is beside them."""
+    if trajectory.read_at is None:
+        return phases
+    k = 0
+    while len(phases) > 1 and k < len(phases):
+        if _is_shown(phases[k], trajectory, trajectory.read_at):
+            k += 1
+            continue
+        phases = _without(phases, k)
+        k = max(k - 1, 0)
+    return phases
+
+
+def _is_shown(phase: Phase, trajectory: Trajectory, read_at: Array) -> bool:
+    """Whether enough readings lie in it; of a large movement none need to."""
+    first = np.searchsorted(read_at, phase.start - 1e-9, side="left")
+    count = int(np.searchsorted(read_at, phase.stop + 1e-9, side="right") - first)
+    if phase.kind not in MOVING:
+        return count >= _FEWEST_AT_REST
+    ends = trajectory.displacement(np.array([phase.start, phase.stop]))
+    stroke = float(np.ptp(trajectory.displacement(trajectory.knots)))
+    return count >= _FEWEST_MOVING or abs(float(np.diff(ends)[0])) > _SETTLING * stroke
+
+
+def _without(phases: list[Phase], k: int) -> list[Phase]:
+    """The same without one: joined to the one before it, and with the one after if of a kind."""
+    here = phases[k]
+    if k == 0:
+        return [replace(phases[1], start=here.start), *phases[2:]]
+    before = replace(phases[k - 1], stop=here.stop)
+    rest = phases[k + 1 :]
+    if rest and (rest[0].kind == before.kind or before.kind not in MOVING):
+        before, rest = replace(before, stop=rest[0].stop), rest[1:]
+    return [*phases[: k - 1], before, *rest]
 
 
 def phase_index(phases: Sequence[Phase], time: Array) -> NDArray[np.intp]:
@@ -101,15 +179,22 @@ def _turning_points(trajectory: Trajectory) -> tuple[Array, Array]:
     return times, trajectory.displacement(times)
 
 
-def _from_the_start(moves: list[tuple[int, int, int]], times: Array) -> list[tuple[int, int, int]]:
+def _from_the_start(
+    moves: list[tuple[int, int, int]], times: Array, trajectory: Trajectory
+) -> list[tuple[int, int, int]]:
     """The first movement begins with the record if the dwell before it is shorter than it is.
 
-    The encoder shows a slow start late; a dwell worth the name lasts longer.
+    The encoder shows a slow start late; a dwell worth the name lasts longer, or for many readings.
     """
     if not moves:
         return moves
     first, last, sign = moves[0]
-    late = times[first] - times[0] < times[last] - times[first]
+    dwell, lasted = times[first] - times[0], times[last] - times[first]
+    late = dwell < lasted
+    if late and trajectory.read_at is not None and first > 0:
+        usual = float(np.median(np.diff(trajectory.read_at)))
+        still = _all_rest(trajectory, times[: first + 1])
+        late = not (still and dwell >= max(_SHARE * lasted, _WORTH * usual))
     return [(0, last, sign), *moves[1:]] if late else moves
 
 
@@ -136,6 +221,11 @@ def _turning(
         if times[-1] - times[last] < _DWELL * (times[last] - times[first]):
             joined[-1] = (first, times.size - 1, sign)
     return joined
+
+
+def _all_rest(trajectory: Trajectory, times: Array) -> bool:
+    """Whether the platen stands still between all these neighbouring times."""
+    return bool(np.all(trajectory.velocity(0.5 * (times[1:] + times[:-1])) == 0.0))
 
 
 def _rests(trajectory: Trajectory, times: Array) -> bool:

@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
 Array = NDArray[np.float64]
 
@@ -20,6 +21,9 @@ _PASSED = 20  # changes that show a larger one
 _MANY = 100  # readings that tell scatter from motion,
 _SHOWING = 50_000  # and that show it to a third of a per cent
 _REPEATS = 0.3  # of a step: sd of the scatter with which six readings repeat in half of all cases
+_SMALL = 2.0  # steps: larger changes are motion
+_UNDONE = 8  # changes undone that show a scatter
+_MOSTLY = 0.3  # of the pairs of small changes
 _UNSEEN = 0.3  # of the bound on each residual: their root mean square in an exact record
 
 
@@ -35,6 +39,11 @@ class Tolerance:
     rest: float
     noise: float
     step: float
+
+    @property
+    def farthest(self) -> float:
+        """From a reading that a path may be: two resolutions, or what is bounded above if more."""
+        return max(2.0 * self.step, 2.0 * self.noise, 1.25 * max(self.sample, self.rest))
 
     @property
     def variance(self) -> float:
@@ -183,7 +192,34 @@ def tolerance(time: Array, displacement: Array, step: float, scatter: float = np
 
 def _scatter(time: Array, displacement: Array, step: float) -> float:
     """Of as many readings as show it: windows of all of a long record take much memory."""
-    return sensor_noise(time[:_SHOWING], displacement[:_SHOWING], step)
+    x = displacement[:_SHOWING]
+    return max(sensor_noise(time[:_SHOWING], x, step), dither(x, step))
+
+
+def dither(displacement: Array, step: float) -> float:
+    """Return the sd of a scatter that moves readings to and fro by a step or two; 0 if none.
+
+    Rounding alone never takes a reading back that a steady motion has passed, however slow it is.
+    Where small changes mostly undo the one before them, the second differences of readings among
+    small changes have six times their variance s^2. Scatter below half a step shows least in the
+    middle of a step, where s^2 = 2 P(scatter > step / 2): that much it can be at most; a larger one
+    has the variance s^2 - step^2 / 12.
+    """
+    if step == 0.0:
+        return 0.0
+    change = np.round(np.diff(displacement) / step)
+    small = np.abs(change) <= _SMALL
+    moves = np.flatnonzero(change != 0.0)
+    pairs = small[moves[1:]] & small[moves[:-1]]
+    back = pairs & (change[moves[1:]] * change[moves[:-1]] < 0.0)
+    undone = np.count_nonzero(back)
+    if undone < _UNDONE or undone < _MOSTLY * np.count_nonzero(pairs):
+        return 0.0
+    among = small[1:] & small[:-1]
+    variance = float(np.mean(np.diff(change)[among] ** 2)) / 6.0
+    if variance < 0.25:
+        return step * 0.5 / -float(ndtri(0.5 * variance))
+    return step * float(np.sqrt(variance - 1.0 / 12.0))
 
 
 def _quadratic_fits(time: Array, x: Array, tol: Tolerance) -> bool:

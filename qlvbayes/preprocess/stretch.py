@@ -24,6 +24,7 @@ from qlvbayes.preprocess.freeknots import (
     residuals,
     with_knot_at_worst,
 )
+from qlvbayes.preprocess.polyline import corners
 from qlvbayes.preprocess.segments import Dwell, Tolerance
 
 Array = NDArray[np.float64]
@@ -62,7 +63,74 @@ def fitted(
     after: Dwell | None,
     tol: Tolerance,
 ) -> Stretch:
-    """Fit the motion between two dwells (None: the record begins or ends in motion)."""
+    """Fit the motion between two dwells (None: the record begins or ends in motion).
+
+    What strays from the readings, at them or between them, is replaced by straight lines.
+    """
+    found = _fitted(t, x, segments, before, after, tol)
+    if not strays(found, tol):
+        return found
+    first = 0 if before is None else before.stop - 1
+    stop = t.size if after is None else after.first + 1
+    return _lines(t[first:stop], x[first:stop], found, tol)
+
+
+def strays(stretch: Stretch, tol: Tolerance) -> bool:
+    """Whether a path is farther from a reading than its errors explain, or leaves them between two.
+
+    Between two readings it may leave their line by as much as these or those beside them differ.
+    """
+    knots, time, x = stretch.joints.knots, stretch.window.time, stretch.window.displacement
+    path = evaluated(stretch, np.clip(time, knots[0], knots[-1]))
+    if not np.all(np.abs(path - x) <= tol.farthest):
+        return True
+    inside = (time >= knots[0]) & (time <= knots[-1])
+    time, x = time[inside], x[inside]
+    if time.size < 2:
+        return False
+    moved = np.abs(np.diff(x))
+    beside = np.maximum(np.append(moved[1:], 0.0), np.append(0.0, moved[:-1]))
+    bound = np.maximum(moved, beside) + tol.farthest
+    every = np.concatenate([0.5 * (time[1:] + time[:-1]), 0.5 * (knots[1:] + knots[:-1]), knots])
+    every = every[(every >= time[0]) & (every <= time[-1])]
+    between = np.clip(np.searchsorted(time, every, side="right") - 1, 0, moved.size - 1)
+    off = np.abs(evaluated(stretch, every) - np.interp(every, time, x))
+    return not bool(np.all(off <= bound[between]))
+
+
+def evaluated(stretch: Stretch, t: Array) -> Array:
+    """Displacement of the fitted pieces at times inside them."""
+    part = stretch.pieces
+    k = np.clip(np.searchsorted(part.knots, t, side="right") - 1, 0, part.knots.size - 2)
+    s = t - part.knots[k]
+    value = np.zeros_like(t)
+    if part.higher is not None:
+        for row in part.higher[::-1]:
+            value = s * (value + row[k])
+    return part.displacement[k] + s * (part.velocity[k] + s * (0.5 * part.acceleration[k] + value))
+
+
+def _lines(time: Array, x: Array, stretch: Stretch, tol: Tolerance) -> Stretch:
+    """Straight lines through some of the readings instead, from one dwell's last to the other's."""
+    left, right = stretch.joints.left, stretch.joints.right
+    x = x.copy()
+    x[0], x[-1] = (x[0] if left is None else left), (x[-1] if right is None else right)
+    kept = corners(time, x, tol.rest)
+    time, x = time[kept], x[kept]
+    slopes = np.diff(x) / np.diff(time)
+    joints = Joints(time, np.ones(time.size, dtype=bool), left, right)
+    lines = Pieces(time, x[:-1], slopes, np.zeros(slopes.size))
+    return Stretch(stretch.window, joints, 2, lines, 2 * time.size)
+
+
+def _fitted(
+    t: Array,
+    x: Array,
+    segments: list[tuple[int, int]],
+    before: Dwell | None,
+    after: Dwell | None,
+    tol: Tolerance,
+) -> Stretch:
     first = 0 if before is None else before.stop
     stop = t.size if after is None else after.first
     low = first - 1 if before is not None else first

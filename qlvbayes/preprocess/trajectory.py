@@ -35,6 +35,23 @@ _SAME = 1e-6  # of the largest: smaller jumps are rounding
 
 
 @dataclass(frozen=True)
+class Departure:
+    """The reading from which a motion is farthest: time (s), distance, and what errors explain."""
+
+    time: float
+    distance: float
+    explained: float
+
+    def notice(self, test: str, unit: str) -> str:
+        """In a sentence."""
+        return (
+            f"test {test}: the fitted motion is {self.distance:.3g} {unit} from the reading at "
+            f"{self.time:.6g} s, where scatter and resolution explain {self.explained:.2g} {unit}; "
+            "see whether readings there are wrong"
+        )
+
+
+@dataclass(frozen=True)
 class Trajectory:
     """A continuous motion, a polynomial between each two knots t_k and t_{k+1}.
 
@@ -48,7 +65,9 @@ class Trajectory:
     "acceleration"), with the reason in a few words. ``moments``: sds of the times of knots.
     ``clock_sd``: sd in s of the error of each reading's time stamp, from the jitter of the clock
     and the rounding of the stamps (``clock.clock_error``), and no more than the readings of the
-    moving platen allow; 0 where stamps are exact or none were read.
+    moving platen allow; 0 where stamps are exact or none were read. ``read_at``: times (n,) of the
+    readings, None for a planned motion; ``departure``: where the path is farthest from a reading,
+    if that is more than the readings' errors explain.
     """
 
     knots: Array
@@ -61,6 +80,8 @@ class Trajectory:
     error: Errors | None = None
     moments: Moments | None = None
     clock_sd: float = 0.0
+    read_at: Array | None = None
+    departure: Departure | None = None
 
     @cached_property
     def _path(self) -> tuple[PPoly, PPoly, PPoly]:
@@ -274,7 +295,18 @@ def _joined(
         unresolved=_unresolved(plain, parts, found),
         moments=_all_moments(t, parts, dwells, tol, clock),
         clock_sd=clock,
+        read_at=t,
+        departure=_departure(t, x, plain, tol),
     )
+
+
+def _departure(t: Array, x: Array, motion: Trajectory, tol: Tolerance) -> Departure | None:
+    """Every reading is set against the path; None where all errors explain what is left."""
+    off = np.abs(motion.displacement(t) - x)
+    worst = int(np.argmax(np.where(np.isfinite(off), off, np.inf)))
+    if off[worst] <= tol.farthest:
+        return None
+    return Departure(float(t[worst]), float(off[worst]), tol.farthest)
 
 
 def _clock_sd(t: Array, x: Array, motion: Trajectory) -> float:
