@@ -42,7 +42,11 @@ def check_pad(saved: Saved, pad: Pad, *, seed: int = 0) -> CheckedPad:
             f"the posterior of pad {saved.pad} has no noise",
             remedy="give draws of noise.white, or also of noise.ou and noise.tau",
         )
-    experiment = prepare(pad, all_tests=saved.all_tests)
+    experiment = prepare(
+        pad,
+        all_tests=saved.all_tests,
+        keep_all_readings=saved.choices.keep_all_readings,
+    )
     constants = dict(zip(saved.names, saved.draws.T, strict=True))
     by = factors(saved.choices, constants, saved.units, pad.units)
     constants = {name: by[name] * draws for name, draws in constants.items()}

@@ -1,0 +1,189 @@
+r"""Which readings of one channel their neighbours on both sides contradict.
+
+A run of k readings is held against the sound ones before and after it, at a and b: it is outlying
+if each of its values lies beyond both by more than
+
+.. math:: \max(12 k^{1/2} s,\; 4 q,\; 4 |\Delta x|_{med},\; |b - a|,\; 0.01\, range),
+
+s being the median distance of a reading from the line through its two neighbours (those nearby, and
+all as far apart in time), q the step of a digitised channel. A step is as large as the difference
+of its sides, a turn as large as the changes nearby, noise as s.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from qlvbayes.preprocess.segments import encoder_step
+
+Array = NDArray[np.float64]
+Run = tuple[int, int]
+
+LONGEST = 8  # readings in a row that differ among each other; equal ones may be more
+_NEARBY = 31  # readings whose median tells the noise here
+_BEYOND = 12.0  # of these medians: 8 sds of white noise, whose every reading has its neighbours' too
+_CHANGES = 4.0  # of the median change from reading to reading: how sharp a movement may turn
+_STEPS = 4.0  # of a digitised channel
+_SIDES = 1.0  # of the difference between both sides: what lies between two levels is their step
+_LEAST = 0.01  # of the channel's range: less does no harm
+_STEP_READINGS = 20_000  # that show the step of a digitised channel
+_FEWEST = 12  # readings of which anything can be said
+
+
+@dataclass(frozen=True)
+class Scale:
+    """How one channel's readings change of themselves.
+
+    deviation: (n,) median distance of a reading from the line through its neighbours; change: (n,)
+    median change nearby; step: of a digitised channel, 0 where none shows; span: its range.
+    """
+
+    deviation: Array
+    change: Array
+    step: float
+    span: float
+
+    def least(self, run: Run, sides: float) -> float:
+        """How far a run must lie beyond its neighbours, which differ by ``sides``."""
+        first, stop = run
+        at = min((first + stop) // 2, self.deviation.size - 1)
+        return max(
+            _BEYOND * float(np.sqrt(min(stop - first, LONGEST)) * self.deviation[at]),
+            _CHANGES * float(self.change[at]),
+            _STEPS * self.step,
+            _SIDES * sides,
+            _LEAST * self.span,
+        )
+
+
+def scale_of(time: Array, signal: Array) -> Scale:
+    """The scale of one channel, whatever few of its readings say."""
+    weight = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
+    line = signal[:-2] + weight * (signal[2:] - signal[:-2])
+    off = np.abs(signal[1:-1] - line)
+    change = np.abs(np.diff(signal))
+    near = _median(off)
+    alike = _of_equal_gaps(time[2:] - time[:-2], off)
+    low, high = np.quantile(signal, [0.005, 0.995])
+    return Scale(
+        np.pad(np.maximum(near, alike), 1, mode="edge"),
+        np.pad(_median(change), (0, 1), mode="edge"),
+        _step(signal),
+        float(high - low),
+    )
+
+
+def outlying(time: Array, signal: Array) -> NDArray[np.bool_]:
+    """Which readings (n,) lie far beyond those before and after them."""
+    mask = np.zeros(signal.size, dtype=bool)
+    if signal.size >= _FEWEST:
+        for first, stop in outlying_runs(signal, scale_of(time, signal)):
+            mask[first:stop] = True
+    return mask
+
+
+def outlying_runs(signal: Array, scale: Scale) -> list[Run]:
+    """The runs [first, stop) of outlying readings, none of them touching another."""
+    mask = np.zeros(signal.size, dtype=bool)
+    for length in range(1, LONGEST + 1):
+        for run in _of_length(signal, scale, length, mask):
+            mask[run[0] : run[1]] = True
+    for run in equal_runs(signal, LONGEST + 1):
+        if not mask[run[0] : run[1]].any() and _beyond(signal, scale, run):
+            mask[run[0] : run[1]] = True
+    return _confirmed(signal, scale, mask)
+
+
+def equal_runs(signal: Array, least: int) -> list[Run]:
+    """Runs [first, stop) of at least so many readings that repeat one value."""
+    edges = np.flatnonzero(np.diff(signal) != 0.0) + 1
+    edges = np.concatenate([[0], edges, [signal.size]])
+    long = np.flatnonzero(np.diff(edges) >= least)
+    return [(int(edges[k]), int(edges[k + 1])) for k in long]
+
+
+def distance(values: Array, one: float, other: float) -> Array:
+    """How far values lie beyond both of two levels."""
+    low, high = min(one, other), max(one, other)
+    return np.maximum(np.maximum(values - high, low - values), 0.0)
+
+
+def _median(values: Array) -> Array:
+    size = min(_NEARBY, values.size)
+    return np.asarray(median_filter(values, size=size, mode="nearest"))
+
+
+def _of_equal_gaps(gaps: Array, off: Array) -> Array:
+    """Median distance of all readings that are as far from their neighbours, within a factor 2.
+
+    Slow noise differs little between readings near in time, and much between distant ones.
+    """
+    group = np.floor(np.log2(gaps)).astype(int)
+    group -= group.min()
+    medians = np.zeros(group.max() + 1)
+    for k in np.unique(group):
+        medians[k] = np.median(off[group == k])
+    return np.asarray(medians[group])
+
+
+def _step(signal: Array) -> float:
+    """Step of a digitised channel, of which the bad readings need not be multiples."""
+    few = signal[:_STEP_READINGS]
+    step = encoder_step(few)
+    if step > 0.0:
+        return step
+    changes = np.abs(np.diff(few))
+    changes = changes[changes > 0.0]
+    return float(changes.min()) if changes.size else 0.0
+
+
+def _of_length(
+    signal: Array, scale: Scale, length: int, mask: NDArray[np.bool_]
+) -> list[Run]:
+    """Outlying runs of a length that do not overlap and hold none known."""
+    if signal.size < length + 2:
+        return []
+    before, after = signal[: -length - 1], signal[length + 1 :]
+    low, high = np.minimum(before, after), np.maximum(before, after)
+    beyond = np.full(low.size, np.inf)
+    for k in range(1, length + 1):
+        value = signal[k : k + low.size]
+        beyond = np.minimum(beyond, np.maximum(value - high, low - value))
+    likely = beyond > np.maximum(_LEAST * scale.span, high - low)
+    found: list[Run] = []
+    for at in (np.flatnonzero(likely) + 1).tolist():
+        run = (at, at + length)
+        if not mask[at : at + length].any() and _beyond(signal, scale, run):
+            found.append(run)
+    return found
+
+
+def _beyond(signal: Array, scale: Scale, run: Run) -> bool:
+    first, stop = run
+    if first == 0 or stop == signal.size:
+        return False
+    before, after = float(signal[first - 1]), float(signal[stop])
+    least = float(distance(signal[first:stop], before, after).min())
+    return least > scale.least(run, abs(after - before))
+
+
+def _confirmed(signal: Array, scale: Scale, mask: NDArray[np.bool_]) -> list[Run]:
+    """The runs of masked readings, less those that the nearest sound ones on both sides bear out.
+
+    A sound reading between two bad ones lies far from both.
+    """
+    found: list[Run] = []
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
+    for first, stop in edges.reshape(-1, 2).tolist():
+        if first == 0 or stop == signal.size:
+            continue
+        before, after = float(signal[first - 1]), float(signal[stop])
+        least = scale.least((first, first + 1), abs(after - before))
+        bad = distance(signal[first:stop], before, after) > least
+        inner = np.flatnonzero(np.diff(np.concatenate([[False], bad, [False]]).astype(int)))
+        found += [(first + a, first + b) for a, b in inner.reshape(-1, 2).tolist()]
+    return found
