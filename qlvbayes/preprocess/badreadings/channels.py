@@ -7,6 +7,7 @@ one channel that the other bears out is the specimen's, however sudden.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,15 +26,15 @@ _BENT = 2.5  # steps of the encoder by which the motion leaves a line where its 
 _SHARPLY = 4.0  # and times the record's median, where it bends all the time
 _IMPOSSIBLE = 5.0  # times the largest speed otherwise seen: no platen is so fast
 _RETURNS = 0.1  # of an excursion: so exactly a channel comes back that never left
-_ALIKE = 0.02  # of the range: values of force next to zero
+_SMALL = 0.02  # of the range: a larger step is one of the motion, sampled seldom
 
 
 @dataclass(frozen=True)
 class Channels:
     """Both channels of one test of n readings, and what is known of them.
 
-    bad: (n,) readings that one of the channels doubts; fastest: largest speed that other readings
-    of the pad's tests show.
+    doubtful: (n,) readings that either channel doubts by itself; fastest: largest speed that other
+    readings of the pad's tests show; lost: (n,) readings of displacement found to be bad.
     """
 
     time: Array
@@ -43,6 +44,7 @@ class Channels:
     of_force: Scale
     doubtful: NDArray[np.bool_]
     fastest: float
+    lost: NDArray[np.bool_]
 
     @property
     def stiffness(self) -> float:
@@ -51,19 +53,15 @@ class Channels:
         return self.of_force.span / span if span > 0.0 else 0.0
 
     def moved(self, run: Run) -> float:
-        """How far the platen went about a run, beyond what its sensor's steps and noise make."""
-        places = self._sound_about(run, _BESIDE)
-        d = self.displacement[places]
-        noise = self.of_displacement
-        error = 2.0 * noise.step + 4.0 * float(noise.deviation[run[0]])
-        return max(float(np.ptp(d)) - error, 0.0) if d.size else 0.0
+        """How far the platen went about a run, 0 where its sensor's step and noise make as much."""
+        d = self.displacement[self._about(run, _BESIDE)]
+        way = float(np.ptp(d)) if d.size else 0.0
+        return way if way > self._flicker(run) else 0.0
 
     def bends(self, run: Run) -> bool:
         """Whether the platen's speed changes nearby, more than it does all the time."""
         departure = self._departure(run)
-        noise = self.of_displacement
-        least = _BENT * noise.step + 8.0 * float(noise.deviation[run[0]])
-        return departure > max(least, _SHARPLY * self._usual_departure())
+        return departure > max(_BENT * self._flicker(run), _SHARPLY * self.usual_departure)
 
     def force_contradicted(self, run: Run) -> bool:
         """Whether the platen did nothing that explains how the force reads in a run."""
@@ -114,27 +112,39 @@ class Channels:
         )
 
     def force_change(self, run: Run, before: int, after: int) -> float:
-        """How far the force in a run leaves the line between both sides, at the least."""
+        """How far the force in a run leaves the line between both sides.
+
+        That is as it begins, as it ends or in most of it, whichever is more.
+        """
         inside = slice(*run)
         line = np.interp(
             self.time[inside], self.time[[before, after]], self.force[[before, after]]
         )
-        return float(np.min(np.abs(self.force[inside] - line)))
+        off = np.abs(self.force[inside] - line)
+        return float(max(off[0], off[-1], np.median(off)))
 
     def _sides(self, run: Run) -> tuple[int, int]:
         before, after = neighbours(self.doubtful, *run)
         return (run[0] if before is None else before), (run[1] - 1 if after is None else after)
 
-    def _sound_about(self, run: Run, reach: int) -> NDArray[np.intp]:
+    def _flicker(self, run: Run) -> float:
+        """How far readings at rest may differ: a step of the encoder (not of the motion), noise."""
+        noise = self.of_displacement
+        step = noise.step if noise.step < _SMALL * noise.span else 0.0
+        return 1.01 * step + 4.0 * float(noise.deviation[run[0]])
+
+    def _about(self, run: Run, reach: int) -> NDArray[np.intp]:
+        """Readings in and about a run whose displacement counts."""
         low, high = max(run[0] - reach, 0), min(run[1] + reach, self.time.size)
         places = np.arange(low, high)
-        return places[~self.doubtful[places]]
+        return places[~self.lost[places]]
 
     def _departure(self, run: Run) -> float:
-        places = self._sound_about(run, _BENDS)
+        places = self._about(run, _BENDS)
         return _bow(self.time[places], self.displacement[places])
 
-    def _usual_departure(self) -> float:
+    @cached_property
+    def usual_departure(self) -> float:
         """Median departure from a line, of stretches as long, all over the record."""
         sound = np.flatnonzero(~self.doubtful)
         width = 2 * _BENDS + 1

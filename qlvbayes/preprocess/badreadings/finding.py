@@ -68,7 +68,7 @@ def without(test: Test, mask: NDArray[np.bool_]) -> Test:
         displacement=test.displacement[sound],
         force=test.force[sound],
         force_sd=None if test.force_sd is None else test.force_sd[sound],
-        start_s=test.start_s + float(time[0] - test.time[0]),
+        start_s=test.start_s + max(float(time[0] - test.time[0]), 0.0),
     )
 
 
@@ -102,24 +102,21 @@ class _Doubts:
             return []
         own = Channels(
             self.time, self.displacement, self.force, self.of_displacement, self.of_force,
-            self.doubtful, top,
+            self.doubtful, top, np.zeros(self.time.size, dtype=bool),
         )  # fmt: skip
         found = self._rows(own)
-        taken = np.zeros(self.time.size, dtype=bool)
+        found += [
+            Bad(*run, "displacement", _kind(self.displacement[slice(*run)]))
+            for run in self.runs["displacement"]
+            if own.displacement_contradicted(run)
+        ]
         for bad in found:
-            taken[bad.first : bad.stop] = True
-        for channel in ("displacement", "force"):
-            judge = (
-                own.displacement_contradicted
-                if channel == "displacement"
-                else own.force_contradicted
-            )
-            values = self.displacement if channel == "displacement" else self.force
-            found += [
-                Bad(first, stop, channel, _kind(values[first:stop]))
-                for first, stop in self.runs[channel]
-                if not taken[first:stop].any() and judge((first, stop))
-            ]
+            own.lost[bad.first : bad.stop] = True
+        found += [
+            Bad(*run, "force", _kind(self.force[slice(*run)]))
+            for run in self.runs["force"]
+            if own.force_contradicted(run)
+        ]
         found += stuck_displacement(own) + stuck_force(own) + clipped_force(own)
         return [self._placed(bad) for bad in _apart(found)]
 

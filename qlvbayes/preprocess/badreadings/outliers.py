@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 Run = tuple[int, int]
 
 LONGEST = 8  # readings in a row that differ among each other; equal ones may be more
-_NEARBY = 31  # readings whose median tells the noise here
+_NEARBY = 61  # readings whose median tells the noise here
 _BEYOND = 12.0  # of these medians: 8 sds of white noise, whose every reading has its neighbours' too
 _CHANGES = 4.0  # of the median change from reading to reading: how sharp a movement may turn
 _STEPS = 4.0  # of a digitised channel
@@ -67,7 +67,8 @@ def scale_of(time: Array, signal: Array) -> Scale:
     off = np.abs(signal[1:-1] - line)
     change = np.abs(np.diff(signal))
     near = _median(off)
-    alike = _of_equal_gaps(time[2:] - time[:-2], off)
+    gaps = np.diff(time)
+    alike = _of_equal_gaps(np.minimum(gaps[1:], gaps[:-1]), off)
     low, high = np.quantile(signal, [0.005, 0.995])
     return Scale(
         np.pad(np.maximum(near, alike), 1, mode="edge"),
@@ -114,20 +115,20 @@ def distance(values: Array, one: float, other: float) -> Array:
 
 def _median(values: Array) -> Array:
     size = min(_NEARBY, values.size)
-    return np.asarray(median_filter(values, size=size, mode="nearest"))
+    return np.asarray(median_filter(values, size=size, mode="reflect"))
 
 
 def _of_equal_gaps(gaps: Array, off: Array) -> Array:
-    """Median distance of all readings that are as far from their neighbours, within a factor 2.
+    """Median distance of the readings that are about as far from their neighbours as each one.
 
-    Slow noise differs little between readings near in time, and much between distant ones.
+    Slow noise differs little between readings near in time, and much between distant ones: as a
+    random walk does at the most, which is reckoned with.
     """
-    group = np.floor(np.log2(gaps)).astype(int)
-    group -= group.min()
-    medians = np.zeros(group.max() + 1)
-    for k in np.unique(group):
-        medians[k] = np.median(off[group == k])
-    return np.asarray(medians[group])
+    order = np.argsort(gaps, kind="stable")
+    root = np.sqrt(gaps[order])
+    found = np.empty_like(off)
+    found[order] = root * _median(off[order] / root)
+    return found
 
 
 def _step(signal: Array) -> float:

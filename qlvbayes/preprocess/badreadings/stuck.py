@@ -99,9 +99,10 @@ def _went_on(own: Channels, run: Run) -> bool:
 
 def _improbable(time: Array, force: Array, span: float) -> list[Run]:
     """Runs of one value, away from zero, that noise as around them would not let stand."""
+    rarest = np.log(_CHANCE / force.size) / np.log(0.5 / _AROUND)
     return [
         run
-        for run in equal_runs(force, _FEWEST)
+        for run in equal_runs(force, max(_FEWEST, int(np.ceil(rarest))))
         if abs(float(force[run[0]])) > _NEAR_ZERO * span and _against_noise(force, run)
     ]
 
