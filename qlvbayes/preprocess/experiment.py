@@ -10,7 +10,12 @@ import numpy as np
 from qlvbayes.io.data import Control, Pad, Test
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.laws.scales import Scales
-from qlvbayes.preprocess.badreadings import BadReadings, left_out_notice, sound_tests
+from qlvbayes.preprocess.badreadings import (
+    BadReadings,
+    left_out_notice,
+    smooth_readings,
+    sound_tests,
+)
 from qlvbayes.preprocess.batching import batch
 from qlvbayes.preprocess.loadcontrol import control_of, crept_path, force_phases, with_both_errors
 from qlvbayes.preprocess.noisefloor import NoiseFloor, measure
@@ -193,6 +198,8 @@ def prepare(
     if all_tests:
         trials = [replace(t, role="fit") for t in trials]
     tests = [trial.test for trial in trials]
+    if keep_all_readings:  # a bad one is no noise, nor does it show how stiff the pad is
+        tests = list(map(smooth_readings, tests))
     of_a_step = largest_stiffness(tests) * max(steps)
     read = with_both_errors(tests, [trial.control for trial in trials])
     floor = measure(read, [t.phases for t in trials], of_a_step=of_a_step)

@@ -18,6 +18,7 @@ from qlvbayes.preprocess.badreadings.result import neighbours
 Array = NDArray[np.float64]
 
 _STIFFER = 5.0  # than the record's secant a specimen may be at its stiffest
+_LEAVES = 2.0  # the same, of what it loses with contact: all that it bore
 _BESIDE = 2  # readings on either side that count as meanwhile
 _NOTICED = 8.0  # times the noise: a change of force that would surely be seen
 _FOLLOWED = 0.25  # of that change: so much of it would be seen at the least
@@ -64,12 +65,17 @@ class Channels:
         return departure > max(_BENT * self._flicker(run), _SHARPLY * self.usual_departure)
 
     def force_contradicted(self, run: Run) -> bool:
-        """Whether the platen did nothing that explains how the force reads in a run."""
-        if self.bends(run):
+        """Whether the platen did nothing that explains how the force reads in a run.
+
+        An inertial force needs no way. Contact does to be lost: a force of exactly 0.
+        """
+        lost = not self.force[slice(*run)].any()
+        if not lost and self.bends(run):
             return False
         before, after = self._sides(run)
         off = distance(self.force[run[0] : run[1]], self.force[before], self.force[after])
-        return float(off.min()) > _STIFFER * self.stiffness * self.moved(run)
+        stiffer = _LEAVES if lost else _STIFFER
+        return float(off.min()) > stiffer * self.stiffness * self.moved(run)
 
     def displacement_contradicted(self, run: Run) -> bool:
         """Whether the force shows nothing of how the displacement reads in a run."""
@@ -88,15 +94,13 @@ class Channels:
         return bool(returns and self.speed(run) > _IMPOSSIBLE * self.fastest)
 
     def row_contradicted(self, run: Run, own_fastest: float) -> bool:
-        """Whether both channels leave together, faster than any platen, and return as exactly.
+        """Whether both channels read 0, and the platen cannot have gone there and back.
 
-        own_fastest: largest speed that the test's other readings show. A row of zeros is a row
-        that was not read, where the platen would have had to be much faster than in this test.
+        own_fastest: largest speed that the test's other readings show.
         """
         inside = slice(*run)
-        speed = self.speed(run)
         nothing = not self.displacement[inside].any() and not self.force[inside].any()
-        return speed > _IMPOSSIBLE * (own_fastest if nothing else self.fastest)
+        return nothing and self.speed(run) > _IMPOSSIBLE * own_fastest
 
     def speed(self, run: Run) -> float:
         """The least speed with which the platen would have made the excursion."""
@@ -124,8 +128,14 @@ class Channels:
         return float(max(off[0], off[-1], np.median(off)))
 
     def _sides(self, run: Run) -> tuple[int, int]:
+        """The sound readings before and after a run; at the record's end one of them twice."""
         before, after = neighbours(self.doubtful, *run)
-        return (run[0] if before is None else before), (run[1] - 1 if after is None else after)
+        if before is None:
+            before = after
+        if after is None:
+            after = before
+        assert before is not None and after is not None
+        return before, after
 
     def _flicker(self, run: Run) -> float:
         """How far readings at rest may differ: a step of the encoder (not of the motion), noise."""

@@ -12,7 +12,13 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Test
 from qlvbayes.io.reading.clock import LARGEST_SHARE, slipped
 from qlvbayes.preprocess.badreadings.channels import Channels, fastest
-from qlvbayes.preprocess.badreadings.outliers import Run, outlying_runs, scale_of
+from qlvbayes.preprocess.badreadings.outliers import (
+    Run,
+    outlying,
+    outlying_runs,
+    runs_at_ends,
+    scale_of,
+)
 from qlvbayes.preprocess.badreadings.result import Bad, BadReadings, Kind
 from qlvbayes.preprocess.badreadings.stuck import clipped_force, stuck_displacement, stuck_force
 
@@ -58,6 +64,13 @@ def sound_tests(
     return found
 
 
+def smooth_readings(test: Test) -> Test:
+    """A test without readings that either channel doubts by itself: what its noise is told from."""
+    return without(
+        test, outlying(test.time, test.displacement) | outlying(test.time, test.force)
+    )
+
+
 def without(test: Test, mask: NDArray[np.bool_]) -> Test:
     """A test without some of its readings; its clock goes on as it did."""
     sound = ~mask
@@ -88,8 +101,8 @@ class _Doubts:
         self.of_displacement = scale_of(self.time, self.displacement)
         self.of_force = scale_of(self.time, self.force)
         self.runs = {
-            "displacement": outlying_runs(self.displacement, self.of_displacement),
-            "force": outlying_runs(self.force, self.of_force),
+            "displacement": outlying_runs(self.time, self.displacement, self.of_displacement),
+            "force": outlying_runs(self.time, self.force, self.of_force),
         }
         self.doubtful = np.zeros(self.time.size, dtype=bool)
         for first, stop in (*self.runs["displacement"], *self.runs["force"]):
@@ -108,6 +121,11 @@ class _Doubts:
         found += [
             Bad(*run, "displacement", _kind(self.displacement[slice(*run)]))
             for run in self.runs["displacement"]
+            if own.displacement_contradicted(run)
+        ]
+        found += [
+            Bad(*run, "displacement", _kind(self.displacement[slice(*run)]))
+            for run in runs_at_ends(self.displacement, self.of_displacement)
             if own.displacement_contradicted(run)
         ]
         for bad in found:

@@ -12,7 +12,7 @@ of its sides, a turn as large as the changes nearby, noise as s.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,11 @@ from qlvbayes.preprocess.segments import encoder_step
 Array = NDArray[np.float64]
 Run = tuple[int, int]
 
-LONGEST = 8  # readings in a row that differ among each other; equal ones may be more
+LONGEST = 8  # readings in a row that differ among each other; zeros may be more
+_BESIDE = 6  # readings on either side that must be smooth without it,
+_ROUGHER = 3.0  # times less off a line than the run
+_PASSES = 4  # over the readings that are left
+_AT_ENDS = 3  # readings at either end of the record
 _NEARBY = 61  # readings whose median tells the noise here
 _BEYOND = 12.0  # of these medians: 8 sds of white noise, whose every reading has its neighbours' too
 _CHANGES = 4.0  # of the median change from reading to reading: how sharp a movement may turn
@@ -47,6 +51,10 @@ class Scale:
     step: float
     span: float
 
+    def of(self, places: NDArray[np.intp]) -> Scale:
+        """That of some readings among each other."""
+        return replace(self, deviation=self.deviation[places], change=self.change[places])
+
     def least(self, run: Run, sides: float) -> float:
         """How far a run must lie beyond its neighbours, which differ by ``sides``."""
         first, stop = run
@@ -62,9 +70,7 @@ class Scale:
 
 def scale_of(time: Array, signal: Array) -> Scale:
     """The scale of one channel, whatever few of its readings say."""
-    weight = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
-    line = signal[:-2] + weight * (signal[2:] - signal[:-2])
-    off = np.abs(signal[1:-1] - line)
+    off = _off_line(time, signal)
     change = np.abs(np.diff(signal))
     near = _median(off)
     gaps = np.diff(time)
@@ -82,19 +88,74 @@ def outlying(time: Array, signal: Array) -> NDArray[np.bool_]:
     """Which readings (n,) lie far beyond those before and after them."""
     mask = np.zeros(signal.size, dtype=bool)
     if signal.size >= _FEWEST:
-        for first, stop in outlying_runs(signal, scale_of(time, signal)):
+        for first, stop in outlying_runs(time, signal, scale_of(time, signal)):
             mask[first:stop] = True
     return mask
 
 
-def outlying_runs(signal: Array, scale: Scale) -> list[Run]:
-    """The runs [first, stop) of outlying readings, none of them touching another."""
+def outlying_runs(time: Array, signal: Array, scale: Scale) -> list[Run]:
+    """The runs [first, stop) of outlying readings, none of them touching another.
+
+    Without those that are found others may stand alone: looked for again until none does. What is
+    left about a run must be smooth: else it rings, or the signal leaps there for a reason.
+    """
+    mask = np.zeros(signal.size, dtype=bool)
+    sound = np.arange(signal.size)
+    for _ in range(_PASSES):
+        found = _one_pass(signal[sound], scale.of(sound))
+        if not found:
+            break
+        for first, stop in found:
+            mask[sound[first:stop]] = True
+        sound = np.flatnonzero(~mask)
+    return _alone(time, signal, mask)
+
+
+def _alone(time: Array, signal: Array, mask: NDArray[np.bool_]) -> list[Run]:
+    """The runs that lie much farther from their neighbours than these do from each other."""
+    runs, sound = runs_of(mask), np.flatnonzero(~mask)
+    if not runs or sound.size < _FEWEST:
+        return []
+    rough = _off_line(time[sound], signal[sound])
+    found = []
+    for first, stop in runs:
+        at = int(np.searchsorted(sound, first))  # of the first sound reading after it
+        before, after = float(signal[sound[at - 1]]), float(signal[sound[at]])
+        near = rough[max(at - 1 - _BESIDE, 0) : at - 1 + _BESIDE]
+        least = float(distance(signal[first:stop], before, after).min())
+        if least > _ROUGHER * float(near.max(initial=0.0)):
+            found.append((first, stop))
+    return found
+
+
+def runs_at_ends(signal: Array, scale: Scale) -> list[Run]:
+    """The same of the first and the last readings, which have neighbours on one side only."""
+    found = []
+    for ahead in (signal, signal[::-1]):
+        for stop in range(1, _AT_ENDS + 1):
+            sides = abs(float(ahead[stop] - ahead[stop + 1]))
+            off = distance(ahead[:stop], float(ahead[stop]), float(ahead[stop + 1]))
+            run = (0, stop) if ahead is signal else (signal.size - stop, signal.size)
+            if off.min() > scale.least(run, sides):
+                found.append(run)
+                break
+    return found
+
+
+def runs_of(mask: NDArray[np.bool_]) -> list[Run]:
+    """The runs [first, stop) of masked readings."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
+    return [(int(first), int(stop)) for first, stop in edges.reshape(-1, 2)]
+
+
+def _one_pass(signal: Array, scale: Scale) -> list[Run]:
     mask = np.zeros(signal.size, dtype=bool)
     for length in range(1, LONGEST + 1):
         for run in _of_length(signal, scale, length, mask):
             mask[run[0] : run[1]] = True
     for run in equal_runs(signal, LONGEST + 1):
-        if not mask[run[0] : run[1]].any() and _beyond(signal, scale, run):
+        zeros = not signal[run[0]]
+        if zeros and not mask[run[0] : run[1]].any() and _beyond(signal, scale, run):
             mask[run[0] : run[1]] = True
     return _confirmed(signal, scale, mask)
 
@@ -111,6 +172,13 @@ def distance(values: Array, one: float, other: float) -> Array:
     """How far values lie beyond both of two levels."""
     low, high = min(one, other), max(one, other)
     return np.maximum(np.maximum(values - high, low - values), 0.0)
+
+
+def _off_line(time: Array, signal: Array) -> Array:
+    """Distance (n - 2,) of each inner reading from the line through its neighbours."""
+    weight = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
+    line = signal[:-2] + weight * (signal[2:] - signal[:-2])
+    return np.abs(signal[1:-1] - line)
 
 
 def _median(values: Array) -> Array:
@@ -178,13 +246,11 @@ def _confirmed(signal: Array, scale: Scale, mask: NDArray[np.bool_]) -> list[Run
     A sound reading between two bad ones lies far from both.
     """
     found: list[Run] = []
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
-    for first, stop in edges.reshape(-1, 2).tolist():
+    for first, stop in runs_of(mask):
         if first == 0 or stop == signal.size:
             continue
         before, after = float(signal[first - 1]), float(signal[stop])
         least = scale.least((first, first + 1), abs(after - before))
         bad = distance(signal[first:stop], before, after) > least
-        inner = np.flatnonzero(np.diff(np.concatenate([[False], bad, [False]]).astype(int)))
-        found += [(first + a, first + b) for a, b in inner.reshape(-1, 2).tolist()]
+        found += [(first + a, first + b) for a, b in runs_of(bad)]
     return found

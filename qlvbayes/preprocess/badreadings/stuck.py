@@ -17,7 +17,7 @@ _CHANCE = 1e-9  # probability of such a run anywhere in the record
 _REPEATING = 0.3  # of the readings around: a channel that repeats more often is coarse or silent
 _ALTERNATING = 0.4  # of the changes of slope: noise changes sign, a curve does not
 _NEAR_ZERO = 0.02  # of the range: a force that says there is no contact
-_CATCHES_UP = 6.0  # times the usual change: the jump of a channel that was stuck
+_CATCHES_UP = 3.5  # times the usual change: the jump of a channel that was stuck
 _AS_FAR = (0.4, 2.5)  # of the way that the speed nearby makes meanwhile: that jump
 _GOES_ON = 0.5  # of the change of force meanwhile: it does not jump along
 
@@ -27,7 +27,7 @@ def stuck_force(own: Channels) -> list[Bad]:
     top, bottom = float(own.force.max()), float(own.force.min())
     return [
         Bad(first + 1, stop, "force", "stuck")
-        for first, stop in _improbable(own.time, own.force, own.of_force.span)
+        for first, stop in _improbable(own)
         if own.force[first] not in (top, bottom)
     ]
 
@@ -36,10 +36,7 @@ def clipped_force(own: Channels) -> list[Bad]:
     """Readings at the largest or smallest value, where the force stays at it against its noise."""
     found: list[Bad] = []
     for end in {float(own.force.max()), float(own.force.min())}:
-        if any(
-            own.force[first] == end
-            for first, _ in _improbable(own.time, own.force, own.of_force.span)
-        ):
+        if any(own.force[first] == end for first, _ in _improbable(own)):
             found += [
                 Bad(first, stop, "force", "clipped")
                 for first, stop in equal_runs(own.force, 1)
@@ -97,13 +94,19 @@ def _went_on(own: Channels, run: Run) -> bool:
     return whole > noise and last < _GOES_ON * whole
 
 
-def _improbable(time: Array, force: Array, span: float) -> list[Run]:
-    """Runs of one value, away from zero, that noise as around them would not let stand."""
+def _improbable(own: Channels) -> list[Run]:
+    """Runs of one value, away from zero, that noise as around them would not let stand.
+
+    Noise below a step of the force lets values stand wherever the force is level.
+    """
+    force, scale = own.force, own.of_force
     rarest = np.log(_CHANCE / force.size) / np.log(0.5 / _AROUND)
     return [
         run
         for run in equal_runs(force, max(_FEWEST, int(np.ceil(rarest))))
-        if abs(float(force[run[0]])) > _NEAR_ZERO * span and _against_noise(force, run)
+        if abs(float(force[run[0]])) > _NEAR_ZERO * scale.span
+        and float(scale.deviation[run[0]]) >= scale.step
+        and _against_noise(force, run)
     ]
 
 
