@@ -94,7 +94,7 @@ SPOILED = {
 }
 
 
-@pytest.mark.parametrize("channel, places, values, kind", SPOILED.values(), ids=SPOILED)
+@pytest.mark.parametrize(("channel", "places", "values", "kind"), SPOILED.values(), ids=SPOILED)
 def test_a_reading_that_both_sides_and_the_other_channel_contradict_is_left_out(
     channel, places, values, kind
 ):
@@ -192,14 +192,17 @@ SOUND = {
 }
 
 
-@pytest.mark.parametrize("time, depth, law", SOUND.values(), ids=SOUND)
+@pytest.mark.parametrize(("time", "depth", "law"), SOUND.values(), ids=SOUND)
 @pytest.mark.parametrize("seed", range(5))
 def test_what_the_specimen_does_stays(time, depth, law, seed):
     assert left_out(recorded(time, depth, force=law(time, depth), seed=seed)) == []
 
 
+COARSE = [(0.001, 0.0), (0.05, 0.0), (0.001, 0.05), (0.0002, 0.01)]  # steps of both channels
+
+
 @pytest.mark.parametrize("every", [1, 7, 40], ids=lambda every: f"every {every}th")
-@pytest.mark.parametrize("encoder, step", [(0.001, 0.0), (0.05, 0.0), (0.001, 0.05), (0.0002, 0.01)])
+@pytest.mark.parametrize(("encoder", "step"), COARSE)
 def test_coarse_steps_and_thinned_records_stay(every, encoder, step):
     for seed in range(5):
         test = pressed(seed=seed, encoder=encoder)

@@ -41,15 +41,15 @@ Spoil = Callable[[Test, np.random.Generator], Spoiled | None]
 _SECTION = """## Bad readings
 
 What is left out of records before anything is made of them (`qlvbayes/preprocess/badreadings`).
-{pads} pads were simulated: {wide} of the wide population (seed {seed}: ten protocols, seven laws,
-load cells with white, correlated, growing, low-passed and quantised noise, loggers of 50 Hz and
-1 kHz and thinned ones, effects hidden in five of six), the others by the paper's and other protocols.
-As they are, {alarmed} of {pads} pads ({readings} readings) have a reading left out{list}. Then one
-test of each was spoiled in each way below. *Found*: all spoiled readings were left out (or the test
-refused, where they are more than 2 %); *also*: cases with a sound reading left out beside them.
-Readings are spoiled only where that moves them by a fifth of the channel's range; in thinned records
-and near the turns of a motion that is no more than the specimen may do between two readings, and
-there nothing is left out.
+{pads} pads were simulated: {wide} of the wide population (seed {seed}: many protocols, laws, load
+cells with white, correlated, growing, low-passed and quantised noise, loggers of 50 Hz and 1 kHz
+and thinned ones, effects hidden in five of six), the others by the paper's and the retracting
+protocol in thinned records. As they are, {alarmed} of {pads} pads ({readings} readings) have a
+reading left out{list}. Then one test of each was spoiled in each way below. *Found*: all spoiled
+readings were left out (or the test refused, where they are more than 2 %); *also*: cases with a
+sound reading left out beside them. Readings are spoiled where that moves them by a fifth of the
+channel's range. What is not found lies mostly in records of few readings a movement: there that is
+no more than the specimen may do between two of them.
 
 | | |
 |---|---|

@@ -17,8 +17,8 @@ from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.telling.curves import Band, Curve, curves
 from qlvbayes.diagnosis.telling.verdict import Diagnosis
 from qlvbayes.io.units import UnitSystem
-from qlvbayes.plots.naming import heading, model_lines, model_name
 from qlvbayes.plots.leftout import mark_left_out
+from qlvbayes.plots.naming import heading, model_lines, model_name
 from qlvbayes.plots.panels import leaders, lines_of, name_row, place_panels
 from qlvbayes.plots.stretches import (
     DWELLS,

@@ -92,8 +92,7 @@ class Experiment:
 
     @property
     def notices(self) -> tuple[str, ...]:
-        """What one should know of the readings, in words: which are left out, and what was prescribed.
-        """
+        """What one should know of the readings, in words: those left out, what was prescribed."""
         bad = left_out_notice(self.pad, [(t.name, t.left_out) for t in self.trials], self.units)
         return (*bad, *self._load_controlled)
 
@@ -178,9 +177,7 @@ class Experiment:
         return max(p.stop - p.start for trial in self.trials for p in trial.phases)
 
 
-def prepare(
-    pad: Pad, *, all_tests: bool = False, keep_all_readings: bool = False
-) -> Experiment:
+def prepare(pad: Pad, *, all_tests: bool = False, keep_all_readings: bool = False) -> Experiment:
     """Find motion, phases, rates and the noise floor of a pad, and settle which tests are fitted.
 
     Tests without a role: the one whose rate is nearest to 20 mm/s (in the logarithm) is fitted,

@@ -81,7 +81,7 @@ class Checker:
         return self.columns.numbers[key].name
 
     def _time(self, rows: Rows, time: Floats) -> None:
-        """Time must increase but for single slips; say whether it restarts, repeats or runs back."""
+        """Time must increase but for single slips; say if it restarts, repeats or runs back."""
         if slipped(time) is not None:
             return
         stuck = time[1:] <= time[:-1]

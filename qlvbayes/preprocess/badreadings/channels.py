@@ -121,9 +121,7 @@ class Channels:
         That is as it begins, as it ends or in most of it, whichever is more.
         """
         inside = slice(*run)
-        line = np.interp(
-            self.time[inside], self.time[[before, after]], self.force[[before, after]]
-        )
+        line = np.interp(self.time[inside], self.time[[before, after]], self.force[[before, after]])
         off = np.abs(self.force[inside] - line)
         return float(max(off[0], off[-1], np.median(off)))
 
@@ -134,7 +132,8 @@ class Channels:
             before = after
         if after is None:
             after = before
-        assert before is not None and after is not None
+        assert before is not None
+        assert after is not None
         return before, after
 
     def _flicker(self, run: Run) -> float:

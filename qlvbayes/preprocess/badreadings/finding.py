@@ -50,14 +50,12 @@ def sound_tests(
             if slips is None or slips.size:
                 _refuse_clock(test, slips)
         return [(test, None) for test in tests]
-    found = []
+    found: list[tuple[Test, BadReadings | None]] = []
     doubts = [_Doubts(test, places) for test, places in zip(tests, ticking, strict=True)]
     top = max((one.fastest for one in doubts), default=0.0)
     for test, slips, doubt in zip(tests, clocks, doubts, strict=True):
         runs = [] if slips is None else [Bad(k, k + 1, "time", "clock") for k in slips.tolist()]
-        bad = BadReadings.of(
-            test.time, test.displacement, test.force, [*runs, *doubt.settled(top)]
-        )
+        bad = BadReadings.of(test.time, test.displacement, test.force, [*runs, *doubt.settled(top)])
         if bad.count > LARGEST_SHARE * test.time.size:
             _refuse(test, bad)
         found.append((without(test, bad.mask), bad) if bad.count else (test, None))
@@ -66,9 +64,7 @@ def sound_tests(
 
 def smooth_readings(test: Test) -> Test:
     """A test without readings that either channel doubts by itself: what its noise is told from."""
-    return without(
-        test, outlying(test.time, test.displacement) | outlying(test.time, test.force)
-    )
+    return without(test, outlying(test.time, test.displacement) | outlying(test.time, test.force))
 
 
 def without(test: Test, mask: NDArray[np.bool_]) -> Test:

@@ -29,7 +29,7 @@ _ROUGHER = 3.0  # times less off a line than the run
 _PASSES = 4  # over the readings that are left
 _AT_ENDS = 3  # readings at either end of the record
 _NEARBY = 61  # readings whose median tells the noise here
-_BEYOND = 12.0  # of these medians: 8 sds of white noise, whose every reading has its neighbours' too
+_BEYOND = 12.0  # of these medians: 10 sds of white noise
 _CHANGES = 4.0  # of the median change from reading to reading: how sharp a movement may turn
 _STEPS = 4.0  # of a digitised channel
 _SIDES = 1.0  # of the difference between both sides: what lies between two levels is their step
@@ -210,9 +210,7 @@ def _step(signal: Array) -> float:
     return float(changes.min()) if changes.size else 0.0
 
 
-def _of_length(
-    signal: Array, scale: Scale, length: int, mask: NDArray[np.bool_]
-) -> list[Run]:
+def _of_length(signal: Array, scale: Scale, length: int, mask: NDArray[np.bool_]) -> list[Run]:
     """Outlying runs of a length that do not overlap and hold none known."""
     if signal.size < length + 2:
         return []

@@ -76,9 +76,7 @@ class BadReadings:
         return tuple(run.kind for run in self.runs)
 
 
-def neighbours(
-    mask: NDArray[np.bool_], first: int, stop: int
-) -> tuple[int | None, int | None]:
+def neighbours(mask: NDArray[np.bool_], first: int, stop: int) -> tuple[int | None, int | None]:
     """The nearest readings before and after some that are not masked."""
     before, after = first - 1, stop
     while before >= 0 and mask[before]:

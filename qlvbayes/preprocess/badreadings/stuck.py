@@ -57,8 +57,9 @@ def stuck_displacement(own: Channels) -> list[Bad]:
         if stop == own.time.size or first < 2:
             continue
         jump = float(changes[stop - 1])
-        usual = _usual_change(changes, first, stop)
-        if jump <= _CATCHES_UP * max(usual, own.of_displacement.step):
+        if jump <= _CATCHES_UP * own.of_displacement.step:
+            continue
+        if jump <= _CATCHES_UP * _usual_change(changes, first, stop):
             continue
         if _caught_up(own, (first, stop)) and _went_on(own, (first, stop)):
             found.append(Bad(first + 1, stop, "displacement", "stuck"))

@@ -41,7 +41,7 @@ def _groups(bad: BadReadings, units: UnitSystem) -> list[str]:
     items = list(zip(bad.runs, starts[:-1].tolist(), bad.around, strict=True))
     items.sort(key=lambda item: (item[0].channel, item[0].kind))
     told = []
-    for (channel, kind), group in groupby(items, key=lambda item: (item[0].channel, item[0].kind)):
+    for (channel, _), group in groupby(items, key=lambda item: (item[0].channel, item[0].kind)):
         runs = list(group)
         count = sum(run.stop - run.first for run, _, _ in runs)
         name = _channel(channel, units)
