@@ -25,6 +25,7 @@ from calibration import (
 )
 from simulated_fits import MOST_STEPS, Setting
 
+_BAD_READINGS = "## Bad readings\n"
 _PHASES = ("ramp", "hold", "unload", "recovery")
 
 _HEAD = """# Validation: do the intervals hold the truth?
@@ -135,8 +136,24 @@ def write_page(path: Path, results: Mapping[Setting, Sequence[dict]], origin: Or
     """Write the page whole or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_suffix(".part")
-    part.write_text(page(results, origin) + away(path.parent), encoding="utf-8")
+    text = page(results, origin) + away(path.parent)
+    if path.is_file() and (section := _section_of(path.read_text(encoding="utf-8"))):
+        text = with_section(text, section)
+    part.write_text(text, encoding="utf-8")
     os.replace(part, path)
+
+
+def with_section(text: str, section: str) -> str:
+    """The page with its section on bad readings (of bad_readings.py), in place of an older one."""
+    older = _section_of(text)
+    rest = text.replace(older, "") if older else text
+    return f"{rest.rstrip()}\n\n{section.strip()}\n"
+
+
+def _section_of(text: str) -> str:
+    """The section on bad readings, which stands last; empty if there is none."""
+    _, heading, section = text.partition(_BAD_READINGS)
+    return heading + section
 
 
 def page(results: Mapping[Setting, Sequence[dict]], origin: Origin) -> str:

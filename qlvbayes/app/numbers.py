@@ -159,7 +159,10 @@ def lay(data: str, pad: str, effects_file: str | None, first: bool) -> Answer:
             {"name": t.name, "role": t.role, "rate": _real(t.rate), "start_s": t.test.start_s}
             for t in experiment.trials
         ],
-        "notices": [f"pad {pad}: {text}" for text in experiment.floor.notices],
+        "notices": [
+            *experiment.notices,
+            *(f"pad {pad}: {text}" for text in experiment.floor.notices),
+        ],
     }
     if first:
         model = bench.first()

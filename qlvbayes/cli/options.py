@@ -65,6 +65,14 @@ Rested = Annotated[
         help="Take every test to begin with a pad at rest: carry nothing over from the one before.",
     ),
 ]
+KeepAllReadings = Annotated[
+    bool,
+    typer.Option(
+        "--keep-all-readings",
+        help="Keep readings that their neighbours and the other channel contradict: lost ones, "
+        "spikes, a stuck or clipped channel. Default: they are left out and named.",
+    ),
+]
 Noise = Annotated[str, typer.Option(help=f"One of {', '.join(NOISES)}.")]
 Prior = Annotated[
     list[str] | None, typer.Option(help="A prior, as 'v[1]=lognormal(1.8,0.5)'; repeatable.")
@@ -120,6 +128,7 @@ class ModelOptions:
     noise: Noise = "floor"
     bonded: Bonded = None
     rested: Rested = False
+    keep_all_readings: KeepAllReadings = False
     prior: Prior = None
     fix: Fix = None
     add: Add = None
@@ -142,6 +151,7 @@ class ModelOptions:
             effects=tuple(self.add or ()),
             effects_file=None if self.effects_file is None else str(self.effects_file.resolve()),
             rested=self.rested,
+            keep_all_readings=self.keep_all_readings,
         )
         for name in choices.effects:
             find(name, choices.kinds)

@@ -65,7 +65,7 @@ def diagnose(
         found.result,
         nested=sampled,
         warnings=tuple(str(one) for one in sampled if not one.agrees),
-        notices=(*notices, *found.result.notices),
+        notices=(*experiment.notices, *notices, *found.result.notices),
         settings=Used(
             thresholds=search.settings,
             seed=seed,

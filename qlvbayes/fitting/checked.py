@@ -16,7 +16,7 @@ from qlvbayes.io.resultfile import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.model.drawn import factors
 from qlvbayes.model.elsewhere import has_noise
-from qlvbayes.preprocess.experiment import Experiment, prepare
+from qlvbayes.preprocess.experiment import Experiment, Trial, prepare
 
 _DIGITS = 5  # significant, of every number
 
@@ -42,7 +42,11 @@ def check_pad(saved: Saved, pad: Pad, *, seed: int = 0) -> CheckedPad:
             f"the posterior of pad {saved.pad} has no noise",
             remedy="give draws of noise.white, or also of noise.ou and noise.tau",
         )
-    experiment = prepare(pad, all_tests=saved.all_tests)
+    experiment = prepare(
+        pad,
+        all_tests=saved.all_tests,
+        keep_all_readings=saved.choices.keep_all_readings,
+    )
     constants = dict(zip(saved.names, saved.draws.T, strict=True))
     by = factors(saved.choices, constants, saved.units, pad.units)
     constants = {name: by[name] * draws for name, draws in constants.items()}
@@ -57,6 +61,20 @@ class PhaseSpan(Part, frozen=True, rename={"start": "start_s", "stop": "stop_s"}
     kind: str
     start: float
     stop: float
+
+
+class LeftOut(
+    Part,
+    frozen=True,
+    rename={"time": "time_s", "displacement": "displacement_mm", "force": "force_N"},
+):
+    """A reading that was left out: when, what was read, in which channel it is bad, and how."""
+
+    time: float
+    displacement: float
+    force: float
+    channel: str
+    kind: str
 
 
 class TestCurves(
@@ -74,7 +92,8 @@ class TestCurves(
 ):
     """One test, and of each sample the time (s), kind of phase, displacement and measured force.
 
-    mean: of the posterior; low, high: ends of the 90 % predictive interval.
+    mean: of the posterior; low, high: ends of the 90 % predictive interval; left_out: readings
+    that are not among the samples.
     """
 
     test: str
@@ -88,6 +107,7 @@ class TestCurves(
     mean: tuple[float, ...]
     low: tuple[float, ...]
     high: tuple[float, ...]
+    left_out: tuple[LeftOut, ...] = ()
 
 
 class Curves(Result, frozen=True, kw_only=True, rename={"noise": "noise_N"}):
@@ -138,6 +158,18 @@ def _test(prediction: Prediction) -> TestCurves:
         mean=_numbers(prediction.mean),
         low=_numbers(prediction.low),
         high=_numbers(prediction.high),
+        left_out=_left_out(trial),
+    )
+
+
+def _left_out(trial: Trial) -> tuple[LeftOut, ...]:
+    bad = trial.left_out
+    if bad is None:
+        return ()
+    why = [run for run in bad.runs for _ in range(run.stop - run.first)]
+    values = zip(bad.time, bad.displacement, bad.force, why, strict=True)
+    return tuple(
+        LeftOut(_exact(t), _short(d), _short(f), run.channel, run.kind) for t, d, f, run in values
     )
 
 

@@ -123,7 +123,7 @@ def check_experiment(
         predictions,
         effects,
         units=experiment.units,
-        notices=(*pulling, *of_noise),
+        notices=(*experiment.notices, *pulling, *of_noise),
     )
 
 

@@ -43,7 +43,8 @@ class Choices:
     ``{"v[2]": 0.14}``) or as on the command line (``["v[2]=0.14"]``), as which they are kept;
     effects: names of the effects in the model;
     effects_file: a user's own effects; rested: whether every test begins with a pad at rest,
-    whatever came before it; relaxation: its law; laws_file: a user's own laws.
+    whatever came before it; relaxation: its law; laws_file: a user's own laws; keep_all_readings:
+    whether readings stay that their neighbours and the other channel contradict.
     """
 
     law: str = "exponential"
@@ -61,6 +62,7 @@ class Choices:
     rested: bool = False
     relaxation: str = "prony"
     laws_file: str | None = None
+    keep_all_readings: bool = False
 
     def __post_init__(self) -> None:
         for name in ("priors", "fixed"):
@@ -148,9 +150,12 @@ class Choices:
 
     @classmethod
     def from_dict(cls, values: dict) -> Choices:
-        """The inverse of ``as_dict``; results that do not say so are of tests from rest."""
+        """The inverse of ``as_dict``.
+
+        Results that do not say so are of tests from rest, and of all their readings.
+        """
         lists = {key: tuple(values.get(key, ())) for key in ("priors", "fixed", "effects")}
-        return cls(**{"rested": True, **values, **lists})
+        return cls(**{"rested": True, "keep_all_readings": True, **values, **lists})
 
 
 def default_model(

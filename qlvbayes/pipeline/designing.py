@@ -218,7 +218,8 @@ def present_of_fit(saved: Saved, data: Path | None = None) -> Present:
         raise InputError(
             "not the measurements that were fitted", file=source, remedy="run qlvbayes fit again"
         )
-    experiment = prepare(study.pad(saved.pad))
+    pad, keep = study.pad(saved.pad), saved.choices.keep_all_readings
+    experiment = prepare(pad, keep_all_readings=keep)
     return replace(found, rig=Rig.of_tests(experiment), clock=experiment.scales.clock)
 
 
@@ -255,7 +256,8 @@ def _of_diagnosis(
             remedy="run qlvbayes diagnose again",
         )
     choices = Choices.from_dict(run.choices)
-    experiment = as_chosen(prepare(study.pad(result.pad)), choices)
+    pad, keep = study.pad(result.pad), choices.keep_all_readings
+    experiment = as_chosen(prepare(pad, keep_all_readings=keep), choices)
     search = search_of(experiment, choices, kinds=choices.candidates, settings=_thresholds(result))
     explanations = explained(search, doubted or result.alternatives[:1])
     scales = experiment.scales

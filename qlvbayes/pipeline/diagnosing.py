@@ -35,7 +35,7 @@ def diagnose_into(
     """
     with watcher.doing(f"pad {pad.name}") as tell:
         tell("motion, phases and noise floor")
-        experiment = prepare(pad)
+        experiment = prepare(pad, keep_all_readings=choices.keep_all_readings)
         choices.build(experiment.scales)  # a setting that cannot be used leaves nothing behind
         results_folder(folder)
         found = diagnose(
@@ -56,7 +56,7 @@ def diagnose_into(
         drawn_hypotheses(found, choices, seed=seed).write(folder / HYPOTHESES)
         write_whole(folder / "diagnosis.txt", f"{found.text()}\n".encode())
         figures = _figures(found, folder)
-    for text in (*experiment.notices, *found.result.notices):
+    for text in found.result.notices:
         watcher.notice(text)
     watcher.diagnosed(found, figures)
     return found

@@ -37,7 +37,10 @@ class Specimen:
 
     @cached_property
     def experiment(self) -> Experiment:
-        """The tests made ready: motion, phases, rates, roles and the noise floor."""
+        """The tests made ready: motion, phases, rates, roles and the noise floor.
+
+        Without readings that are bad; choices that keep all make the tests ready anew.
+        """
         return prepare(self.pad)
 
     def fit(
@@ -73,10 +76,10 @@ class Specimen:
         InputError
             A choice cannot be used with these tests.
         """
-        ready = prepare(self.pad, all_tests=True) if all_tests else self.experiment
+        choices = self._or_usual(choices)
         return fit_pad(
-            ready,
-            self._or_usual(choices),
+            self._ready(choices, all_tests=all_tests),
+            choices,
             method=method,
             settings=settings,
             folder=None if folder is None else Path(folder),
@@ -121,7 +124,7 @@ class Specimen:
         """
         choices = self._or_usual(choices)
         return diagnose(
-            self.experiment,
+            self._ready(choices),
             choices,
             kinds=choices.candidates if kinds is None else kinds,
             settings=thresholds,
@@ -130,6 +133,12 @@ class Specimen:
             tell=tell,
             watch=watch,
         )
+
+    def _ready(self, choices: Choices, *, all_tests: bool = False) -> Experiment:
+        if not (all_tests or choices.keep_all_readings):
+            return self.experiment
+        keep = choices.keep_all_readings
+        return prepare(self.pad, all_tests=all_tests, keep_all_readings=keep)
 
     def _or_usual(self, choices: Choices | None) -> Choices:
         return choices or Choices(bonded=self.pad.units.bonded_default)

@@ -11,6 +11,7 @@ from matplotlib.ticker import MaxNLocator
 
 from qlvbayes.fitting.prediction import Prediction
 from qlvbayes.io.units import UnitSystem
+from qlvbayes.plots.leftout import LABEL, mark_left_out
 from qlvbayes.plots.panels import leaders, lines_of, name_row, place_panels
 from qlvbayes.plots.stretches import (
     DWELLS,
@@ -51,7 +52,7 @@ def plot_forces(
     holds and recoveries in logarithmic time, so that milliseconds and half a minute are both seen.
     Dots are measured samples, the line is the model's posterior mean, the band holds 90 % of
     predicted samples: with what the fit says that the model misses, so that it may lie beside the
-    line. The panels of a row share their force axis.
+    line. Grey crosses are readings that were left out. The panels of a row share their force axis.
 
     Where phases of a kind repeat, as in a staircase, a first wide panel shows the whole test, and
     the repeats lie over each other, numbered, in the colour that they have in the whole test. A
@@ -71,11 +72,12 @@ def plot_forces(
         for panels, prediction, stretches in zip(axes, shown, parts, strict=True):
             for axis, column in zip(panels, names, strict=True):
                 _draw(axis, column, prediction, stretches, tight=tight)
+            mark_left_out(panels, names, prediction.trial, stretches)
             for k in leaders(names, tight):
                 panels[k].set_ylabel(quantity(units.force_name, units.force))
             _label_row(panels, prediction, units, tight=tight)
         _finish(figure, axes, names, leaders(names, tight))
-        _legend(figure, axes, columns=2 if tight else 3)
+        _legend(figure, axes, tight=tight)
     return list(axes.flat)
 
 
@@ -137,9 +139,11 @@ def _finish(figure: Figure, axes: np.ndarray, names: Sequence[str], left: range)
     figure.align_ylabels(axes[:, left].ravel())
 
 
-def _legend(figure: Figure, axes: np.ndarray, columns: int) -> None:
+def _legend(figure: Figure, axes: np.ndarray, *, tight: bool) -> None:
     used = next(axis for axis in axes.flat if axis.lines)
-    handles, labels = used.get_legend_handles_labels()
-    figure.legend(
-        handles[:3], labels[:3], loc="outside upper center", ncols=columns, markerscale=2.0
-    )
+    found = list(zip(*used.get_legend_handles_labels(), strict=True))[:3]
+    crosses = (line for axis in axes.flat for line in axis.lines if line.get_label() == LABEL)
+    found += [(line, LABEL) for line in list(crosses)[:1]]
+    handles, labels = zip(*found, strict=True)
+    columns = 2 if tight else len(found)
+    figure.legend(handles, labels, loc="outside upper center", ncols=columns, markerscale=2.0)

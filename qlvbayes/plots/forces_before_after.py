@@ -17,6 +17,7 @@ from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.telling.curves import Band, Curve, curves
 from qlvbayes.diagnosis.telling.verdict import Diagnosis
 from qlvbayes.io.units import UnitSystem
+from qlvbayes.plots.leftout import mark_left_out
 from qlvbayes.plots.naming import heading, model_lines, model_name
 from qlvbayes.plots.panels import leaders, lines_of, name_row, place_panels
 from qlvbayes.plots.stretches import (
@@ -63,7 +64,8 @@ def plot_forces_before_after(
     One row a test, slowest first; one column a kind of phase, dwells in logarithmic time. Lines are
     the models at their best constants, bands hold 90 % of readings. The lower strip shows measured
     minus predicted; its grey band holds 90 % of the noise measured without a model. Where phases
-    of a kind repeat, a first panel shows the whole test, and the repeats lie over each other.
+    of a kind repeat, a first panel shows the whole test, and the repeats lie over each other. Grey
+    crosses are readings that were left out.
     Where no effect was added there is one model. ``shown``: curves already computed; width: of the
     figure (mm). Returns the panels, row by row.
     """
@@ -77,6 +79,7 @@ def plot_forces_before_after(
         for pair, curve, stretches in zip(axes, shown, parts, strict=True):
             for upper, lower, name in zip(*pair, names, strict=True):
                 _draw(upper, lower, name, curve, stretches, tight=tight)
+            mark_left_out(pair[0], names, curve.trial, stretches)
             _label_row(pair, curve, units, left, tight=tight)
         _finish(figure, axes, names, left)
         _legend(figure, axes, diagnosis.result, tight=tight)

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from qlvbayes.plots.style import BLACK
-from qlvbayes.preprocess.phases import KINDS, Phase
+from qlvbayes.preprocess.phases import KINDS, Phase, phase_index
 
 WHOLE = "whole test"
 DWELLS = ("hold", "recovery")
@@ -87,6 +87,21 @@ def place(column: str, time: np.ndarray, stretches: Sequence[Stretch]) -> list[P
     same = [stretch for stretch in stretches if stretch.kind == column]
     scale, _ = _scale(column, same)
     return [Placed(stretch, stretch.rows, scale * stretch.elapsed) for stretch in same]
+
+
+def place_times(
+    column: str, times: np.ndarray, phases: Sequence[Phase], stretches: Sequence[Stretch]
+) -> np.ndarray:
+    """Where a column shows other times (k,) of a test (s); NaN for those that it does not show."""
+    if column == WHOLE:
+        return times
+    scale, _ = _scale(column, [stretch for stretch in stretches if stretch.kind == column])
+    joined = _joined(phases)
+    own = phase_index(joined, times)
+    elapsed = times - np.array([phase.start for phase in joined])[own]
+    kinds = np.array([phase.kind for phase in joined])[own]
+    there = (kinds == column) & ((elapsed > 0.0) | (column not in DWELLS))
+    return np.where(there, scale * elapsed, np.nan)
 
 
 def _continued(time: np.ndarray, stretch: Stretch) -> Placed:

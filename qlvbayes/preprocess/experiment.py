@@ -10,6 +10,12 @@ import numpy as np
 from qlvbayes.io.data import Control, Pad, Test
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.laws.scales import Scales
+from qlvbayes.preprocess.badreadings import (
+    BadReadings,
+    left_out_notice,
+    smooth_readings,
+    sound_tests,
+)
 from qlvbayes.preprocess.batching import batch
 from qlvbayes.preprocess.loadcontrol import control_of, crept_path, force_phases, with_both_errors
 from qlvbayes.preprocess.noisefloor import NoiseFloor, measure
@@ -30,7 +36,8 @@ _CHORD_SHARE = 0.1  # of the noise, that the grid's straight lines may add
 class Trial:
     """One test with what was found in it; ``rate`` is the loading rate, displacement over s.
 
-    control: what was prescribed; phases are those of the force where that was.
+    control: what was prescribed; phases are those of the force where that was; left_out: the bad
+    readings, which ``test`` no longer has; None where there were none.
     """
 
     test: Test
@@ -39,6 +46,7 @@ class Trial:
     rate: float
     role: str
     control: Control = "displacement"
+    left_out: BadReadings | None = None
 
     @property
     def name(self) -> str:
@@ -85,6 +93,12 @@ class Experiment:
 
     @property
     def notices(self) -> tuple[str, ...]:
+        """What one should know of the readings, in words: those left out, what was prescribed."""
+        bad = left_out_notice(self.pad, [(t.name, t.left_out) for t in self.trials], self.units)
+        return (*bad, *self._load_controlled)
+
+    @property
+    def _load_controlled(self) -> tuple[str, ...]:
         """One sentence on the tests that were taken as load-controlled without being told so."""
         found = [t.name for t in self.trials if t.control == "force" and t.test.control is None]
         if not found:
@@ -164,22 +178,27 @@ class Experiment:
         return max(p.stop - p.start for trial in self.trials for p in trial.phases)
 
 
-def prepare(pad: Pad, *, all_tests: bool = False) -> Experiment:
+def prepare(pad: Pad, *, all_tests: bool = False, keep_all_readings: bool = False) -> Experiment:
     """Find motion, phases, rates and the noise floor of a pad, and settle which tests are fitted.
 
     Tests without a role: the one whose rate is nearest to 20 mm/s (in the logarithm) is fitted,
-    the others validate; ``all_tests`` fits every one.
+    the others validate; ``all_tests`` fits every one. Readings that their neighbours contradict
+    and the other channel does not show are left out, unless ``keep_all_readings``. Raises
+    InputError where those are more than 2 % of a test's.
     """
-    paths = [test.displacement for test in pad.tests]
+    sound, left_out = zip(*sound_tests(pad.tests, keep_all=keep_all_readings), strict=True)
+    paths = [test.displacement for test in sound]
     steps = encoder_steps(paths)
-    scatters = known_scatter([test.time for test in pad.tests], paths, steps)
-    trials = list(map(_trial, pad.tests, steps, scatters))
+    scatters = known_scatter([test.time for test in sound], paths, steps)
+    trials = list(map(_trial, sound, steps, scatters, left_out))
     roles = _roles(trials, FIT_RATE * pad.units.mm_per_s)
     trials = [replace(t, role=role) for t, role in zip(trials, roles, strict=True)]
     if all_tests:
         trials = [replace(t, role="fit") for t in trials]
     tests, fading = with_fading_sd([t.test for t in trials], [t.phases for t in trials])
     trials = [replace(t, test=test) for t, test in zip(trials, tests, strict=True)]
+    if keep_all_readings:  # a bad one is no noise, nor does it show how stiff the pad is
+        tests = list(map(smooth_readings, tests))
     of_a_step = largest_stiffness(tests) * max(steps)
     read = with_both_errors(tests, [trial.control for trial in trials])
     floor = measure(read, [t.phases for t in trials], of_a_step=of_a_step)
@@ -187,14 +206,14 @@ def prepare(pad: Pad, *, all_tests: bool = False) -> Experiment:
     return Experiment(pad.name, pad.units, tuple(trials), floor, pad.fluid)
 
 
-def _trial(test: Test, step: float, scatter: float) -> Trial:
+def _trial(test: Test, step: float, scatter: float, left_out: BadReadings | None) -> Trial:
     trajectory = smooth(test.time, test.displacement, step, scatter)
     control = control_of(test)
     phases = find_phases(trajectory) if control == "displacement" else force_phases(test)
     if control == "force":
         trajectory = crept_path(trajectory, test)
     rate = test.rate if test.rate is not None else _rate(trajectory, phases, control)
-    return Trial(test, trajectory, phases, rate, test.role or "", control)
+    return Trial(test, trajectory, phases, rate, test.role or "", control, left_out)
 
 
 def _rate(trajectory: Trajectory, phases: tuple[Phase, ...], control: Control) -> float:

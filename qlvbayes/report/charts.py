@@ -17,7 +17,7 @@ def chart_of(pad: PadResults) -> dict | None:
     """What the script draws for one pad: numbers only; None where there are no curves.
 
     Per test the measured force, the last model's mean and 90 % band and, where effects were added,
-    the plain model's mean, at the same times (s).
+    the plain model's mean, at the same times (s); and time and force of readings left out.
     """
     curves = pad.final.curves
     if curves is None or not curves.tests:
@@ -73,6 +73,7 @@ def _test(test: TestCurves, before: TestCurves | None, pad: PadResults) -> dict:
         "phases": [[p.kind, p.start, p.stop] for p in test.phases],
         **{name: [values[k] for k in rows] for name, values in columns.items()},
         "plain": None if plain is None else [plain[k] for k in rows],
+        "left_out": [[one.time, one.force] for one in test.left_out],
     }
 
 

@@ -99,6 +99,15 @@ def curves(pad, effects=(), miss=0.0, samples=80):
             "mean_N": mean.tolist(),
             "low_N": (mean - 1.6 * NOISE).tolist(),
             "high_N": (mean + 1.6 * NOISE).tolist(),
+            "left_out": [
+                {
+                    "time_s": 5.0,
+                    "displacement_mm": 0.0,
+                    "force_N": 0.5,
+                    "channel": "displacement",
+                    "kind": "lost",
+                }
+            ],
         }
         for test, rate in RATES.items()
     ]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from qlvbayes.io.formats.format import Floats
+from qlvbayes.io.reading.clock import slipped
 
 _REPEATED = 0.2  # share of rows with the time of the row above, from which on a clock is too coarse
 _UNEVEN = 1.5  # the 95th over the 5th percentile of the steps
@@ -59,7 +60,7 @@ class ClockError(ValueError):
 def rising(
     time: Floats, columns: list[Floats], dropped: dict[str, int]
 ) -> tuple[Floats, list[Floats]]:
-    """Without the rows whose time is that of the row above, which are counted.
+    """Without the rows whose time is that of the row above or slipped, which are counted.
 
     Raises
     ------
@@ -67,6 +68,11 @@ def rising(
         Time falls, or repeats so often that it is too coarse.
     """
     steps = np.diff(time)
+    slips = slipped(time) if (steps < 0).any() else None
+    if slips is not None:
+        dropped["rows whose time slipped"] = slips.size
+        time, columns = np.delete(time, slips), [np.delete(column, slips) for column in columns]
+        steps = np.diff(time)
     if (steps < 0).any():
         row = int(np.argmax(steps < 0)) + 1
         raise ClockError(

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.reading.clock import slipped
 from qlvbayes.io.reading.header import Columns
 from qlvbayes.io.reading.table import Table
 
@@ -80,10 +81,10 @@ class Checker:
         return self.columns.numbers[key].name
 
     def _time(self, rows: Rows, time: Floats) -> None:
-        """Time must increase; say whether it restarts, repeats or runs back."""
-        stuck = time[1:] <= time[:-1]
-        if not stuck.any():
+        """Time must increase but for single slips; say if it restarts, repeats or runs back."""
+        if slipped(time) is not None:
             return
+        stuck = time[1:] <= time[:-1]
         at = int(np.argmax(stuck)) + 1
         before, now = float(time[at - 1]), float(time[at])
         where = f"in {_title(rows)} ({now:.9g} s after {before:.9g} s)"

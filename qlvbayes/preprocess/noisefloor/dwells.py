@@ -53,6 +53,16 @@ class Record(Protocol):
 
 
 @dataclass(frozen=True)
+class Readings:
+    """Some readings of a test, as a `Record` has them."""
+
+    time: Array
+    displacement: Array
+    force: Array
+    force_sd: Array | None
+
+
+@dataclass(frozen=True)
 class Dwell:
     """One dwell: all readings (n,) and the first one (k,) of each run that is averaged.
 

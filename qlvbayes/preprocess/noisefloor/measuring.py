@@ -9,8 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import Bounds, minimize
 
+from qlvbayes.preprocess.badreadings import outlying
 from qlvbayes.preprocess.noisefloor.cycles import find_cycles
-from qlvbayes.preprocess.noisefloor.dwells import Dwell, Record, find_dwells, find_strokes
+from qlvbayes.preprocess.noisefloor.dwells import (
+    Dwell,
+    Readings,
+    Record,
+    find_dwells,
+    find_strokes,
+)
 from qlvbayes.preprocess.noisefloor.floor import NoiseFloor
 from qlvbayes.preprocess.noisefloor.pool import Pool
 from qlvbayes.preprocess.noisefloor.posterior import Dwells, usual_log_tau
@@ -56,7 +63,8 @@ def measure(
     Without these it is measured about smooth curves of single strokes, and what these do not show
     is taken from the prior; whether structure is noise is then not testable.
     Noise below 3e-4 of the peak force and the rounding of the encoder is taken as that much: the
-    motion between the readings is not known any better.
+    motion between the readings is not known any better. Readings of force far beyond those before
+    and after them are no noise: a few would make a floor of their own size.
 
     Parameters
     ----------
@@ -65,6 +73,7 @@ def measure(
     of_a_step
         Force that an encoder step makes, at most.
     """
+    tests = [_without_outliers(test) for test in tests]
     peak = max((float(np.abs(t.force).max()) for t in tests if t.force.size), default=0.0)
     step = _force_step(tests)
     dwells = find_dwells(tests, phases, step)
@@ -77,6 +86,19 @@ def measure(
     else:
         floor = _without_dwells(tests, phases, known, quickest)
     return _at_least(floor, step, float(np.hypot(EXACT * peak, _ROUNDED * of_a_step)))
+
+
+def _without_outliers(test: Record) -> Record:
+    outliers = outlying(test.time, test.force)
+    if not outliers.any():
+        return test
+    sound, sd = ~outliers, test.force_sd
+    return Readings(
+        test.time[sound],
+        test.displacement[sound],
+        test.force[sound],
+        None if sd is None else sd[sound],
+    )
 
 
 def _force_step(tests: Sequence[Record]) -> float:

@@ -75,6 +75,24 @@ function borders(chart, time) {
   ctx.restore();
 }
 
+// Readings that were left out: grey crosses, at the chart's edge where they lie beyond it.
+function crosses(chart, points, place) {
+  const { ctx, bbox } = chart, ratio = devicePixelRatio || 1, arm = 4 * ratio;
+  const { min, max } = chart.scales.x;
+  ctx.save();
+  ctx.strokeStyle = GREY;
+  ctx.lineWidth = 1.5 * ratio;
+  for (const [time, force] of points) {
+    const at = place(time);
+    if (at < min || at > max) continue;
+    const x = chart.valToPos(at, "x", true), y = Math.max(bbox.top, Math.min(bbox.top + bbox.height, chart.valToPos(force, "y", true)));
+    ctx.beginPath();
+    for (const way of [-arm, arm]) { ctx.moveTo(x - arm, y - way); ctx.lineTo(x + arm, y + way); }
+    ctx.stroke();
+  }
+  ctx.restore();
+}
+
 function isFast(test) {
   const whole = test.t[test.t.length - 1] - test.t[0];
   return test.phases.some(([, start, stop]) => stop > start && stop - start < FAST * whole);
@@ -109,7 +127,7 @@ function forceChart(data, test) {
     series.push(line(data.before || "plain model", ORANGE, { dash: [6, 4] }));
     values.push(test.plain);
   }
-  return { series, values, bands: [{ series: [2, 1], fill: BAND }], label: unitOf(data.name, data.unit) };
+  return { series, values, bands: [{ series: [2, 1], fill: BAND }], label: unitOf(data.name, data.unit), leftOut: test.left_out || [] };
 }
 
 function residualChart(data, test) {

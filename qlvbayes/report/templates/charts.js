@@ -43,7 +43,7 @@ class Viewer {
 
   timeAt(place) { return this.time ? this.time.from(place) : place; }
 
-  draw(where, { series, values, bands, label }, height) {
+  draw(where, { series, values, bands, label, leftOut = [] }, height) {
     const time = this.time;
     if (time) values[0] = values[0].map((t) => time.to(t));
     series[0].value = (u, place) => short(place == null ? null : this.timeAt(place));
@@ -52,7 +52,7 @@ class Viewer {
       scales: { x: { time: false } },
       legend: { live: true, markers: { width: 0, fill: (chart, k) => series[k].mark || series[k].stroke } },
       cursor: { drag: { x: true, y: false }, y: false, sync: { key: this.key } },
-      hooks: { setScale: [(chart, key) => key === "x" && this.follow(chart)], draw: [(chart) => time && borders(chart, time)] },
+      hooks: { setScale: [(chart, key) => key === "x" && this.follow(chart)], draw: [(chart) => { if (time) borders(chart, time); crosses(chart, leftOut, (t) => this.place(t)); }] },
     };
     const chart = new uPlot(options, values, this.root.querySelector(where));
     chart.root.querySelectorAll(".u-series").forEach((row, k) => {

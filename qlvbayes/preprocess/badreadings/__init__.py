@@ -1,0 +1,13 @@
+"""Readings that are none: lost, spikes, stuck, clipped, or of a clock that slipped.
+
+What its neighbours on both sides contradict and the other channel does not show is no reading of
+the specimen. It is found before anything is made of the record, in medians and differences of
+neighbours alone, O(n), and without a model of the material.
+"""
+
+from qlvbayes.preprocess.badreadings.finding import smooth_readings, sound_tests
+from qlvbayes.preprocess.badreadings.outliers import outlying
+from qlvbayes.preprocess.badreadings.result import BadReadings
+from qlvbayes.preprocess.badreadings.words import left_out_notice
+
+__all__ = ["BadReadings", "left_out_notice", "outlying", "smooth_readings", "sound_tests"]

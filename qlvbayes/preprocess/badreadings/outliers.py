@@ -1,0 +1,254 @@
+r"""Which readings of one channel their neighbours on both sides contradict.
+
+A run of k readings is held against the sound ones before and after it, at a and b: it is outlying
+if each of its values lies beyond both by more than
+
+.. math:: \max(12 k^{1/2} s,\; 4 q,\; 4 |\Delta x|_{med},\; |b - a|,\; 0.01\, range),
+
+s being the median distance of a reading from the line through its two neighbours (those nearby, and
+all as far apart in time), q the step of a digitised channel. A step is as large as the difference
+of its sides, a turn as large as the changes nearby, noise as s.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from qlvbayes.preprocess.segments import encoder_step
+
+Array = NDArray[np.float64]
+Run = tuple[int, int]
+
+LONGEST = 8  # readings in a row that differ among each other; zeros may be more
+_BESIDE = 6  # readings on either side that must be smooth without it,
+_ROUGHER = 3.0  # times less off a line than the run
+_PASSES = 4  # over the readings that are left
+_AT_ENDS = 3  # readings at either end of the record
+_NEARBY = 61  # readings whose median tells the noise here
+_BEYOND = 12.0  # of these medians: 10 sds of white noise
+_CHANGES = 4.0  # of the median change from reading to reading: how sharp a movement may turn
+_STEPS = 4.0  # of a digitised channel
+_SIDES = 1.0  # of the difference between both sides: what lies between two levels is their step
+_LEAST = 0.01  # of the channel's range: less does no harm
+_STEP_READINGS = 20_000  # that show the step of a digitised channel
+_FEWEST = 12  # readings of which anything can be said
+
+
+@dataclass(frozen=True)
+class Scale:
+    """How one channel's readings change of themselves.
+
+    deviation: (n,) median distance of a reading from the line through its neighbours; change: (n,)
+    median change nearby; step: of a digitised channel, 0 where none shows; span: its range.
+    """
+
+    deviation: Array
+    change: Array
+    step: float
+    span: float
+
+    def of(self, places: NDArray[np.intp]) -> Scale:
+        """That of some readings among each other."""
+        return replace(self, deviation=self.deviation[places], change=self.change[places])
+
+    def least(self, run: Run, sides: float) -> float:
+        """How far a run must lie beyond its neighbours, which differ by ``sides``."""
+        first, stop = run
+        at = min((first + stop) // 2, self.deviation.size - 1)
+        return max(
+            _BEYOND * float(np.sqrt(min(stop - first, LONGEST)) * self.deviation[at]),
+            _CHANGES * float(self.change[at]),
+            _STEPS * self.step,
+            _SIDES * sides,
+            _LEAST * self.span,
+        )
+
+
+def scale_of(time: Array, signal: Array) -> Scale:
+    """The scale of one channel, whatever few of its readings say."""
+    off = _off_line(time, signal)
+    change = np.abs(np.diff(signal))
+    near = _median(off)
+    gaps = np.diff(time)
+    alike = _of_equal_gaps(np.minimum(gaps[1:], gaps[:-1]), off)
+    low, high = np.quantile(signal, [0.005, 0.995])
+    return Scale(
+        np.pad(np.maximum(near, alike), 1, mode="edge"),
+        np.pad(_median(change), (0, 1), mode="edge"),
+        _step(signal),
+        float(high - low),
+    )
+
+
+def outlying(time: Array, signal: Array) -> NDArray[np.bool_]:
+    """Which readings (n,) lie far beyond those before and after them."""
+    mask = np.zeros(signal.size, dtype=bool)
+    if signal.size >= _FEWEST:
+        for first, stop in outlying_runs(time, signal, scale_of(time, signal)):
+            mask[first:stop] = True
+    return mask
+
+
+def outlying_runs(time: Array, signal: Array, scale: Scale) -> list[Run]:
+    """The runs [first, stop) of outlying readings, none of them touching another.
+
+    Without those that are found others may stand alone: looked for again until none does. What is
+    left about a run must be smooth: else it rings, or the signal leaps there for a reason.
+    """
+    mask = np.zeros(signal.size, dtype=bool)
+    sound = np.arange(signal.size)
+    for _ in range(_PASSES):
+        found = _one_pass(signal[sound], scale.of(sound))
+        if not found:
+            break
+        for first, stop in found:
+            mask[sound[first:stop]] = True
+        sound = np.flatnonzero(~mask)
+    return _alone(time, signal, mask)
+
+
+def _alone(time: Array, signal: Array, mask: NDArray[np.bool_]) -> list[Run]:
+    """The runs that lie much farther from their neighbours than these do from each other."""
+    runs, sound = runs_of(mask), np.flatnonzero(~mask)
+    if not runs or sound.size < _FEWEST:
+        return []
+    rough = _off_line(time[sound], signal[sound])
+    found = []
+    for first, stop in runs:
+        at = int(np.searchsorted(sound, first))  # of the first sound reading after it
+        before, after = float(signal[sound[at - 1]]), float(signal[sound[at]])
+        near = rough[max(at - 1 - _BESIDE, 0) : at - 1 + _BESIDE]
+        least = float(distance(signal[first:stop], before, after).min())
+        if least > _ROUGHER * float(near.max(initial=0.0)):
+            found.append((first, stop))
+    return found
+
+
+def runs_at_ends(signal: Array, scale: Scale) -> list[Run]:
+    """The same of the first and the last readings, which have neighbours on one side only."""
+    found = []
+    for ahead in (signal, signal[::-1]):
+        for stop in range(1, _AT_ENDS + 1):
+            sides = abs(float(ahead[stop] - ahead[stop + 1]))
+            off = distance(ahead[:stop], float(ahead[stop]), float(ahead[stop + 1]))
+            run = (0, stop) if ahead is signal else (signal.size - stop, signal.size)
+            if off.min() > scale.least(run, sides):
+                found.append(run)
+                break
+    return found
+
+
+def runs_of(mask: NDArray[np.bool_]) -> list[Run]:
+    """The runs [first, stop) of masked readings."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
+    return [(int(first), int(stop)) for first, stop in edges.reshape(-1, 2)]
+
+
+def _one_pass(signal: Array, scale: Scale) -> list[Run]:
+    mask = np.zeros(signal.size, dtype=bool)
+    for length in range(1, LONGEST + 1):
+        for run in _of_length(signal, scale, length, mask):
+            mask[run[0] : run[1]] = True
+    for run in equal_runs(signal, LONGEST + 1):
+        zeros = not signal[run[0]]
+        if zeros and not mask[run[0] : run[1]].any() and _beyond(signal, scale, run):
+            mask[run[0] : run[1]] = True
+    return _confirmed(signal, scale, mask)
+
+
+def equal_runs(signal: Array, least: int) -> list[Run]:
+    """Runs [first, stop) of at least so many readings that repeat one value."""
+    edges = np.flatnonzero(np.diff(signal) != 0.0) + 1
+    edges = np.concatenate([[0], edges, [signal.size]])
+    long = np.flatnonzero(np.diff(edges) >= least)
+    return [(int(edges[k]), int(edges[k + 1])) for k in long]
+
+
+def distance(values: Array, one: float, other: float) -> Array:
+    """How far values lie beyond both of two levels."""
+    low, high = min(one, other), max(one, other)
+    return np.maximum(np.maximum(values - high, low - values), 0.0)
+
+
+def _off_line(time: Array, signal: Array) -> Array:
+    """Distance (n - 2,) of each inner reading from the line through its neighbours."""
+    weight = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
+    line = signal[:-2] + weight * (signal[2:] - signal[:-2])
+    return np.abs(signal[1:-1] - line)
+
+
+def _median(values: Array) -> Array:
+    size = min(_NEARBY, values.size)
+    return np.asarray(median_filter(values, size=size, mode="reflect"))
+
+
+def _of_equal_gaps(gaps: Array, off: Array) -> Array:
+    """Median distance of the readings that are about as far from their neighbours as each one.
+
+    Slow noise differs little between readings near in time, and much between distant ones: as a
+    random walk does at the most, which is reckoned with.
+    """
+    order = np.argsort(gaps, kind="stable")
+    root = np.sqrt(gaps[order])
+    found = np.empty_like(off)
+    found[order] = root * _median(off[order] / root)
+    return found
+
+
+def _step(signal: Array) -> float:
+    """Step of a digitised channel, of which the bad readings need not be multiples."""
+    few = signal[:_STEP_READINGS]
+    step = encoder_step(few)
+    if step > 0.0:
+        return step
+    changes = np.abs(np.diff(few))
+    changes = changes[changes > 0.0]
+    return float(changes.min()) if changes.size else 0.0
+
+
+def _of_length(signal: Array, scale: Scale, length: int, mask: NDArray[np.bool_]) -> list[Run]:
+    """Outlying runs of a length that do not overlap and hold none known."""
+    if signal.size < length + 2:
+        return []
+    before, after = signal[: -length - 1], signal[length + 1 :]
+    low, high = np.minimum(before, after), np.maximum(before, after)
+    beyond = np.full(low.size, np.inf)
+    for k in range(1, length + 1):
+        value = signal[k : k + low.size]
+        beyond = np.minimum(beyond, np.maximum(value - high, low - value))
+    likely = beyond > np.maximum(_LEAST * scale.span, high - low)
+    found: list[Run] = []
+    for at in (np.flatnonzero(likely) + 1).tolist():
+        run = (at, at + length)
+        if not mask[at : at + length].any() and _beyond(signal, scale, run):
+            found.append(run)
+    return found
+
+
+def _beyond(signal: Array, scale: Scale, run: Run) -> bool:
+    first, stop = run
+    if first == 0 or stop == signal.size:
+        return False
+    before, after = float(signal[first - 1]), float(signal[stop])
+    least = float(distance(signal[first:stop], before, after).min())
+    return least > scale.least(run, abs(after - before))
+
+
+def _confirmed(signal: Array, scale: Scale, mask: NDArray[np.bool_]) -> list[Run]:
+    """The runs of masked readings, less those that the nearest sound ones on both sides bear out.
+
+    A sound reading between two bad ones lies far from both.
+    """
+    found: list[Run] = []
+    for first, stop in runs_of(mask):
+        if first == 0 or stop == signal.size:
+            continue
+        before, after = float(signal[first - 1]), float(signal[stop])
+        least = scale.least((first, first + 1), abs(after - before))
+        bad = distance(signal[first:stop], before, after) > least
+        found += [(first + a, first + b) for a, b in runs_of(bad)]
+    return found
