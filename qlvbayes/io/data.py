@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar, Literal, NoReturn, cast
@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.escaping import as_typed, prints
+from qlvbayes.io.files import folder_fault, same_folder
 from qlvbayes.io.formats.answers import UnsureError
 from qlvbayes.io.formats.catalogue import FORMATS
 from qlvbayes.io.formats.conversion import Conversion, convert
@@ -151,6 +153,7 @@ def _pads(file: Path, dialect: Dialect, table: Table) -> tuple[Pad, ...]:
     tests: dict[str, list[Test]] = {}
     fluids: dict[str, str | None] = {}
     for rows in _grouped(table):
+        builder.tell_apart(rows, tests)
         of_pad = tests.setdefault(rows.pad, [])
         of_pad.append(builder.test(rows, of_pad[-1] if of_pad else None))
         builder.add_fluid(rows, fluids)
@@ -244,15 +247,22 @@ class _Builder:
         for key, name in (("pad", rows.pad), ("test", rows.test)):
             if not name:
                 self._fail(rows, first, f"{key} is empty", "write its name")
+        if not all(map(prints, rows.test)):
+            what = f"the test's name '{rows.test}' has a character that does not print"
+            self._fail(rows, first, what, "write it without")
         self._names_folder(rows, "pad", rows.pad)
 
     def _names_folder(self, rows: Rows, what: str, name: str) -> None:
-        if "/" in name or "\\" in name or name.startswith("."):
-            remedy = (
-                "write it without / and \\ and a leading point: results go to a folder so named"
-            )
-            message = f"the {what}'s name '{name}' cannot name a folder"
-            self._fail(rows, rows.row(0), message, remedy)
+        if (fault := folder_fault(name)) is not None:
+            why, remedy = fault
+            self._fail(rows, rows.row(0), f"the {what}'s name '{name[:200]}' {why}", remedy)
+
+    def tell_apart(self, rows: Rows, before: Iterable[str]) -> None:
+        """Refuse a pad whose folder some disks would take for another pad's."""
+        for name in before:
+            if name != rows.pad and same_folder(name) == same_folder(rows.pad):
+                what = f"the pads '{name}' and '{rows.pad}' differ in upper and lower case only"
+                self._fail(rows, rows.row(0), what, "write one name, or two that differ in more")
 
     def _label(self, rows: Rows, key: str) -> str:
         """Text of a label, the same in all rows of the test; empty if there is no such column."""
@@ -339,4 +349,5 @@ def _machine_file(file: Path, tidy: Dialect | InputError) -> Conversion | None:
     try:
         return convert([file])
     except UnsureError as error:
-        raise error.elsewhere(f"qlvbayes convert {file} -o tidy.csv") from error
+        again = as_typed("qlvbayes", "convert", str(file), "-o", "tidy.csv")
+        raise error.elsewhere(again) from error
