@@ -22,6 +22,7 @@ from qlvbayes.io.formats.two_clocks import TwoClocks
 from qlvbayes.io.reading.badline import parse_number
 from qlvbayes.io.reading.csvtext import digest, unchanged
 from qlvbayes.io.reading.dialect import Dialect, sniff
+from qlvbayes.io.reading.noreading import no_readings, out_of_range
 from qlvbayes.io.reading.table import Table, read_table
 from qlvbayes.io.reading.testchecks import Checker, Rows
 from qlvbayes.io.units import UnitSystem
@@ -209,7 +210,9 @@ class _Builder:
         numbers = {key: rows.take(column) for key, column in self.table.numbers.items()}
         checker = Checker(self.file, self.table, self.dialect.columns)
         control = self._control(rows)
+        self._readings(rows, numbers)
         checker.check(rows, numbers, loaded=control == "force")
+        self._range(rows, numbers)
         for values in numbers.values():
             values.setflags(write=False)
         return Test(
@@ -225,6 +228,24 @@ class _Builder:
             start_known=self._number(rows, "start") is not None,
             control=control,
         )
+
+    def _readings(self, rows: Rows, numbers: dict[str, Floats]) -> None:
+        """Refuse rows that have a logger's code where a reading is missing, as empty cells are."""
+        for key in ("displacement", "force"):
+            found = no_readings(numbers[key])
+            if found.count:
+                first = int(np.argmax(found.rows))
+                name = self.dialect.columns.numbers[key].name
+                times = f"{found.count} rows, the first" if found.count > 1 else "one row,"
+                what = f"{name} is {found.written}, a code for no reading, in {times} at "
+                what += f"{numbers['time'][first]:.6g} s,"
+                self._fail(rows, rows.row(first), what, "delete these rows")
+
+    def _range(self, rows: Rows, numbers: dict[str, Floats]) -> None:
+        columns = self.dialect.columns.numbers
+        named = {columns[key].name: numbers[key] for key in ("displacement", "force")}
+        if (what := out_of_range(numbers["time"], named)) is not None:
+            self._fail(rows, rows.row(0), f"{what}, which no rig measures,", "check the units")
 
     def add_fluid(self, rows: Rows, fluids: dict[str, str | None]) -> None:
         """Note the fluid of the test's pad, which must be that of the pad's other tests."""
@@ -255,7 +276,12 @@ class _Builder:
     def _names_folder(self, rows: Rows, what: str, name: str) -> None:
         if (fault := folder_fault(name)) is not None:
             why, remedy = fault
-            self._fail(rows, rows.row(0), f"the {what}'s name '{name[:200]}' {why}", remedy)
+            raise InputError(
+                f"the {what}'s name '{name[:200]}' {why}",
+                file=self.file,
+                line=self.table.line(rows.row(0)),
+                remedy=remedy,
+            )
 
     def tell_apart(self, rows: Rows, before: Iterable[str]) -> None:
         """Refuse a pad whose folder some disks would take for another pad's."""
