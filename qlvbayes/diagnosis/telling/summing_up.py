@@ -80,7 +80,11 @@ def summed_up(
         biases=tuple(parameter_biases(added, plain)),
         coincident=tuple(coincident(added)),
         refused=tuple(Refused(name, why) for name, why in refused),
-        notices=(*unlikely_over_all(outcome, decision), *_notices(experiment, search, told)),
+        notices=(
+            *unlikely_over_all(outcome, decision),
+            *_not_counted(outcome),
+            *_notices(experiment, search, told),
+        ),
         suggestions=_suggestions(outcome, decision),
         discrepancy=told.mode.size,
         tolerance=left.tolerance,
@@ -138,6 +142,18 @@ def unlikely_over_all(outcome: Outcome, decision: Decision) -> list[str]:
         f"{outcome.inclusion(name):.1%}"
         for name in decision.effects
         if outcome.inclusion(name) < outcome.search.settings.named
+    ]
+
+
+def _not_counted(outcome: Outcome) -> list[str]:
+    """How many hypotheses take no part in the decision, as their evidence is no number."""
+    count = sum(not weight.counts for weight in outcome.weights)
+    if not count:
+        return []
+    what = "hypothesis takes" if count == 1 else "hypotheses take"
+    return [
+        f"pad {outcome.experiment.pad}: {count} of {len(outcome.weights)} {what} no part in the "
+        "decision, as the evidence of such a fit is no number"
     ]
 
 

@@ -64,4 +64,5 @@ def _test(curve, name: str) -> Recording:  # type: ignore[no-untyped-def]
         Channel("displacement", depth * _NANO, "nm", f"-{height} - force/k"),
         Channel("force", force * _NANO, "nN", "force"),
         name=name,
+        pressing=True,  # a repelled tip bends away: afmformats' own sign of the force
     )

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -17,10 +19,12 @@ from typing import Any
 
 import numpy as np
 
-TIME_S = 15.0  # for a file of no size; a good one of 100 MB takes 1 s
+TIME_S = 10.0  # of a processor, for a file of no size: imports take 1 s, good 100 MB another
 PER_MB_S = 0.1
+_WAITING = 6.0  # how much longer that may take on a machine with much else to do
 MEMORY = 4 * 2**30  # bytes, address space: the libraries alone take 1 GiB of it
 _NAMES = "names"
+_OUT_OF_TIME = int(getattr(signal, "SIGXCPU", 0))
 _LIBRARIES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")  # threads take address space each
 
 
@@ -31,17 +35,21 @@ class ApartError(Exception):
 def read_apart(kind: str, path: Path, limit: float | None = None) -> list[tuple[Any, np.ndarray]]:
     """The arrays of a file, each with what ``kind`` says of it.
 
-    kind: a key of ``_READERS``; limit: in s. Raises ApartError where the file could not be read in
-    that time, or at all.
+    kind: a key of ``_READERS``; limit: in s of a processor. Raises ApartError where the file could
+    not be read in that time, or at all.
     """
     if limit is None:
         limit = TIME_S + PER_MB_S * path.stat().st_size / 2**20
     environment = os.environ | dict.fromkeys(_LIBRARIES, "1")
-    command = [sys.executable, "-P", __file__, kind, str(path)]
+    command = [sys.executable, "-P", __file__, kind, str(path), str(math.ceil(limit))]
+    endless = ApartError(f"reading it did not end within {limit:.0f} s")
     try:
-        done = subprocess.run(command, capture_output=True, timeout=limit, env=environment)
+        most = _WAITING * limit
+        done = subprocess.run(command, capture_output=True, timeout=most, env=environment)
     except subprocess.TimeoutExpired:
-        raise ApartError(f"reading it did not end within {limit:.0f} s") from None
+        raise endless from None
+    if _OUT_OF_TIME and done.returncode == -_OUT_OF_TIME:
+        raise endless
     if done.returncode != 0:
         lines = done.stderr.decode("utf-8", "replace").strip().splitlines()
         crashed = done.returncode < 0 or not lines
@@ -107,21 +115,22 @@ _READERS: dict[str, Callable[[str], list[tuple[Any, np.ndarray]]]] = {
 }
 
 
-def _limit_memory() -> None:
+def _limit(seconds: int) -> None:
     try:
         import resource
 
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+        resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 1))
     except (ImportError, OSError, ValueError):  # not on every system
         return
 
 
-def main(kind: str, path: str) -> int:
+def main(kind: str, path: str, seconds: str) -> int:
     """Write the arrays to standard output; 1 and a line where that is not possible."""
-    _limit_memory()
+    _limit(int(seconds))
     try:
         found = _READERS[kind](path)
-        arrays = {f"a{k}": array for k, (_, array) in enumerate(found)}
+        arrays: dict[str, Any] = {f"a{k}": array for k, (_, array) in enumerate(found)}
         names = np.array(json.dumps([said for said, _ in found]))
         content = io.BytesIO()
         np.savez(content, **arrays, names=names)

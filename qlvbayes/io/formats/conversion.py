@@ -272,7 +272,7 @@ def _stage(
         what := out_of_range(time, {recording.way.name: way, recording.load.name: load})
     ) is not None:
         raise InputError(f"{what}, which no rig measures", file=file, remedy="check the units")
-    signs = _signs(file, way, load, answers)
+    signs = _signs(file, way, load, recording, answers)
     way, load = way * signs.way, load * signs.load
     if wrong := () if units.dimensionless else wrong_signs(way, load):
         what = f"the specimen is pressed with {joined([*wrong])} negative"
@@ -395,11 +395,13 @@ def _in_order(
     return time, way, load, sampling_of(time)
 
 
-def _signs(file: Path, way: Floats, load: Floats, answers: Answers) -> Signs:
+def _signs(file: Path, way: Floats, load: Floats, recording: Recording, answers: Answers) -> Signs:
     found = find_signs(way, load)
     if answers.sign is not None:
         of_way, of_load = SIGNS[answers.sign]
         return replace(found, way=of_way, load=of_load, doubt="")
+    if recording.pressing:
+        return replace(found, way=1, load=1, doubt="")
     if found.doubt:
         raise _unsure_of_sign(file, found.doubt)
     return found
@@ -425,6 +427,8 @@ def _sign_told(signs: Signs, recording: Recording, answers: Answers) -> str:
     what = f"turned over: {' and '.join(turned)}" if turned else "kept as written"
     if answers.sign is not None:
         return f"sign {what}, as said"
+    if recording.pressing:
+        return f"sign {what}: in this layout pressing is positive"
     return (
         f"sign {what} (the peak force lies {signs.travel:.0%} of the travel from the start, and "
         f"is {min(signs.swing, 999.0):.3g} times the swing to the other side; a pull looks alike)"

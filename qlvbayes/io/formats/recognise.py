@@ -10,9 +10,9 @@ from pathlib import Path
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.format import HEAD, AbstractFormat, Sight
+from qlvbayes.io.reading.csvtext import OLD_OFFICE, OldWorkbookError
 from qlvbayes.io.wording import joined
 
-_OLD_OFFICE = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"  # of all Office files before 2007
 _NEAR = 0.5  # share of its marks that a layout must show to be called near
 
 
@@ -74,12 +74,8 @@ def recognised(path: Path, kinds: Sequence[type[AbstractFormat]]) -> type[Abstra
         raise InputError(
             f"the layouts {names} all fit", file=path, remedy="export it in another way"
         )
-    if head.startswith(_OLD_OFFICE):
-        raise InputError(
-            "this is an Excel workbook of the old kind (.xls)",
-            file=path,
-            remedy="open it and save it as .xlsx or CSV",
-        )
+    if head.startswith(OLD_OFFICE):
+        raise OldWorkbookError(path)
     if nearest is None:
         raise InputError(
             "no known layout",

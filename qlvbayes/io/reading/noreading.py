@@ -45,14 +45,16 @@ def no_readings(values: Floats, *, coded: bool = True) -> NoReading:
 
     A number that loggers use as a code is one where it lies off all other readings by more than
     they span: a displacement of -999 um on the way from 0 to -1200 um is a reading. coded: whether
-    there may be such codes; a clock has none.
+    there may be such codes; a clock has none. Nor is what more than half of the rows have a code.
     """
     lost = ~(np.abs(values) < LARGEST)  # true of what is not finite too
-    codes = set(values[lost & ~np.isnan(values)].tolist())
+    codes = set(values[lost & np.isfinite(values)].tolist())
     for code in _far_away(values[~lost]) if coded else ():
-        if _CODE.fullmatch(f"{code:.{_SHOWN}g}"):
+        here = values == code
+        held = 2 * np.count_nonzero(here) > len(values)  # a step of 99 um, held
+        if _CODE.fullmatch(f"{code:.{_SHOWN}g}") and not held:
             codes.add(code)
-            lost |= values == code
+            lost |= here
     return NoReading(lost, tuple(sorted(codes, key=abs)))
 
 
