@@ -146,15 +146,13 @@ def unlikely_over_all(outcome: Outcome, decision: Decision) -> list[str]:
 
 
 def _not_counted(outcome: Outcome) -> list[str]:
-    """How many hypotheses take no part in the decision, as their evidence is no number."""
-    count = sum(not weight.counts for weight in outcome.weights)
-    if not count:
-        return []
-    what = "hypothesis takes" if count == 1 else "hypotheses take"
-    return [
-        f"pad {outcome.experiment.pad}: {count} of {len(outcome.weights)} {what} no part in the "
-        "decision, as the evidence of such a fit is no number"
-    ]
+    """How many hypotheses take no part in the decision, or predict no number somewhere."""
+    every, said = f"of {len(outcome.weights)} hypotheses", []
+    if count := sum(not weight.counts for weight in outcome.weights):
+        said.append(f"{count} {every} left out of the decision: their evidence is no number")
+    if count := len(outcome.unpredicted):
+        said.append(f"{count} {every} predict no number at some samples, taken as no force there")
+    return [f"pad {outcome.experiment.pad}: {text}" for text in said]
 
 
 def _notices(experiment: Experiment, search: Search, told: Weighed) -> tuple[str, ...]:

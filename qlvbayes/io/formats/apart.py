@@ -24,6 +24,9 @@ PER_MB_S = 0.1
 _WAITING = 6.0  # how much longer that may take on a machine with much else to do
 MEMORY = 4 * 2**30  # bytes, address space: the libraries alone take 1 GiB of it
 _NAMES = "names"
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+_HDF5_BEGINS = (0, 512)  # of its first block; MATLAB writes a text before it
+_END = {0: 40, 1: 44, 2: 28, 3: 28}  # where that block has the file's end, by version
 _OUT_OF_TIME = int(getattr(signal, "SIGXCPU", 0))
 _LIBRARIES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")  # threads take address space each
 
@@ -38,6 +41,8 @@ def read_apart(kind: str, path: Path, limit: float | None = None) -> list[tuple[
     kind: a key of ``_READERS``; limit: in s of a processor. Raises ApartError where the file could
     not be read in that time, or at all.
     """
+    if _is_cut(path):
+        raise ApartError("it ends before what it says it holds")
     if limit is None:
         limit = TIME_S + PER_MB_S * path.stat().st_size / 2**20
     environment = os.environ | dict.fromkeys(_LIBRARIES, "1")
@@ -57,6 +62,21 @@ def read_apart(kind: str, path: Path, limit: float | None = None) -> list[tuple[
     with np.load(io.BytesIO(done.stdout), allow_pickle=False) as found:
         said = json.loads(str(found[_NAMES]))
         return [(one, found[f"a{k}"]) for k, one in enumerate(said)]
+
+
+def _is_cut(path: Path) -> bool:
+    """Whether HDF5's first block names an end beyond the file's: that needs no library to see."""
+    size = path.stat().st_size
+    with path.open("rb") as stream:
+        for begin in _HDF5_BEGINS:
+            stream.seek(begin)
+            block = stream.read(48)
+            if block.startswith(_HDF5) and len(block) == 48:
+                end = (
+                    int.from_bytes(block[_END[block[8]] :][:8], "little") if block[8] in _END else 0
+                )
+                return end > size
+    return False
 
 
 def _hdf5(path: str) -> list[tuple[Any, np.ndarray]]:
