@@ -236,7 +236,7 @@ def test_methods_say_how_to_repeat_it(page):
 
 def test_the_commands_that_use_a_pad_are_those_of_its_folder(out, page):
     use = page.words[page.words.index("Use it") : page.words.index("How this was done")]
-    assert f'qlvbayes predict {out.name} --pad B --program "ramp 1 mm in 0.1 s, hold 30 s"' in use
+    assert f"qlvbayes predict {out.name} --pad B --program 'ramp 1 mm in 0.1 s, hold 30 s'" in use
     assert f"qlvbayes export {out.name} --pad B --to c,fmu,json" in use
     assert "Exported already" not in use
 
@@ -252,7 +252,7 @@ def test_exports_are_listed_with_their_files(tmp_path):
     picture(tmp_path / "B" / "prediction.png")
     page = Page(write_report(tmp_path))
     use = page.words[page.words.index("Use it") : page.words.index("How this was done")]
-    assert 'program "ramp 1.6 mm in 0.08 s, hold 30 s"' in use
+    assert "program 'ramp 1.6 mm in 0.08 s, hold 30 s'" in use
     assert "B c B/export/c/ pad_B.h, pad_B_draws.h" in use
     assert "B json B/export/json/ pad_B.json" in use
     assert "Last prediction of pad B" in use

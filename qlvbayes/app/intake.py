@@ -5,6 +5,8 @@ Nothing in a file is executed, and no name in it becomes a path.
 
 from __future__ import annotations
 
+import csv
+import io
 import shutil
 import stat
 import zipfile
@@ -125,7 +127,10 @@ def _joined(studies: Sequence[Measurements]) -> bytes:
     """Several tidy files as one; a pad of the same name in two is told by its file."""
     units = studies[0].units
     way = column_name(units.displacement_name, "" if units.dimensionless else units.displacement)
-    lines = [f"pad,test,start_s,time_s,{way},{column_name(units.force_name, units.force)}"]
+    out = io.StringIO()
+    table = csv.writer(out, lineterminator="\n")
+    force = column_name(units.force_name, units.force)
+    table.writerow(["pad", "test", "start_s", "time_s", way, force])
     taken: set[tuple[str, str]] = set()
     for study in studies:
         if study.units != units:
@@ -144,8 +149,8 @@ def _joined(studies: Sequence[Measurements]) -> bytes:
                 rows = zip(
                     test.time.tolist(), test.displacement.tolist(), test.force.tolist(), strict=True
                 )
-                lines += [f"{pad.name},{name},{start},{t!r},{d!r},{f!r}" for t, d, f in rows]
-    return ("\n".join(lines) + "\n").encode()
+                table.writerows([pad.name, name, start, *map(repr, row)] for row in rows)
+    return out.getvalue().encode()
 
 
 def _by_name(error: InputError, uploads: Sequence[Path]) -> InputError:

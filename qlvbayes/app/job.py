@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 import queue
-import shlex
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -28,6 +27,7 @@ from qlvbayes.fitting.ensemble import Progress, Settings
 from qlvbayes.fitting.results import Saved, load
 from qlvbayes.fitting.runs import record_run
 from qlvbayes.io.data import read_measurements
+from qlvbayes.io.escaping import as_typed
 from qlvbayes.model.choices import Choices
 from qlvbayes.pipeline.checking import check_into
 from qlvbayes.pipeline.comparing import compare_into
@@ -184,7 +184,7 @@ def compared(spec: Spec, watcher: Watcher) -> dict[str, Any]:
     first, second = ((saved.pad, [saved]) for saved in pads)
     compare_into(out, first, second, watcher=watcher)
     names = ",".join(spec["pads"])
-    command = shlex.join(["qlvbayes", "compare", out.name, "--pads", names])
+    command = as_typed("qlvbayes", "compare", out.name, "--pads", names)
     record_run(out, "compare", command, study, pads[0].choices, 0)
     return found
 
@@ -271,7 +271,7 @@ def _command(step: str, spec: Spec, choices: Choices, pads: Sequence[str]) -> st
         words += ["--all-tests"] if spec["all_tests"] else []
         words += [word for name in choices.effects for word in ("--add", name)]
     words += ["--effects-file", spec["effects_file"]] if spec["effects_file"] else []
-    return shlex.join([*words, "-o", "."])
+    return as_typed(*words, "-o", ".")
 
 
 def _hear(orders: queue.SimpleQueue[Spec], watcher: Telling) -> None:

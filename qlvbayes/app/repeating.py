@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import shlex
 from pathlib import Path
 from typing import Any
 
 from qlvbayes.app.sessions import Session, State
+from qlvbayes.io.escaping import as_typed
 
 
 def script(session: Session, pad: str) -> str:
@@ -14,7 +14,7 @@ def script(session: Session, pad: str) -> str:
     own = session.pad(pad)
     data = Path(session.data).name
     lines = [
-        f'"""Repeats what was done by hand to pad {pad} of {session.name}."""',
+        repr(f"Repeats what was done by hand to pad {pad} of {session.name}."),
         "",
         "import qlvbayes as q",
         "",
@@ -91,4 +91,4 @@ def commands(session: Session, pad: str) -> str:
         ["qlvbayes", "diagnose", data, "--pads", pad, "-o", "out"],
         ["qlvbayes", "report", "out"],
     ]
-    return "\n".join(map(shlex.join, lines)) + "\n"
+    return "\n".join(as_typed(*words) for words in lines) + "\n"

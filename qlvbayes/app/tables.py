@@ -8,6 +8,7 @@ from collections.abc import Mapping
 
 from qlvbayes.app.bench.bench import Bench, Look
 from qlvbayes.app.bench.model import ByHand
+from qlvbayes.io.escaping import as_cells
 from qlvbayes.io.units import column_name
 
 
@@ -23,7 +24,7 @@ def residuals_csv(bench: Bench, look: Look) -> str:
          f"residual_{units.force}"]
     )  # fmt: skip
     for k, trial in enumerate(samples.trials):
-        own = samples.rows[k]
+        own, names = samples.rows[k], as_cells([bench.experiment.pad, trial.name])
         columns = zip(
             samples.phases(k).tolist(),
             trial.test.time[own].tolist(),
@@ -34,7 +35,7 @@ def residuals_csv(bench: Bench, look: Look) -> str:
         )
         for phase, time, depth, measured, modelled in columns:
             rows.writerow(
-                [bench.experiment.pad, trial.name, phase, f"{time:.6f}", f"{depth:.8g}",
+                [*names, phase, f"{time:.6f}", f"{depth:.8g}",
                  f"{measured:.8g}", f"{modelled:.8g}", f"{measured - modelled:.8g}"]
             )  # fmt: skip
     return out.getvalue()
@@ -55,8 +56,8 @@ def constants_csv(bench: Bench, model: ByHand, begun: Mapping[str, float]) -> st
     for one in bench.sliders(model):
         initial = begun.get(one.name)
         rows.writerow(
-            [bench.experiment.pad, one.name, f"{one.value:.8g}", one.unit,
+            [*as_cells([bench.experiment.pad, one.name]), f"{one.value:.8g}", one.unit,
              "" if initial is None else f"{initial:.8g}", f"{one.prior[0]:.4g}",
-             f"{one.prior[1]:.4g}", one.owner, tests, f"{first:.6g}", f"{last:.6g}"]
+             f"{one.prior[1]:.4g}", one.owner, *as_cells([tests]), f"{first:.6g}", f"{last:.6g}"]
         )  # fmt: skip
     return out.getvalue()

@@ -78,7 +78,7 @@ def benchmark(
         print(json.dumps(report.as_dict(), allow_nan=False))
         return
     out.print(rates_table(report), constants_table(report))
-    out.print(f"figure: {picture}", markup=False)
+    out.print(f"figure: {picture}")
 
 
 def rates_table(report: Report) -> Table:

@@ -88,13 +88,13 @@ def compare_command(
         if not as_json:
             out.print(contrasts_table(found))
             for text in found.words:
-                out.print(text, markup=False, soft_wrap=not out.is_terminal)
+                out.print(text, soft_wrap=not out.is_terminal)
                 out.print()
     if as_json:
         print(json.dumps(contents, allow_nan=False))
     else:
         show_figures(figures)
-        out.print(f"results in {folder / FOLDER}", markup=False)
+        out.print(f"results in {folder / FOLDER}")
 
 
 def _pairs(

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import shlex
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.progress import (
@@ -17,26 +16,41 @@ from rich.progress import (
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
+from rich.text import Text
+
+from qlvbayes.io.escaping import as_typed, visible
 
 if TYPE_CHECKING:  # a sampler's import takes longer than what most commands do
     from qlvbayes.fitting.ensemble import Progress as Report
 
 WIDE = 140  # columns of a table where the output is no terminal
 
-out = Console(highlight=False, width=None if sys.stdout.isatty() else WIDE)
-err = Console(stderr=True, highlight=False, width=None if sys.stderr.isatty() else 1000)
+
+class Plain(Console):
+    """A console that writes text as it is: no markup, and nothing that commands the terminal."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(markup=False, emoji=False, highlight=False, **settings)
+
+    def render_str(self, text: str, **settings: Any) -> Text:
+        """Whatever is printed, cells and titles of tables too, comes by here."""
+        return super().render_str(visible(text, keep="\n"), **settings)
+
+
+out = Plain(width=None if sys.stdout.isatty() else WIDE)
+err = Plain(stderr=True, width=None if sys.stderr.isatty() else 1000)
 
 
 def command_line() -> str:
     """What was typed, so that it can be typed again."""
-    return shlex.join(["qlvbayes", *sys.argv[1:]])
+    return as_typed("qlvbayes", *sys.argv[1:])
 
 
 @contextmanager
 def counting(what: str, label: str = "") -> Iterator[Report]:
     """A progress bar of so many ``what``; silent where stderr is no terminal."""
     bar = Progress(
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TextColumn(f"{what},"),
@@ -49,7 +63,7 @@ def counting(what: str, label: str = "") -> Iterator[Report]:
         disable=not err.is_terminal,
     )
     with bar:
-        task = bar.add_task(label, total=None)
+        task = bar.add_task(visible(label), total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
@@ -59,5 +73,5 @@ def waiting(label: str) -> Iterator[Callable[[str], None]]:
     if not err.is_terminal:
         yield lambda text: None
         return
-    with err.status(label) as status:
-        yield lambda text: status.update(f"{label}: {text}")
+    with err.status(Text(visible(label))) as status:
+        yield lambda text: status.update(Text(visible(f"{label}: {text}")))

@@ -77,8 +77,8 @@ def convert_command(
         print(json.dumps([test.as_dict() for test in found.tests], allow_nan=False))
         return
     for one in found.tests:
-        out.print(*told(one), sep="\n  ", markup=False)
-    out.print(f"wrote {output}, picture {picture}", markup=False)
+        out.print(*told(one), sep="\n  ")
+    out.print(f"wrote {output}, picture {picture}")
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ def _converted(
         except UnsureError as error:
             if not (sys.stdin.isatty() and err.is_terminal):
                 raise
-            err.print(str(error), markup=False)
+            err.print(str(error))
             kind = float if error.option == "area" else str
             answer = typer.prompt(error.question, type=kind, err=True)
             said = replace(said, **{error.option: answer})

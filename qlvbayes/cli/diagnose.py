@@ -71,4 +71,4 @@ def diagnose_command(
     if as_json:
         print(json.dumps([diagnosis.result.as_dict() for diagnosis in found], allow_nan=False))
     else:
-        out.print(f"results in {output}", markup=False)
+        out.print(f"results in {output}")

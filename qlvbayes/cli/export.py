@@ -55,6 +55,6 @@ def export_command(
         print(json.dumps(found))
         return
     for name, paths in found.items():
-        out.print(f"{name}: {find(name).what}", markup=False, soft_wrap=True)
+        out.print(f"{name}: {find(name).what}", soft_wrap=True)
         for path in paths:
-            out.print(f"  {path}", markup=False, soft_wrap=True)
+            out.print(f"  {path}", soft_wrap=True)

@@ -82,4 +82,4 @@ def fit(
     if as_json:
         print(json.dumps([summary.as_dict() for summary in summaries], allow_nan=False))
     else:
-        out.print(f"results in {output}", markup=False)
+        out.print(f"results in {output}")

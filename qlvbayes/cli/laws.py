@@ -33,7 +33,7 @@ def laws(laws_file: LawsFile = None, as_json: AsJson = False) -> None:
             table.add_column(name, overflow="fold", no_wrap=name == option)
         for kind in kinds:
             table.add_row(kind.name, kind.law, "\n".join(_constants(kind)), kind.reference)
-        out.print(table, markup=False)
+        out.print(table)
 
 
 def _constants(kind: Kind) -> list[str]:

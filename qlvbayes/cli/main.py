@@ -11,6 +11,7 @@ from importlib import import_module
 import typer
 
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.escaping import visible
 
 INTERRUPTED = 130
 
@@ -87,5 +88,5 @@ def _plain(error: OSError) -> str:
 
 
 def _stop(text: str, status: int) -> None:
-    print(f"qlvbayes: {text}", file=sys.stderr)
+    print(f"qlvbayes: {visible(text)}", file=sys.stderr)
     sys.exit(status)

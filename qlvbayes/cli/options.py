@@ -231,9 +231,20 @@ def split_names(text: str) -> list[str]:
     return [name.strip() for name in text.split(",") if name.strip()]
 
 
+def among(text: str, known: Collection[str]) -> list[str]:
+    """``A, B`` as a list of names, of which a known one may have commas itself."""
+    parts, found = text.split(","), []
+    while parts:
+        ends = range(len(parts), 1, -1)
+        end = next((k for k in ends if ",".join(parts[:k]).strip() in known), 1)
+        found.append(",".join(parts[:end]).strip())
+        parts = parts[end:]
+    return [name for name in found if name]
+
+
 def known_names(names: str, known: Collection[str], folder: Path, what: str = "fit") -> list[str]:
     """The names in ``A, B``; InputError where a folder has no fit (or ``what``) of one."""
-    for name in (found := split_names(names)):
+    for name in (found := among(names, known)):
         if name not in known:
             raise InputError(
                 f"no {what} of pad '{name}'", file=folder, remedy=f"name of {', '.join(known)}"
@@ -243,4 +254,5 @@ def known_names(names: str, known: Collection[str], folder: Path, what: str = "f
 
 def chosen_pads(study: Measurements, names: str) -> list[Pad]:
     """The named pads, or all; InputError on an unknown name."""
-    return [study.pad(name) for name in split_names(names)] or list(study.pads)
+    known = [pad.name for pad in study.pads]
+    return [study.pad(name) for name in among(names, known)] or list(study.pads)

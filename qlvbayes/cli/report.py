@@ -28,7 +28,7 @@ def report(
     """
     with waiting("report"):
         path = _of_session(folder) if folder.suffix.lower() == ".zip" else write_report(folder)
-    out.print(f"report in {path}", markup=False, soft_wrap=True)
+    out.print(f"report in {path}", soft_wrap=True)
 
 
 def _of_session(archive: Path) -> Path:

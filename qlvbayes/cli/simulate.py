@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import shlex
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
 
-from qlvbayes.cli.console import out, waiting
+from qlvbayes.cli.console import command_line, out, waiting
 from qlvbayes.cli.options import split_names
 from qlvbayes.io.checks import InputError
 from qlvbayes.simulate import (
@@ -79,7 +77,6 @@ def simulate(
     speeds = () if rates == "none" else _numbers(rates, "rates", "0.1,1,20")
     if not (speeds or weights):
         raise InputError("no test to simulate", remedy="give --rates or --loads")
-    command = shlex.join(["qlvbayes", *sys.argv[1:]])
     with waiting("simulating"):
         simulate_file(
             output,
@@ -88,14 +85,14 @@ def simulate(
             NOISES[noise],
             seed,
             max_rows,
-            command,
+            command_line(),
             _effects(hide or [], constants, protocol, max(speeds, default=1.0), seed),
             protocol,
             answer,
             weights,
             groups,
         )
-    out.print(f"wrote {output}", markup=False)
+    out.print(f"wrote {output}")
 
 
 def _effects(

@@ -47,7 +47,7 @@ class Terminal(Watcher):
         """A line, once: several steps may find the same."""
         if text not in self._noticed:
             self._noticed.add(text)
-            err.print(f"notice: {text}", markup=False)
+            err.print(f"notice: {text}")
 
     def starting(self, experiment: Experiment, choices: Choices) -> None:
         """What is fitted, the noise floor, and the priors."""
@@ -65,16 +65,14 @@ class Terminal(Watcher):
         ]
         for part in choices.build(experiment.scales):
             lines += [f"  {name} ~ {text}" for name, text in described(fields_of(part)).items()]
-        out.print("\n".join(lines), markup=False)
+        out.print("\n".join(lines))
 
     def fitted(self, summary: FitSummary) -> None:
         """The constants, and what speaks against the chain."""
         if not self.quiet:
             out.print(constants_table(summary))
         for trouble in summary.troubles:
-            err.print(
-                f"NOT CONVERGED, pad {summary.pad}: {trouble}", style="bold red", markup=False
-            )
+            err.print(f"NOT CONVERGED, pad {summary.pad}: {trouble}", style="bold red")
 
     def checked(self, checked: CheckedPad) -> None:
         """The errors by test and phase."""
@@ -90,13 +88,13 @@ class Terminal(Watcher):
         out.print(steps_table(result, result.units.force))
         out.print(ranking_table(result, result.units.force))
         for paragraph in found.paragraphs():
-            out.print(paragraph, markup=False, soft_wrap=not out.is_terminal)
+            out.print(paragraph, soft_wrap=not out.is_terminal)
             out.print()
         for warning in result.warnings:
-            err.print(f"warning: {warning}", markup=False)
+            err.print(f"warning: {warning}")
         show_figures(figures)
 
 
 def show_figures(figures: Sequence[Path]) -> None:
     """Where they are."""
-    out.print("figures:", *(f"  {path}" for path in figures), sep="\n", markup=False)
+    out.print("figures:", *(f"  {path}" for path in figures), sep="\n")

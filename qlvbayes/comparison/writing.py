@@ -7,16 +7,9 @@ import io
 from pathlib import Path
 
 from qlvbayes.comparison.contrast import Comparison, Contrast, Interval, written
+from qlvbayes.io.escaping import as_cells, tex, visible
 from qlvbayes.io.files import results_folder, write_whole
 
-_TEX = str.maketrans(
-    {
-        **{sign: f"\\{sign}" for sign in "&%$#_{}"},
-        "\\": r"\textbackslash{}",
-        "~": r"\textasciitilde{}",
-        "^": r"\textasciicircum{}",
-    }
-)
 _COLUMNS = ("median", "low90", "high90")
 
 
@@ -49,9 +42,10 @@ def as_csv(found: Comparison) -> str:
         numbers = [*_numbers(c.first), *_numbers(c.second)]
         numbers += [*_numbers(c.difference), *_numbers(c.ratio)]
         shares = [f"{c.direction:.6g}", f"{c.equivalence:.6g}"]
-        row = [c.quantity, c.unit, *numbers, *shares, c.answer, "yes" if c.extrapolated else "no"]
+        row = [*as_cells([c.quantity, c.unit]), *numbers, *shares, c.answer]
+        row.append("yes" if c.extrapolated else "no")
         table.writerow(row)
-    one, other = (" ".join(name.split()) for name in found.names)
+    one, other = (visible(" ".join(name.split())) for name in found.names)
     return f"# first = {one}, second = {other}; region {found.region:g}\n{file.getvalue()}"
 
 
@@ -63,7 +57,7 @@ def _numbers(value: Interval | None) -> list[str]:
 
 def as_latex(found: Comparison) -> str:
     """A table for the booktabs package: values, ratio (or difference), probabilities, answer."""
-    one, other = (_escaped(name) for name in found.names)
+    one, other = (tex(name) for name in found.names)
     lines = [
         "% needs \\usepackage{booktabs}",
         "\\begin{tabular}{llrrrrrl}",
@@ -81,9 +75,9 @@ def as_latex(found: Comparison) -> str:
 
 
 def _latex_row(c: Contrast) -> str:
-    unit = "" if c.unit == "1" else _escaped(c.unit)
+    unit = "" if c.unit == "1" else tex(c.unit)
     ratio = "--" if c.ratio is None else _spread(c.ratio)
-    cells = [_escaped(c.quantity), unit, _spread(c.first), _spread(c.second), ratio]
+    cells = [tex(c.quantity), unit, _spread(c.first), _spread(c.second), ratio]
     return " & ".join([*cells, f"{c.direction:.3f}", f"{c.equivalence:.3f}", c.answer]) + " \\\\"
 
 
@@ -97,7 +91,3 @@ def _number(text: str) -> str:
         return text.replace("-", "$-$")
     mantissa, power = text.split("e")
     return f"${mantissa} \\times 10^{{{int(power)}}}$"
-
-
-def _escaped(text: str) -> str:
-    return text.translate(_TEX)

@@ -55,6 +55,20 @@ class Weight:
     forms: Mapping[str, str] = field(default_factory=dict)
     error: float = math.nan
 
+    @property
+    def counts(self) -> bool:
+        """Whether it takes part in a decision: its log posterior is a number."""
+        return math.isfinite(self.log_posterior)
+
+    def of_numbers(self) -> Self:
+        """Without what is no number: a hypothesis that has none takes no part in a decision."""
+        return replace(
+            self,
+            log_posterior=self.log_posterior if self.counts else -math.inf,
+            outside=self.outside if self.counts and math.isfinite(self.outside) else 1.0,
+            error=self.error if self.counts and math.isfinite(self.error) else math.nan,
+        )
+
     def within(self, families: Families) -> Self:
         """Of a hypothesis whose effects are told by their own names: by those of families."""
         named = families.named(self.effects)

@@ -72,7 +72,8 @@ class Search:
         """Up to a constant; minus infinity of what was not seen."""
         if hypothesis not in self.modes:
             return -math.inf
-        return self.modes[hypothesis][0].log_evidence + self.log_prior(hypothesis)
+        log = self.modes[hypothesis][0].log_evidence + self.log_prior(hypothesis)
+        return log if math.isfinite(log) else -math.inf  # what is no number leads nowhere
 
     def log_prior(self, hypothesis: Hypothesis) -> float:
         """Of a hypothesis, with its laws and its set of effects."""

@@ -47,6 +47,8 @@ def weights_of(search: Search) -> list[Weight]:
             one.evidence.probability_above(discrepancy.sizes, limit),
             one.hypothesis.elastic in search.listed,
             error=one.error,
-        ).within(search.families)
+        )
+        .of_numbers()
+        .within(search.families)
         for one in search.seen.values()
     ]

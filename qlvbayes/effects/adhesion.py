@@ -13,6 +13,8 @@ from qlvbayes.laws.layered import Law, touching
 from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.scales import Scales
 
+_GONE = 40.0  # strengths, at which e^-294 of the tension is left
+
 
 class Adhesion(AbstractEffect):
     """F = F_below e^{-(F_below/strength)^2/(2e)} where F_below < 0; else F_below.
@@ -39,9 +41,9 @@ class Adhesion(AbstractEffect):
     def force(self, below: Law, motion: Motion) -> Array:
         """Let tension through up to the strength."""
         raw = below.force(touching(motion))
-        safe = jnp.where(self.strength > 0.0, self.strength, 1.0)
-        ratio = jnp.minimum(raw, 0.0) / safe
-        tension = jnp.where(self.strength > 0.0, raw * jnp.exp(-(ratio**2) / (2.0 * math.e)), 0.0)
+        gone = raw <= -_GONE * self.strength  # there the ratio, or its square, may be no number
+        ratio = jnp.where(gone, 0.0, raw) / jnp.where(self.strength > 0.0, self.strength, 1.0)
+        tension = jnp.where(gone, 0.0, raw * jnp.exp(-(ratio**2) / (2.0 * math.e)))
         return jnp.where(raw > 0.0, raw, tension)
 
     @classmethod

@@ -12,19 +12,12 @@ from pathlib import Path
 
 from qlvbayes.fitting.summary import Constant, FitSummary
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.escaping import as_cells, tex
 from qlvbayes.io.files import write_whole
 
 _COLUMNS = ["pad", "parameter", "value", "unit"]
 _HEADS = "pad,parameter,unit,median,low90,high90,reference"
 _INDEXED = re.compile(r"([a-z])\[(\d+)\]")
-_TEX = str.maketrans(
-    {
-        **{sign: f"\\{sign}" for sign in "&%$#_{}"},
-        "\\": r"\textbackslash{}",
-        "~": r"\textasciitilde{}",
-        "^": r"\textasciicircum{}",
-    }
-)
 
 
 @dataclass(frozen=True)
@@ -138,7 +131,7 @@ def as_csv(entries: Sequence[Entry]) -> str:
     for e in entries:
         numbers = [f"{x:.6g}" for x in (e.median, e.low, e.high)]
         numbers += ["" if e.reference is None else f"{e.reference:.6g}"]
-        table.writerow([e.pad, e.parameter, e.unit, *numbers])
+        table.writerow([*as_cells([e.pad, e.parameter, e.unit]), *numbers])
     return file.getvalue()
 
 
@@ -151,11 +144,11 @@ def as_latex(entries: Sequence[Entry]) -> str:
     shown = [e for e in entries if not e.parameter.startswith("noise.")]
     pads = list(dict.fromkeys(e.pad for e in shown))
     known = {e.pad for e in shown if e.reference is not None}
-    heads = [f"pad {_escaped(pad)}{' & reference' if pad in known else ''}" for pad in pads]
+    heads = [f"pad {tex(pad)}{' & reference' if pad in known else ''}" for pad in pads]
     places = {(e.pad, e.parameter): e for e in shown}
     units = {e.parameter: e.unit for e in shown}
     rows = [
-        [symbol(name), "" if unit == "1" else _escaped(unit)]
+        [symbol(name), "" if unit == "1" else tex(unit)]
         + [cell for pad in pads for cell in _cells(places.get((pad, name)), pad in known)]
         for name, unit in units.items()
     ]
@@ -185,7 +178,7 @@ def symbol(name: str) -> str:
     match = _INDEXED.fullmatch(name)
     if match:
         return f"${match[1]}_{match[2]}$"
-    return f"${name}$" if len(name) == 1 else _escaped(name)
+    return f"${name}$" if len(name) == 1 else tex(name)
 
 
 def rounded(entry: Entry) -> tuple[str, str, str]:
@@ -208,7 +201,3 @@ def _cells(entry: Entry | None, with_reference: bool) -> list[str]:
     if with_reference:
         cells.append("--" if entry.reference is None else f"{entry.reference:g}")
     return cells
-
-
-def _escaped(text: str) -> str:
-    return text.translate(_TEX)

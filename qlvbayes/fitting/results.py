@@ -18,7 +18,7 @@ from qlvbayes.fitting.fit import Fit
 from qlvbayes.fitting.marginal import Judged
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.files import write_whole
+from qlvbayes.io.files import folder_fault, write_whole
 from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.elsewhere import (
@@ -214,15 +214,20 @@ def load(path: Path) -> Saved:
         h5py.File(path).close()
         tree = xarray.load_datatree(path, engine="h5netcdf")
         posterior = tree["posterior"].to_dataset()
-        if "choices" not in tree.attrs:
-            return _from_elsewhere(posterior, tree.attrs, path)
-        return _ours(posterior, tree.attrs)
+        here = "choices" in tree.attrs
+        saved = (
+            _ours(posterior, tree.attrs) if here else _from_elsewhere(posterior, tree.attrs, path)
+        )
     except (OSError, KeyError, ValueError, RuntimeError, TypeError) as error:
         raise InputError(
             f"not a results file of qlvbayes ({type(error).__name__})",
             file=path,
             remedy="run qlvbayes fit again",
         ) from error
+    for what, name in (("pad", saved.pad), ("fluid", saved.fluid)):
+        if name is not None and (fault := folder_fault(name)) is not None:
+            raise InputError(f"the {what}'s name '{name}' {fault[0]}", file=path, remedy=fault[1])
+    return saved
 
 
 def _ours(posterior: xarray.Dataset, attrs: dict) -> Saved:

@@ -166,8 +166,11 @@ class Density:
         own = self.space.parameters(hypothesis)
         constants, predicted, responses = self._run(own, theta)
         prior = _prior(own, theta)
-        largest = max(np.abs(predicted).max(), np.abs(responses).max() * _STEP * own.length.max())
+        steps = np.abs(responses).max() * _STEP * own.length.max()
+        largest = np.maximum(np.abs(predicted).max(), steps)  # not a number stays none
         if not (largest < _FARTHEST * self.discrepancy.peak and np.isfinite(prior.loss)):
+            return None
+        if not (np.isfinite(prior.gradient).all() and np.isfinite(prior.curvature).all()):
             return None
         white = self.whitener(np.concatenate([(self._force - predicted)[None], responses]))
         return Point(

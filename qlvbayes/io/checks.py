@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from qlvbayes.io.escaping import visible
+
 
 class InputError(Exception):
     """Something the user gave cannot be used; the text is one line with place and remedy.
@@ -33,7 +35,7 @@ class InputError(Exception):
         text = f"{place}: {message}" if place else message
         if remedy is not None:
             text += f"; {remedy}"
-        super().__init__(" ".join(text.split()))
+        super().__init__(visible(" ".join(text.split())))
 
 
 class NoFiniteForceError(InputError):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar, Literal, NoReturn, cast
@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.escaping import as_typed, prints
+from qlvbayes.io.files import folder_fault, same_folder
 from qlvbayes.io.formats.answers import UnsureError
 from qlvbayes.io.formats.catalogue import FORMATS
 from qlvbayes.io.formats.conversion import Conversion, convert
@@ -20,6 +22,7 @@ from qlvbayes.io.formats.two_clocks import TwoClocks
 from qlvbayes.io.reading.badline import parse_number
 from qlvbayes.io.reading.csvtext import digest, unchanged
 from qlvbayes.io.reading.dialect import Dialect, sniff
+from qlvbayes.io.reading.noreading import no_readings, out_of_range
 from qlvbayes.io.reading.table import Table, read_table
 from qlvbayes.io.reading.testchecks import Checker, Rows
 from qlvbayes.io.units import UnitSystem
@@ -151,6 +154,7 @@ def _pads(file: Path, dialect: Dialect, table: Table) -> tuple[Pad, ...]:
     tests: dict[str, list[Test]] = {}
     fluids: dict[str, str | None] = {}
     for rows in _grouped(table):
+        builder.tell_apart(rows, tests)
         of_pad = tests.setdefault(rows.pad, [])
         of_pad.append(builder.test(rows, of_pad[-1] if of_pad else None))
         builder.add_fluid(rows, fluids)
@@ -206,7 +210,9 @@ class _Builder:
         numbers = {key: rows.take(column) for key, column in self.table.numbers.items()}
         checker = Checker(self.file, self.table, self.dialect.columns)
         control = self._control(rows)
+        self._readings(rows, numbers)
         checker.check(rows, numbers, loaded=control == "force")
+        self._range(rows, numbers)
         for values in numbers.values():
             values.setflags(write=False)
         return Test(
@@ -222,6 +228,24 @@ class _Builder:
             start_known=self._number(rows, "start") is not None,
             control=control,
         )
+
+    def _readings(self, rows: Rows, numbers: dict[str, Floats]) -> None:
+        """Refuse rows that have a logger's code where a reading is missing, as empty cells are."""
+        for key in ("displacement", "force"):
+            found = no_readings(numbers[key])
+            if found.count:
+                first = int(np.argmax(found.rows))
+                name = self.dialect.columns.numbers[key].name
+                times = f"{found.count} rows, the first" if found.count > 1 else "one row,"
+                what = f"{name} is {found.written}, a code for no reading, in {times} at "
+                what += f"{numbers['time'][first]:.6g} s,"
+                self._fail(rows, rows.row(first), what, "delete these rows")
+
+    def _range(self, rows: Rows, numbers: dict[str, Floats]) -> None:
+        columns = self.dialect.columns.numbers
+        named = {columns[key].name: numbers[key] for key in ("displacement", "force")}
+        if (what := out_of_range(numbers["time"], named)) is not None:
+            self._fail(rows, rows.row(0), f"{what}, which no rig measures,", "check the units")
 
     def add_fluid(self, rows: Rows, fluids: dict[str, str | None]) -> None:
         """Note the fluid of the test's pad, which must be that of the pad's other tests."""
@@ -244,15 +268,27 @@ class _Builder:
         for key, name in (("pad", rows.pad), ("test", rows.test)):
             if not name:
                 self._fail(rows, first, f"{key} is empty", "write its name")
+        if not all(map(prints, rows.test)):
+            what = f"the test's name '{rows.test}' has a character that does not print"
+            self._fail(rows, first, what, "write it without")
         self._names_folder(rows, "pad", rows.pad)
 
     def _names_folder(self, rows: Rows, what: str, name: str) -> None:
-        if "/" in name or "\\" in name or name.startswith("."):
-            remedy = (
-                "write it without / and \\ and a leading point: results go to a folder so named"
+        if (fault := folder_fault(name)) is not None:
+            why, remedy = fault
+            raise InputError(
+                f"the {what}'s name '{name[:200]}' {why}",
+                file=self.file,
+                line=self.table.line(rows.row(0)),
+                remedy=remedy,
             )
-            message = f"the {what}'s name '{name}' cannot name a folder"
-            self._fail(rows, rows.row(0), message, remedy)
+
+    def tell_apart(self, rows: Rows, before: Iterable[str]) -> None:
+        """Refuse a pad whose folder some disks would take for another pad's."""
+        for name in before:
+            if name != rows.pad and same_folder(name) == same_folder(rows.pad):
+                what = f"the pads '{name}' and '{rows.pad}' differ in upper and lower case only"
+                self._fail(rows, rows.row(0), what, "write one name, or two that differ in more")
 
     def _label(self, rows: Rows, key: str) -> str:
         """Text of a label, the same in all rows of the test; empty if there is no such column."""
@@ -339,4 +375,5 @@ def _machine_file(file: Path, tidy: Dialect | InputError) -> Conversion | None:
     try:
         return convert([file])
     except UnsureError as error:
-        raise error.elsewhere(f"qlvbayes convert {file} -o tidy.csv") from error
+        again = as_typed("qlvbayes", "convert", str(file), "-o", "tidy.csv")
+        raise error.elsewhere(again) from error

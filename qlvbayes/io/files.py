@@ -4,9 +4,41 @@ from __future__ import annotations
 
 import json
 import os
+import unicodedata
 from pathlib import Path
 
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.escaping import prints
+
+_IN_RESULTS = (
+    *(f"constants.{kind}" for kind in ("csv", "tex", "png", "pdf")),
+    *(f"forces_at_rates.{kind}" for kind in ("png", "pdf")),
+    *("compare", "report.html", "run.json"),
+    *("bench.json", "data.csv", "data.csv.gz", "-"),  # of the bench, which calls all pads '-'
+)
+"""What stands beside the pads' folders in a folder of results."""
+_LONGEST = 120  # bytes of a name, so that two fit into the 255 of a comparison's folder
+
+
+def folder_fault(name: str) -> tuple[str, str] | None:
+    """Why a folder of results cannot have this name, and the remedy; None where it can."""
+    if not name:
+        return "is empty", "write its name"
+    if "/" in name or "\\" in name or name.startswith("."):
+        remedy = "write it without / and \\ and a leading point: results go to a folder so named"
+        return "cannot name a folder", remedy
+    if not all(map(prints, name)):
+        return "has a character that does not print", "write it without"
+    if len(name.encode()) > _LONGEST:
+        return f"is longer than {_LONGEST} bytes", "write a shorter one: a folder is so named"
+    if same_folder(name) in _IN_RESULTS:
+        return "is that of a file of results", "write another one: results go to a folder so named"
+    return None
+
+
+def same_folder(name: str) -> str:
+    """What names have in common that some disks take for one: neither case nor way of writing."""
+    return unicodedata.normalize("NFKC", name).casefold()
 
 
 def results_folder(path: Path) -> Path:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -39,7 +40,8 @@ def save_figure(drawn: Axes | Sequence[Axes] | Figure, path: Path) -> Path:
     that is then renamed. Raises OSError where nothing can be written.
     """
     figure = figure_of(drawn)
-    with style(), _laid_out(figure):
+    with style(), warnings.catch_warnings(), _laid_out(figure):
+        warnings.filterwarnings("ignore", "Glyph .* missing")  # it is drawn as a box
         for suffix in _METADATA:
             _write(figure, path, suffix)
     return path.with_name(f"{path.name}.png")

@@ -54,7 +54,7 @@ def plot_next_tests(
         axes = figure.subplots(3, len(shown), sharex="col", sharey="row", squeeze=False)
         for column, design, test in zip(axes.T, shown, found.tests, strict=False):
             _draw(column, design, belief, rig, noise, clock)
-            column[0].set_title(test.name)
+            column[0].set_title(shortened(test.name))
             clock += design.wait + design.duration
         units = found.units
         force = quantity(units.force_name, units.force)

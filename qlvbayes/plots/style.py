@@ -13,6 +13,7 @@ import matplotlib
 from cycler import cycler
 
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.escaping import literal
 from qlvbayes.io.wording import plain
 
 MM = 1.0 / 25.4  # inches
@@ -56,7 +57,8 @@ STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
     "savefig.dpi": 200,
 }
-_NOT_LOOKS = {"backend", "backend_fallback", "interactive", "toolbar"}
+# Settings that say where a figure goes; and TeX, which would run what stands in a test's name.
+_NOT_LOOKS = {"backend", "backend_fallback", "interactive", "toolbar", "text.usetex"}
 _own: ContextVar[dict[str, Any]] = ContextVar("own", default={})  # noqa: B039 (never changed)
 _KEY = re.compile(r"[Kk]ey ([\w.]+):")
 
@@ -173,5 +175,5 @@ def rated(rate: float, unit: str) -> str:
 
 
 def shortened(name: str, most: int = 40) -> str:
-    """Cut a name that would not fit on the page."""
-    return name if len(name) <= most else f"{name[: most - 1]}…"
+    """A name from a file: cut where it would not fit on the page, and never read as a formula."""
+    return literal(name if len(name) <= most else f"{name[: most - 1]}…")

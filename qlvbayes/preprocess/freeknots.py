@@ -320,13 +320,18 @@ def _refined(joints: Joints, failing: NDArray[np.intp], time: Array) -> Joints:
 
 
 def _merged(joints: Joints, knots: Array, kinked: Flags, time: Array) -> Joints:
-    """Sort the knots; of two closer than a quarter of the samples there keep the later entry."""
+    """Sort the knots; of two closer than a quarter of the samples there keep the later entry.
+
+    The ends stay, however close.
+    """
     order = np.argsort(knots, kind="stable")
     near = 0.25 * np.diff(time)[np.clip(np.searchsorted(time, knots[order]) - 1, 0, time.size - 2)]
     keep = np.ones(knots.size, dtype=bool)
     for i in np.flatnonzero(np.diff(knots[order]) < near[:-1]):
         first, second = order[i], order[i + 1]
         ends = (0, joints.knots.size - 1)
+        if first in ends and second in ends:
+            continue
         drop = first if second in ends or (first not in ends and second > first) else second
         keep[drop] = False
     order = order[keep[order]]

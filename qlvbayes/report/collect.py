@@ -19,6 +19,7 @@ from qlvbayes.fitting.results import load
 from qlvbayes.fitting.runs import Run, Runs
 from qlvbayes.fitting.summary import FitSummary, constant_of
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.escaping import as_typed
 from qlvbayes.io.resultfile import Result
 from qlvbayes.model.drawn import described_fields
 
@@ -101,7 +102,7 @@ def collect(out: Path) -> Results:
         raise InputError(
             "no results in this folder",
             file=out,
-            remedy=f"run qlvbayes study FILE -o {out} first",
+            remedy=f"run {as_typed('qlvbayes', 'study', 'FILE', '-o', str(out))} first",
         )
     compared = [_compared(path.parent) for path in sorted(out.glob("compare/*/compare.json"))]
     noted = _read(Runs, out / "run.json")

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import shlex
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.escaping import as_typed
 from qlvbayes.laws.catalogue import find_elastic, find_relaxation
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import NOISES
@@ -166,7 +166,7 @@ def _commands(results: Results) -> tuple[str, ...]:
             words += [f"--{option}", str(getattr(given, key))]
     for option, values in (("prior", given.priors), ("fix", given.fixed), ("add", given.effects)):
         words += [word for value in values for word in (f"--{option}", value)]
-    return (shlex.join(words),)
+    return (as_typed(*words),)
 
 
 def _basis(pad: PadResults) -> Basis:

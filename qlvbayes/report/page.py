@@ -10,6 +10,7 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from qlvbayes.io.escaping import as_typed
 from qlvbayes.io.files import write_whole
 from qlvbayes.io.wording import joined
 from qlvbayes.report.answers import answers, split_first
@@ -97,10 +98,10 @@ def _remedies(results: Results) -> dict[str, str]:
     """The command that does each step that may have been left out."""
     out, file = results.out.name or "OUT", source_name(results) or "FILE"
     return {
-        "fit": f"qlvbayes fit {file} -o {out}",
-        "check": f"qlvbayes check {out}",
-        "diagnose": f"qlvbayes diagnose {file} -o {out}",
-        "compare": f"qlvbayes compare {out}",
+        "fit": as_typed("qlvbayes", "fit", file, "-o", out),
+        "check": as_typed("qlvbayes", "check", out),
+        "diagnose": as_typed("qlvbayes", "diagnose", file, "-o", out),
+        "compare": as_typed("qlvbayes", "compare", out),
     }
 
 

@@ -6,6 +6,7 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
+from qlvbayes.io.escaping import as_typed
 from qlvbayes.report.collect import PadResults, Results
 
 
@@ -44,16 +45,16 @@ def using_of(results: Results) -> Using | None:
     commands = (
         Use(
             "What a pad does in a motion, or under a load, that no test had, with 90 % bands",
-            f'qlvbayes predict {out} --pad {pad.name} --program "{_program(pad)}"',
+            as_typed("qlvbayes", "predict", out, "--pad", pad.name, "--program", _program(pad)),
         ),
         Use(
             "The pad in a controller, a simulation or finite elements: C, FMU, MuJoCo, Drake, "
             "MATLAB, Abaqus, Ansys, FEBio, COMSOL, JSON",
-            f"qlvbayes export {out} --pad {pad.name} --to c,fmu,json",
+            as_typed("qlvbayes", "export", out, "--pad", pad.name, "--to", "c,fmu,json"),
         ),
         Use(
             "The next tests that tell most, of the constants and of the cause",
-            f"qlvbayes design {out} --pad {pad.name}",
+            as_typed("qlvbayes", "design", out, "--pad", pad.name),
         ),
     )
     found = [one for pad in fitted for one in _exports(results.out, pad)]

@@ -88,7 +88,8 @@ def adequacy(experiment: Experiment, record: Record, point: Point) -> Adequacy:
     """Test what a fitted hypothesis leaves of every phase; record: the blocks it was fitted to."""
     residual = np.asarray(record.blocks.force) - point.predicted
     cells, curves = cell_curves(experiment.trials, record.blocks)
-    slopes = point.responses[np.any(point.responses != 0.0, axis=(1, 2))]
+    sizes = np.abs(point.responses).max(axis=(1, 2))
+    slopes = point.responses[(sizes > 0.0) & np.isfinite(sizes)]
     vectors = np.concatenate([residual[None], slopes, curves])
     peak = experiment.scales.force
     tests = _tests(record.blocks)

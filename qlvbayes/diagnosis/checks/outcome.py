@@ -52,6 +52,7 @@ class Outcome:
         self.shares = self.draws.mean(axis=0)
         self._predictions: dict[Hypothesis, list[Predicted]] = {}
         self._residuals: dict[Hypothesis, list[Array]] = {}
+        self.unpredicted: set[Hypothesis] = set()  # that give no number at some samples
         self._tested: dict[Hypothesis, Adequacy] = {}
 
     def heldout(self, found: Weighed) -> float:
@@ -81,10 +82,19 @@ class Outcome:
         return self._predictions[found.hypothesis]
 
     def residuals(self, found: Weighed) -> list[Array]:
-        """Measured minus predicted force of each trial's samples (N)."""
+        """Measured minus predicted force of each trial's samples (N).
+
+        Where a hypothesis predicts no number, all that is measured: it predicts nothing there.
+        """
         if found.hypothesis not in self._residuals:
             residuals = self.samples.residuals(found.hypothesis, found.point.constants)
-            self._residuals[found.hypothesis] = residuals
+            known = [np.isfinite(one) for one in residuals]
+            if not all(one.all() for one in known):
+                self.unpredicted.add(found.hypothesis)
+            self._residuals[found.hypothesis] = [
+                np.where(here, one, force)
+                for here, one, force in zip(known, residuals, self.samples.observed, strict=True)
+            ]
         return self._residuals[found.hypothesis]
 
     def tested(self, found: Weighed) -> Adequacy:

@@ -80,7 +80,11 @@ def summed_up(
         biases=tuple(parameter_biases(added, plain)),
         coincident=tuple(coincident(added)),
         refused=tuple(Refused(name, why) for name, why in refused),
-        notices=(*unlikely_over_all(outcome, decision), *_notices(experiment, search, told)),
+        notices=(
+            *unlikely_over_all(outcome, decision),
+            *_not_counted(outcome),
+            *_notices(experiment, search, told),
+        ),
         suggestions=_suggestions(outcome, decision),
         discrepancy=told.mode.size,
         tolerance=left.tolerance,
@@ -139,6 +143,16 @@ def unlikely_over_all(outcome: Outcome, decision: Decision) -> list[str]:
         for name in decision.effects
         if outcome.inclusion(name) < outcome.search.settings.named
     ]
+
+
+def _not_counted(outcome: Outcome) -> list[str]:
+    """How many hypotheses take no part in the decision, or predict no number somewhere."""
+    every, said = f"of {len(outcome.weights)} hypotheses", []
+    if count := sum(not weight.counts for weight in outcome.weights):
+        said.append(f"{count} {every} left out of the decision: their evidence is no number")
+    if count := len(outcome.unpredicted):
+        said.append(f"{count} {every} predict no number at some samples, taken as no force there")
+    return [f"pad {outcome.experiment.pad}: {text}" for text in said]
 
 
 def _notices(experiment: Experiment, search: Search, told: Weighed) -> tuple[str, ...]:

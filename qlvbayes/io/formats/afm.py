@@ -8,6 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.format import AbstractFormat, Channel, Recording, Sight
 from qlvbayes.io.formats.namedarrays import damaged, needed
 
@@ -34,7 +35,6 @@ class Afm(AbstractFormat):
     def read(path: Path) -> tuple[Recording, ...]:
         """One test a curve."""
         afmformats = needed("afmformats", "afmformats", path)
-        errors = afmformats.errors
         logging.getLogger("afmformats").addHandler(logging.NullHandler())
         try:
             curves = afmformats.load_data(path)
@@ -42,8 +42,15 @@ class Afm(AbstractFormat):
             return tuple(
                 _test(curve, f"curve {k}" if several else "") for k, curve in enumerate(curves, 1)
             )
-        except (Exception, errors.AFMFileFormatError, errors.MissingMetaDataError) as error:
-            # its own errors are not under Exception, and a cut archive ends in any
+        except (KeyboardInterrupt, SystemExit):
+            raise
+        except BaseException as error:  # its own errors are not under Exception
+            if "spring constant" in str(error):
+                raise InputError(
+                    "the file does not say the cantilever's spring constant",
+                    file=path,
+                    remedy="calibrate it and export the curve again",
+                ) from error
             raise damaged(path, error) from error
 
 
@@ -57,4 +64,5 @@ def _test(curve, name: str) -> Recording:  # type: ignore[no-untyped-def]
         Channel("displacement", depth * _NANO, "nm", f"-{height} - force/k"),
         Channel("force", force * _NANO, "nN", "force"),
         name=name,
+        pressing=True,  # a repelled tip bends away: afmformats' own sign of the force
     )

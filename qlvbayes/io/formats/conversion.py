@@ -17,6 +17,7 @@ from qlvbayes.io.formats.machineunits import Unit, unit_of
 from qlvbayes.io.formats.naming import pads_of, tests_of
 from qlvbayes.io.formats.recognise import recognised
 from qlvbayes.io.formats.sampling import ClockError, Sampling, on_one_clock, rising, sampling_of
+from qlvbayes.io.reading.noreading import no_readings, out_of_range
 from qlvbayes.io.reading.testchecks import LEAST_SAMPLES, wrong_signs
 from qlvbayes.io.units import STRAIN, UnitSystem, unit_system
 from qlvbayes.io.wording import joined
@@ -109,7 +110,7 @@ def convert(
     InputError
         A file is of no known layout, damaged, or holds no usable test.
     """
-    read = [(file, kind, kind.read(file)) for file in files for kind in [recognised(file, kinds)]]
+    read = [(file, kind, _read(file, kind)) for file in files for kind in [recognised(file, kinds)]]
     pads = pads_of([file for file, _, _ in read], answers.pads)
     stages = []
     for (file, kind, recordings), pad in zip(read, pads, strict=True):
@@ -127,6 +128,21 @@ def convert(
         ),
         units,
     )
+
+
+def _read(file: Path, kind: type[AbstractFormat]) -> tuple[Recording, ...]:
+    """The recordings of a file; what a damaged one makes of a format's code is no traceback."""
+    try:
+        return kind.read(file)
+    except InputError:
+        raise
+    except Exception as error:
+        text = " ".join(f"{type(error).__name__}: {error}".split())[:120]
+        raise InputError(
+            f"the file cannot be read as {kind.name} ({text})",
+            file=file,
+            remedy="export it again",
+        ) from error
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,6 +202,7 @@ def _of_file(
     """The usable tests of a file; a later one that begins in contact has the zero of the first."""
     stages: list[_Stage] = []
     unusable = 0
+    recordings = [_of_readings(recording) for recording in recordings]
     for recording in recordings:
         if _is_still(recording):
             unusable += len(recording.time.values)
@@ -197,11 +214,40 @@ def _of_file(
         stages[0] = replace(stages[0], dropped=dropped)
     if not stages:
         raise InputError(
-            f"no test of {LEAST_SAMPLES} rows or more in which displacement and force change",
+            f"no test of {LEAST_SAMPLES} rows or more in which displacement and force change"
+            + _left_out(recordings),
             file=file,
             remedy="check the channels or export it again",
         )
     return stages
+
+
+def _left_out(recordings: Sequence[Recording]) -> str:
+    """Rows that are no measurements: ' (9 rows with no number in Force are left out)'."""
+    counted = [f"{rows} {why}" for one in recordings for why, rows in one.dropped.items() if rows]
+    return f" ({', '.join(counted[:3])} are left out)" if counted else ""
+
+
+def _of_readings(recording: Recording) -> Recording:
+    """Without the rows in which a channel has no number, or a code for no reading."""
+    channels = [recording.time, recording.way, recording.load]
+    found = [
+        no_readings(channel.values, coded=channel is not recording.time) for channel in channels
+    ]
+    lost = np.logical_or.reduce([one.rows for one in found])
+    if not lost.any():
+        return recording
+    dropped = dict(recording.dropped)
+    for channel, one in zip(channels, found, strict=True):
+        if one.count:
+            what = f"a code for no reading ({one.written})" if one.codes else "no number"
+            dropped[f"rows with {what} in {channel.name}"] = one.count
+    kept = {
+        part: replace(channel, values=channel.values[~lost])
+        for part in ("time", "way", "load", "load_time")
+        if (channel := getattr(recording, part)) is not None
+    }
+    return replace(recording, dropped=dropped, **kept)
 
 
 def _is_still(recording: Recording) -> bool:
@@ -222,7 +268,11 @@ def _stage(
     units, columns, said = _in_units(file, recording, answers)
     dropped = dict(recording.dropped)
     time, way, load, sampling = _in_order(file, columns, dropped)
-    signs = _signs(file, way, load, answers)
+    if (
+        what := out_of_range(time, {recording.way.name: way, recording.load.name: load})
+    ) is not None:
+        raise InputError(f"{what}, which no rig measures", file=file, remedy="check the units")
+    signs = _signs(file, way, load, recording, answers)
     way, load = way * signs.way, load * signs.load
     if wrong := () if units.dimensionless else wrong_signs(way, load):
         what = f"the specimen is pressed with {joined([*wrong])} negative"
@@ -345,11 +395,13 @@ def _in_order(
     return time, way, load, sampling_of(time)
 
 
-def _signs(file: Path, way: Floats, load: Floats, answers: Answers) -> Signs:
+def _signs(file: Path, way: Floats, load: Floats, recording: Recording, answers: Answers) -> Signs:
     found = find_signs(way, load)
     if answers.sign is not None:
         of_way, of_load = SIGNS[answers.sign]
         return replace(found, way=of_way, load=of_load, doubt="")
+    if recording.pressing:
+        return replace(found, way=1, load=1, doubt="")
     if found.doubt:
         raise _unsure_of_sign(file, found.doubt)
     return found
@@ -375,6 +427,8 @@ def _sign_told(signs: Signs, recording: Recording, answers: Answers) -> str:
     what = f"turned over: {' and '.join(turned)}" if turned else "kept as written"
     if answers.sign is not None:
         return f"sign {what}, as said"
+    if recording.pressing:
+        return f"sign {what}: in this layout pressing is positive"
     return (
         f"sign {what} (the peak force lies {signs.travel:.0%} of the travel from the start, and "
         f"is {min(signs.swing, 999.0):.3g} times the swing to the other side; a pull looks alike)"

@@ -62,6 +62,7 @@ class Recording:
 
     ``way`` is displacement or strain, ``load`` force or stress. ``load_time`` is the load's own
     clock, where it has one; ``began`` the date of time zero (s since 1970), where the file says;
+    ``pressing`` says that in this layout pressing is positive in both, so that nothing is asked;
     ``dropped`` counts the rows that are no measurements, by reason; ``unused`` are other columns.
     """
 
@@ -73,6 +74,7 @@ class Recording:
     load_time: Channel | None = None
     dropped: Mapping[str, int] = field(default_factory=dict)
     unused: tuple[str, ...] = ()
+    pressing: bool = False
 
 
 class AbstractFormat(ABC):

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.formats.apart import ApartError, read_apart
 from qlvbayes.io.formats.format import AbstractFormat, Recording, Sight
 from qlvbayes.io.formats.namedarrays import Array, as_column, damaged, from_arrays
 
 _BEGIN = b"\x89HDF\r\n\x1a\n"
-_UNITS = ("unit", "units", "Unit", "Units")
 
 
 class Hdf5(AbstractFormat):
@@ -41,22 +41,15 @@ def read_groups(path: Path) -> tuple[Recording, ...]:
     InputError
         The file is damaged, or no group holds time, displacement and force.
     """
-    import h5py
-
     groups: dict[str, list[Array]] = {}
-
-    def visit(name: str, item: Any) -> None:
-        if isinstance(item, h5py.Dataset) and item.ndim in (1, 2):
-            values = as_column(item[()])
-            if values is not None:
-                group, _, own = name.rpartition("/")
-                groups.setdefault(group, []).append(Array(own, values, _unit(item)))
-
     try:
-        with h5py.File(path, "r") as file:
-            file.visititems(visit)
-    except (OSError, RuntimeError, ValueError, KeyError) as error:
+        found = read_apart("hdf5", path)
+    except (OSError, ApartError) as error:
         raise damaged(path, error) from error
+    for (name, unit), array in found:
+        if (values := as_column(array)) is not None:
+            group, _, own = name.rpartition("/")
+            groups.setdefault(group, []).append(Array(own, values, unit))
     full = {group: arrays for group, arrays in groups.items() if len(arrays) > 2}
     if not full:
         raise InputError(
@@ -68,11 +61,3 @@ def read_groups(path: Path) -> tuple[Recording, ...]:
         from_arrays(arrays, path, group.rpartition("/")[2] if len(full) > 1 else "")
         for group, arrays in full.items()
     )
-
-
-def _unit(item: Any) -> str:
-    for key in _UNITS:
-        if key in item.attrs:
-            value = item.attrs[key]
-            return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
-    return ""

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
+from qlvbayes.io.formats.apart import ApartError, read_apart
 from qlvbayes.io.formats.format import AbstractFormat, Recording, Sight
 from qlvbayes.io.formats.hdf5 import read_groups
 from qlvbayes.io.formats.namedarrays import Array, as_column, damaged, from_arrays
@@ -31,27 +31,18 @@ class Matlab(AbstractFormat):
     def read(path: Path) -> tuple[Recording, ...]:
         """One test of the variables, or one a struct."""
         try:
-            data = path.read_bytes()
-            if data.startswith(_BEGINS[1]):
+            with path.open("rb") as stream:
+                begin = stream.read(len(_BEGINS[1]))
+            if begin == _BEGINS[1]:
                 return read_groups(path)
-            from scipy.io import loadmat
-
-            found = loadmat(io.BytesIO(data), squeeze_me=True, struct_as_record=False)
-        except (OSError, ValueError, TypeError, KeyError, IndexError, NotImplementedError) as error:
+            found = read_apart("matlab", path)
+        except (OSError, ApartError) as error:
             raise damaged(path, error) from error
-        except Exception as error:  # its reader has errors of its own
-            raise damaged(path, error) from error
-        named = {key: value for key, value in found.items() if not key.startswith("__")}
-        structs = {key: value for key, value in named.items() if hasattr(value, "_fieldnames")}
-        tests = {
-            key: _arrays({n: getattr(s, n) for n in s._fieldnames}) for key, s in structs.items()
-        }
-        full = {key: arrays for key, arrays in tests.items() if len(arrays) > 2}
+        tests: dict[str | None, list[Array]] = {}
+        for (struct, name), array in found:
+            if (values := as_column(array)) is not None:
+                tests.setdefault(struct, []).append(Array(name, values))
+        full = {key: arrays for key, arrays in tests.items() if key and len(arrays) > 2}
         if full:
             return tuple(from_arrays(arrays, path, key) for key, arrays in full.items())
-        return (from_arrays(_arrays(named), path),)
-
-
-def _arrays(named: dict[str, Any]) -> list[Array]:
-    columns = {name: as_column(value) for name, value in named.items()}
-    return [Array(name, column) for name, column in columns.items() if column is not None]
+        return (from_arrays(tests.get(None, []), path),)

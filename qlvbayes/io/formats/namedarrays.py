@@ -79,7 +79,7 @@ def needed(module: str, package: str, file: Path) -> Any:
         ) from error
 
 
-def damaged(path: Path, error: Exception) -> InputError:
+def damaged(path: Path, error: BaseException) -> InputError:
     """A binary file that its own library cannot read."""
     if isinstance(error, OSError) and error.strerror and not path.exists():
         return InputError("no such file", file=path, remedy="check the path")

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.escaping import computed, prints
+from qlvbayes.io.files import folder_fault
 
 _PAD = "pad"  # as in a tidy file without the column
 
@@ -14,6 +16,9 @@ _PAD = "pad"  # as in a tidy file without the column
 def pads_of(files: Sequence[Path], given: Sequence[str]) -> list[str]:
     """A pad's name for each file: one for all, one a file, or the usual one."""
     names = [_checked(name) for name in given] or [_PAD]
+    for name in names:
+        if (fault := folder_fault(name)) is not None:
+            raise InputError(f"the pad's name '{name[:200]}' {fault[0]}", remedy=fault[1])
     if len(names) == 1:
         return names * len(files)
     if len(names) != len(files):
@@ -58,7 +63,9 @@ def _of_file(name: str, file: Path, several: bool) -> str:
 
 def _plain(name: str) -> str:
     """Without what a name of a folder or a cell of a CSV file must not have."""
-    return re.sub(r'[\\/,;"\t\n#]+', "-", name).strip(" .") or "test"
+    seen = "".join(sign if prints(sign) else "\n" for sign in name)
+    plain = re.sub(r'[\\/,;"\n#]+', "-", seen).strip(" .")
+    return (plain.lstrip("=@+- .") if computed(plain) else plain) or "test"
 
 
 def _checked(name: str) -> str:

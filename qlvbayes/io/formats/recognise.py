@@ -10,6 +10,7 @@ from pathlib import Path
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.format import HEAD, AbstractFormat, Sight
+from qlvbayes.io.reading.csvtext import OLD_OFFICE, OldWorkbookError
 from qlvbayes.io.wording import joined
 
 _NEAR = 0.5  # share of its marks that a layout must show to be called near
@@ -73,6 +74,8 @@ def recognised(path: Path, kinds: Sequence[type[AbstractFormat]]) -> type[Abstra
         raise InputError(
             f"the layouts {names} all fit", file=path, remedy="export it in another way"
         )
+    if head.startswith(OLD_OFFICE):
+        raise OldWorkbookError(path)
     if nearest is None:
         raise InputError(
             "no known layout",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -33,6 +34,7 @@ class Tdms(AbstractFormat):
     def read(path: Path) -> tuple[Recording, ...]:
         """One test a group that has three channels of numbers, or two with an increment."""
         nptdms = needed("nptdms", "npTDMS", path)
+        logging.getLogger("nptdms").setLevel(logging.ERROR)  # it writes raw bytes to the terminal
         try:
             file = nptdms.TdmsFile.read(path)
             groups = {group.name: _arrays(group) for group in file.groups()}

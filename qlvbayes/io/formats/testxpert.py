@@ -51,6 +51,9 @@ class TestXpert(AbstractFormat):
             raise InputError("no row of names with units", file=path, remedy=remedy)
         separator = separator_of(lines.texts[header])
         names = cells_of(lines.texts[header], separator)
+        if header + 1 == len(lines.texts):
+            remedy = "export the curves again"
+            raise InputError("there are no rows below the names", file=path, remedy=remedy)
         below = cells_of(lines.texts[header + 1], separator)
         columns = in_cells(names) if kind == "beside" else in_two_rows(names, below)
         first = header + 1 + (kind == "below")

@@ -19,6 +19,8 @@ from qlvbayes.io.formats.format import Floats
 
 _UTF8, _LITTLE, _BIG = b"\xef\xbb\xbf", b"\xff\xfe", b"\xfe\xff"
 _HEADER_LINES = 400  # more than any header has
+_MOST_CELLS = 2000  # of a line: more than a machine has channels
+_LONG = re.compile(rb"[^\n]{%d}" % _MOST_CELLS)
 _SAMPLE = 400  # rows that are looked at for the decimal mark
 _NUMERIC = re.compile(rb'^[ \t]*["+\-.\d][\d+\-.,;:eE" \t]*$', re.MULTILINE)
 _IN_ROWS = b'0123456789+-.,;:eE" \t\n'
@@ -72,7 +74,9 @@ def content(path: Path) -> bytes:
 
 
 def cells_of(line: str, separator: str) -> list[str]:
-    """Cells of one line, quotation marks undone, stripped of blanks."""
+    """Cells of one line, quotation marks undone, stripped of blanks; of an endless one, itself."""
+    if line.count(separator) >= _MOST_CELLS:
+        return [line]
     try:
         cells = next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
     except csv.Error:  # an overlong field
@@ -127,7 +131,7 @@ def read_rows(block: bytes, separator: str, places: Sequence[int], file: Path) -
         No line holds numbers at all the places, or the decimal mark cannot be told.
     """
     dropped: dict[str, int] = {}
-    block = _whole(block, dropped)
+    block = _without_endless(_whole(block, dropped), separator, dropped)
     if block.translate(None, _IN_ROWS):
         lines = [line for line in block.split(b"\n") if line.strip()]
         kept = [match.group() for match in _NUMERIC.finditer(block) if match.group().strip()]
@@ -149,6 +153,17 @@ def read_rows(block: bytes, separator: str, places: Sequence[int], file: Path) -
 def _count(dropped: dict[str, int], why: str, rows: int) -> None:
     if rows:
         dropped[why] = dropped.get(why, 0) + rows
+
+
+def _without_endless(block: bytes, separator: str, dropped: dict[str, int]) -> bytes:
+    """Without lines of more cells than a machine has channels: each cell would take a column."""
+    if not _LONG.search(block):
+        return block
+    mark = separator.encode()
+    lines = block.split(b"\n")
+    kept = [line for line in lines if line.count(mark) < _MOST_CELLS]
+    _count(dropped, "lines of too many cells", len(lines) - len(kept))
+    return b"\n".join(kept)
 
 
 def _whole(block: bytes, dropped: dict[str, int]) -> bytes:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.escaping import visible
 from qlvbayes.io.files import write_whole
 from qlvbayes.io.formats.conversion import Conversion
 from qlvbayes.io.formats.format import Floats
@@ -38,7 +39,7 @@ def tidy_text(conversion: Conversion) -> bytes:
     names.append(column_name(units.force_name, units.force))
     out = io.BytesIO()
     for line in conversion.notices:
-        out.write(f"# {line}\n".encode())
+        out.write(f"# {visible(line)}\n".encode())
     out.write((",".join(names) + "\n").encode())
     for test in conversion.tests:
         start = "" if test.start_s is None else f"{test.start_s:.9g}"

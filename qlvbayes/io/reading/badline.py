@@ -51,6 +51,8 @@ def _fault(text: str, dialect: Dialect) -> tuple[str, str] | None:
     if _stray_quote(text, dialect.separator):
         return "a quotation mark stands within a field", "remove it"
     cells = split_row(text, dialect.separator)
+    if cells == [text] and dialect.separator in text:
+        return "a field is too long to be read", "shorten it"
     if len(cells) != dialect.columns.width:
         fields = "1 field" if len(cells) == 1 else f"{len(cells)} fields"
         what = f"the row has {fields} and the header {dialect.columns.width}"

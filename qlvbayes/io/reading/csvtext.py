@@ -19,9 +19,18 @@ HEAD = 1 << 19
 _BOM = b"\xef\xbb\xbf"
 _GZIP = b"\x1f\x8b"
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
+OLD_OFFICE = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"  # of all Office files before 2007
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f\x7f]")
 _SAVE = "save the file as UTF-8 text"
 _EXPORT = "export the measurements as CSV text"
+
+
+class OldWorkbookError(InputError):
+    """A workbook that no reader here knows."""
+
+    def __init__(self, path: Path) -> None:
+        what = "this is an Excel workbook of the old kind (.xls)"
+        super().__init__(what, file=path, remedy="open it and save it as .xlsx or CSV")
 
 
 def digest(path: Path) -> str:
@@ -150,6 +159,8 @@ def _check_head(path: Path, data: bytes) -> None:
     start = data[:64]
     if start[:2] in _UTF16 or (len(start) > 3 and (not any(start[::2]) or not any(start[1::2]))):
         raise InputError("the text is UTF-16", file=path, remedy=_SAVE)
+    if data.startswith(OLD_OFFICE):
+        raise OldWorkbookError(path)
     if _CONTROL.search(data):
         raise InputError("this is binary, not text", file=path, remedy=_EXPORT)
     if not data.removeprefix(_BOM).strip():

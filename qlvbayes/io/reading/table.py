@@ -165,6 +165,8 @@ class _Reader:
         labels = [column.index for column in columns.labels.values()]
         # pandas takes a column of nothing but True and False for ones and zeros.
         first = split_row(rows[: rows.index(b"\n")].decode("utf-8"), self.dialect.separator)
+        if len(first) != columns.width:
+            return None
         if any(parse_number(first[index], self.dialect.decimal) is None for index in numbers):
             return None
         dtypes: dict[int, type] = dict.fromkeys(numbers, float) | dict.fromkeys(labels, object)

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 import qlvbayes
+from qlvbayes.io.escaping import visible
 from qlvbayes.use.exports.pad import ExportedPad, Interval
 from qlvbayes.use.exports.target import AbstractTarget
 
@@ -15,6 +16,8 @@ from qlvbayes.use.exports.target import AbstractTarget
 _PLAIN = str.maketrans(
     {"δ": "d", "−": "-", "Σ": "sum", "∫": "int", "θ": "theta", "²": "^2"} | {"³": "^3"}
 )
+
+_SIGNS = re.compile(r"\*(?=/)|/(?=\*)|-(?=-)")
 
 NO_CONTACT = (
     "loss of contact: on fast unloading a loose pad leaves the platen, the material does not"
@@ -39,17 +42,18 @@ def card(pad: ExportedPad, target: type[AbstractTarget], extra: Iterable[str] = 
         lines.append("Beware: the sampling had NOT CONVERGED")
     lines.append("Not carried:")
     lines += [f"  - {line}" for line in (*_effects(pad), *target.cannot, *extra)]
-    return [" ".join(line.translate(_PLAIN).split("\n")) for line in lines]
+    return [visible(" ".join(line.translate(_PLAIN).split("\n"))) for line in lines]
 
 
 def commented(lines: Iterable[str], sign: str) -> str:
-    """The lines, each behind a comment sign."""
-    return "\n".join(f"{sign} {line}".rstrip() for line in lines) + "\n"
+    """The lines in ASCII, each behind a comment sign."""
+    text = "\n".join(f"{sign} {line}".rstrip() for line in lines) + "\n"
+    return text.encode("ascii", "backslashreplace").decode()
 
 
 def in_comment(lines: Iterable[str]) -> list[str]:
-    """The lines where neither a comment of C nor one of XML ends before its time."""
-    return [re.sub("-(?=-)", "- ", line.replace("*/", "* /")) for line in lines]
+    """The lines where no comment of C or XML begins anew, or ends before its time."""
+    return [_SIGNS.sub(r"\g<0> ", line) for line in lines]
 
 
 def template(file: str, /, **values: object) -> str:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,6 +24,8 @@ from qlvbayes.model.drawn import described_model, drawn_models
 from qlvbayes.model.model import Model
 from qlvbayes.model.parameters import fields_of
 from qlvbayes.preprocess.covered import Covered
+
+_LONGEST = 40  # characters of a name in an identifier: C and MATLAB tell 63 apart
 
 
 @dataclass(frozen=True)
@@ -54,11 +58,13 @@ class Draws:
 class ExportedPad:
     """elastic, relaxation: laws with the numbers of the draw that lies closest to the medians.
 
-    middle: that draw; table: draws evenly out of all; intervals: of the pad's constants; folder: of
-    its results; date: of the export, as 2026-01-31.
+    identifier: the name as C, XML and MATLAB take one, ``pad_B``, of this pad alone in its folder
+    of results; middle: that draw; table: draws evenly out of all; intervals: of the pad's
+    constants; folder: of its results; date: of the export, as 2026-01-31.
     """
 
     name: str
+    identifier: str
     folder: Path
     date: str
     choices: Choices
@@ -72,11 +78,6 @@ class ExportedPad:
     middle: Draws
     table: Draws
     intervals: tuple[Interval, ...]
-
-    @property
-    def identifier(self) -> str:
-        """The name as C, XML and MATLAB take one: ``pad_B``."""
-        return "pad_" + re.sub(r"[^A-Za-z0-9]", "_", self.name)
 
     @property
     def constants(self) -> tuple[str, ...]:
@@ -117,6 +118,7 @@ def read_pad(out: Path, name: str, *, draws: int, date: str) -> ExportedPad:
     every = _numbers(drawn)
     return ExportedPad(
         name=saved.pad,
+        identifier=identifier(saved.pad, [other.name for other in out.iterdir()]),
         folder=file.parent,
         date=date,
         choices=saved.choices,
@@ -131,6 +133,22 @@ def read_pad(out: Path, name: str, *, draws: int, date: str) -> ExportedPad:
         table=_part(every, slice(1, None)),
         intervals=_intervals(file.with_name("summary.json"), names, units, values),
     )
+
+
+def identifier(name: str, others: Iterable[str]) -> str:
+    """The name in letters and digits, told apart from others of which the same would be left.
+
+    Upper and lower case count as the same, for constants of C are in upper case.
+    """
+    plain = _plain(name)
+    alike = [other for other in others if _plain(other).lower() == plain.lower()]
+    if len(plain) <= _LONGEST and set(alike) <= {name}:
+        return f"pad_{plain}"
+    return f"pad_{plain[:_LONGEST]}_{hashlib.sha256(name.encode()).hexdigest()[:6]}"
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[^A-Za-z0-9]", "_", name)
 
 
 def _file_of(out: Path, name: str) -> Path:

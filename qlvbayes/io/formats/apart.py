@@ -1,0 +1,165 @@
+"""A binary file read in a process of its own, for a damaged one may hang or crash its library.
+
+The process is this file run by itself; it imports the library alone, and is given so much time and
+memory. It is started anew, not forked: JAX has threads.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+TIME_S = 10.0  # of a processor, for a file of no size: imports take 1 s, good 100 MB another
+PER_MB_S = 0.1
+_WAITING = 6.0  # how much longer that may take on a machine with much else to do
+MEMORY = 4 * 2**30  # bytes, address space: the libraries alone take 1 GiB of it
+_NAMES = "names"
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+_HDF5_BEGINS = (0, 512)  # of its first block; MATLAB writes a text before it
+_END = {0: 40, 1: 44, 2: 28, 3: 28}  # where that block has the file's end, by version
+_OUT_OF_TIME = int(getattr(signal, "SIGXCPU", 0))
+_LIBRARIES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")  # threads take address space each
+
+
+class ApartError(Exception):
+    """What came of a file that could not be read, in words."""
+
+
+def read_apart(kind: str, path: Path, limit: float | None = None) -> list[tuple[Any, np.ndarray]]:
+    """The arrays of a file, each with what ``kind`` says of it.
+
+    kind: a key of ``_READERS``; limit: in s of a processor. Raises ApartError where the file could
+    not be read in that time, or at all.
+    """
+    if _is_cut(path):
+        raise ApartError("it ends before what it says it holds")
+    if limit is None:
+        limit = TIME_S + PER_MB_S * path.stat().st_size / 2**20
+    environment = os.environ | dict.fromkeys(_LIBRARIES, "1")
+    command = [sys.executable, "-P", __file__, kind, str(path), str(math.ceil(limit))]
+    endless = ApartError(f"reading it did not end within {limit:.0f} s")
+    try:
+        most = _WAITING * limit
+        done = subprocess.run(command, capture_output=True, timeout=most, env=environment)
+    except subprocess.TimeoutExpired:
+        raise endless from None
+    if _OUT_OF_TIME and done.returncode == -_OUT_OF_TIME:
+        raise endless
+    if done.returncode != 0:
+        lines = done.stderr.decode("utf-8", "replace").strip().splitlines()
+        crashed = done.returncode < 0 or not lines
+        raise ApartError("it crashes its reader" if crashed else lines[-1])
+    with np.load(io.BytesIO(done.stdout), allow_pickle=False) as found:
+        said = json.loads(str(found[_NAMES]))
+        return [(one, found[f"a{k}"]) for k, one in enumerate(said)]
+
+
+def _is_cut(path: Path) -> bool:
+    """Whether HDF5's first block names an end beyond the file's: that needs no library to see."""
+    size = path.stat().st_size
+    with path.open("rb") as stream:
+        for begin in _HDF5_BEGINS:
+            stream.seek(begin)
+            block = stream.read(48)
+            if block.startswith(_HDF5) and len(block) == 48:
+                end = (
+                    int.from_bytes(block[_END[block[8]] :][:8], "little") if block[8] in _END else 0
+                )
+                return end > size
+    return False
+
+
+def _hdf5(path: str) -> list[tuple[Any, np.ndarray]]:
+    """Vectors of numbers, with their path in the file and their unit."""
+    import h5py
+
+    found: list[tuple[Any, np.ndarray]] = []
+
+    def visit(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset) and item.ndim in (1, 2) and item.dtype.kind in "fiu":
+            found.append(([name, _unit(item)], np.asarray(item[()])))
+
+    with h5py.File(path, "r") as file:
+        file.visititems(visit)
+    return found
+
+
+def _unit(item: Any) -> str:
+    for key in ("unit", "units", "Unit", "Units"):
+        if key in item.attrs:
+            value = item.attrs[key]
+            return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
+    return ""
+
+
+def _matlab(path: str) -> list[tuple[Any, np.ndarray]]:
+    """Vectors of numbers, with the struct that holds them (None of a variable) and their name."""
+    from scipy.io import loadmat
+
+    found: list[tuple[Any, np.ndarray]] = []
+    named = loadmat(path, squeeze_me=True, struct_as_record=False)
+    for key, value in named.items():
+        if key.startswith("__"):
+            continue
+        if hasattr(value, "_fieldnames"):
+            parts = {name: getattr(value, name) for name in value._fieldnames}
+            found += [([key, name], part) for name, part in _numbers(parts)]
+        else:
+            found += [([None, name], part) for name, part in _numbers({key: value})]
+    return found
+
+
+def _numbers(named: dict[str, Any]) -> list[tuple[str, np.ndarray]]:
+    arrays = {}
+    for name, value in named.items():
+        try:
+            arrays[name] = np.asarray(value)
+        except ValueError:  # ragged
+            continue
+    return [(name, array) for name, array in arrays.items() if array.dtype.kind in "fiu"]
+
+
+_READERS: dict[str, Callable[[str], list[tuple[Any, np.ndarray]]]] = {
+    "hdf5": _hdf5,
+    "matlab": _matlab,
+}
+
+
+def _limit(seconds: int) -> None:
+    try:
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+        resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 1))
+    except (ImportError, OSError, ValueError):  # not on every system
+        return
+
+
+def main(kind: str, path: str, seconds: str) -> int:
+    """Write the arrays to standard output; 1 and a line where that is not possible."""
+    _limit(int(seconds))
+    try:
+        found = _READERS[kind](path)
+        arrays: dict[str, Any] = {f"a{k}": array for k, (_, array) in enumerate(found)}
+        names = np.array(json.dumps([said for said, _ in found]))
+        content = io.BytesIO()
+        np.savez(content, **arrays, names=names)
+    except Exception as error:
+        print(" ".join(f"{type(error).__name__}: {error}".split()), file=sys.stderr)
+        return 1
+    sys.stdout.buffer.write(content.getbuffer())
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))

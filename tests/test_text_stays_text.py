@@ -1,0 +1,268 @@
+"""Names from a file are text wherever they go: never code, markup, mathematics, or a formula."""
+
+import ast
+import csv
+import io
+import json
+import re
+import shlex
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+from matplotlib import cbook
+from matplotlib.figure import Figure
+from rich.table import Table
+from support.exported_pad import exported
+
+from qlvbayes.app.repeating import commands, script
+from qlvbayes.app.sessions import OnBench, Session, State
+from qlvbayes.cli.console import Plain
+from qlvbayes.cli.options import among
+from qlvbayes.fitting.constants_table import Entry, as_csv, as_latex
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.data import read_measurements
+from qlvbayes.io.escaping import as_typed, computed, prints, visible
+from qlvbayes.io.files import folder_fault
+from qlvbayes.plots.style import shortened, style, using
+from qlvbayes.use.exports.c_header import CHeader
+from qlvbayes.use.exports.card import card, commented, in_comment, template
+from qlvbayes.use.exports.catalogue import TARGETS
+from qlvbayes.use.exports.pad import identifier
+from qlvbayes.use.exports.target import Geometry
+
+PARTS = [
+    '"""; print("x"); """', "'", '"', "\\", "\n", "\r", "\x1b[2J", "\u2028", "\u202e", "[/]",
+    "[red]", ":smile:", "$5_{$", "$2 to $3", "\\$", "*/", "/*", "//", "--", "-->", "<!--", "&amp;",
+    "</script>", "{{ 7*7 }}", "{% raw %}", "%s", "{0}", "`id`", "$(id)", ";", "|", "=1+1", "-2+3",
+    "@SUM(1)", "%{", "#", ",", "_", "^", "~", "é", "油", "a", "B", " ", "7", "\0", "???/", "]]>",
+]  # fmt: skip
+NASTY = st.lists(st.sampled_from(PARTS), min_size=1, max_size=5).map("".join)
+QUICK = settings(
+    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+
+
+def session(name):
+    model = {"elastic": "exponential", "relaxation": "prony:2", "effects": [], "values": {"m": 1.0}}
+    first = State(0, None, "start", rmse=None, **model)
+    added = State(1, 0, f"add {name}", rmse=None, **(model | {"effects": [name]}))
+    added.begun = {name: 1.0}
+    pad = OnBench(history=[first, added], current=1)
+    return Session("1", Path(), Path(), name, pads=[name], data=f"/x/{name}", bench={name: pad})
+
+
+def without_strings(source):
+    """The program with an empty string for each of its own."""
+
+    class Emptied(ast.NodeTransformer):
+        def visit_Constant(self, node):
+            return ast.Constant("") if isinstance(node.value, str) else node
+
+    return ast.dump(Emptied().visit(ast.parse(source)))
+
+
+@QUICK
+@given(NASTY)
+@example('A"""; print("INJECTED"); """')
+def test_the_repeated_script_is_the_same_program_whatever_the_names(name):
+    assert without_strings(script(session(name), name)) == without_strings(
+        script(session("B"), "B")
+    )
+
+
+@QUICK
+@given(NASTY.filter(lambda name: name.isprintable()))
+def test_the_repeated_commands_have_the_name_as_one_word(name):
+    lines = commands(session(name), name).splitlines()
+    words = shlex.split(lines[0])
+    assert words[words.index("--pads") + 1] == name
+    assert len(lines) == 4
+
+
+@QUICK
+@given(NASTY)
+def test_a_command_line_is_one_line(name):
+    assert len(as_typed("qlvbayes", name).splitlines()) == 1
+
+
+@QUICK
+@given(NASTY)
+def test_the_terminal_shows_names_as_they_are_and_nothing_commands_it(name):
+    out = io.StringIO()
+    console = Plain(file=out, force_terminal=True, width=400)
+    console.print(name, soft_wrap=True)
+    table = Table(title=name)
+    table.add_column(name)
+    table.add_row(name)
+    console.print(table)
+    shown = re.sub(r"\x1b\[[\d;]*m", "", out.getvalue())  # the table's own bold and italics
+    assert shown.startswith(visible(name, keep="\n") + "\n")
+    assert all(prints(sign) or sign == "\n" for sign in shown)
+
+
+def test_a_message_is_one_line_that_commands_no_terminal():
+    assert str(InputError("a\x1b[2J\nb", file="c\x07.csv")) == r"c\x07.csv: a\x1b[2J b"
+
+
+@pytest.mark.filterwarnings("ignore:Glyph")  # a font that has no letter draws a box
+@settings(max_examples=8, deadline=None)
+@given(NASTY)
+@example("cost $5_{$ a")
+def test_figures_write_names_as_they_are(name):
+    text = shortened(name, 200)
+    assert not cbook.is_math_text(text)
+    assert text.replace(r"\$", "$") == visible(name)
+    with style():
+        figure = Figure(figsize=(2, 2), dpi=40)
+        axis = figure.subplots()
+        axis.plot([0, 1], [0, 1], label=f"{text} $m_0$")
+        axis.set_title(text)
+        axis.set_xticks([0.5], [text])
+        axis.legend()
+        figure.savefig(io.BytesIO(), format="png")
+
+
+def test_a_style_does_not_hand_names_to_tex():
+    with using({"text.usetex": True, "font.size": 9.0}), style():
+        figure = Figure()
+        assert not figure.text(0.5, 0.5, "50 % \\input{x}").get_usetex()
+
+
+@QUICK
+@given(NASTY)
+def test_latex_sets_names_as_they_are(name):
+    table = as_latex([Entry(name, "m", "N/mm", 1.0, 0.9, 1.1)])
+    head = table.splitlines()[3]
+    cell = head.removeprefix("constant & unit & pad ").removesuffix(r" \\")
+    sign = r"\\[&%$#_{}]|\\text(?:backslash|asciitilde|asciicircum)\{\}|[^&%$#_{}\\~^\n\r]"
+    assert re.fullmatch(f"(?:{sign})*", cell)
+    assert len(table.splitlines()) == 8
+
+
+@QUICK
+@given(NASTY)
+def test_a_spreadsheet_computes_no_name(name):
+    row = list(csv.reader(io.StringIO(as_csv([Entry(name, "m", "N/mm", 1.0, 0.9, 1.1)]))))[1]
+    assert row[0].removeprefix("'") == visible(name).removeprefix("'")
+    assert not computed(row[0])
+    assert len(row) == 7
+
+
+@pytest.mark.parametrize("name", ["-20", "+5 %", "A-1", "1e-3", "-3.5 mm/s", "pad B"])
+def test_names_of_words_and_numbers_are_no_formulas(name):
+    assert not computed(name)
+
+
+@pytest.fixture(scope="module")
+def pad(tmp_path_factory):
+    return exported(tmp_path_factory.mktemp("pad"))
+
+
+def without_comments(code):
+    return re.sub(r"/\*.*?\*/", "", code, flags=re.DOTALL)
+
+
+@QUICK
+@given(name=NASTY)
+@example(name="a*/ int x; /*")
+def test_exported_comments_end_where_they_should(pad, name):
+    lines = card(replace(pad, name=name, source=name), CHeader)
+    assert len(commented(lines, "%").splitlines()) == len(lines)
+    assert commented(lines, "**").isascii()
+    values = {"p": "pad_B", "P": "PAD_B", "draws": []}
+    code = template("draws.h.j2", card=in_comment(lines), **values)
+    plain = template("draws.h.j2", card=["B"], **values)
+    assert without_comments(code) == without_comments(plain)
+    numbers = {"stiffness": 1.0, "dissipation": 2.0, "name": "pad_B"}
+    ElementTree.fromstring(template("pad.sdf.j2", card=in_comment(lines), **numbers))
+    assert not re.search(r"/\*|\*/|--", "\n".join(in_comment(lines)))
+
+
+@pytest.mark.parametrize("target", TARGETS, ids=lambda target: target.name)
+def test_every_target_has_the_same_code_whatever_the_name(pad, target, monkeypatch):
+    monkeypatch.setattr("qlvbayes.use.exports.fmu._binary", lambda sources: None)
+    hostile = replace(pad, name='*/ --> "]]> <x> \n%}\x1b', source="a*/b--c")
+    files = target().files(hostile, Geometry(10.0, 200.0))
+    for name, content in files.items():
+        assert re.fullmatch(r"pad_B\w*\.\w+", name)
+        if name.endswith((".xml", ".feb", ".sdf")):
+            ElementTree.fromstring(content)
+        elif name.endswith(".json"):
+            assert json.loads(content)["pad"] == hostile.name
+        elif name.endswith((".h", ".c")):
+            plain = target().files(pad, Geometry(10.0, 200.0))[name].decode()
+            assert without_comments(content.decode()) == without_comments(plain)
+
+
+def test_identifiers_tell_pads_of_a_folder_apart():
+    known = ["A-1", "A 1", "a_1", "油", "水", "B", "x" * 80]
+    found = [identifier(name, known) for name in known]
+    assert len({name.upper() for name in found}) == len(known)
+    assert all(re.fullmatch(r"[A-Za-z]\w{0,62}", name, re.ASCII) for name in found)
+    assert identifier("B", known) == "pad_B"
+    assert identifier("A-1", ["A-1", "B"]) == "pad_A_1"
+
+
+def table_of(names):
+    out = io.StringIO()
+    rows = csv.writer(out, lineterminator="\n")
+    rows.writerow(["pad", "test", "time_s", "displacement_mm", "force_N"])
+    for pad, test in names:
+        rows.writerows([pad, test, k, k / 10, k / 5] for k in range(12))
+    return out.getvalue()
+
+
+@QUICK
+@given(pad=NASTY, test=NASTY)
+def test_a_file_of_such_names_is_read_or_refused_in_one_line(tmp_path, pad, test):
+    file = tmp_path / "data.csv"
+    file.write_text(table_of([(pad, test)]), newline="")
+    try:
+        found = read_measurements(file)
+    except InputError as error:
+        said = str(error)
+    else:
+        said = ""
+    assert all(map(prints, said))
+    if said:
+        return
+    assert [one.name for one in found.pads] == [pad.strip()]
+    assert [one.name for one in found.pads[0].tests] == [test.strip()]
+    assert folder_fault(pad.strip()) is None
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("constants.csv", "file of results"),
+        ("Report.HTML", "file of results"),
+        ("compare", "file of results"),
+        ("..", "cannot name a folder"),
+        ("a/b", "cannot name a folder"),
+        ("x" * 200, "longer than 120 bytes"),
+        ("a\u202eb", "does not print"),
+    ],
+)
+def test_a_pad_that_cannot_name_its_folder_is_refused_where_it_stands(tmp_path, name, said):
+    file = tmp_path / "data.csv"
+    file.write_text(table_of([("B", "t"), (name, "t")]))
+    with pytest.raises(InputError, match=said) as caught:
+        read_measurements(file)
+    assert caught.value.line == 14
+
+
+def test_pads_that_differ_in_case_alone_are_refused(tmp_path):
+    file = tmp_path / "data.csv"
+    file.write_text(table_of([("Pad b", "t"), ("pad B", "t")]))
+    with pytest.raises(InputError, match="differ in upper and lower case only") as caught:
+        read_measurements(file)
+    assert caught.value.line == 14
+
+
+def test_names_with_commas_can_be_chosen():
+    assert among("A, B,C", ["A", "B,C", "B"]) == ["A", "B,C"]
+    assert among("a,b, c", ["a", "c"]) == ["a", "b", "c"]
