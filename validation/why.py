@@ -23,6 +23,7 @@ import numpy as np
 from causes import RIGHT, Compared, carrying_half, one_by_one
 from numpy.typing import NDArray
 from page import Origin
+from starts import around
 from truth import Rig, Truth, truths
 from why_page import why_page
 
@@ -50,8 +51,7 @@ Array = NDArray[np.float64]
 
 _PARTS = 2
 _REDRAWN = 5  # starts with the relaxation drawn anew,
-_JITTERED = 4  # and with all numbers moved: ten with the truth itself
-_JITTER = 0.2  # of a number's natural length, one sd
+_MOVED = 4  # and with all numbers moved: ten with the truth itself
 _SHOWN = 3  # readings that are told
 _OUTSIDE = ("outside", "outside_beside")
 
@@ -166,22 +166,13 @@ def caused(study: WideStudy, diagnosis: Diagnosis, case: Case) -> Case:
     }  # fmt: skip
 
 
-def from_truth(density: Density, truth: Truth, seed: int = 0) -> list[Mode]:
+def from_truth(density: Density, truth: Truth) -> list[Mode]:
     """Modes from true constants, from some with the relaxation drawn anew, and from near by."""
-    hypothesis, rng = truth.hypothesis, np.random.default_rng(seed)
-    own = density.space.parameters(hypothesis)
-    start = truth.theta(own)
-    starts = [start]
-    relaxing = density.space.numbers_of(hypothesis, "relaxation")
-    for drawn in density.space.draws_of(hypothesis, "relaxation")[:_REDRAWN]:
-        redrawn = start.copy()
-        redrawn[relaxing] = drawn
-        starts.append(redrawn)
-    moved = start + _JITTER * own.length * rng.standard_normal((_JITTERED, own.size))
-    starts += list(own.within(moved))
+    theta = truth.theta(density.space.parameters(truth.hypothesis))
+    places = around(density.space, truth.hypothesis, theta, redrawn=_REDRAWN, moved=_MOVED)
     found: list[Mode] = []
-    for one in starts:
-        found += find_modes(density, hypothesis, one, known=found)
+    for one in places:
+        found += find_modes(density, truth.hypothesis, one, known=found)
     return distinct(found)
 
 
