@@ -1,9 +1,10 @@
 """Does what is fitted follow the readings? Three checks of records and simulated pads; a page.
 
 (a) The root mean square of what a fit leaves of the block means is at most 1.05 times that of least
-squares of the same model on the same block means: of the plain model, and of the answer's. (b) Along
-the steps of an answer the error of the fit never rises. (c) An effect that is named lowers the error
-on tests left out by more than its standard error (paired, over the tests; told only).
+squares of the same model on the same block means: of the plain model, and of the answer's.
+(b) Along the steps of an answer the error of the fit never rises. (c) An effect that is named
+lowers the error on tests left out by more than its standard error (paired, over the tests; only
+counted).
 
 Every CSV file of the folders given counts by its folder's name, pads of the wide population by what
 is hidden. Interrupted, the same command goes on where it was; `--finished` writes what there is.
@@ -17,6 +18,7 @@ import shlex
 import sys
 from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -82,10 +84,8 @@ def _recorded(folders: Sequence[Path]) -> list[tuple[str, Make]]:
     found = []
     for folder in folders:
         for file in sorted(folder.glob("*.csv")):
-            pads = read_measurements(file).pads
-            found += [
-                (f"{folder.name}/{file.stem}/{pad.name}", partial(_same, pad)) for pad in pads
-            ]
+            for pad in read_measurements(file).pads:
+                found.append((f"{folder.name}/{file.stem}/{pad.name}", partial(_same, pad)))
     return found
 
 
@@ -133,7 +133,7 @@ def checks(diagnosis: Diagnosis) -> Case:
 
 def rises(steps: Sequence[float]) -> list[float]:
     """Factors by which an error rises from a step to the next, where it does."""
-    factors = [after / before for before, after in zip(steps, steps[1:], strict=False)]
+    factors = [after / before for before, after in pairwise(steps)]
     return [factor for factor in factors if factor > 1.0 + _ROUNDING]
 
 

@@ -14,10 +14,11 @@ _WORST = 12  # cases that are told
 
 _PAGE = """# Does what is fitted follow the readings?
 
-{done} of {pads} pads. *Plain*, *answer*: how many fits leave more than {most} times what least squares
-of the same model leaves of the block means (root mean square), and the largest ratio. *Rises*: answers
-along whose steps the error of the fit rises, and the largest factor. *Lowers*: effects named that
-lower the mean square on tests left out by more than its standard error, of those that can be tested.
+{done} of {pads} pads. *Plain*, *answer*: how many fits leave more than {most} times what least
+squares of the same model leaves of the block means (root mean square), and the largest ratio.
+*Rises*: answers along whose steps the error of the fit rises, and the largest factor. *Lowers*:
+effects named that lower the mean square on tests left out by more than its standard error, of those
+that can be tested.
 
 | | |
 |---|---|

@@ -16,7 +16,7 @@ _FAR = 0.2  # of a number's natural length, one sd
 def around(
     space: Space, hypothesis: Hypothesis, theta: Array, *, redrawn: int, moved: int, seed: int = 0
 ) -> list[Array]:
-    """Theta (F,) itself, with its relaxation drawn anew from the prior, and with all numbers moved."""
+    """Theta (F,) itself, with its relaxation drawn anew from the prior, and all numbers moved."""
     own = space.parameters(hypothesis)
     found = [own.within(theta)]
     relaxing = space.numbers_of(hypothesis, "relaxation")
