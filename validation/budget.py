@@ -81,12 +81,12 @@ def _options() -> argparse.Namespace:
 
 def _recorded(folders: Sequence[Path]) -> list[tuple[str, Make]]:
     """Pads of every CSV file, by names that begin with their kind."""
-    found = []
-    for folder in folders:
-        for file in sorted(folder.glob("*.csv")):
-            for pad in read_measurements(file).pads:
-                found.append((f"{folder.name}/{file.stem}/{pad.name}", partial(_same, pad)))
-    return found
+    files = [file for folder in folders for file in sorted(folder.glob("*.csv"))]
+    return [
+        (f"{file.parent.name}/{file.stem}/{pad.name}", partial(_same, pad))
+        for file in files
+        for pad in read_measurements(file).pads
+    ]
 
 
 def _same(pad: Pad) -> Pad:
