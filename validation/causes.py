@@ -2,7 +2,7 @@ r"""Why a verdict is wrong: from numbers alone.
 
 Of a study there are three log posteriors, all by Laplace's evidence about modes: *truth*, of the
 likeliest true hypothesis at the best mode that was reached, by the search or from the truth;
-*seen*, of the same hypothesis as the search left it (minus infinity where it never saw it);
+*seen*, of the likeliest true hypothesis as the search left it (minus infinity where it saw none);
 *answer*, of the hypothesis that stands for the verdict. Three nats (20 to 1) are what counts. The
 first that applies:
 

@@ -135,7 +135,7 @@ def caused(study: WideStudy, diagnosis: Diagnosis, case: Case) -> Case:
     """The cause and what it rests on."""
     experiment, search = diagnosis.work.experiment, diagnosis.work.search
     answer = diagnosis.work.told.hypothesis
-    said, said_log = _best(search, answer, [])
+    said, said_log = _best(search, answer)
     scales = experiment.scales
     rig = Rig(study.rig.gap, scales.depth, scales.force, scales.clock)
     every = truths(study.law, study.effects, rig)
@@ -150,7 +150,7 @@ def caused(study: WideStudy, diagnosis: Diagnosis, case: Case) -> Case:
     reached = {h: _best(search, h, modes) for h, modes in fits.items()}
     best = max(tried, key=lambda one: reached[one.hypothesis][1])
     mode, log = reached[best.hypothesis]
-    seen = _best(search, best.hypothesis, None)[1] if best.hypothesis in search.modes else -math.inf
+    seen = max([_best(search, h)[1] for h in fits if h in search.modes], default=-math.inf)
     record = search.density.space.record
     sound = adequacy(experiment, record, mode.point)
     same = answer in fits
@@ -176,11 +176,9 @@ def from_truth(density: Density, truth: Truth) -> list[Mode]:
     return distinct(found)
 
 
-def _best(
-    search: Search, hypothesis: Hypothesis, more: Sequence[Mode] | None
-) -> tuple[Mode, float]:
+def _best(search: Search, hypothesis: Hypothesis, more: Sequence[Mode] = ()) -> tuple[Mode, float]:
     """The likeliest of the search's modes and of more, with its log posterior by Laplace."""
-    modes = [one.mode for one in search.modes.get(hypothesis, [])] + list(more or [])
+    modes = [one.mode for one in search.modes.get(hypothesis, [])] + list(more)
     tolerance = search.settings.tolerance
     logs = [weigh(search.density, hypothesis, m, tolerance).log_evidence for m in modes]
     k = int(np.argmax(logs))
