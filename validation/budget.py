@@ -82,6 +82,8 @@ def _options() -> argparse.Namespace:
 def _recorded(folders: Sequence[Path]) -> list[tuple[str, Make]]:
     """Pads of every CSV file, by names that begin with their kind."""
     files = [file for folder in folders for file in sorted(folder.glob("*.csv"))]
+    for folder in {*folders} - {file.parent for file in files}:
+        print(f"no CSV file in {folder}: left out", file=sys.stderr)
     return [
         (f"{file.parent.name}/{file.stem}/{pad.name}", partial(_same, pad))
         for file in files

@@ -49,21 +49,19 @@ def _meaning() -> str:
 
 def _counts(found: Sequence[Case], before: dict | None) -> str:
     lines = ["## By cause\n"]
-    if before is None:
-        lines += ["| cause | studies |", "|---|---|"]
-    else:
-        both = {case["index"] for case in before["cases"]} & {case["index"] for case in found}
-        found = [case for case in found if case["index"] in both]
-        lines += [f"Of the {len(both)} studies that both have.\n"]
-        lines += [f"| cause | before ({before['commit']}) | now |", "|---|---|---|"]
-    now = Counter(case["cause"] for case in found)
-    then = Counter(
-        c["cause"] for c in (before or {"cases": ()})["cases"] if before and c["index"] in both
-    )
+    columns = {"studies": {case["index"]: case["cause"] for case in found}}
+    if before is not None:
+        earlier = {case["index"]: case["cause"] for case in before["cases"]}
+        columns = {f"before ({before['commit']})": earlier, "now": columns["studies"]}
+        both = set.intersection(*map(set, columns.values()))
+        columns = {head: {k: own[k] for k in both} for head, own in columns.items()}
+        lines.append(f"Of the {len(both)} studies that both have.\n")
+    lines += [f"| cause | {' | '.join(columns)} |", "|---" * (len(columns) + 1) + "|"]
+    counts = [Counter(own.values()) for own in columns.values()]
     for cause in (RIGHT, *CAUSES):
-        if now[cause] or then[cause]:
-            numbers = [now[cause]] if before is None else [then[cause], now[cause]]
-            lines.append(f"| {_WORDS.get(cause, cause)} | {' | '.join(map(str, numbers))} |")
+        if any(count[cause] for count in counts):
+            numbers = " | ".join(str(count[cause]) for count in counts)
+            lines.append(f"| {_WORDS.get(cause, cause)} | {numbers} |")
     return "\n".join([*lines, ""])
 
 
