@@ -1,16 +1,16 @@
 r"""Why a verdict is wrong: from numbers alone.
 
 Of a study there are three log posteriors, all by Laplace's evidence about modes: *truth*, of the
-likeliest true hypothesis at the best mode that was reached, by the search or from the truth;
-*seen*, of the likeliest true hypothesis as the search left it (minus infinity where it saw none);
-*answer*, of the hypothesis that stands for the verdict. Three nats (20 to 1) are what counts. The
-first that applies:
+likeliest true hypothesis at the best mode that was reached, by the search (in any form of its
+effects) or from the truth; *seen*, of the likeliest true hypothesis as the search left it (minus
+infinity where it saw none); *answer*, of the hypothesis that stands for the verdict. Three nats (20
+to 1) are what counts. The first that applies:
 
 1. ``left out``: no true hypothesis is among those that the search tries in these tests;
 2. ``search``: seen < truth - 3 and truth >= answer - 3: had the search been there, it would have
    said otherwise;
 3. ``imitation``: something outside every list is hidden, and the verdict names what is not there,
-   or says that nothing is missing;
+   or says that nothing unlisted is;
 4. truth > answer + 3, or the answer is the true hypothesis itself: ``verdict`` where the truth's
    own fit passes as noise, or something outside every list is hidden beside it: a veto, or the
    rule for what is left, refused it; ``error budget`` where nothing but noise is left and it does
@@ -43,7 +43,7 @@ class Compared:
     truth, seen, answer: log posteriors, None where the hypothesis cannot be tried; sound: whether
     what the truth's own fit leaves passes as noise; same: whether the answer is true; outsider:
     whether something outside every list is hidden; misled: whether the verdict names what is not
-    hidden, or says that nothing is missing.
+    hidden, or says that nothing unlisted is there.
     """
 
     truth: float | None

@@ -54,6 +54,8 @@ _REDRAWN = 5  # starts with the relaxation drawn anew,
 _MOVED = 4  # and with all numbers moved: ten with the truth itself
 _SHOWN = 3  # readings that are told
 _OUTSIDE = ("outside", "outside_beside")
+_NOTHING_ELSE = ("adequate", "missing_effect", "ambiguous")
+"""Verdicts that nothing unlisted is there."""
 
 
 def main() -> None:
@@ -141,7 +143,7 @@ def caused(study: WideStudy, diagnosis: Diagnosis, case: Case) -> Case:
     every = truths(study.law, study.effects, rig)
     tried = [one for one in every if one.hypothesis.effects <= set(search.density.space.effects)]
     outsider = case["kind"] in _OUTSIDE
-    misled = case["verdict"] == "adequate" or names_wrongly(case)
+    misled = case["verdict"] in _NOTHING_ELSE or names_wrongly(case)
     found: Case = {"answer": described(answer), "log_answer": said_log, "exact": every[0].exact}
     if not tried:
         compared = Compared(None, -math.inf, said_log, False, False, outsider, misled)
@@ -150,11 +152,14 @@ def caused(study: WideStudy, diagnosis: Diagnosis, case: Case) -> Case:
     reached = {h: _best(search, h, modes) for h, modes in fits.items()}
     best = max(tried, key=lambda one: reached[one.hypothesis][1])
     mode, log = reached[best.hypothesis]
-    seen = max([_best(search, h)[1] for h in fits if h in search.modes], default=-math.inf)
+    true = {_by_family(search, h) for h in fits}
+    alike = [h for h in search.modes if _by_family(search, h) in true]
+    seen = max([_best(search, h)[1] for h in alike], default=-math.inf)
     record = search.density.space.record
     sound = adequacy(experiment, record, mode.point)
-    same = answer in fits
+    same = answer in alike
     is_sound = sound.is_sound(search.settings)
+    log = max(log, seen)
     compared = Compared(log, seen, said_log, is_sound, same, outsider, misled)
     return found | {
         "cause": compared.cause, "truth": described(best.hypothesis), "log_truth": log,
@@ -174,6 +179,11 @@ def from_truth(density: Density, truth: Truth) -> list[Mode]:
     for one in places:
         found += find_modes(density, truth.hypothesis, one, known=found)
     return distinct(found)
+
+
+def _by_family(search: Search, hypothesis: Hypothesis) -> tuple[Any, ...]:
+    """Its laws, and its effects by the listed name of each: a form of what is there is true too."""
+    return hypothesis.base, frozenset(search.families.of[name] for name in hypothesis.effects)
 
 
 def _best(search: Search, hypothesis: Hypothesis, more: Sequence[Mode] = ()) -> tuple[Mode, float]:

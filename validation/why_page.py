@@ -86,7 +86,7 @@ of a block mean under the noise floor alone, of the truth's fit, of the answer, 
 constants by what the noise makes of it and by what the model's force is away from the simulator's;
 *half*: how many block means, of all, carry half of the
 difference of log likelihoods (or, where the answer is the truth, of what is beyond noise), and the
-largest."""
+largest; with a dash the readings do not speak against it, what it costs by its priors does."""
 
 
 def _studies(found: Sequence[Case]) -> str:
