@@ -3,6 +3,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 OUT ?= results
+RECORDS ?=# folders of CSV files that `make validate` fits beside simulated pads
 PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 .PHONY: demo test check bench validate notebooks docs clean
@@ -37,6 +38,7 @@ validate: $(VENV)/installed-dev
 	$(BIN)/python validation/coverage.py --fits 80 --side-fits 0 --seed 1 -o docs/validation.md
 	$(BIN)/python validation/pairs.py --pairs 40 --seed 1 -o docs/pairs.md
 	$(BIN)/python validation/adequacy.py --pads 300 --seed 1 -o docs/adequacy.md
+	$(BIN)/python validation/budget.py $(RECORDS) --pads 100 --seed 418 -o docs/budget.md
 	$(BIN)/python validation/modes.py --pads 100 --sets 20 --seed 303 -o docs/modes.md
 	$(BIN)/python validation/blind.py --studies 400 --seed 417 --workers 2 -o docs/blind_studies.md
 

@@ -1,0 +1,73 @@
+"""Fits against least squares: the checks on numbers, and least squares on one simulated pad."""
+
+import numpy as np
+import pytest
+from budget import least_squares, paired, rises
+from budget_page import MOST, budget_page
+from page import Origin
+
+from qlvbayes.diagnosis.workbench import search_of
+from qlvbayes.evaluation.population import Population
+from qlvbayes.evaluation.wide import make_wide
+from qlvbayes.inference.modes import rough_mode
+from qlvbayes.preprocess.experiment import prepare
+
+ORIGIN = Origin("command", "today", "commit", "machine")
+
+
+def test_an_error_that_rises_is_told_by_its_factor():
+    assert rises([0.3, 0.2, 0.2, 0.1]) == []
+    assert rises([0.1, 0.2, 0.05, 0.06]) == pytest.approx([2.0, 1.2])
+
+
+def test_the_fall_is_paired_over_the_tests():
+    fall, error = paired(np.array([2.0, 12.0, 7.0]), np.array([1.0, 10.0, 4.0]))
+    assert fall == pytest.approx(2.0)
+    assert error == pytest.approx(1.0 / np.sqrt(3.0))
+    assert paired(np.ones(1), np.ones(1)) == (None, None)
+
+
+def test_least_squares_leaves_least_whatever_it_begins_from():
+    """From a fit that is far off, the same as from the fit under coarse noise."""
+    search = search_of(prepare(make_wide(Population(416), 283).pad))
+    density, plain = search.density, search.usual
+    observed, real = np.asarray(density.space.record.blocks.force), density.space.real
+
+    def rms(point):
+        return float(np.sqrt(np.mean((observed - point.predicted)[real] ** 2)))
+
+    fit = rough_mode(density, plain, density.space.plain_draws(plain)[0]).point
+    own = density.space.parameters(plain)
+    far = density.at(plain, own.within(fit.theta + 0.3 * own.length))
+    least = least_squares(density, fit, rms(fit))
+    assert least <= rms(fit) < rms(far) / MOST
+    assert least_squares(density, far, rms(far)) == pytest.approx(least, rel=0.01)
+
+
+def case(kind, plain, answer, steps, lowered=()):
+    return {
+        "index": f"{kind}/x/{plain}", "kind": kind, "verdict": "adequate", "effects": [],
+        "plain": {"rms_N": plain, "least_N": 1.0, "ratio": plain}, "steps": steps,
+        "answer": {"rms_N": answer, "least_N": 1.0, "ratio": answer}, "rises": rises(steps),
+        "lowered": list(lowered),
+    }  # fmt: skip
+
+
+def test_the_page_counts_by_kind_and_shows_the_worst():
+    lowered = [
+        {"effect": "friction", "fall_N2": f, "error_N2": e} for f, e in ((2.0, 1.0), (1.0, 2.0))
+    ]
+    unsure = {"effect": "inertia", "fall_N2": None, "error_N2": None}
+    found = [
+        case("real", 8.0, 1.2, [8.0, 9.6]),
+        case("real", 1.0, 1.0, [1.0], [*lowered, unsure]),
+        {"index": "real/y/z", "kind": "real", "error": "ValueError: no"},
+        case("none", 1.01, 1.0, [1.0, 0.9]),
+    ]
+    page = budget_page(found, 5, ORIGIN)
+    assert "4 of 5 pads" in page
+    assert "| real | 3 | 1 | 8.00 | 1 | 1.20 | 1 | 1.20 | 1 of 2 | 1 |" in page
+    assert "| none | 1 | 0 | 1.01 | 0 | 1.00 | 0 | 1.00 | 0 of 0 | 0 |" in page
+    assert "| real/y/z | ValueError: no |" in page
+    assert "| real/x/8.0 | adequate | - | 8, 1 | 1.2, 1 | 8, 9.6 |" in page
+    assert "none/x/1.01" not in page
