@@ -132,14 +132,29 @@ class Stage(
         return max(self.cells, key=lambda cell: cell.rmse)
 
 
-class Ranked(Part, frozen=True, rename={"rmse": "rmse_N"}):
+class Decisive(Part, frozen=True, rename={"blocks": "block_means", "time": "time_s"}):
+    """In how many readings the evidence for an effect lies.
+
+    blocks: the fewest block means that carry half of the log likelihood that it gains, out of
+    ``of``; test, phase, time (s): of the one that carries most.
+    """
+
+    blocks: int
+    of: int
+    test: str
+    phase: str
+    time: float
+
+
+class Ranked(Part, frozen=True, rename={"rmse": "rmse_N", "half": "half_of_evidence"}):
     """``none`` or an effect, over the whole posterior.
 
     inclusion: probability that it is in the model, of ``none`` that nothing is; probability: the
     same with that of every hypothesis shared out among its effects, so that all sum to one;
     log_bayes_factor: log posterior odds of being in less the log prior odds, None where nothing
     else was seen; rmse: of all samples (N) by the likeliest hypothesis with it; parameters: its
-    constants there; inclusion_error: what the errors of the evidences make of the inclusion.
+    constants there; inclusion_error: what the errors of the evidences make of the inclusion; half:
+    in how many readings half of its evidence lies, of effects that the verdict names or groups.
     """
 
     effect: str
@@ -149,6 +164,7 @@ class Ranked(Part, frozen=True, rename={"rmse": "rmse_N"}):
     rmse: float
     parameters: dict[str, Estimate]
     inclusion_error: float = 0.0
+    half: Decisive | None = None
 
 
 class Unseen(Part, frozen=True):

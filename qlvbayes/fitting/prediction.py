@@ -135,7 +135,7 @@ def single_samples(experiment: Experiment, trial: Trial, rows: np.ndarray) -> Re
         blocks=False,
         past=experiment.past(trial),
         care=experiment.care,
-        begins=float(test.time[0]),
+        whole=test,
         approached=trial.approached,
     )
 

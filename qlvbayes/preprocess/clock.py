@@ -9,6 +9,7 @@ Array = NDArray[np.float64]
 
 _ALIKE = 0.4  # of their mean: neighbouring intervals that differ by more are not meant to be equal
 _CLIPPED = 5.0  # times the median: larger changes are gaps
+_DENSE = 3.0  # times the shorter intervals (their quartile): up to these, readings are dense
 _EXACT = 1e-6  # of an interval: less is rounding of the computer's
 _DECIMALS = range(10)  # places after the point to which a file may round
 
@@ -18,11 +19,11 @@ def clock_error(time: Array) -> float:
 
     Stamps on the lattice of a logger are exact, however many of its readings it keeps: all
     intervals are multiples of the shortest, or of a length that is no decimal place. Otherwise,
-    where most neighbouring intervals are alike, readings were meant to be evenly spaced, and what
-    three stamps in a row depart from that shows the jitter of the clock and the rounding of the
-    stamps: t_{i-1} - 2 t_i + t_{i+1} has six times the variance of one. Changes of the rate, gaps
-    and slow drifts of the clock do not count. Stamps that are uneven by design are taken for exact
-    up to the rounding to their last decimal.
+    where most neighbouring intervals are alike, readings were meant to be evenly spaced, and jitter
+    and rounding show in d_i = t_{i-1} - 2 t_i + t_{i+1}: an error of one stamp has opposite signs
+    in neighbours, E d_i d_{i+1} = -4 sd^2, where intervals that grow or drift have the same. It is
+    looked for where readings are dense, as it would not be seen among long intervals. Stamps that
+    are uneven by design are taken for exact up to the rounding to their last decimal.
     """
     if time.size < 3:
         return 0.0
@@ -35,8 +36,12 @@ def clock_error(time: Array) -> float:
     if typical > _ALIKE:
         return last_decimal(gaps) / float(np.sqrt(12.0))
     alike = np.abs(change) < max(_ALIKE, _CLIPPED * typical) * mean
-    change, mean = change[alike], mean[alike]
-    error = np.sqrt(np.mean(change**2) / 6.0)
+    dense = mean < _DENSE * float(np.quantile(gaps, 0.25))
+    pairs = (alike & dense)[1:] & (alike & dense)[:-1]
+    if not pairs.any():
+        return 0.0
+    variance = -float(np.mean((change[1:] * change[:-1])[pairs])) / 4.0
+    error = np.sqrt(max(variance, 0.0))
     return float(error) if error > _EXACT * float(mean.min()) else 0.0
 
 

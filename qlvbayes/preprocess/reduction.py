@@ -133,16 +133,17 @@ def reduce_test(
     blocks: bool = True,
     past: Past | None = None,
     care: Care | None = None,
-    begins: float | None = None,
+    whole: Test | None = None,
     approached: bool = True,
 ) -> Record:
     """The record of one test: block means, their nodes, and the motion on a grid of times.
 
     sd_scale: what measured sds are divided by; start: the pad's clock at time 0 (s); blocks: False
     keeps every sample by itself; past: what the test remembers of earlier ones; care: None where
-    force and noise are not known yet; begins: when the test began (s), of some of its samples only;
+    force and noise are not known yet; whole: the test of which these are some samples only;
     approached: whether a record that begins on the move came from zero by an approach before it.
     """
+    whole = whole or test
     begin = np.arange(test.time.size)
     kept = np.ones(begin.size, dtype=bool)
     if blocks:
@@ -154,16 +155,16 @@ def reduce_test(
         kept = clear_of_kinks(test.time, trajectory, phases)[begin]
     averaged = jax.tree.map(lambda x: held(np.asarray(x)[kept]), _average(test, begin, sd_scale))
     centre, half = (x[kept] for x in _nodes(test.time, begin))
-    half = off_kinks(centre, half, test.time, trajectory)
+    half = off_kinks(centre, half, whole.time, trajectory)
     nodes = np.stack([centre - half, centre + half])
     if care is not None:
         averaged = _with_care(averaged, trajectory, centre, care)
-        white = care.floor.white
-        timing = timing_sd(test.time, test.force, begin, trajectory, white)[kept]
+        rows, white = np.searchsorted(whole.time, test.time), care.floor.white
+        timing = timing_sd(whole.time, whole.force, begin, trajectory, white, rows)[kept]
         averaged = replace(averaged, timing=held(timing))
     chord = np.inf if care is None else care.chord
     begun = approached and (past is None or not past.stays)
-    first = float(test.time[0]) if begins is None else begins
+    first = float(whole.time[0])
     grid, bowed = _grid(trajectory, np.unique(nodes), first, chord, begun)
     motion = _motion(trajectory, grid, first, start, bowed)
     places = np.searchsorted(grid, nodes).T

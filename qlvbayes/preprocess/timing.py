@@ -85,20 +85,27 @@ def _intervals(at: Array, time: Array) -> Array:
 
 
 def timing_sd(
-    time: Array, force: Array, begin: NDArray[np.intp], trajectory: Trajectory, white: float
+    time: Array,
+    force: Array,
+    begin: NDArray[np.intp],
+    trajectory: Trajectory,
+    white: float,
+    rows: NDArray[np.intp] | None = None,
 ) -> Array:
     """Sd (B,) in N of block means from what is not known of the readings' moments.
 
     time, force: (n,) readings; begin (B,): the first reading of each block; white: sd in N of a
-    reading's own noise. The doubt about a kink is one for all readings of a block, that of the
-    clock is independent from reading to reading.
+    reading's own noise; rows: which readings the blocks are made of, all by default. The doubt
+    about a kink is one for all readings of a block, that of the clock is independent from reading
+    to reading.
     """
-    count = np.diff(np.append(begin, time.size))
-    doubt = KinkDistance.from_motion(time, time, trajectory).doubt
-    kinks = np.add.reduceat(doubt * _jumps(time, force, white), begin)
-    slope = np.gradient(force, time) if time.size > 1 else np.zeros_like(force)
-    clock = np.add.reduceat((trajectory.clock_sd * slope) ** 2, begin)
-    return np.asarray(np.sqrt(kinks**2 + clock) / count)
+    kink = KinkDistance.from_motion(time, time, trajectory).doubt * _jumps(time, force, white)
+    clock = (trajectory.clock_sd * np.gradient(force, time)) ** 2
+    if rows is not None:
+        kink, clock = kink[rows], clock[rows]
+    count = np.diff(np.append(begin, kink.size))
+    kinks, clocks = np.add.reduceat(kink, begin), np.add.reduceat(clock, begin)
+    return np.asarray(np.sqrt(kinks**2 + clocks) / count)
 
 
 def _jumps(time: Array, force: Array, white: float) -> Array:
@@ -118,9 +125,9 @@ def _jumps(time: Array, force: Array, white: float) -> Array:
 def off_kinks(centre: Array, half: Array, time: Array, trajectory: Trajectory) -> Array:
     """Half the distance (B,) in s of a block's two nodes, neither of which lies at a kink.
 
-    centre, half (B,): mean and sd of the times of a block's readings. Where a single reading lies
-    at a kink the model is averaged over both sides of it: a force that jumps there has two values,
-    and a delay of nothing would take the other one.
+    centre, half (B,): mean and sd of the times of a block's readings; time (n,): of all. Where a
+    single reading lies at a kink the model is averaged over both sides of it: a force that jumps
+    there has two values, and a delay of nothing would take the other one.
     """
     kinks = trajectory.kinks
     if not kinks.size:

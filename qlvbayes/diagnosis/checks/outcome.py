@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp, softmax
 
 from qlvbayes.diagnosis.checks.adequacy import Adequacy, adequacy
+from qlvbayes.diagnosis.checks.decisive import decisive
 from qlvbayes.diagnosis.checks.heldout import Part, Predicted, errors, leave_out, predictions
 from qlvbayes.diagnosis.checks.remainder import Remainder, remainder
 from qlvbayes.diagnosis.checks.samples import Samples, cell_errors, rmse
@@ -18,6 +19,7 @@ from qlvbayes.diagnosis.decision import probabilities
 from qlvbayes.diagnosis.prior import log_odds_of_effect
 from qlvbayes.diagnosis.result import (
     Alternative,
+    Decisive,
     Estimate,
     Laws,
     NotRuledOut,
@@ -183,9 +185,18 @@ class Outcome:
             alone = float((self.shares / counts)[inside].sum())
             error = rmse(self.residuals(best))
             spread = float(self.draws[:, inside].sum(axis=1).std())
-            ranked.append((odds, Ranked(name, share, alone, _finite(odds), error, found, spread)))
+            half = self._half(best, form) if name != "none" and share >= LEAST else None
+            entry = Ranked(name, share, alone, _finite(odds), error, found, spread, half)
+            ranked.append((odds, entry))
         ranked.sort(key=lambda pair: (-pair[1].inclusion, -pair[0]))
         return tuple(one for _, one in ranked)
+
+    def _half(self, found: Weighed, effect: str) -> Decisive | None:
+        """In how many readings half of an effect's evidence lies, if the rest was seen without."""
+        without = self.search.seen.get(found.hypothesis.less(effect))
+        if without is None:
+            return None
+        return decisive(self.search.density, self.experiment.trials, found, without)
 
     def constants(self, told: Weighed) -> dict[str, Estimate]:
         """The base law's, averaged over all hypotheses on the same laws."""

@@ -11,6 +11,7 @@ from qlvbayes.preprocess.phases import NAMES
 _MOST_BIASES = 3
 _LINEAR = 0.5  # relative change up to which slopes tell how far a constant moves
 _MOST_CELLS = 4
+_HANDFUL = 10  # block means: what half of the evidence rests on, below which it is said
 _SURE = 0.95  # probability of a base law, from which it goes unsaid
 _LIKELY = 0.5  # probability of nothing, from which the text says so without ifs
 _LITTLE = 0.01  # probability of all explanations that are not listed, up to which they go unsaid
@@ -31,6 +32,7 @@ def paragraphs(d: DiagnosisResult, work: Work) -> list[str]:
     if d.verdict != "adequate":
         text.insert(1, _where(d))
         text += _runner_up(d)
+    text += _few_readings(d)
     text += _not_ruled_out(d)
     text += _refused(d)
     text += _honest(d)
@@ -240,6 +242,21 @@ def _sureness(d: DiagnosisResult) -> str:
     """Inclusion probabilities."""
     said = [f"{_percent(d.probability_of(name))}" for name in d.effects]
     return f"Probability that {'it is' if len(said) == 1 else 'each is'} there: {joined(said)}."
+
+
+def _few_readings(d: DiagnosisResult) -> list[str]:
+    """Names that rest on a handful of readings."""
+    few = [
+        (one.effect, one.half)
+        for one in d.ranking
+        if one.effect in {*d.tried, *d.group} and one.half and one.half.blocks < _HANDFUL
+    ]
+    return [
+        f"Half of the evidence for {effect} lies in {half.blocks} of {half.of} block means, the "
+        f"most of it in the {NAMES[half.phase]} of {half.test} at {half.time:.4g} s: look at these "
+        "readings before you believe the name."
+        for effect, half in few
+    ]
 
 
 def _runner_up(d: DiagnosisResult) -> list[str]:

@@ -1,0 +1,79 @@
+r"""In how many readings the evidence for an effect lies.
+
+With C = L L^T the covariance of noise and discrepancy of a hypothesis at its likeliest size, the
+log likelihood is a sum over the block means, each given those before it in its test,
+
+.. math:: \ln p(y_k \mid y_1 \dots y_{k-1}) = -\tfrac12 z_k^2 - \ln L_{kk} - \tfrac12 \ln 2 \pi,
+          \quad z = L^{-1} (y - f)
+
+The differences between a hypothesis with an effect and the same without it, the largest first, say
+how many block means carry half of what speaks for the effect. An effect that acts in whole phases
+is carried by many; what rests on a handful may as well be a fault of these readings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import jax
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag, cholesky, solve_triangular
+
+from qlvbayes.diagnosis.result import Decisive
+from qlvbayes.diagnosis.weighed import Weighed
+from qlvbayes.inference.density import Density
+from qlvbayes.inference.errors.discrepancy import ROUGH
+from qlvbayes.preprocess.experiment import Trial
+from qlvbayes.preprocess.phases import phase_index
+
+Array = NDArray[np.float64]
+
+_HALF = 0.5  # of the difference of the log likelihoods
+
+
+def log_densities(density: Density, found: Weighed) -> Array:
+    """(n,) log density of every block mean given those before it, at a hypothesis's mode."""
+    whitener, discrepancy, point = density.whitener, density.discrepancy, found.point
+    size = found.mode.size
+    force = np.asarray(density.space.record.blocks.force)
+    left = whitener.plain((force - point.predicted)[None])[0]
+    covariance = block_diag(*whitener.covariances)
+    if size > 0.0:
+        rest = discrepancy.plain - _followed(discrepancy.plain, point.separation.slopes.basis)
+        covariance += size**2 * (rest.T @ rest + ROUGH * np.eye(left.size))
+    root = cholesky(covariance, lower=True, check_finite=False)
+    errors = solve_triangular(root, left, lower=True, check_finite=False)
+    return np.asarray(-0.5 * errors**2 - np.log(np.diag(root)) - 0.5 * np.log(2.0 * np.pi))
+
+
+def _followed(vectors: Array, basis: Array) -> Array:
+    """What of vectors (M, n) lies in the span of an orthonormal basis (R, n)."""
+    return np.asarray((vectors @ basis.T) @ basis)
+
+
+def fewest(gains: Array) -> int:
+    """How many of gains (n,) at least add up to half of their sum, which is above 0."""
+    sums = np.cumsum(np.sort(gains)[::-1])
+    return int(np.searchsorted(sums, _HALF * gains.sum())) + 1
+
+
+def decisive(
+    density: Density, trials: Sequence[Trial], found: Weighed, without: Weighed
+) -> Decisive | None:
+    """The fewest block means that carry half of what speaks for an effect; None if nothing does."""
+    gains = log_densities(density, found) - log_densities(density, without)
+    if not gains.sum() > 0.0:
+        return None
+    blocks = jax.tree.map(np.asarray, density.space.record.blocks)
+    middle = density.whitener.plain(0.5 * (blocks.first + blocks.last)[None])[0]
+    first = int(np.argmax(gains))
+    trial = trials[int(density.whitener.tests[first])]
+    phase = trial.phases[int(phase_index(trial.phases, middle[first : first + 1])[0])]
+    return Decisive(
+        blocks=fewest(gains),
+        of=gains.size,
+        test=trial.name,
+        phase=phase.kind,
+        time=float(middle[first]),
+    )
