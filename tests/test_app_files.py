@@ -77,7 +77,7 @@ def test_answers_that_are_none_are_told(tmp_path, change, told):
 def test_a_bad_row_under_unknown_columns_keeps_its_line_and_its_files_name(tmp_path):
     file = tmp_path / "unclear.csv"
     lines = UNCLEAR.split("\n")
-    lines[50] = lines[50].replace("0.48", "0.01")
+    lines[50:52] = [lines[50].replace("0.48", "0.01"), lines[51].replace("0.49", "0.02")]
     file.write_text("\n".join(lines))
     with pytest.raises(InputError, match=r"^unclear.csv, line 51: "):
         read_in(tmp_path / "session", [file], ANSWERS)

@@ -93,9 +93,19 @@ class Experiment:
 
     @property
     def notices(self) -> tuple[str, ...]:
-        """What one should know of the readings, in words: those left out, what was prescribed."""
+        """What one should know of the readings, in words.
+
+        Those left out, those from which the fitted motion is far, and what was prescribed.
+        """
         bad = left_out_notice(self.pad, [(t.name, t.left_out) for t in self.trials], self.units)
-        return (*bad, *self._load_controlled)
+        return (*bad, *self._departures, *self._load_controlled)
+
+    @property
+    def _departures(self) -> tuple[str, ...]:
+        """One sentence on each test whose motion is farther from a reading than errors explain."""
+        unit = self.units.displacement
+        found = [(trial.name, trial.trajectory.departure) for trial in self.trials]
+        return tuple(f"pad {self.pad}: {off.notice(name, unit)}" for name, off in found if off)
 
     @property
     def _load_controlled(self) -> tuple[str, ...]:
