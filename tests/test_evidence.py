@@ -122,7 +122,11 @@ def dense_loss(experiment, density, point, size, kept=(0, 1, 2, 3, 4, 5)):
     shape, residual = np.concatenate(shapes, axis=1), np.concatenate(parts)
     rest = unfollowed(point, kept)
     smooth = rest @ (shape.T @ shape) @ rest
+    followed = np.eye(len(rest)) - rest
+    timing = np.diag(np.concatenate([np.asarray(blocks.timing)[k][blocks.real[k]] for k in kept]))
+    moments = rest @ timing**2 @ rest + followed @ timing**2 @ followed - timing**2
     whole = block_diag(*noise) + size**2 * (smooth + ROUGH * np.eye(residual.size))
+    whole += (size > 0.0) * moments
     return loss - multivariate_normal(np.zeros(len(whole)), whole).logpdf(residual)
 
 

@@ -18,10 +18,14 @@ def smooth_features():
     return np.array([np.cos(np.pi * k * X) / (1.0 + k) for k in range(10)])
 
 
-def whitener(noise):
+def whitener(noise, timing=None):
+    """Of noise and what is not known of moments (n,), both variances."""
     half = COUNT // 2
     everything = np.ones(half, dtype=bool)
-    return Whitener((everything, everything), (noise[:half, :half], noise[half:, half:]))
+    timing = np.zeros(COUNT) if timing is None else timing
+    whole = noise + np.diag(timing)
+    parts = (whole[:half, :half], whole[half:, half:])
+    return Whitener((everything, everything), parts, (timing[:half], timing[half:]))
 
 
 def by_test(rows):
@@ -34,18 +38,20 @@ def correlated(sd, memory):
     return np.block([[one, np.zeros_like(one)], [np.zeros_like(one), 1.3 * one]])
 
 
-def made(noise):
-    return Discrepancy.of(by_test(smooth_features()), whitener(noise), 1.0, 0.01)
+def made(noise, timing=None):
+    return Discrepancy.of(by_test(smooth_features()), whitener(noise, timing), 1.0, 0.01)
 
 
-def dense(noise, jacobian, size, kept):
+def dense(noise, jacobian, size, kept, timing=None):
     """The covariance by its definition."""
+    timing = np.diag(np.zeros(COUNT) if timing is None else timing)
     smooth = smooth_features().T @ smooth_features()
     basis = np.linalg.qr(jacobian.T)[0]
     P = basis @ basis.T
     rest = np.eye(COUNT) - P
     own = rest @ smooth @ rest + kept * P @ smooth @ P
-    return noise + size**2 * (own + ROUGH * np.eye(COUNT))
+    moments = rest @ timing @ rest + P @ timing @ P
+    return noise + moments + size**2 * (own + ROUGH * np.eye(COUNT))
 
 
 @given(
@@ -57,16 +63,17 @@ def dense(noise, jacobian, size, kept):
 def test_products_and_volume_are_those_of_the_whole_covariance(seed, size, kept):
     rng = np.random.default_rng(seed)
     noise, jacobian = correlated(0.01, 5.0), rng.standard_normal((FREE, COUNT))
-    found = made(noise)
+    timing = 0.05**2 * rng.uniform(0.0, 1.0, COUNT) * (rng.random(COUNT) < 0.2)
+    found = made(noise, timing)
     separation = found.separated(by_test(jacobian), rng.uniform(0.1, 10.0, FREE), kept)
     own = found.at(size, separation)
     vectors = rng.standard_normal((3, COUNT))
-    whole = dense(noise, jacobian, size, kept)
+    whole = dense(noise, jacobian, size, kept, timing)
     expected = vectors @ np.linalg.solve(whole, vectors.T)
     white = found.whitener(by_test(vectors))
     np.testing.assert_allclose(own.products(white), expected, rtol=1e-7, atol=1e-7 * expected.max())
     np.testing.assert_allclose(own.squares(white), np.diag(expected), rtol=1e-7)
-    volume = np.linalg.slogdet(whole)[1] - np.linalg.slogdet(noise)[1]
+    volume = np.linalg.slogdet(whole)[1] - np.linalg.slogdet(noise + np.diag(timing))[1]
     assert own.log_volume == pytest.approx(volume, rel=1e-8, abs=1e-7)
 
 
@@ -83,7 +90,8 @@ def test_beside_a_large_discrepancy_the_curve_is_that_of_least_squares(kept):
     """Where it is not separated the curve may lie elsewhere: its error is larger."""
     rng = np.random.default_rng(4)
     jacobian = np.array([X**k for k in range(3)])
-    found = made(correlated(1e-3, 5.0))
+    timing = np.where(np.arange(COUNT) % 20 == 10, 0.3**2, 0.0)  # three readings next to kinks
+    found = made(correlated(1e-3, 5.0), timing)
     misfit = 0.3 * np.sin(7.0 * X) * X + 0.02 * rng.standard_normal(COUNT)
     separation = found.separated(by_test(jacobian), np.ones(3), kept)
     squares = np.linalg.lstsq(jacobian.T, misfit, rcond=None)[0]

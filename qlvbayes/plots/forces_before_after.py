@@ -17,7 +17,7 @@ from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.telling.curves import Band, Curve, curves
 from qlvbayes.diagnosis.telling.verdict import Diagnosis
 from qlvbayes.io.units import UnitSystem
-from qlvbayes.plots.leftout import mark_left_out
+from qlvbayes.plots.leftout import LABEL, mark_left_out
 from qlvbayes.plots.naming import heading, model_lines, model_name
 from qlvbayes.plots.panels import leaders, lines_of, name_row, place_panels
 from qlvbayes.plots.stretches import (
@@ -195,4 +195,6 @@ def _legend(figure: Figure, axes: np.ndarray, diagnosis: DiagnosisResult, *, tig
         title_fontproperties=title_look(),
     )
     key = "residual: measured − predicted, dots in the model's colour"
+    if any(line.get_label() == LABEL for axis in axes.flat for line in axis.lines):
+        key += "; grey crosses: readings left out" if not tight else "\ngrey crosses: left out"
     figure.supxlabel(key, x=0.01, ha="left")

@@ -23,7 +23,6 @@ from scipy.linalg import block_diag, cholesky, solve_triangular
 from qlvbayes.diagnosis.result import Decisive
 from qlvbayes.diagnosis.weighed import Weighed
 from qlvbayes.inference.density import Density
-from qlvbayes.inference.errors.discrepancy import ROUGH
 from qlvbayes.preprocess.experiment import Trial
 from qlvbayes.preprocess.phases import phase_index
 
@@ -34,22 +33,14 @@ _HALF = 0.5  # of the difference of the log likelihoods
 
 def log_densities(density: Density, found: Weighed) -> Array:
     """(n,) log density of every block mean given those before it, at a hypothesis's mode."""
-    whitener, discrepancy, point = density.whitener, density.discrepancy, found.point
-    size = found.mode.size
+    whitener, point = density.whitener, found.point
     force = np.asarray(density.space.record.blocks.force)
     left = whitener.plain((force - point.predicted)[None])[0]
     covariance = block_diag(*whitener.covariances)
-    if size > 0.0:
-        rest = discrepancy.plain - _followed(discrepancy.plain, point.separation.slopes.basis)
-        covariance += size**2 * (rest.T @ rest + ROUGH * np.eye(left.size))
+    covariance += density.discrepancy.covariance(found.mode.size, point.separation)
     root = cholesky(covariance, lower=True, check_finite=False)
     errors = solve_triangular(root, left, lower=True, check_finite=False)
     return np.asarray(-0.5 * errors**2 - np.log(np.diag(root)) - 0.5 * np.log(2.0 * np.pi))
-
-
-def _followed(vectors: Array, basis: Array) -> Array:
-    """What of vectors (M, n) lies in the span of an orthonormal basis (R, n)."""
-    return np.asarray((vectors @ basis.T) @ basis)
 
 
 def fewest(gains: Array) -> int:

@@ -132,8 +132,23 @@ class Discrepancy:
         tied = (slopes.basis @ self.plain.T) @ self.plain
         inner = tied @ slopes.basis.T
         ties = tied - 0.5 * (1.0 + kept) * inner @ slopes.basis
-        white = self.whitener.of_plain(np.concatenate([slopes.basis, ties]))
-        return Separation(slopes, inner, white)
+        moments = slopes.basis * np.concatenate(self.whitener.timing)
+        moments -= (moments @ slopes.basis.T) @ slopes.basis
+        white = self.whitener.of_plain(np.concatenate([slopes.basis, ties, moments]))
+        basis, ties, moments = np.split(white, 3)
+        return Separation(slopes, inner, basis, ties, moments)
+
+    def covariance(self, size: float, separation: Separation) -> Array:
+        """(n, n) what a discrepancy of a size (N), separated, adds to the noise's covariance."""
+        count = self.plain.shape[1]
+        if size == 0.0:
+            return np.zeros((count, count))
+        basis, timing = separation.slopes.basis, np.concatenate(self.whitener.timing)
+        rest = self.plain - (self.plain @ basis.T) @ basis
+        moments = basis * timing
+        moments = basis.T @ (moments - (moments @ basis.T) @ basis)
+        found = size**2 * (rest.T @ rest + ROUGH * np.eye(count))
+        return np.asarray(found - moments - moments.T)
 
     def at(self, size: float, separation: Separation | None = None) -> Sized | Separated:
         """Of a size (N), as it is or separated from what a model's slopes can follow."""

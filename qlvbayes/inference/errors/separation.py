@@ -18,21 +18,23 @@ With kappa = 1 their posterior is wider by that. With kappa = 0 it is that of th
 follows the data, and the spread is added where the constants are reported. Evidence is the same
 either way, as far as priors are wide.
 
-With Q an orthonormal basis of P, the difference to K has a low rank,
+So it is, with kappa = 1, with the variances T of what is not known of moments (`timing`): a reading
+next to a kink may be off, and no curve is bent beside a discrepancy to leave it so.
 
-.. math:: K_P = K - Q^T Y - Y^T Q = K - U^T S U, \quad
-          Y = Q K - \tfrac{1 + \kappa}{2} Q K P, \quad U = (Q; Y), \quad
+With Q an orthonormal basis of P, the difference to C = Sigma + T + s^2 K has a low rank,
+
+.. math:: C_P = C - Q^T Y - Y^T Q = C - U^T S U, \quad
+          Y = s^2 Q K (1 - \tfrac{1 + \kappa}{2} P) + Q T (1 - P), \quad U = (Q; Y), \quad
           S = \begin{pmatrix} 0 & 1 \\ 1 & 0 \end{pmatrix}
 
-so that with the inverse C^{-1} and determinant for K at hand those for K_P follow (Woodbury):
+so that with the inverse and determinant of C at hand those of C_P follow (Woodbury):
 
-.. math:: (C - s^2 U^T S U)^{-1} = C^{-1} + C^{-1} U^T M^{-1} U C^{-1}, \quad
-          M = S / s^2 - U C^{-1} U^T, \quad |C - s^2 U^T S U| = |C|\, |M|\, s^{4R}
+.. math:: C_P^{-1} = C^{-1} + C^{-1} U^T M^{-1} U C^{-1}, \quad
+          M = S - U C^{-1} U^T, \quad |C_P| = |C|\, |M|
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Self
@@ -81,12 +83,15 @@ class Slopes:
 class Separation:
     """Of the discrepancy of one Jacobian.
 
-    slopes: what the model can follow; inner (R, R): Q K Q^T; white (2R, n): U whitened.
+    slopes: what the model can follow; inner (R, R): Q K Q^T; basis, ties, moments (R, n): Q, Y of
+    K and Y of the moments, whitened.
     """
 
     slopes: Slopes
     inner: Array
-    white: Array
+    basis: Array
+    ties: Array
+    moments: Array
     _sized: dict[float, Separated] = field(default_factory=dict)
 
     def spread(self, size: float) -> Array:
@@ -101,8 +106,7 @@ class Separation:
     @property
     def removed(self) -> Array:
         """(n, n) K - K_P, whitened."""
-        basis, ties = self.white[: self.rank], self.white[self.rank :]
-        product = basis.T @ ties
+        product = self.basis.T @ self.ties
         return np.asarray(product + product.T)
 
     def at(self, plain: Sized) -> Sized | Separated:
@@ -110,7 +114,8 @@ class Separation:
         if plain.size == 0.0 or not self.rank:
             return plain
         if plain.size not in self._sized:
-            self._sized[plain.size] = Separated.from_plain(plain, self.white)
+            tied = plain.size**2 * self.ties + self.moments
+            self._sized[plain.size] = Separated.from_plain(plain, self.basis, tied)
         return self._sized[plain.size]
 
 
@@ -144,7 +149,7 @@ class Sized:
 
 @dataclass(frozen=True, eq=False)
 class Separated:
-    """The same for K_P.
+    """The same for C_P.
 
     plain: for K; own, parts: of U; core (2R, 2R): M; log_volume: ln of the determinant.
     """
@@ -156,14 +161,15 @@ class Separated:
     log_volume: float
 
     @classmethod
-    def from_plain(cls, plain: Sized, white: Array) -> Self:
-        """Of U whitened (2R, n)."""
-        own, parts = plain.parts(white)
-        rank = len(white) // 2
+    def from_plain(cls, plain: Sized, basis: Array, tied: Array) -> Self:
+        """Of Q and Y (R, n), whitened."""
+        scale = plain.size  # both alike in size: for the digits
+        own, parts = plain.parts(np.concatenate([scale * basis, tied / scale]))
+        rank = len(basis)
         swap = np.roll(np.eye(2 * rank), rank, axis=0)
-        core = swap / plain.size**2 - (own @ own.T - parts @ parts.T)
+        core = swap - (own @ own.T - parts @ parts.T)
         log_volume = plain.log_volume + float(np.linalg.slogdet(core)[1])
-        return cls(plain, own, parts, core, log_volume + 4.0 * rank * math.log(plain.size))
+        return cls(plain, own, parts, core, log_volume)
 
     @property
     def size(self) -> float:

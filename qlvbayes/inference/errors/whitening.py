@@ -33,37 +33,41 @@ _SINGULAR = 1e-14  # of the largest eigenvalue: less is rounding
 class Whitener:
     """Of the n blocks of T tests that are no padding and not left out.
 
-    blocks: of each test, which of its B blocks those are; covariances: of their means (N^2).
+    blocks: of each test, which of its B blocks those are; covariances: of their means (N^2);
+    timing: what of their variances is for what is not known of moments (N^2).
     """
 
     blocks: tuple[NDArray[np.bool_], ...]
     covariances: tuple[Array, ...]
+    timing: tuple[Array, ...]
 
     @classmethod
     def of(cls, floor: NoiseFloor, blocks: Blocks, peak: float) -> Whitener:
         """Of a floor; peak: largest force (N), a share of which every block mean has as noise."""
         arrays = jax.tree.map(np.asarray, blocks)
-        found = []
+        found, timing = [], []
         for k, real in enumerate(arrays.real):
             of_test = jax.tree.map(lambda x, k=k, real=real: x[k][real], arrays)
             found.append(covariance(floor, of_test, peak))
-        return cls(tuple(arrays.real), tuple(found))
+            timing.append(of_test.timing**2)
+        return cls(tuple(arrays.real), tuple(found), tuple(timing))
 
     def replaced(self, size: float) -> Whitener:
         """As if the noise of every block were independent, of one size (N)."""
         found = tuple(size**2 * np.eye(len(one)) for one in self.covariances)
-        return Whitener(self.blocks, found)
+        return Whitener(self.blocks, found, tuple(np.zeros(len(one)) for one in found))
 
     def without(self, left_out: NDArray[np.bool_]) -> Whitener:
         """Less some (n,) of the blocks."""
-        masks, found = [], []
+        masks, found, timing = [], [], []
         for k, (real, of_test) in enumerate(zip(self.blocks, self.covariances, strict=True)):
             kept = ~left_out[self.tests == k]
             mask = real.copy()
             mask[real] = kept
             masks.append(mask)
             found.append(of_test[np.ix_(kept, kept)])
-        return Whitener(tuple(masks), tuple(found))
+            timing.append(self.timing[k][kept])
+        return Whitener(tuple(masks), tuple(found), tuple(timing))
 
     @cached_property
     def tests(self) -> NDArray[np.intp]:
