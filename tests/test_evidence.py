@@ -317,8 +317,7 @@ def quadratic(gradient, curvature, theta, lowest, highest):
         highest=np.asarray(highest),
         length=np.full(len(theta), 1e3),
     )
-    nothing = SimpleNamespace(spread=lambda size: np.zeros(2 * (len(theta),)))
-    point = SimpleNamespace(own=own, theta=np.asarray(theta), separation=nothing)
+    point = SimpleNamespace(own=own, theta=np.asarray(theta))
     stacked = Terms(np.zeros(1), terms.gradient[None], terms.curvature[None])
     density = SimpleNamespace(
         discrepancy=SimpleNamespace(log_prior=np.zeros(1), sizes=np.zeros(1)),

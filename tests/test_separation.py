@@ -8,6 +8,7 @@ from scipy.stats import multivariate_normal
 
 from qlvbayes.inference.errors.discrepancy import ROUGH, Discrepancy
 from qlvbayes.inference.errors.whitening import Whitener
+from qlvbayes.inference.evidence import moved
 
 COUNT, FREE = 60, 4  # block means of two tests, free numbers
 X = np.linspace(0.0, 1.0, COUNT)
@@ -104,26 +105,41 @@ def test_beside_a_large_discrepancy_the_curve_is_that_of_least_squares(kept):
     assert other > 1.05 * least
 
 
-def test_what_is_missed_moves_the_numbers_by_the_spread():
-    """Least squares of a discrepancy of one size, drawn anew: mean nothing, covariance as told."""
+def test_numbers_are_off_by_what_a_discrepancy_has_moved_them():
+    """Least squares of misfit drawn anew: the second moment holds the truth as it says, on average.
+
+    What a fit has followed is known from what it has not: about the fitted numbers the truth lies
+    at the step, to within the inverse curvature.
+    """
     rng = np.random.default_rng(7)
-    jacobian, size, count = np.array([np.ones(COUNT), X, X**2]), 0.02, 4000
+    jacobian, size, count = np.array([np.ones(COUNT), X, X**2]), 0.02, 2000
     found = made(correlated(1e-3, 5.0))
-    separation = found.separated(by_test(jacobian), np.full(3, 10.0))
-    drawn = size * rng.standard_normal((count, 10)) @ smooth_features()
-    moved = np.linalg.lstsq(jacobian.T, drawn.T, rcond=None)[0]
-    expected = separation.spread(size)
-    scale = np.sqrt(np.diag(expected))
-    z = moved / scale[:, None]
-    assert np.max(np.abs(z.mean(axis=1))) < 5.0 / np.sqrt(count)
-    np.testing.assert_allclose(np.cov(z), expected / np.outer(scale, scale), atol=0.1)
+    smooth = rng.standard_normal((count, 10)) @ smooth_features()
+    drawn = size * (smooth + np.sqrt(ROUGH) * rng.standard_normal((count, COUNT)))
+    fitted = np.linalg.lstsq(jacobian.T, drawn.T, rcond=None)[0]
+    left = drawn - fitted.T @ jacobian
+    vectors = found.whitener(by_test(np.concatenate([jacobian, left])))
+    products = found.at(size).products(vectors)
+    lengths = np.full(3, 10.0)
+    z, covered = [], []
+    for k in range(count):
+        gradient, curvature = -products[:3, 3 + k], products[:3, :3]
+        second = moved(gradient, curvature, lengths)
+        step = np.linalg.solve(curvature + np.diag(lengths**-2), -gradient)
+        apart = -fitted[:, k] - step  # the true numbers are nothing
+        z.append(apart / np.sqrt(np.diag(np.linalg.inv(curvature))))
+        covered.append(np.abs(fitted[:, k]) < 1.645 * np.sqrt(np.diag(second)))
+    assert np.max(np.abs(np.mean(z, axis=0))) < 5.0 / np.sqrt(count)
+    np.testing.assert_allclose(np.std(z, axis=0), 1.0, atol=0.1)
+    shares = np.mean(covered, axis=0)
+    assert np.max(np.abs(shares - 0.9)) < 4.0 * np.sqrt(0.09 / count)
 
 
-def test_no_number_is_more_open_than_its_natural_length():
-    jacobian = 1e-6 * np.array([np.ones(COUNT), X])
-    separation = made(correlated(1e-3, 5.0)).separated(by_test(jacobian), np.array([2.0, 0.5]))
-    assert np.all(np.sqrt(np.diag(separation.spread(1.0))) <= np.array([2.0, 0.5]) * 1.000001)
-    assert np.all(np.linalg.eigvalsh(separation.spread(1.0)) > 0.0)
+def test_no_number_is_moved_by_more_than_its_natural_length():
+    lengths = np.array([2.0, 0.5])
+    second = moved(np.array([1e3, -1e3]), 1e-6 * np.eye(2), lengths)
+    assert np.all(np.sqrt(np.diag(second)) <= 1.5 * lengths)
+    assert np.all(np.linalg.eigvalsh(second) > 0.0)
 
 
 def test_evidence_does_not_depend_on_what_is_kept_where_priors_are_wide():
@@ -143,4 +159,3 @@ def test_a_model_without_slopes_leaves_the_discrepancy_as_it_is():
     separation = found.separated(by_test(np.zeros((2, COUNT))), np.ones(2))
     assert separation.rank == 0
     assert found.at(0.1, separation) is found.at(0.1)
-    assert not separation.spread(0.1).any()

@@ -32,11 +32,15 @@ def residuals_and_slopes(posterior: Posterior, scale: Array, theta: Array) -> tu
     return _value_and_slopes(lambda x: _residuals(posterior, scale, x), theta)
 
 
-def response(posterior: Posterior, theta: np.ndarray) -> np.ndarray:
-    """(D, T, B) slopes (N) of the block means' forces along the free numbers at theta (D,)."""
-    force = posterior.record.blocks.force
-    slopes = residuals_and_slopes(posterior, jnp.ones(force.shape), theta)[1]
-    return -np.moveaxis(np.asarray(slopes).reshape(*force.shape, -1), -1, 0)
+def response(posterior: Posterior, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(D, T, B) slopes of the force along the free numbers at theta (D,), and (T, B) what is left.
+
+    Both of block means, in N.
+    """
+    shape = posterior.record.blocks.force.shape
+    left, slopes = residuals_and_slopes(posterior, jnp.ones(shape), theta)
+    slopes = np.moveaxis(np.asarray(slopes).reshape(*shape, -1), -1, 0)
+    return -slopes, np.asarray(left).reshape(shape)
 
 
 @jax.jit

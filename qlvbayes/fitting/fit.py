@@ -14,7 +14,7 @@ from qlvbayes.fitting.chainstore import ChainStore
 from qlvbayes.fitting.diagnostics import diagnose_chain
 from qlvbayes.fitting.ensemble import STEPS_PER_TIME, Chain, Progress, Settings, key_of, sample
 from qlvbayes.fitting.least_squares import NormalApproximation
-from qlvbayes.fitting.marginal import floor_likelihood
+from qlvbayes.fitting.marginal import Fitted, floor_likelihood
 from qlvbayes.fitting.optimum import least_squares_points, optimum_near, starting_point
 from qlvbayes.fitting.prediction import Prediction, predict
 from qlvbayes.fitting.residuals import CheckResult, check_experiment
@@ -149,8 +149,8 @@ def separated_start(
         return posterior, starting_point(posterior, floor, rng).normal
     points = least_squares_points(posterior, floor, rng)
     for _ in range(_SEPARATIONS):
-        slopes = compiled.response(posterior, points[0])
-        likelihood = floor_likelihood(experiment, trials, posterior.record.blocks, noise, slopes)
+        fitted = Fitted(*compiled.response(posterior, points[0]))
+        likelihood = floor_likelihood(experiment, trials, posterior.record.blocks, noise, fitted)
         posterior = replace(posterior, floor=likelihood)
         best = optimum_near(posterior, floor, points)
         points = [best.theta]

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -51,20 +52,20 @@ def floor_likelihood(
     trials: Sequence[Trial],
     blocks: Blocks,
     noise: Floor,
-    slopes: Array | None = None,
+    fitted: Fitted | None = None,
 ) -> FloorLikelihood:
     """Of block means (T, B) of some trials of a pad.
 
-    slopes (D, T, B): of the model's force along the free numbers where the fit is, from which the
-    discrepancy is separated; None where that is not known yet.
+    fitted: where the fit is, from whose slopes the discrepancy is separated; None where that is not
+    known yet. What the slopes may have followed counts as it is known from what they have not.
     """
     floor = known_floor(experiment.floor, noise)
     experiment = replace(experiment, floor=floor)
     made = Discrepancy.on(experiment, trials, blocks, TOLERANCE, _SIZES)
     shapes, precisions = made.shapes, made.whitener.precisions
     smooth = shapes.T @ shapes
-    if slopes is not None:
-        smooth -= made.separated(slopes, np.ones(len(slopes)), kept=1.0).removed
+    if fitted is not None:
+        smooth += _separated(made, fitted)
     kappa, turn = np.linalg.eigh(smooth + ROUGH * np.diag(precisions))
     scales, sizes, log_prior = _pairs(floor, noise, made)
     variances = scales[:, None] ** 2 + sizes[:, None] ** 2 * np.maximum(kappa, 0.0)
@@ -77,6 +78,31 @@ def floor_likelihood(
         heights=jnp.asarray(log_prior + constant - 0.5 * np.log(variances).sum(axis=1)),
         constants=jnp.asarray(np.column_stack([*known, scales, sizes])),
     )
+
+
+class Fitted(NamedTuple):
+    """A fit: slopes (D, T, B) of the force along the free numbers, and what it leaves (T, B)."""
+
+    slopes: Array
+    residual: Array
+
+
+def _separated(made: Discrepancy, fitted: Fitted) -> Array:
+    """(n, n) by what the separation changes K, whitened.
+
+    The part that the slopes follow is as large as a fit beside a discrepancy that is not separated
+    would move the curve from where it is, beyond what such a discrepancy has beforehand.
+    """
+    lengths = np.ones(len(fitted.slopes))  # of unconstrained numbers
+    separation = made.separated(fitted.slopes, lengths, kept=1.0)
+    residual, slopes = made.whitener(fitted.residual[None])[0], made.whitener(fitted.slopes)
+    size = made.likeliest(residual, separation=separation)
+    if size == 0.0:
+        return -separation.removed
+    products = made.at(size).products(np.concatenate([residual[None], slopes]))
+    step = np.linalg.solve(products[1:, 1:] + np.diag(lengths**-2), products[1:, 0])
+    moved = step @ slopes / size
+    return np.outer(moved, moved) - separation.removed
 
 
 def _pairs(floor: NoiseFloor, noise: Floor, made: Discrepancy) -> tuple[Array, Array, Array]:

@@ -82,9 +82,29 @@ def evidence(density: Density, point: Point) -> Evidence:
 
 
 def _spread(density: Density, point: Point, weights: Array) -> Array:
-    """(F, F) by how much what is missed may have moved the numbers, by the weights of its sizes."""
-    square = float(weights @ density.discrepancy.sizes**2)
-    return point.separation.spread(math.sqrt(square))
+    r"""(F, F) by how much what is missed may have moved the numbers, by the weights of its sizes.
+
+    What the slopes have followed is not seen, but what they have not tells of it: beside a
+    discrepancy that is not separated the numbers would be moved by \Delta, and be known to within
+    H^{-1}. Their second moment about the fitted ones, \Delta \Delta^T + H^{-1}, is what they may be
+    off by.
+    """
+    size = math.sqrt(float(weights @ density.discrepancy.sizes**2))
+    if size == 0.0:
+        return np.zeros((point.theta.size, point.theta.size))
+    terms = point.terms(density.discrepancy.at(size))
+    return moved(terms.gradient, terms.curvature, point.own.length)
+
+
+def moved(gradient: Array, curvature: Array, lengths: Array) -> Array:
+    """(F, F) second moment of numbers of a gradient and curvature (F,), (F, F) of minus the log.
+
+    lengths (F,): natural ones, by no more than which a number is moved.
+    """
+    covariance = np.linalg.inv(curvature + np.diag(lengths**-2.0))
+    step = -covariance @ gradient
+    step /= max(1.0, float(np.max(np.abs(step) / lengths)))
+    return np.asarray(covariance + np.outer(step, step))
 
 
 def _is_far(density: Density, point: Point) -> bool:

@@ -136,7 +136,7 @@ class Discrepancy:
         moments -= (moments @ slopes.basis.T) @ slopes.basis
         white = self.whitener.of_plain(np.concatenate([slopes.basis, ties, moments]))
         basis, ties, moments = np.split(white, 3)
-        return Separation(slopes, inner, basis, ties, moments)
+        return Separation(slopes, basis, ties, moments)
 
     def covariance(self, size: float, separation: Separation) -> Array:
         """(n, n) what a discrepancy of a size (N), separated, adds to the noise's covariance."""

@@ -9,14 +9,10 @@ rows of the Jacobian J, orthogonal in plain squared error over the block means,
 nothing that is missed says any more where the curve should be: the constants are those of least
 squares as far as misfit goes (Zyskind 1967, doi:10.1214/aoms/1177698779; L2 calibration, Tuo & Wu
 2015, doi:10.1214/15-AOS1314; orthogonal Gaussian processes, Plumlee 2017,
-doi:10.1080/01621459.2016.1211016). P K P, which keeps its share kappa, is by what the constants may
-be off: a discrepancy of size s moves them by
-
-.. math:: \Delta \theta \sim N(0, s^2 J^+ K J^{+T}), \quad J^+ = (J J^T)^{-1} J.
-
-With kappa = 1 their posterior is wider by that. With kappa = 0 it is that of the curve which
-follows the data, and the spread is added where the constants are reported. Evidence is the same
-either way, as far as priors are wide.
+doi:10.1080/01621459.2016.1211016). P K P, which keeps its share kappa, is by what a discrepancy may
+have moved the constants before the data are seen. With kappa = 1 their posterior is wider by that.
+With kappa = 0 it is that of the curve which follows the data, and the spread is added where the
+constants are reported (`evidence`). Evidence is the same either way, as far as priors are wide.
 
 So it is, with kappa = 1, with the variances T of what is not known of moments (`timing`): a reading
 next to a kink may be off, and no curve is bent beside a discrepancy to leave it so.
@@ -52,51 +48,31 @@ _SMALLEST = 1e-8
 class Slopes:
     """What F free numbers can do to n block means, by the Jacobian's singular values.
 
-    basis (R, n): Q, orthonormal; moves (F, R): by how much the numbers follow a force (N) along
-    each of Q's rows; lengths (F,): their natural lengths.
+    basis (R, n): Q, orthonormal.
     """
 
     basis: Array
-    moves: Array
-    lengths: Array
 
     @classmethod
     def from_jacobian(cls, slopes: Array, lengths: Array) -> Slopes:
         """Of slopes (F, n) of the plain block means; what no number moves is left out."""
-        left, values, rows = np.linalg.svd(slopes * lengths[:, None], full_matrices=False)
-        kept = values > _SMALLEST * values.max(initial=0.0)
-        moves = lengths[:, None] * left[:, kept] / values[kept]
-        return cls(rows[kept], moves, lengths)
-
-    def spread(self, covariance: Array) -> Array:
-        """(F, F) covariance of the numbers, of forces along the basis with a covariance (R, R).
-
-        No number is left more open than its natural length.
-        """
-        moves = self.moves / self.lengths[:, None]
-        free = moves @ covariance @ moves.T
-        bounded = np.linalg.solve(np.eye(len(free)) + free, free)
-        return np.asarray(0.5 * (bounded + bounded.T) * np.outer(self.lengths, self.lengths))
+        _, values, rows = np.linalg.svd(slopes * lengths[:, None], full_matrices=False)
+        return cls(rows[values > _SMALLEST * values.max(initial=0.0)])
 
 
 @dataclass(frozen=True, eq=False)
 class Separation:
     """Of the discrepancy of one Jacobian.
 
-    slopes: what the model can follow; inner (R, R): Q K Q^T; basis, ties, moments (R, n): Q, Y of
-    K and Y of the moments, whitened.
+    slopes: what the model can follow; basis, ties, moments (R, n): Q, Y of K and Y of the moments,
+    whitened.
     """
 
     slopes: Slopes
-    inner: Array
     basis: Array
     ties: Array
     moments: Array
     _sized: dict[float, Separated] = field(default_factory=dict)
-
-    def spread(self, size: float) -> Array:
-        """(F, F) by how much a discrepancy of this size (N) would move the free numbers."""
-        return self.slopes.spread(size**2 * self.inner)
 
     @property
     def rank(self) -> int:
