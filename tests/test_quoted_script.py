@@ -32,7 +32,7 @@ def test_the_sentences_that_are_checked_are_there():
     ratio, fit, squares, _ = numbers_of(FIT, README)
     assert ratio == pytest.approx(fit / squares, abs=0.01)
     before, least = numbers_of(BEFORE, README)
-    assert before > least
+    assert before == pytest.approx(least, rel=0.05)  # the curve follows the readings
     with pytest.raises(ValueError, match="not there"):
         numbers_of(FIT, "nothing")
 

@@ -175,5 +175,9 @@ def rated(rate: float, unit: str) -> str:
 
 
 def shortened(name: str, most: int = 40) -> str:
-    """A name from a file: cut where it would not fit on the page, and never read as a formula."""
-    return literal(name if len(name) <= most else f"{name[: most - 1]}…")
+    """A name from a file: cut where it would not fit on the page, and never read as a formula.
+
+    Legends pass over what begins with an underscore, so that a space stands before it.
+    """
+    text = literal(name if len(name) <= most else f"{name[: most - 1]}…")
+    return f" {text}" if text.startswith("_") else text
