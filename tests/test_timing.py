@@ -9,7 +9,7 @@ from support.hidden_pads import hidden_pad
 from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.effects.catalogue import EFFECTS, FORMS
 from qlvbayes.inference.extending import amplitude_of, shapes
-from qlvbayes.preprocess.timing import KinkDistance, off_kinks, timing_sd
+from qlvbayes.preprocess.timing import kink_sds, off_kinks, timing_sd
 from qlvbayes.preprocess.trajectory import Trajectory
 
 KINK, SPEED = 2.0, 5.0  # s, mm/s
@@ -41,7 +41,7 @@ def test_a_jump_at_an_uncertain_moment_has_the_variance_that_draws_have(apart):
     """The kink lies anywhere within a sampling interval: p (1 - p) of the jump squared."""
     time = np.arange(0.0, 4.0, 0.01) + apart % 0.01
     reading = int(np.argmin(np.abs(time - KINK - apart)))
-    sd = KinkDistance.from_motion(time, time, ramp_and_hold()).sd[reading]
+    (sd,) = kink_sds(time, ramp_and_hold())
     assert sd == pytest.approx(0.01 / np.sqrt(12.0))
     moments = KINK + sd * np.random.default_rng(0).standard_normal(20_000)
     expected = np.std([drag(time[reading], at, 0.3) for at in moments])

@@ -13,8 +13,6 @@ what their noise makes of it, and the slope of that line.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
@@ -31,46 +29,32 @@ _UNRESOLVED = 12.0**-0.5
 """Sd of a moment that may lie anywhere within one sampling interval, over that interval."""
 
 
-@dataclass(frozen=True, eq=False)
-class KinkDistance:
-    """From some times (n,) to the nearest kink of the motion.
+def kink_doubt(time: Array, trajectory: Trajectory) -> Array:
+    """(p (1 - p))^1/2 of each reading at times (n,) in s, by its nearest kink.
 
-    kink: its time (s); apart: distance in s; sd: of the distance in s. Without any kink the
-    distance is infinite.
+    Where the velocity jumps, the change itself takes up to a sampling interval, as it would be
+    resolved otherwise.
     """
-
-    kink: Array
-    apart: Array
-    sd: Array
-
-    @classmethod
-    def from_motion(cls, at: Array, time: Array, trajectory: Trajectory) -> KinkDistance:
-        """Of times at (n,) in s, where the readings were taken at ``time`` (m,).
-
-        Where the velocity jumps, the change itself takes up to a sampling interval, as it would be
-        resolved otherwise.
-        """
-        kinks, sds = trajectory.kinks, _kink_sds(time, trajectory)
-        if trajectory.start_velocity[0] or trajectory.start_acceleration[0]:  # moves from the start
-            kinks = np.concatenate([trajectory.knots[:1], kinks])
-            sds = np.concatenate([_UNRESOLVED * np.diff(time)[:1], sds])
-        if not kinks.size:
-            nothing = np.zeros(at.shape)
-            return cls(nothing, nothing + np.inf, nothing + 1.0)
-        after = np.clip(np.searchsorted(kinks, at), 1, max(kinks.size - 1, 1))
-        sides = np.stack([after - 1, np.minimum(after, kinks.size - 1)])
-        nearer = np.argmin(np.abs(kinks[sides] - at), axis=0)
-        nearest = np.take_along_axis(sides, nearer[None], axis=0)[0]
-        return cls(kinks[nearest], np.abs(at - kinks[nearest]), sds[nearest])
-
-    @property
-    def doubt(self) -> Array:
-        """(n,) (p (1 - p))^1/2."""
-        beyond = ndtr(-self.apart / self.sd)
-        return np.asarray(np.sqrt(beyond * (1.0 - beyond)))
+    kinks, sds = trajectory.kinks, kink_sds(time, trajectory)
+    if trajectory.start_velocity[0] or trajectory.start_acceleration[0]:  # moves from the start
+        kinks = np.concatenate([trajectory.knots[:1], kinks])
+        sds = np.concatenate([_UNRESOLVED * np.diff(time)[:1], sds])
+    if not kinks.size:
+        return np.zeros(time.shape)
+    nearest = _nearest(kinks, time)
+    beyond = ndtr(-np.abs(time - kinks[nearest]) / sds[nearest])
+    return np.asarray(np.sqrt(beyond * (1.0 - beyond)))
 
 
-def _kink_sds(time: Array, trajectory: Trajectory) -> Array:
+def _nearest(kinks: Array, at: Array) -> NDArray[np.intp]:
+    """(n,) which of kinks (k,), in order, is nearest to each time."""
+    after = np.clip(np.searchsorted(kinks, at), 1, max(kinks.size - 1, 1))
+    sides = np.stack([after - 1, np.minimum(after, kinks.size - 1)])
+    nearer = np.argmin(np.abs(kinks[sides] - at), axis=0)
+    return np.asarray(np.take_along_axis(sides, nearer[None], axis=0)[0])
+
+
+def kink_sds(time: Array, trajectory: Trajectory) -> Array:
     """Sd (k,) in s of the time of each kink against the readings' clock."""
     interval = _intervals(trajectory.kinks, time)
     width = np.where(trajectory.speed_jumps > 0.0, _UNRESOLVED, _EXACT) * interval
@@ -99,7 +83,7 @@ def timing_sd(
     about a kink is one for all readings of a block, that of the clock is independent from reading
     to reading.
     """
-    kink = KinkDistance.from_motion(time, time, trajectory).doubt * _jumps(time, force, white)
+    kink = kink_doubt(time, trajectory) * _jumps(time, force, white)
     clock = (trajectory.clock_sd * np.gradient(force, time)) ** 2
     if rows is not None:
         kink, clock = kink[rows], clock[rows]
@@ -133,9 +117,6 @@ def off_kinks(centre: Array, half: Array, time: Array, trajectory: Trajectory) -
     if not kinks.size:
         return half
     least = _EXACT * _intervals(centre, time)
-    at = np.clip(np.searchsorted(kinks, centre), 1, kinks.size)
-    apart = np.minimum(
-        np.abs(centre - kinks[at - 1]), np.abs(centre - kinks[np.minimum(at, kinks.size - 1)])
-    )
+    apart = np.abs(centre - kinks[_nearest(kinks, centre)])
     inside = np.minimum(centre - time[0], time[-1] - centre) > least
     return np.where((apart < least) & inside, np.maximum(half, least), half)

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from qlvbayes.inference.errors.features import Features, Places
-from qlvbayes.inference.errors.separation import Separated, Separation, Sized, Slopes
+from qlvbayes.inference.errors.separation import Separated, Separation, Sized, orthonormal_rows
 from qlvbayes.inference.errors.whitening import Whitener
 from qlvbayes.laws.scales import TOLERANCE
 from qlvbayes.preprocess.experiment import Experiment, Trial
@@ -128,25 +128,26 @@ class Discrepancy:
         jacobian = self.whitener.plain(responses)
         if not len(self.features):
             jacobian = np.zeros_like(jacobian)
-        slopes = Slopes.from_jacobian(jacobian, lengths)
-        tied = (slopes.basis @ self.plain.T) @ self.plain
-        inner = tied @ slopes.basis.T
-        ties = tied - 0.5 * (1.0 + kept) * inner @ slopes.basis
-        moments = slopes.basis * np.concatenate(self.whitener.timing)
-        moments -= (moments @ slopes.basis.T) @ slopes.basis
-        white = self.whitener.of_plain(np.concatenate([slopes.basis, ties, moments]))
-        basis, ties, moments = np.split(white, 3)
-        return Separation(slopes, basis, ties, moments)
+        rows = orthonormal_rows(jacobian, lengths)
+        tied = (rows @ self.plain.T) @ self.plain
+        ties = tied - 0.5 * (1.0 + kept) * (tied @ rows.T) @ rows
+        parts = np.concatenate([rows, ties, self._tied_moments(rows)])
+        basis, ties, moments = np.split(self.whitener.of_plain(parts), 3)
+        return Separation(rows, basis, ties, moments)
+
+    def _tied_moments(self, rows: Array) -> Array:
+        """(R, n) Q T (1 - P), of the variances T of what is not known of moments."""
+        moments = rows * np.concatenate(self.whitener.timing)
+        return np.asarray(moments - (moments @ rows.T) @ rows)
 
     def covariance(self, size: float, separation: Separation) -> Array:
         """(n, n) what a discrepancy of a size (N), separated, adds to the noise's covariance."""
         count = self.plain.shape[1]
         if size == 0.0:
             return np.zeros((count, count))
-        basis, timing = separation.slopes.basis, np.concatenate(self.whitener.timing)
-        rest = self.plain - (self.plain @ basis.T) @ basis
-        moments = basis * timing
-        moments = basis.T @ (moments - (moments @ basis.T) @ basis)
+        rows = separation.rows
+        rest = self.plain - (self.plain @ rows.T) @ rows
+        moments = rows.T @ self._tied_moments(rows)
         found = size**2 * (rest.T @ rest + ROUGH * np.eye(count))
         return np.asarray(found - moments - moments.T)
 

@@ -44,31 +44,25 @@ _SMALLEST = 1e-8
 """Singular value of the scaled Jacobian, over the largest, below which it is rounding."""
 
 
-@dataclass(frozen=True, eq=False)
-class Slopes:
-    """What F free numbers can do to n block means, by the Jacobian's singular values.
+def orthonormal_rows(slopes: Array, lengths: Array) -> Array:
+    """(R, n) an orthonormal basis of what slopes (F, n) of the plain block means span.
 
-    basis (R, n): Q, orthonormal.
+    lengths (F,): natural ones of the free numbers, by which slopes are scaled; what no number moves
+    is left out.
     """
-
-    basis: Array
-
-    @classmethod
-    def from_jacobian(cls, slopes: Array, lengths: Array) -> Slopes:
-        """Of slopes (F, n) of the plain block means; what no number moves is left out."""
-        _, values, rows = np.linalg.svd(slopes * lengths[:, None], full_matrices=False)
-        return cls(rows[values > _SMALLEST * values.max(initial=0.0)])
+    _, values, rows = np.linalg.svd(slopes * lengths[:, None], full_matrices=False)
+    kept: Array = rows[values > _SMALLEST * values.max(initial=0.0)]
+    return kept
 
 
 @dataclass(frozen=True, eq=False)
 class Separation:
     """Of the discrepancy of one Jacobian.
 
-    slopes: what the model can follow; basis, ties, moments (R, n): Q, Y of K and Y of the moments,
-    whitened.
+    rows (R, n): Q; basis, ties, moments (R, n): Q, Y of K and Y of the moments, whitened.
     """
 
-    slopes: Slopes
+    rows: Array
     basis: Array
     ties: Array
     moments: Array
@@ -77,7 +71,7 @@ class Separation:
     @property
     def rank(self) -> int:
         """R."""
-        return len(self.slopes.basis)
+        return len(self.rows)
 
     @property
     def removed(self) -> Array:
