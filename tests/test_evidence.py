@@ -4,7 +4,6 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import dblquad, quad
@@ -72,30 +71,6 @@ def thetas(space, hypothesis, count):
         for row, value in zip(found, values, strict=True):
             row[list(leaf.theta)] = np.asarray(leaf.prior.unconstrain(value))
     return found
-
-
-@pytest.mark.parametrize(
-    "hypothesis",
-    [
-        Hypothesis("exponential", "prony:2"),
-        Hypothesis("hertz", "prony:3", frozenset({"squeeze_film", "contact_offset"})),
-        Hypothesis("polynomial:3", "fung", frozenset({"friction"})),
-        Hypothesis("toe", "power-law"),
-        Hypothesis("exponential", "prony:2", frozenset({"frame_compliance", "inertia"})),
-        Hypothesis("exponential", "prony:2", frozenset({"frame_compliance", "channel_lag"})),
-    ],
-    ids=lambda h: f"{h.elastic}-{h.relaxation}-{len(h.effects)}",
-)
-@pytest.mark.few(2)
-def test_engine_gives_the_forces_of_the_models_it_stands_for(space, hypothesis):
-    own = space.parameters(hypothesis)
-    constants = own.constants(thetas(space, hypothesis, 3))
-    found = space.forces(hypothesis, constants)
-    close = 1e-9 if "prony" in hypothesis.relaxation else 5e-5  # long spectra run by fewer modes
-    for row, force in zip(constants, found, strict=True):
-        model, _ = own.posterior.with_constants(jnp.asarray(row))
-        expected = np.asarray(own.posterior.predict_with(model))
-        np.testing.assert_allclose(force, expected, rtol=1e-9, atol=close * np.abs(expected).max())
 
 
 def unfollowed(point, kept=(0, 1, 2, 3, 4, 5)):

@@ -55,12 +55,10 @@ class AbstractEffect(eqx.Module):
     constants, each with its value, at which the effect vanishes exactly (the first is its
     amplitude); ``law``, ``seen``, ``reference``: for people, in one line each; ``needs``: what of
     the motion its force is made of: records that do not give it cannot show it; ``costly``:
-    whether it runs the law beneath it several times, so that models without it are compiled apart;
-    ``own_time``: whether the law beneath it runs in a time that depends on its constants;
-    ``generalises``: name of the listed effect whose law lies inside, where the constants in
-    ``reduces`` have these values (the others have the same names in both); ``outside``: whether it
-    names nothing, but stands for what no list holds; ``inverts``: whether the force after a step
-    tells the displacement there.
+    whether it runs the law beneath it several times, or over more points; ``generalises``: name of
+    the listed effect whose law lies inside, where the constants in ``reduces`` have these values
+    (the others have the same names in both); ``outside``: whether it names nothing, but stands for
+    what no list holds; ``inverts``: whether the force after a step tells the displacement there.
     """
 
     name: eqx.AbstractClassVar[str]
@@ -73,7 +71,6 @@ class AbstractEffect(eqx.Module):
     rank: ClassVar[int] = 0
     needs: ClassVar[str] = "displacement"
     costly: ClassVar[bool] = False
-    own_time: ClassVar[bool] = False
     generalises: ClassVar[str | None] = None
     reduces: ClassVar[dict[str, float]] = {}
     outside: ClassVar[bool] = False
@@ -112,10 +109,10 @@ class AbstractEffect(eqx.Module):
             remedy="leave it out of the model, or prescribe the displacement as a whole",
         )
 
-    def relaxed(self, relaxation: Array, time: Array) -> Array | None:
-        """What it makes of a relaxation function at times (s); None where it acts on more.
+    def spectrum(self, fractions: Array, rates: Array) -> tuple[Array, Array] | None:
+        """What it makes of a relaxation's fractions (L + 1,) and rates (L,), 1/s.
 
-        With it the search starts from constants whose curve is that of another law.
+        None where it acts on more than the relaxation function.
         """
         return None
 

@@ -9,10 +9,9 @@ from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.effects.spans import resolved_rates
-from qlvbayes.laws.hereditary import at_first, hereditary_force, hereditary_step
 from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
-from qlvbayes.laws.relaxation.prony import Prony
+from qlvbayes.laws.relaxation.spectrum import Spectrum
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import LogUniform
 
@@ -40,29 +39,25 @@ class ExtraRelaxationMode(AbstractEffect):
         return cls(scales.positive(0.6 * scales.force), LogUniform(low, high))
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Mix in the mode."""
-        extra = hereditary_force(
-            below.elastic, self._mode, motion.time, motion.displacement, motion.bow
-        )
-        return (1.0 - self.c) * below.force(motion) + self.c * extra
+        """The force of the law beneath with a mode more."""
+        return self._with_mode(below).force(motion)
 
-    def relaxed(self, relaxation: Array, time: Array) -> Array:
+    def spectrum(self, fractions: Array, rates: Array) -> tuple[Array, Array]:
         """The law itself, G -> (1 - c) G + c e^(-v t)."""
-        return (1.0 - self.c) * relaxation + self.c * jnp.exp(-self.v * time)
+        share, rate = jnp.reshape(self.c, (1,)), jnp.reshape(self.v, (1,))
+        return (
+            jnp.concatenate([(1.0 - self.c) * fractions, share]),
+            jnp.concatenate([rates, rate]),
+        )
 
     def begin(self, below: Law, displacement: Array) -> State:
-        """Beside the law's state, the mode's."""
-        return below.begin(displacement), at_first(below.elastic, self._mode, displacement)
+        """The law's, with a mode more."""
+        return self._with_mode(below).begin(displacement)
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """Mix in the mode."""
-        inner, own = state
-        inner, force = below.step(inner, line)
-        own, extra = hereditary_step(
-            below.elastic, self._mode, own, line.duration, line.displacement
-        )
-        return (inner, own), (1.0 - self.c) * force + self.c * extra
+        """The law's, with a mode more."""
+        return self._with_mode(below).step(state, line)
 
-    @property
-    def _mode(self) -> Prony:
-        return Prony(jnp.array([0.0, 1.0]), jnp.reshape(self.v, (1,)))
+    def _with_mode(self, below: Law) -> Law:
+        relaxation = Spectrum(*self.spectrum(*below.relaxation.spectrum()))
+        return Law(below.elastic, relaxation, below.layers)

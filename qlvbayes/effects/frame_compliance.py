@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, ClassVar, Self
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
@@ -52,13 +51,11 @@ def balanced(below: Law, motion: Motion, yielding: Callable[[Array], tuple[Array
 
     Newton's steps take the instantaneous elastic stiffness for the pad's own.
     """
-
-    def step(force: Array, _: None) -> tuple[Array, None]:
+    force = jnp.zeros_like(motion.time)
+    for _ in range(_STEPS):  # no scan: the law beneath runs in pieces of its own
         deflection, compliance = yielding(force)
         depth = motion.displacement - deflection
         slope = compliance * below.elastic.stiffness(depth)
         answer = below.force(replace(motion, displacement=depth))
-        return (answer + slope * force) / (1.0 + slope), None
-
-    force, _ = jax.lax.scan(step, jnp.zeros_like(motion.time), None, length=_STEPS)
+        force = (answer + slope * force) / (1.0 + slope)
     return force

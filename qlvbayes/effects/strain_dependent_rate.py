@@ -24,7 +24,6 @@ class StrainDependentRate(AbstractEffect):
     name: ClassVar[str] = "strain_dependent_rate"
     level: ClassVar[Level] = Level.MATERIAL
     rank: ClassVar[int] = 1
-    own_time: ClassVar[bool] = True
     units: ClassVar[dict[str, str]] = {"alpha": "exponent"}
     null: ClassVar[dict[str, float]] = {"alpha": 0.0}
     law: ClassVar[str] = "v_i -> v_i e^(alpha delta)"

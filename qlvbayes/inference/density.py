@@ -245,7 +245,9 @@ class Density:
             rows.append((hypothesis, own.constants(moved)))
             places += [(own, number, start, step) for start in starts for step in steps.tolist()]
         sizes = np.array([step for *_, step in places])[:, None, None]
-        added = (np.concatenate(self.space.forces_of(rows)) - point.predicted) / sizes
+        added = (
+            np.concatenate([self.space.forces(*row) for row in rows]) - point.predicted
+        ) / sizes
         return [
             Extension(own, number, start, force, white)
             for (own, number, start, _), force, white in zip(

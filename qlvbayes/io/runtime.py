@@ -23,8 +23,13 @@ def cache_folder() -> Path:
 
 
 def configure() -> None:
-    """Switch JAX to float64 and to the persistent compile cache (skipped if it cannot be made)."""
+    """Switch JAX to float64, to running at once, and to the persistent compile cache.
+
+    The cache is skipped where it cannot be made.
+    """
     jax.config.update("jax_enable_x64", True)
+    # pieces of a force are run by the thread that asks for them, so that several threads gain
+    jax.config.update("jax_cpu_enable_async_dispatch", False)
     if jax.config.values["jax_compilation_cache_dir"] is not None:
         return
     folder = cache_folder()

@@ -10,7 +10,7 @@ from jaxtyping import Array as JaxArray
 from numpy.typing import NDArray
 
 from qlvbayes.diagnosis.nexttest.belief import Explanation
-from qlvbayes.inference.forward.engine import TOGETHER, filled_up
+from qlvbayes.inference.forward.hypothesis import filled_up
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.drawn import described_model, drawn_models
 from qlvbayes.model.model import Model
@@ -20,6 +20,7 @@ from qlvbayes.preprocess.record import Record
 Array = NDArray[np.float64]
 
 _STILL = 1e-12  # of the largest variance: directions in which nothing varies
+_TOGETHER = 4  # draws that are made models at once: their number is filled up to a multiple
 _SHARES = "c["  # constants that sum to one
 
 
@@ -48,9 +49,9 @@ def explanation_of_draws(
         return found
 
     def run(rows: Array, record: Record) -> Array:
-        full = filled_up(rows)
-        parts = [drawn_models(model, own, full[k : k + TOGETHER])
-                 for k in range(0, len(full), TOGETHER)]  # fmt: skip
+        full = filled_up(rows, _TOGETHER)
+        parts = [drawn_models(model, own, full[k : k + _TOGETHER])
+                 for k in range(0, len(full), _TOGETHER)]  # fmt: skip
         return np.concatenate([np.asarray(_forces(part, record)) for part in parts])[: len(rows)]
 
     whole = drawn_models(model, own, constants(np.zeros((1, root.shape[1]))))

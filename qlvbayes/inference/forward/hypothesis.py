@@ -13,7 +13,6 @@ import numpy as np
 from jaxtyping import Array as JaxArray
 from numpy.typing import NDArray
 
-from qlvbayes.inference.forward.engine import filled_up
 from qlvbayes.model.parameters import names
 from qlvbayes.model.posterior import Posterior, is_prior, value_shape
 from qlvbayes.priors.distributions import AbstractPrior
@@ -21,6 +20,8 @@ from qlvbayes.priors.natural import AbstractDirect, Quadratic
 
 Array = NDArray[np.float64]
 
+ELASTIC, RELAXATION = "elastic", "relaxation"
+"""The parts of a model beside its effects."""
 _LEAST = 16  # rows of constants that are computed at once: what has few takes no time
 
 
@@ -170,6 +171,20 @@ class Parameters:
         assert isinstance(prior, AbstractDirect)
         return prior.density()
 
+    @cached_property
+    def columns(self) -> dict[str, slice]:
+        """Where in the P constants those of each law and effect are."""
+        model = self.posterior.model
+        parts = {ELASTIC: model.elastic, RELAXATION: model.relaxation}
+        parts |= {effect.name: effect for effect in model.effects}
+        found, start = {}, 0
+        for name, part in parts.items():
+            shapes = map(value_shape, jax.tree.leaves(part, is_leaf=is_prior))
+            stop = start + sum(math.prod(shape) for shape in shapes)
+            found[name] = slice(start, stop)
+            start = stop
+        return found
+
     def carried(self, fewer: Parameters) -> list[int]:
         """Where in theta the numbers are of a hypothesis that leaves no others free."""
         return [place for name in fewer.by_name for place in self.by_name[name].theta]
@@ -197,6 +212,11 @@ def few_sizes(rows: Array) -> Array:
     while size < len(rows):
         size *= 4
     return filled_up(rows, size)
+
+
+def filled_up(rows: Array, multiple: int) -> Array:
+    """Rows (K, ...) and the first of them again, up to a multiple."""
+    return np.concatenate([rows, np.repeat(rows[:1], -len(rows) % multiple, axis=0)])
 
 
 @partial(jax.jit, static_argnums=0)

@@ -7,7 +7,7 @@ by one `Engine`.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
@@ -20,9 +20,15 @@ from jaxtyping import Array as JaxArray
 from numpy.typing import NDArray
 
 from qlvbayes.effects.effect import AbstractEffect
-from qlvbayes.inference.forward.engine import FEW, Engine
+from qlvbayes.inference.forward.engine import Chain, Engine, Sets
 from qlvbayes.inference.forward.fixedrates import FixedRates, relaxation_of
-from qlvbayes.inference.forward.hypothesis import Hypothesis, Parameters, few_sizes
+from qlvbayes.inference.forward.hypothesis import (
+    ELASTIC,
+    RELAXATION,
+    Hypothesis,
+    Parameters,
+    few_sizes,
+)
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
 from qlvbayes.model.model import Model
@@ -34,6 +40,8 @@ from qlvbayes.priors.natural import Natural, natural
 
 Array = NDArray[np.float64]
 
+FEW = 4
+"""Modes up to which a spectrum runs as it is: longer ones share fixed rates."""
 _DRAWS = 25  # of each prior, for medians, quantiles and starts
 _PLACES = 40  # depths, or times, at which laws are compared
 
@@ -52,26 +60,21 @@ class Space:
     effects: dict[str, AbstractEffect]
     noise: AbstractNoise
     bonded: bool
+    _engine: Engine = field(default_factory=Engine)
     _cache: dict[Hypothesis, Parameters] = field(default_factory=dict)
+    _chains: dict[Hypothesis, tuple[Chain, list[slice]]] = field(default_factory=dict)
     _draws: dict[Any, Array] = field(default_factory=dict)
     _rates: dict[int, tuple[Record, FixedRates]] = field(default_factory=dict)
 
     def with_effects(self, effects: dict[str, AbstractEffect]) -> Space:
         """The same with other priors of its effects."""
         laws = {key: own for key, own in self._draws.items() if key[0] != "effects"}
-        return replace(self, effects=effects, _cache={}, _draws=laws)
+        return replace(self, effects=effects, _cache={}, _chains={}, _draws=laws)
 
     def with_forces(self, forces: Array) -> Space:
         """The same about other block means (T, B) of the force (N)."""
         record = eqx.tree_at(lambda r: r.blocks.force, self.record, jnp.asarray(forces))
-        return replace(self, record=record, _cache={})
-
-    @cached_property
-    def engine(self) -> Engine:
-        """What computes their forces."""
-        laws = tuple(_emptied(law) for law in self.elastic.values())
-        effects = tuple(_emptied(effect) for effect in self.effects.values())
-        return Engine(laws, effects, self.bonded)
+        return replace(self, record=record, _cache={}, _chains={})
 
     @cached_property
     def real(self) -> NDArray[np.bool_]:
@@ -100,34 +103,9 @@ class Space:
 
         One of the same shape as the space's own takes no compiling.
         """
-        return self.forces_of([(hypothesis, constants)], record)[0]
-
-    def forces_of(
-        self, several: Sequence[tuple[Hypothesis, Array]], record: Record | None = None
-    ) -> list[Array]:
-        """`forces` of several hypotheses on the same laws, each with its constants.
-
-        Those that one compiled function serves are run together.
-        """
         record = record or self.record
-        rows, rates = self._rows(several, self._fixed(record))
-        which = list(self.elastic).index(several[0][0].elastic)
-        ends = np.cumsum([len(constants) for _, constants in several])
-        places = np.split(np.arange(ends[-1]), ends[:-1])
-        found: dict[int, Array] = {}
-        alike = rates.ndim == 1
-        together: dict[frozenset[str], list[int]] = {}
-        for k, (hypothesis, _) in enumerate(several):
-            names = self.engine.compiled_with(hypothesis.effects, alike)
-            together.setdefault(names, []).append(k)
-        for members in together.values():
-            some = np.concatenate([places[k] for k in members])
-            at_work = frozenset[str]().union(*(several[k][0].effects for k in members))
-            own = rates if alike else rates[some]
-            forces = self.engine.forces(which, at_work, rows[some], own, record)
-            parts = np.split(forces, np.cumsum([len(places[k]) for k in members])[:-1])
-            found |= dict(zip(members, parts, strict=True))
-        return [found[k] for k in range(len(several))]
+        sets = self._sets(hypothesis, constants, self._fixed(record))
+        return self._engine.forces(self._chain(hypothesis)[0], sets, record)
 
     def _fixed(self, record: Record) -> FixedRates:
         """Rates by which long spectra run over a record."""
@@ -176,95 +154,53 @@ class Space:
 
     def curve(self, hypothesis: Hypothesis, part: str, constants: Array) -> Array:
         """(K, 40) elastic force (N) over depth, or relaxation over time, of constants (K, P)."""
-        count, full = self._counts[hypothesis.elastic], few_sizes(constants)
         if part == "elastic":
-            law = self.elastic[hypothesis.elastic]
-            structure = jax.tree.structure(_emptied(law))
-            forces = _elastic_curves(structure, self.places[0], full[:, :count])
+            law = _emptied(self.elastic[hypothesis.elastic])
+            own = few_sizes(constants[:, self.parameters(hypothesis).columns[ELASTIC]])
+            forces = _elastic_curves(jax.tree.structure(law), self.places[0], own)
             return np.asarray(forces)[: len(constants)]
-        name = hypothesis.relaxation
-        fractions, rates = _spectra(self._structures[name], self._shapes[name], full[:, count:])
-        found = relaxation_of(fractions, rates, self.places[1])[: len(constants)]
-        for effect, own in self._on_relaxation(hypothesis, constants):
-            found = np.asarray(
-                effect(*own).relaxed(jnp.asarray(found), jnp.asarray(self.places[1]))
-            )
-        return found
-
-    def _on_relaxation(
-        self, hypothesis: Hypothesis, constants: Array
-    ) -> Iterator[tuple[type[AbstractEffect], list[Array]]]:
-        """Effects that act on the relaxation function alone, with their constants (K, 1)."""
-        known = self.parameters(hypothesis).names
-        for name in sorted(hypothesis.effects & self.relaxing):
-            kind = type(self.effects[name])
-            columns = [known.index(f"{name}.{field}") for field in kind.units]
-            yield kind, [constants[:, [k]] for k in columns]
+        return relaxation_of(*self._spectra(hypothesis, constants), self.places[1])
 
     @cached_property
     def relaxing(self) -> frozenset[str]:
         """Effects that act on the relaxation function alone."""
         every = {name: type(effect) for name, effect in self.effects.items()}
-        return frozenset(n for n, k in every.items() if k.relaxed is not AbstractEffect.relaxed)
+        return frozenset(n for n, k in every.items() if k.spectrum is not AbstractEffect.spectrum)
 
-    def _rows(
-        self, several: Sequence[tuple[Hypothesis, Array]], fixed: FixedRates
-    ) -> tuple[Array, Array]:
-        """(K, R) rows of the engine, and their rates, (K, L) or the fixed ones (L,)."""
-        elastic_law, relaxation = several[0][0].base
-        count, shapes = self._counts[elastic_law], self._shapes[relaxation]
-        start = count + sum(math.prod(shape) for shape in shapes)
-        laws = np.concatenate([constants[:, :start] for _, constants in several])
-        elastic = np.zeros((len(laws), self.engine.width))
-        elastic[:, :count] = laws[:, :count]
-        fractions, rates = _spectra(self._structures[relaxation], shapes, laws[:, count:])
-        missing = FEW - rates.shape[1]
-        if missing < 0:
+    def _chain(self, hypothesis: Hypothesis) -> tuple[Chain, list[slice]]:
+        """Of what does not act on the relaxation alone; where its layers' constants are."""
+        if hypothesis not in self._chains:
+            own = self.parameters(hypothesis)
+            model: Model = _emptied(own.posterior.model)
+            for name in hypothesis.effects & self.relaxing:
+                model = model.without(name)
+            law, none = model.law, slice(0, 0)
+            names = [getattr(layer, "name", None) for layer in law.layers]
+            places = [own.columns.get(name, none) if name else none for name in names]
+            self._chains[hypothesis] = Chain.of(law), places
+        return self._chains[hypothesis]
+
+    def _sets(self, hypothesis: Hypothesis, constants: Array, fixed: FixedRates) -> Sets:
+        """Constants (K, P) taken apart; long spectra by the fixed rates."""
+        fractions, rates = self._spectra(hypothesis, constants)
+        if rates.shape[1] > FEW:
             fractions, rates = fixed.fractions(fractions, rates), fixed.rates
-        else:
-            fractions = np.pad(fractions, ((0, 0), (0, missing)))
-            rates = np.pad(rates, ((0, 0), (0, missing)), constant_values=1.0)
-        effects = [self._columns(one.effects, constants[:, start:]) for one, constants in several]
-        return np.concatenate([elastic, fractions, np.concatenate(effects)], axis=1), rates
+        elastic = self.parameters(hypothesis).columns[ELASTIC]
+        layers = tuple(constants[:, place] for place in self._chain(hypothesis)[1])
+        return Sets(constants[:, elastic], fractions, rates, layers)
 
-    def _columns(self, effects: frozenset[str], constants: Array) -> Array:
-        """(K, ...) constants of all effects, of those of some, the others at nothing."""
-        slots, start = self.engine.slots, 0
-        found = np.tile(self._null, (len(constants), 1))
-        for name in sorted(effects, key=lambda name: slots[name].start):
-            width = len(slots[name])
-            found[:, list(slots[name])] = constants[:, start : start + width]
-            start += width
-        return found
-
-    @cached_property
-    def _null(self) -> Array:
-        """Constants at which all effects vanish; their others are of no account, but finite."""
-        found = np.zeros(sum(len(slot) for slot in self.engine.slots.values()))
-        for name, slot in self.engine.slots.items():
-            effect = self.effects[name]
-            found[list(slot)] = [effect.null.get(field, 1.0) for field in effect.units]
-        return found
-
-    @cached_property
-    def _counts(self) -> dict[str, int]:
-        """Constants of each elastic law."""
-        return {name: len(jax.tree.leaves(_emptied(law))) for name, law in self.elastic.items()}
-
-    @cached_property
-    def _structures(self) -> dict[str, Any]:
-        """Of the relaxations, a prior a leaf."""
-        return {
-            name: jax.tree.structure(law, is_leaf=is_prior) for name, law in self.relaxation.items()
-        }
-
-    @cached_property
-    def _shapes(self) -> dict[str, list[tuple[int, ...]]]:
-        """Shapes of each relaxation's fields."""
-        return {
-            name: [value_shape(leaf) for leaf in jax.tree.leaves(law, is_leaf=is_prior)]
-            for name, law in self.relaxation.items()
-        }
+    def _spectra(self, hypothesis: Hypothesis, constants: Array) -> tuple[Array, Array]:
+        """Fractions (K, L + 1) and rates (K, L), with the effects that act on these alone."""
+        own, rows = self.parameters(hypothesis), few_sizes(constants)
+        model: Model = own.posterior.model
+        relaxation = _filled(model.relaxation, rows[:, own.columns[RELAXATION]])
+        effects = tuple(
+            _filled(effect, rows[:, own.columns[effect.name]])
+            for effect in model.effects
+            if effect.name in self.relaxing
+        )
+        fractions, rates = _spectrum(relaxation, effects)
+        return np.asarray(fractions)[: len(constants)], np.asarray(rates)[: len(constants)]
 
     def draws(self, part: str, name: str, seed: int = 0) -> Array:
         """(25, size) numbers drawn from the priors of a law or effect, the same for a seed."""
@@ -309,21 +245,15 @@ def _emptied(part: Any) -> Any:
     return jax.tree.map(lambda leaf: 0.0, part, is_leaf=is_prior)
 
 
-def _spectra(
-    structure: Any, shapes: list[tuple[int, ...]], constants: Array
-) -> tuple[Array, Array]:
-    """Fractions (K, L + 1) and rates (K, L) of constants (K, ...) that begin with the law's.
-
-    structure, shapes: of the relaxation and its fields.
-    """
-    filled, start = [], 0
-    for size in shapes:
-        count = math.prod(size)
-        part = constants[:, start : start + count].reshape(len(constants), *size)
-        filled.append(few_sizes(part))
+def _filled(part: Any, constants: Array) -> Any:
+    """A law or effect with the first of constants (K, ...) in the place of its fields, (K, ...)."""
+    leaves, structure = jax.tree.flatten(part, is_leaf=is_prior)
+    found, start = [], 0
+    for shape in map(value_shape, leaves):
+        count = math.prod(shape)
+        found.append(constants[:, start : start + count].reshape(len(constants), *shape))
         start += count
-    fractions, rates = _spectrum(structure, tuple(filled))
-    return np.asarray(fractions)[: len(constants)], np.asarray(rates)[: len(constants)]
+    return jax.tree.unflatten(structure, found)
 
 
 @partial(jax.jit, static_argnums=0)
@@ -337,13 +267,21 @@ def _elastic_curves(structure: Any, depths: JaxArray, constants: JaxArray) -> Ja
     return jax.vmap(one)(constants)
 
 
-def _spectrum_of(relaxation: AbstractRelaxation) -> tuple[JaxArray, JaxArray]:
-    return relaxation.spectrum()
+@jax.jit
+def _spectrum(
+    relaxation: AbstractRelaxation, effects: tuple[AbstractEffect, ...]
+) -> tuple[JaxArray, JaxArray]:
+    """Fractions (K, L + 1) and rates (K, L) of laws and effects with K sets of constants."""
 
+    def one(
+        relaxation: AbstractRelaxation, effects: tuple[AbstractEffect, ...]
+    ) -> tuple[JaxArray, JaxArray]:
+        found = relaxation.spectrum()
+        for effect in effects:
+            found = effect.spectrum(*found) or found
+        return found
 
-@partial(jax.jit, static_argnums=0)
-def _spectrum(structure: Any, constants: tuple[Array, ...]) -> tuple[JaxArray, JaxArray]:
-    return jax.vmap(_spectrum_of)(jax.tree.unflatten(structure, constants))
+    return jax.vmap(one)(relaxation, effects)
 
 
 @jax.jit

@@ -1,0 +1,233 @@
+r"""What a layer does to the motion and to the force beneath it, as compiled functions of its own.
+
+A layer is written as one statement, ``force(below, motion)``. Here it is traced with a stand-in for
+the law beneath: all up to its first question to that is one piece, all up to the next question
+another one, and the last piece makes the force of the answers,
+
+.. math:: m_1 = p_0(m), \quad m_2 = p_1(m, F_1), \ldots \quad F = p_n(m, F_1, \ldots, F_n).
+
+A piece acts on all tests T and sets of constants K together, and knows nothing of what lies beneath
+or above it: a hypothesis is a chain of calls, and what it has not got costs nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache, partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from qlvbayes.laws.elastic.law import AbstractElastic
+from qlvbayes.laws.hereditary import hereditary_force
+from qlvbayes.laws.layered import Law, Layer
+from qlvbayes.laws.motion import Motion
+from qlvbayes.laws.relaxation.law import AbstractRelaxation
+from qlvbayes.laws.relaxation.spectrum import Spectrum
+
+# What XLA's newer emitters and LLVM's costly passes would gain in speed cannot be measured, and
+# compiling takes twice as long with them.
+_QUICK = {"xla_cpu_use_fusion_emitters": False, "xla_llvm_disable_expensive_passes": True}
+_POINTS = 8  # of the motion on which it is seen what a layer asks for: any number would do
+
+
+class _AskedError(Exception):
+    """A layer asks for a force that is not known yet."""
+
+
+class _Beneath:
+    """Stands for the law beneath a layer: gives the answers known, and keeps what is asked."""
+
+    def __init__(self, elastic: Any, relaxation: Any, answers: Sequence[Array]) -> None:
+        self._elastic, self._relaxation, self._answers = elastic, relaxation, answers
+        self.asked: list[Motion] = []
+        self.is_looked_at = False
+
+    @property
+    def elastic(self) -> AbstractElastic:
+        """The material's elastic law."""
+        self.is_looked_at = True
+        return self._elastic
+
+    @property
+    def relaxation(self) -> AbstractRelaxation:
+        """The material's relaxation."""
+        self.is_looked_at = True
+        return self._relaxation
+
+    def force(self, motion: Motion) -> Array:
+        """The answer, if it is known."""
+        self.asked.append(motion)
+        if len(self.asked) > len(self._answers):
+            raise _AskedError
+        return self._answers[len(self.asked) - 1]
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """What a layer asks of the law beneath: a motion, by its structure, with some leaves changed.
+
+    new: which leaves of the motion are not those of the motion above.
+    """
+
+    structure: Any
+    new: tuple[bool, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """A layer's questions in turn, and whether it looks at the material's own laws."""
+
+    questions: tuple[Question, ...]
+    is_looking: bool
+
+
+@cache
+def plan_of(layer: Any, elastic: Any, of_motion: Any) -> Plan | None:
+    """Of a layer over an elastic law under a motion, each given by its structure.
+
+    None where the layer runs the law beneath in a loop or a derivative of its own, which cannot be
+    cut into pieces.
+    """
+    questions: list[Question] = []
+    answers: list[jax.ShapeDtypeStruct] = []
+    looking = False
+    while True:
+        seen: list[tuple[Question | None, bool]] = []
+        ask = partial(_question, layer, elastic, of_motion, seen)
+        try:
+            traced = jax.make_jaxpr(ask, return_shape=True)
+            shapes = traced(_zeros(layer), _zeros(elastic), _dummy(of_motion), answers)[1]
+        except (jax.errors.JAXTypeError, jax.errors.UnexpectedTracerError):
+            return None
+        question, looks = seen[-1]
+        looking |= looks
+        if question is None:
+            return Plan(tuple(questions), looking)
+        questions.append(question)
+        points = jax.tree.unflatten(question.structure, shapes).time.shape
+        answers.append(jax.ShapeDtypeStruct(points, float))
+
+
+def _question(
+    layer: Any,
+    elastic: Any,
+    of_motion: Any,
+    seen: list[tuple[Question | None, bool]],
+    own: Any,
+    law: Any,
+    motion: Motion,
+    answers: Sequence[Array],
+) -> list[Array]:
+    """Leaves of the motion first asked for beyond some answers; it tells ``seen`` of them."""
+    spectrum = Spectrum(jnp.zeros(3), jnp.zeros(2))
+    beneath = _Beneath(jax.tree.unflatten(elastic, law), spectrum, answers)
+    whole: Layer = jax.tree.unflatten(layer, own)
+    with suppress(_AskedError):
+        force = whole.force(beneath, motion)  # type: ignore[arg-type]
+        seen.append((None, beneath.is_looked_at))
+        return [force]
+    leaves, structure = jax.tree.flatten(beneath.asked[-1])
+    old = jax.tree.leaves(motion) if structure == of_motion else leaves
+    new = tuple(
+        structure != of_motion or leaf is not other for leaf, other in zip(leaves, old, strict=True)
+    )
+    seen.append((Question(structure, new), beneath.is_looked_at))
+    return leaves
+
+
+def _zeros(structure: Any) -> list[Array]:
+    return [jnp.zeros(())] * structure.num_leaves
+
+
+def _dummy(of_motion: Any) -> Motion:
+    """Any motion of a structure."""
+    like: Motion = jax.tree.unflatten(of_motion, [0] * of_motion.num_leaves)
+    time = jnp.arange(float(_POINTS))
+    ago = None if like.ago is None else jnp.zeros(_POINTS, int)
+    return Motion(time, time, time, time, 0.0, ago, None if like.bow is None else time)
+
+
+@cache
+def piece_of(
+    layer: Any, elastic: Any, of_motion: Any, turn: int, new: tuple[bool, ...] = ()
+) -> Callable[..., Any]:
+    """The compiled piece of a layer before its question ``turn``, or after the last answer.
+
+    elastic: None where the layer does not look at the laws; new: of the question.
+    Its arguments: the layer's constants (K, P); the elastic law's constants (K, E), fractions
+    (K, L + 1) and rates (K, L), or nothing where the layer does not look at them; the leaves of the
+    motion, (T, K, N); the answers so far. It gives the new leaves, or the force (T, K, N).
+    """
+
+    def one(own: Array, laws: Any, leaves: Sequence[Array], answers: Sequence[Array]) -> Any:
+        law, relaxation = None, None
+        if laws:
+            law, relaxation = jax.tree.unflatten(elastic, list(laws[0])), Spectrum(*laws[1:])
+        beneath = _Beneath(law, relaxation, answers)
+        whole: Layer = jax.tree.unflatten(layer, list(own))
+        with suppress(_AskedError):
+            motion = jax.tree.unflatten(of_motion, leaves)
+            return whole.force(beneath, motion)  # type: ignore[arg-type]
+        asked = jax.tree.leaves(beneath.asked[turn])
+        return [leaf for leaf, is_new in zip(asked, new, strict=True) if is_new]
+
+    return _compiled(_over_all(one, (0, 0, 0, 0), (None, None, 0, 0)))
+
+
+@cache
+def whole_of(layers: tuple[Any, ...], elastic: Any, of_motion: Any) -> Callable[..., Array]:
+    """The compiled force of a law under layers that cannot be cut into pieces, (T, K, N).
+
+    Its arguments are those of `piece_of`, with each layer's constants and without answers.
+    """
+
+    def one(owns: Sequence[Array], laws: Any, leaves: Sequence[Array]) -> Array:
+        over = tuple(jax.tree.unflatten(s, list(own)) for s, own in zip(layers, owns, strict=True))
+        law, relaxation = jax.tree.unflatten(elastic, list(laws[0])), Spectrum(*laws[1:])
+        return Law(law, relaxation, over).force(jax.tree.unflatten(of_motion, leaves))
+
+    return _compiled(_over_all(one, (0, 0, 0), (None, None, 0)))
+
+
+@cache
+def material_of(elastic: Any, *, alike: bool, at_once: bool) -> Callable[..., Array]:
+    """The compiled force of the material alone, (T, K, N).
+
+    Of the elastic law's constants (K, E), fractions (K, L + 1), rates, time, depth (T, K, N) and
+    bow (T, K, N). alike: whether all sets have the same rates (L,), not (K, L); at_once: whether
+    they have the same times (T, N), not (T, K, N).
+    """
+
+    def one(
+        law: Array, fractions: Array, rates: Array, time: Array, depth: Array, bow: Array
+    ) -> Array:
+        spectrum = Spectrum(fractions, rates)
+        return hereditary_force(jax.tree.unflatten(elastic, list(law)), spectrum, time, depth, bow)
+
+    inner = (0, 0, None if alike else 0, None if at_once else 0, 0, 0)
+    return _compiled(_over_all(one, inner, (None, None, None, 0, 0, 0)))
+
+
+def _over_all(one: Callable[..., Any], sets: Any, tests: Any) -> Callable[..., Any]:
+    """Over sets of constants within tests."""
+    return jax.vmap(jax.vmap(one, in_axes=sets), in_axes=tests)
+
+
+def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    return jax.jit(function, compiler_options=_known_options())
+
+
+@cache
+def _known_options() -> dict[str, bool]:
+    """Those that this XLA knows: options come and go with its versions."""
+    found = {}
+    for name, value in _QUICK.items():
+        with suppress(jax.errors.JaxRuntimeError):
+            jax.jit(lambda x: x, compiler_options={name: value}).lower(0.0).compile()
+            found[name] = value
+    return found
