@@ -100,10 +100,12 @@ def plan_of(layer: Any, elastic: Any, of_motion: Any) -> Plan | None:
         seen: list[tuple[Question | None, bool]] = []
         ask = partial(_question, layer, elastic, of_motion, seen)
         try:
-            traced = jax.make_jaxpr(ask, return_shape=True)
-            shapes = traced(_zeros(layer), _zeros(elastic), _dummy(of_motion), answers)[1]
+            trace = jax.make_jaxpr(ask, return_shape=True)
+            traced, shapes = trace(_zeros(layer), _zeros(elastic), _dummy(of_motion), answers)
         except (jax.errors.JAXTypeError, jax.errors.UnexpectedTracerError):
             return None
+        if any(isinstance(constant, jax.core.Tracer) for constant in traced.consts):
+            return None  # what is asked for comes about inside a loop
         question, looks = seen[-1]
         looking |= looks
         if question is None:
