@@ -27,14 +27,14 @@ from qlvbayes.priors.natural import in_own_numbers
 HIDDEN = Path(__file__).parents[1] / "data" / "hidden.csv"
 SETS = 9  # one more than run together
 PAIRS = [
-    {"viscous_drag", "friction"},
-    {"contact_offset", "fluid_pressure"},
-    {"frame_compliance", "channel_lag"},
-    {"frame_compliance", "contact_offset"},
-    {"extra_relaxation_mode", "strain_dependent_rate"},
-    {"extra_relaxation_mode", "channel_lag"},
-    {"strain_dependent_strength", "permanent_set"},
-    {"adhesion", "spreading_lag"},
+    ("viscous_drag", "friction"),
+    ("contact_offset", "fluid_pressure"),
+    ("frame_compliance", "channel_lag"),
+    ("frame_compliance", "contact_offset"),
+    ("extra_relaxation_mode", "strain_dependent_rate"),
+    ("extra_relaxation_mode", "channel_lag"),
+    ("strain_dependent_strength", "permanent_set"),
+    ("adhesion", "spreading_lag"),
 ]
 
 
