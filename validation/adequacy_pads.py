@@ -139,7 +139,7 @@ class Bench:
         """The right model at its mode under the floor, from where the last noise had it."""
         search = search_of(experiment, kinds=())
         if pad not in self._tops:
-            search.see_plain(search.usual)
+            search.see(search.usual)
             self._tops[pad] = search.modes[search.usual][0].point.theta
         mode = find_mode(search.density, search.usual, self._tops[pad])
         assert mode is not None

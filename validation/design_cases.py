@@ -106,7 +106,7 @@ def plain(
     """The belief in the plain model alone, and its discrepancy's size."""
     experiment = ready(tests, floor)
     search = search_of(experiment, kinds=())
-    search.see_plain(search.usual)
+    search.see(search.usual)
     size = search.modes[search.usual][0].mode.size
     return experiment, believed(search, [(search.usual, 1.0)]), size
 
@@ -270,8 +270,8 @@ def _weighed(experiment: Experiment, known: Sequence[tuple[Hypothesis, float]]) 
     search.begin()
     for hypothesis, _ in known:
         bare = replace(hypothesis, effects=search.usual.effects)
-        search.see_plain(bare)
-        search.see_rebased(bare, hypothesis)
+        search.see(bare)
+        search.see(hypothesis, bare)
     return np.array([search.log_posterior(hypothesis) for hypothesis, _ in known])
 
 

@@ -23,6 +23,13 @@ class Settings:
     error on tests left out may grow with an effect that is named (rounding; an effect that helps
     where nothing was left out); tolerance: share of the peak force below which neither an effect
     nor structure matters. Raises InputError if it is below 0, or 0.5 or more.
+
+    Of the search: beam: hypotheses that are expanded, the likeliest that come within ``near`` (log
+    posterior) of the best; effects: most that a hypothesis has beside the user's own; shapes:
+    quantiles of the prior of a new effect's shape, from which it is optimised; followed: places
+    under coarse noise that are followed under the noise itself; redrawn: neighbours of a
+    hypothesis, the likeliest, that are optimised from other relaxations too; hypotheses: most that
+    are seen, as beside something that no list holds very many are alike.
     """
 
     complete: float = 0.5
@@ -32,6 +39,13 @@ class Settings:
     false_alarms: float = 0.001
     rise: float = 0.001
     tolerance: float = TOLERANCE
+    beam: int = 3
+    near: float = 25.0
+    effects: int = 3
+    shapes: int = 3
+    followed: int = 2
+    redrawn: int = 5
+    hypotheses: int = 250
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.tolerance < _MOST_TOLERANCE:

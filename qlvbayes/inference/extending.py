@@ -1,4 +1,4 @@
-"""An effect more beside a model: its amplitude, and where optimising both begins."""
+"""Where optimising a hypothesis begins, from the mode of one that it neighbours."""
 
 from __future__ import annotations
 
@@ -8,13 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes.inference.density import Point
-from qlvbayes.inference.forward.hypothesis import Parameters
+from qlvbayes.inference.forward.hypothesis import Hypothesis, Parameters
 from qlvbayes.inference.forward.space import Space
+from qlvbayes.inference.projection import projected
 from qlvbayes.priors.natural import Natural
 
 Array = NDArray[np.float64]
 
 _SHAPES = 4  # quantiles of the prior of an effect's first constant beside its amplitude
+_SIZES = (0.1, 1.5)  # sds of an amplitude's prior, at which it counts as small and as large
 
 
 class Amplitude(NamedTuple):
@@ -46,9 +48,18 @@ def carried(old: Parameters, theta: Array, new: Parameters, others: Array | None
     return found
 
 
-def shapes(space: Space, point: Point, own: Parameters, effect: str) -> list[Array]:
+def shapes(
+    space: Space, point: Point, own: Parameters, effect: str, count: int = _SHAPES
+) -> list[Array]:
     """Thetas (G,) of a point with an effect at nothing, its first other constant over its prior."""
-    base = carried(point.own, point.theta, own)
+    return over_shapes(space, own, effect, carried(point.own, point.theta, own), count)
+
+
+def over_shapes(
+    space: Space, own: Parameters, effect: str, theta: Array, count: int = _SHAPES
+) -> list[Array]:
+    """Theta (G,) with an effect at nothing, its first other constant at quantiles of its prior."""
+    base = theta.copy()
     kept = [leaf for name, leaf in own.by_name.items() if name.startswith(f"{effect}.")]
     draws, taken, first = space.draws("effects", effect), 0, None
     for leaf in kept:
@@ -62,8 +73,43 @@ def shapes(space: Space, point: Point, own: Parameters, effect: str) -> list[Arr
     if first is None:
         return [base]
     found = []
-    for share in (np.arange(_SHAPES) + 0.5) / _SHAPES:
+    for share in (np.arange(count) + 0.5) / count:
         start = base.copy()
         start[list(first[0].theta)] = np.quantile(first[1], share, axis=0)
         found.append(start)
+    return found
+
+
+def starts(space: Space, point: Point, hypothesis: Hypothesis, count: int) -> list[Array]:
+    """Thetas (F,) from which a hypothesis is optimised, given a mode of one that it neighbours.
+
+    What both have is carried over, another law is as like as it can be, and a new effect is small
+    and large, its shape at so many quantiles of its prior.
+    """
+    own = space.parameters(hypothesis)
+    base = projected(space, point, hypothesis, carried(point.own, point.theta, own))
+    found = [base]
+    for effect in sorted(hypothesis.effects - point.own.hypothesis.effects):
+        found = [
+            theta for start in found for theta in _small_and_large(space, own, effect, start, count)
+        ]
+    return found
+
+
+def _small_and_large(
+    space: Space, own: Parameters, effect: str, theta: Array, count: int
+) -> list[Array]:
+    """Theta (F,) with an effect of each of some sizes, every shape small before any is large."""
+    places = over_shapes(space, own, effect, theta, count)
+    amplitude = amplitude_of(own, effect)
+    if amplitude is None:
+        return places
+    signed = own.lowest[amplitude.number] == -np.inf
+    sizes = (*_SIZES, -_SIZES[-1]) if signed else _SIZES
+    found = []
+    for size in sizes:
+        for place in places:
+            start = place.copy()
+            start[amplitude.number] += size * amplitude.sd
+            found.append(start)
     return found

@@ -171,8 +171,9 @@ def modes(
     starts: Iterable[Array],
     best: float = np.inf,
     most: int = 3,
+    known: Sequence[Mode] = (),
 ) -> list[Mode]:
-    """Distinct modes from many starts, the highest first.
+    """Modes not known yet from many starts, the highest first.
 
     All are optimised under coarse noise first; the best places it leads to (at most ``most``) are
     followed under the noise itself.
@@ -181,36 +182,45 @@ def modes(
     for start in starts:
         least = min((mode.loss for mode in rough), default=np.inf)
         mode = rough_mode(density, hypothesis, start, least, rough)
-        rough += [mode] if mode is not None else []
-    places = distinct(rough)[:most]
+        rough += [mode] if mode is not None and mode not in rough else []
     found: list[Mode] = []
-    for place in places:
-        found += find_modes(density, hypothesis, place.point.theta, best, known=found)
+    for place in distinct(rough)[:most]:
+        met = [*known, *found]
+        found += find_modes(density, hypothesis, place.point.theta, best, known=met)
     return distinct(found)
 
 
-def base_modes(density: Density, hypothesis: Hypothesis, seed: int = 0) -> list[Mode]:
-    """Modes of a hypothesis without effects, from draws of its priors, the highest first.
+def redrawn_modes(
+    density: Density,
+    hypothesis: Hypothesis,
+    found: Sequence[Mode],
+    seed: int = 0,
+    vain: int = REDRAWN,
+) -> list[Mode]:
+    """Modes, the highest first: those found, and more from the best with its relaxation redrawn.
 
-    Then from the best with its relaxation drawn anew: spectra have several modes where elastic
-    constants have one, and the coarse noise cannot tell spectra apart.
+    Until ``vain`` draws of the relaxation's prior in a row lead no higher: spectra have several
+    modes where other constants have one, and coarse noise cannot tell spectra apart.
     """
-    space = density.space
-    draws = space.plain_draws(hypothesis, seed)
-    found = modes(density, hypothesis, draws[:STARTS])
-    if not found:
-        return []
-    elastic = space.draws("elastic", hypothesis.elastic).shape[1]
-    vain = 0
-    for numbers in draws[STARTS:]:
-        start = np.concatenate([found[0].point.theta[:elastic], numbers[elastic:]])
-        mode = find_mode(density, hypothesis, start, found[0].loss, known=found)
-        better = mode is not None and mode.loss < found[0].loss - _SAME
-        found = distinct([*found, mode]) if mode is not None else found
-        vain = 0 if better else vain + 1
-        if vain == REDRAWN:
+    known, tried = list(found), 0
+    numbers = density.space.numbers_of(hypothesis, "relaxation")
+    for drawn in density.space.draws_of(hypothesis, "relaxation", seed):
+        start = known[0].point.theta.copy()
+        start[numbers] = drawn
+        mode = find_mode(density, hypothesis, start, known[0].loss, known=known)
+        is_higher = mode is not None and mode.loss < known[0].loss - _SAME
+        known = distinct([*known, mode]) if mode is not None else known
+        tried = 0 if is_higher else tried + 1
+        if tried == vain:
             break
-    return found
+    return known
+
+
+def base_modes(density: Density, hypothesis: Hypothesis, seed: int = 0) -> list[Mode]:
+    """Modes of a hypothesis from draws of its priors, then of its relaxation's alone."""
+    draws = density.space.plain_draws(hypothesis, seed)
+    found = modes(density, hypothesis, draws[:STARTS])
+    return redrawn_modes(density, hypothesis, found, seed) if found else []
 
 
 def distinct(found: Iterable[Mode]) -> list[Mode]:
@@ -244,9 +254,11 @@ def bounded_step(terms: Terms, damping: float, point: Point) -> Array:
     matrix = curvature * np.outer(scale, scale) + damping * np.eye(scale.size)
     values, axes = np.linalg.eigh(matrix)
     root = np.sqrt(np.maximum(values, 1e-13))
-    below, above = own.lowest - point.theta, own.highest - point.theta
     goal = -(axes.T @ (terms.gradient * scale)) / root
-    bounds = (below / scale, above / scale)
-    found = lsq_linear(root[:, None] * axes.T, goal, bounds, method="bvls")
-    step = np.clip(scale * found.x, below, above)
+    below, above = own.lowest - point.theta, own.highest - point.theta
+    step = np.asarray(scale * (axes @ (goal / root)))
+    if not np.all((below <= step) & (step <= above)):
+        bounds = (below / scale, above / scale)
+        found = lsq_linear(root[:, None] * axes.T, goal, bounds, method="bvls")
+        step = np.clip(scale * found.x, below, above)
     return step * min(1.0, _FARTHEST / max(float(np.max(np.abs(step) / own.length)), 1e-300))

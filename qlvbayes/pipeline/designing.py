@@ -296,9 +296,9 @@ def explained(search: Search, alternatives: Sequence[Alternative]) -> list[Expla
             one.base.elastic, one.base.relaxation, usual.effects | set(one.effects)
         )
         bare = Hypothesis(*one.base.pair, usual.effects)
-        search.see_plain(bare)
+        search.see(bare)
         if bare in search.modes:
-            search.see_rebased(bare, hypothesis)
+            search.see(hypothesis, bare)
         if hypothesis not in search.modes:
             continue
         best = search.modes[hypothesis][0]

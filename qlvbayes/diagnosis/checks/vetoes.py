@@ -91,7 +91,7 @@ def _without(outcome: Outcome, told: Weighed, effect: str) -> Weighed | None:
     member, search = _member(outcome, told, effect), outcome.search
     if member is None:
         return None
-    search.see_without(told.hypothesis, member)
+    search.see(told.hypothesis.less(member), told.hypothesis)
     found = search.modes.get(told.hypothesis.less(member))
     return found[0] if found else None
 

@@ -104,12 +104,12 @@ def _forms(search: Search, told: Weighed, decision: Decision) -> dict[str, str]:
 def _path(search: Search, told: Weighed) -> tuple[Weighed, ...]:
     """From the plain model that was chosen, by the told one's laws, effect after effect."""
     hypothesis = replace(told.hypothesis, effects=search.usual.effects)
-    search.see_plain(hypothesis)
+    search.see(hypothesis)
     steps = [search.usual, hypothesis]
     left = set(search.added(told.hypothesis))
     while len(left) > 1:
         for name in left:
-            search.see_rebased(told.hypothesis, steps[-1].plus(name))
+            search.see(steps[-1].plus(name), told.hypothesis)
         best = max(left, key=lambda name: search.log_posterior(steps[-1].plus(name)))
         steps.append(steps[-1].plus(best))
         left.remove(best)

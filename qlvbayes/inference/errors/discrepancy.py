@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from qlvbayes.inference.errors.features import Features, Places
-from qlvbayes.inference.errors.separation import Separated, Separation, Sized, orthonormal_rows
+from qlvbayes.inference.errors.separation import Separated, Separation, Sized
 from qlvbayes.inference.errors.whitening import Whitener
 from qlvbayes.laws.scales import TOLERANCE
 from qlvbayes.preprocess.experiment import Experiment, Trial
@@ -125,15 +125,16 @@ class Discrepancy:
 
         lengths (F,): natural ones; kept: share of the variance of what the slopes can follow.
         """
-        jacobian = self.whitener.plain(responses)
+        slopes = self.whitener.plain(responses)
         if not len(self.features):
-            jacobian = np.zeros_like(jacobian)
-        rows = orthonormal_rows(jacobian, lengths)
-        tied = (rows @ self.plain.T) @ self.plain
-        ties = tied - 0.5 * (1.0 + kept) * (tied @ rows.T) @ rows
-        parts = np.concatenate([rows, ties, self._tied_moments(rows)])
-        basis, ties, moments = np.split(self.whitener.of_plain(parts), 3)
-        return Separation(rows, basis, ties, moments)
+            slopes = np.zeros((0, slopes.shape[1]))
+
+        def tied(rows: Array) -> tuple[Array, Array]:
+            ties = (rows @ self.plain.T) @ self.plain
+            ties -= 0.5 * (1.0 + kept) * (ties @ rows.T) @ rows
+            return ties, self._tied_moments(rows)
+
+        return Separation(slopes, lengths[: len(slopes)], tied, self.whitener.of_plain)
 
     def _tied_moments(self, rows: Array) -> Array:
         """(R, n) Q T (1 - P), of the variances T of what is not known of moments."""

@@ -31,6 +31,7 @@ so that with the inverse and determinant of C at hand those of C_P follow (Woodb
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Self
@@ -57,16 +58,28 @@ def orthonormal_rows(slopes: Array, lengths: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Separation:
-    """Of the discrepancy of one Jacobian.
+    """Of the discrepancy of one Jacobian, computed when a size above nothing asks for it.
 
-    rows (R, n): Q; basis, ties, moments (R, n): Q, Y of K and Y of the moments, whitened.
+    slopes (F, n): of the plain block means; lengths (F,): natural ones of the free numbers; tied:
+    from Q (R, n) the parts Y of K and of the moments, both (R, n); whiten: (M, n) block means.
     """
 
-    rows: Array
-    basis: Array
-    ties: Array
-    moments: Array
+    slopes: Array
+    lengths: Array
+    tied: Callable[[Array], tuple[Array, Array]]
+    whiten: Callable[[Array], Array]
     _sized: dict[float, Separated] = field(default_factory=dict)
+
+    @cached_property
+    def rows(self) -> Array:
+        """(R, n) Q."""
+        return orthonormal_rows(self.slopes, self.lengths)
+
+    @cached_property
+    def _parts(self) -> tuple[Array, ...]:
+        """Q, Y of K and Y of the moments, whitened, (R, n) each."""
+        parts = np.concatenate([self.rows, *self.tied(self.rows)])
+        return tuple(np.split(self.whiten(parts), 3))
 
     @property
     def rank(self) -> int:
@@ -76,7 +89,8 @@ class Separation:
     @property
     def removed(self) -> Array:
         """(n, n) K - K_P, whitened."""
-        product = self.basis.T @ self.ties
+        basis, ties, _ = self._parts
+        product = basis.T @ ties
         return np.asarray(product + product.T)
 
     def at(self, plain: Sized) -> Sized | Separated:
@@ -84,8 +98,9 @@ class Separation:
         if plain.size == 0.0 or not self.rank:
             return plain
         if plain.size not in self._sized:
-            tied = plain.size**2 * self.ties + self.moments
-            self._sized[plain.size] = Separated.from_plain(plain, self.basis, tied)
+            basis, ties, moments = self._parts
+            tied = plain.size**2 * ties + moments
+            self._sized[plain.size] = Separated.from_plain(plain, basis, tied)
         return self._sized[plain.size]
 
 

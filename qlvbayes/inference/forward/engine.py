@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from threading import Lock
 from typing import Any
 
 import jax
@@ -162,6 +163,7 @@ class Engine:
 
     def __init__(self) -> None:
         self._tests: OrderedDict[Any, tuple[Record, list[Tests]]] = OrderedDict()
+        self._lock = Lock()
 
     def forces(self, chain: Chain, sets: Sets, record: Record) -> Array:
         """(K, T, B) block means of the force (N) of K sets of constants over a record."""
@@ -178,12 +180,13 @@ class Engine:
     def _groups(self, record: Record) -> list[Tests]:
         """A record's tests by their lengths."""
         key = id(record.motion.time), id(record.motion.displacement), id(record.nodes)
-        if key not in self._tests:
-            self._tests[key] = record, _by_length(told(record, "bow", float))
-        self._tests.move_to_end(key)
-        while len(self._tests) > _KEPT:
-            self._tests.popitem(last=False)
-        return self._tests[key][1]
+        with self._lock:
+            if key not in self._tests:
+                self._tests[key] = record, _by_length(told(record, "bow", float))
+            self._tests.move_to_end(key)
+            while len(self._tests) > _KEPT:
+                self._tests.popitem(last=False)
+            return self._tests[key][1]
 
 
 def _by_length(record: Record) -> list[Tests]:

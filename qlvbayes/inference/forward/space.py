@@ -144,12 +144,12 @@ class Space:
         beside = [k for name, leaf in own if name.startswith(effects) for k in leaf.theta]
         return [*range(elastic, elastic + count), *(beside if effects else [])]
 
-    def draws_of(self, hypothesis: Hypothesis, part: str) -> Array:
+    def draws_of(self, hypothesis: Hypothesis, part: str, seed: int = 0) -> Array:
         """(25, size) draws of those numbers."""
-        found = [self.draws(part, getattr(hypothesis, part))]
+        found = [self.draws(part, getattr(hypothesis, part), seed)]
         if part == "relaxation":
             names = [name for name in self._nested(hypothesis) if name in self.relaxing]
-            found += [self.draws("effects", name) for name in names]
+            found += [self.draws("effects", name, seed) for name in names]
         return np.concatenate(found, axis=1)
 
     def curve(self, hypothesis: Hypothesis, part: str, constants: Array) -> Array:
