@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from qlvbayes.preprocess.bounds import Tolerance, excess
+
 Array = NDArray[np.float64]
 
 _FIT_SAMPLES = 200  # a quadratic needs no more samples than this
@@ -24,32 +26,7 @@ _REPEATS = 0.3  # of a step: sd of the scatter with which six readings repeat in
 _SMALL = 2.0  # steps: larger changes are motion
 _UNDONE = 8  # changes undone that show a scatter
 _MOSTLY = 0.3  # of the pairs of small changes
-_UNSEEN = 0.3  # of the bound on each residual: their root mean square in an exact record
-
-
-@dataclass(frozen=True)
-class Tolerance:
-    """How far a faithful curve may stay from a reading.
-
-    ``sample`` bounds each residual, ``rest`` the half-range of readings at rest; with sensor noise
-    above the encoder step (``noise`` > 0) the means of blocks of readings are bounded as well.
-    """
-
-    sample: float
-    rest: float
-    noise: float
-    step: float
-
-    @property
-    def farthest(self) -> float:
-        """From a reading that a path may be: two resolutions, or what is bounded above if more."""
-        return max(2.0 * self.step, 2.0 * self.noise, 1.25 * max(self.sample, self.rest))
-
-    @property
-    def variance(self) -> float:
-        """Mean square of a reading's error: rounding, scatter, or what needs no following."""
-        known = self.step**2 / 12.0 + self.noise**2
-        return max(known, (_UNSEEN * self.sample) ** 2 if known == 0.0 else 0.0)
+_PER_KNOT = 2.5  # numbers that a path takes from the readings for each of its knots
 
 
 def encoder_step(displacement: Array) -> float:
@@ -185,6 +162,8 @@ def tolerance(time: Array, displacement: Array, step: float, scatter: float = np
     return Tolerance(
         sample=max(0.75 * step, 0.5 * step + spread, floor),
         rest=max(step, 0.5 * step + spread, floor),
+        spread=spread,
+        floor=floor,
         noise=noise,
         step=step,
     )
@@ -194,6 +173,23 @@ def _scatter(time: Array, displacement: Array, step: float) -> float:
     """Of as many readings as show it: windows of all of a long record take much memory."""
     x = displacement[:_SHOWING]
     return max(sensor_noise(time[:_SHOWING], x, step), dither(x, step))
+
+
+def scatter_left(residual: Array, displacement: Array, knots: int, tol: Tolerance) -> float:
+    """Return the sd of the scatter about a fitted path; infinite where it cannot tell.
+
+    The scatter of readings that were thinned out, or that are few and mostly moving, is first taken
+    for larger than it is: what a path leaves that was held to no more than that is the most it can
+    be. Single places from which the path is far do not count, nor do the knots' own numbers.
+    """
+    told = residual.size - _PER_KNOT * knots
+    if tol.noise == 0.0 or told < 0.5 * residual.size:
+        return np.inf
+    size = np.abs(residual)
+    left = min(_trimmed_sd(size), float(np.sqrt(np.mean(size**2))))
+    left *= float(np.sqrt(residual.size / told))
+    beyond = float(np.sqrt(max(left**2 - tol.step**2 / 12.0, 0.0)))
+    return max(beyond, dither(displacement, tol.step))
 
 
 def dither(displacement: Array, step: float) -> float:
@@ -228,27 +224,33 @@ def _quadratic_fits(time: Array, x: Array, tol: Tolerance) -> bool:
         return True
     half = 0.5 * (time[-1] - time[0])
     u = (time - time[0]) / half - 1.0
-    pick = slice(None) if n <= _FIT_SAMPLES else np.linspace(0, n - 1, _FIT_SAMPLES).astype(int)
     if float(x.max() - x.min()) < 2.0 * tol.rest * (1.0 - _ROUNDING):
-        mean = float(x.mean())
-        if tol.noise == 0.0 or _blocks_centred(x - mean, tol):
+        if _about_zero(x - float(x.mean()), tol):
             return True
-    v, y = u[pick], x[pick]
+    v, y = _fewer(u, x, tol)
     design = np.stack([np.ones_like(v), v, v * v])
     a, b, c = np.linalg.solve(design @ design.T, design @ (y - x[0]))
     residual = x - x[0] - (a + u * (b + u * c))
     if float(np.abs(residual).max()) > tol.sample and float(np.ptp(residual)) > 1.25 * tol.step:
         return False  # a curve parallel to the fitted one may yet round to every reading
-    return tol.noise == 0.0 or _blocks_centred(residual, tol)
+    return _about_zero(residual, tol)
 
 
-def _blocks_centred(residual: Array, tol: Tolerance) -> bool:
-    """Eight block means within their sampling error: finds misfits far below the noise."""
-    size = residual.size // 8
-    if size < 8:
-        return True
-    means = residual[: 8 * size].reshape(8, size).mean(axis=1)
-    return bool(np.abs(means).max() <= 0.5 * tol.step + 5.0 * tol.noise / np.sqrt(size))
+def _fewer(u: Array, x: Array, tol: Tolerance) -> tuple[Array, Array]:
+    """At most a few hundred samples; where they scatter, means of all of them."""
+    if u.size <= _FIT_SAMPLES:
+        return u, x
+    if tol.noise == 0.0:
+        pick = np.linspace(0, u.size - 1, _FIT_SAMPLES).astype(int)
+        return u[pick], x[pick]
+    first = np.linspace(0, u.size, _FIT_SAMPLES + 1).astype(int)
+    count = np.diff(first)
+    return np.add.reduceat(u, first[:-1]) / count, np.add.reduceat(x, first[:-1]) / count
+
+
+def _about_zero(residual: Array, tol: Tolerance) -> bool:
+    """Whether means of neighbours are zero within their errors: finds misfits far below scatter."""
+    return bool(np.max(excess(residual, tol, np.inf)) <= 1.0)
 
 
 def greedy_segments(time: Array, displacement: Array, tol: Tolerance) -> list[tuple[int, int]]:
@@ -294,7 +296,7 @@ def find_dwells(
         x = displacement[first:stop]
         if stop - first < _FEWEST_IN_DWELL or np.ptp(x) >= 2.0 * tol.rest * (1.0 - _ROUNDING):
             continue
-        if tol.noise > 0.0 and not _blocks_centred(x - x.mean(), tol):
+        if not _about_zero(x - x.mean(), tol):
             continue
         beside = max(speed[max(k - 1, 0)], speed[min(k + 1, len(segments) - 1)])
         alone = len(segments) == 1
@@ -341,7 +343,9 @@ def _stretched(displacement: Array, dwells: list[Dwell], tol: Tolerance) -> list
     for k, dwell in enumerate(dwells):
         low = out[-1].stop if out else 0
         high = dwells[k + 1].first if k + 1 < len(dwells) else displacement.size
-        near = np.abs(displacement[low:high] - dwell.level) <= tol.sample
+        level_error = tol.spread / float(np.sqrt(dwell.stop - dwell.first))
+        off = displacement[low:high] - dwell.level
+        near = excess(off, tol, tol.sample, level_error) <= 1.0
         before = np.flatnonzero(~near[: dwell.first - low])
         after = np.flatnonzero(~near[dwell.stop - low :])
         first = low + int(before[-1]) + 1 if before.size else low

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from qlvbayes.preprocess import quintic
+from qlvbayes.preprocess.bounds import Tolerance, excess
 from qlvbayes.preprocess.freeknots import (
     Joints,
     Pieces,
@@ -25,7 +26,7 @@ from qlvbayes.preprocess.freeknots import (
     with_knot_at_worst,
 )
 from qlvbayes.preprocess.polyline import corners
-from qlvbayes.preprocess.segments import Dwell, Tolerance
+from qlvbayes.preprocess.segments import Dwell
 
 Array = NDArray[np.float64]
 
@@ -146,7 +147,7 @@ def _fitted(
     knots = np.array([t[low], *cuts, t[high]])
     if knots.size - 1 <= _PLAIN:
         plain = _simplest(knots, left, right, window, tol)
-        if _worst(plain, window) <= tol.rest:
+        if _worst(plain, window, tol) <= tol.rest:
             return _constant(plain, window)
     ends = Joints(knots[[0, -1]], np.array([False, False]), left, right)
     curve = _smooth(ends, window, tol)
@@ -155,7 +156,7 @@ def _fitted(
     ):
         return curve
     plain = _simplest(knots, left, right, window, tol)
-    faithful = insert_until_faithful(plain, window, tol.rest)
+    faithful = insert_until_faithful(plain, window, tol)
     found = _constant(faithful, window)
     price = _PER_KINK if faithful.knots.size > plain.knots.size else 1.0
     return curve if curve is not None and curve.numbers < price * found.numbers else found
@@ -310,28 +311,30 @@ def _simplest(
     long = np.concatenate([[True], many[:-1] & many[1:], [True]])
     smooth_start = Joints(knots, np.zeros(knots.size, dtype=bool), left, right)
     best = optimise(smooth_start, window)
-    least = _worst(best, window)
+    least = _worst(best, window, tol)
     if least <= tol.rest and _fewest_samples(best, window) >= _FEWEST_RESOLVED:
         return best
     merged = Joints(knots[long], np.ones(int(long.sum()), dtype=bool), left, right)
     trial = optimise(merged, window)
-    if _worst(trial, window) <= tol.sample:
+    if _worst(trial, window, tol) <= tol.sample:
         return trial
     trial = best
     for _ in range(_EXTRA_KNOTS):
         if least <= tol.rest or trial.knots.size > _FEW_KNOTS:
             break
-        trial = optimise(with_knot_at_worst(trial, window), window)
-        if (worst := _worst(trial, window)) < least:
+        trial = optimise(with_knot_at_worst(trial, window, tol), window)
+        if (worst := _worst(trial, window, tol)) < least:
             best, least = trial, worst
     if least <= tol.rest and _fewest_samples(best, window) >= _FEWEST_RESOLVED:
         return best
     trial = optimise(replace(smooth_start, kinked=np.ones(knots.size, dtype=bool)), window)
-    return trial if _worst(trial, window) < max(least, tol.sample) else best
+    return trial if _worst(trial, window, tol) < max(least, tol.sample) else best
 
 
-def _worst(joints: Joints, window: Window) -> float:
-    return float(np.abs(residuals(joints, window.time, window.displacement)).max())
+def _worst(joints: Joints, window: Window, tol: Tolerance) -> float:
+    """How far the worst reading is off; or the worst run of readings, as far beyond its bound."""
+    off = residuals(joints, window.time, window.displacement)
+    return tol.rest * float(excess(off, tol, tol.rest).max())
 
 
 def _fewest_samples(joints: Joints, window: Window) -> int:
