@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _UNSEEN = 0.3  # of the bound on each residual: their root mean square in an exact record
+TINY = 1e-300  # for a platen that never moves
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ def excess(residual: Array, tol: Tolerance, alone: float, common: float = 0.0) -
     residual (n,): readings less a path, in order of time; alone: what one reading may be off;
     common: what all may be off together.
     """
-    found = np.abs(residual) / alone
+    found = np.abs(residual) / max(alone, TINY)
     for length, means in runs(residual, tol):
         middle = found[length // 2 : length // 2 + means.size]
         np.maximum(middle, means / (tol.run(length) + common), out=middle)
@@ -72,7 +73,10 @@ def excess(residual: Array, tol: Tolerance, alone: float, common: float = 0.0) -
 
 
 def runs(residual: Array, tol: Tolerance) -> Iterator[tuple[int, Array]]:
-    """(m, sizes (n - m + 1,) of the means of m neighbours), m = 2, 4, 8, ...; none in exact records."""
+    """Lengths m = 2, 4, 8, ... with the sizes (n - m + 1,) of the means of m neighbours.
+
+    In an exact record, whose readings do not scatter, there are none.
+    """
     if tol.noise == 0.0:
         return
     sums = np.concatenate([[0.0], np.cumsum(residual)])

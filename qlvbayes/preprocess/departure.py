@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from qlvbayes.preprocess.bounds import Tolerance, runs
+from qlvbayes.preprocess.bounds import TINY, Tolerance, runs
 
 Array = NDArray[np.float64]
 
@@ -48,7 +48,8 @@ def departure_of(time: Array, residual: Array, tol: Tolerance) -> Departure | No
     alone = np.where(np.isfinite(residual), np.abs(residual), np.inf)
     found = [(1, alone, max(least, tol.sample, tol.rest))]
     found += [(m, means, max(least, tol.run(m))) for m, means in runs(residual, tol)]
-    length, sizes, most = max(found, key=lambda one: float(one[1].max()) / one[2])
+    beyond = [(float(sizes.max()) - most) / max(most, TINY) for _, sizes, most in found]
+    length, sizes, most = found[int(np.argmax(beyond))]
     worst = int(np.argmax(sizes))
     if sizes[worst] <= most:
         return None

@@ -224,9 +224,9 @@ def _quadratic_fits(time: Array, x: Array, tol: Tolerance) -> bool:
         return True
     half = 0.5 * (time[-1] - time[0])
     u = (time - time[0]) / half - 1.0
-    if float(x.max() - x.min()) < 2.0 * tol.rest * (1.0 - _ROUNDING):
-        if _about_zero(x - float(x.mean()), tol):
-            return True
+    level = float(x.max() - x.min()) < 2.0 * tol.rest * (1.0 - _ROUNDING)
+    if level and _about_zero(x - float(x.mean()), tol):
+        return True
     v, y = _fewer(u, x, tol)
     design = np.stack([np.ones_like(v), v, v * v])
     a, b, c = np.linalg.solve(design @ design.T, design @ (y - x[0]))
@@ -250,7 +250,8 @@ def _fewer(u: Array, x: Array, tol: Tolerance) -> tuple[Array, Array]:
 
 def _about_zero(residual: Array, tol: Tolerance) -> bool:
     """Whether means of neighbours are zero within their errors: finds misfits far below scatter."""
-    return bool(np.max(excess(residual, tol, np.inf)) <= 1.0)
+    alone = tol.rest if tol.noise > 0.0 else np.inf
+    return bool(np.max(excess(residual, tol, alone)) <= 1.0)
 
 
 def greedy_segments(time: Array, displacement: Array, tol: Tolerance) -> list[tuple[int, int]]:
@@ -290,22 +291,63 @@ def find_dwells(
     time: Array, displacement: Array, segments: list[tuple[int, int]], tol: Tolerance
 ) -> list[Dwell]:
     """Return the runs of samples at rest, each stretched as far as its level reaches."""
-    speed = [_speed(time, displacement, s) for s in segments]
-    dwells: list[Dwell] = []
-    for k, (first, stop) in enumerate(segments):
+    rests = []
+    for k, segment in enumerate(segments):
+        first, stop = _longest_rest(displacement, *segment, tol)
         x = displacement[first:stop]
         if stop - first < _FEWEST_IN_DWELL or np.ptp(x) >= 2.0 * tol.rest * (1.0 - _ROUNDING):
             continue
-        if not _about_zero(x - x.mean(), tol):
-            continue
-        beside = max(speed[max(k - 1, 0)], speed[min(k + 1, len(segments) - 1)])
-        alone = len(segments) == 1
+        if _about_zero(x - x.mean(), tol):
+            rests.append(_Rest(first, stop, k, k))
+    speed = [_speed(time, displacement, s) for s in segments]
+    dwells = []
+    for rest in _joined(displacement, rests, tol):
+        beside = max(speed[max(rest.low - 1, 0)], speed[min(rest.high + 1, len(segments) - 1)])
+        alone = rest.low == 0 and rest.high == len(segments) - 1
         # At the speed next door it would have been seen to move.
-        if not alone and beside * (time[stop - 1] - time[first]) < 4.0 * tol.rest:
-            continue
-        dwells.append(Dwell(first, stop, float(x.mean())))
+        if alone or beside * (time[rest.stop - 1] - time[rest.first]) >= 4.0 * tol.rest:
+            level = float(displacement[rest.first : rest.stop].mean())
+            dwells.append(Dwell(rest.first, rest.stop, level))
     found = _stretched(displacement, _distinct(dwells, tol), tol)
     return [dwell for dwell in found if not _turns(time, displacement, dwell, tol)]
+
+
+@dataclass(frozen=True)
+class _Rest:
+    """Samples [first, stop) that may be at rest, of the segments from ``low`` to ``high``."""
+
+    first: int
+    stop: int
+    low: int
+    high: int
+
+
+def _longest_rest(displacement: Array, begin: int, end: int, tol: Tolerance) -> tuple[int, int]:
+    """The readings of a segment, or where they scatter the most neighbours about its median.
+
+    A parabola that scatter allows may take in the end of a movement, or its last small swings.
+    """
+    if tol.noise == 0.0:
+        return begin, end
+    x = displacement[begin:end]
+    off = np.flatnonzero(excess(x - float(np.median(x)), tol, tol.rest) > 1.0)
+    edges = np.concatenate([[-1], off, [x.size]])
+    longest = int(np.argmax(np.diff(edges)))
+    return begin + int(edges[longest]) + 1, begin + int(edges[longest + 1])
+
+
+def _joined(displacement: Array, rests: list[_Rest], tol: Tolerance) -> list[_Rest]:
+    """Rests that scatter alone has divided are one: about a common level they scatter as usual."""
+    out: list[_Rest] = []
+    for rest in rests:
+        out.append(rest)
+        while tol.noise > 0.0 and len(out) > 1:
+            before, after = out[-2:]
+            x = displacement[before.first : after.stop]
+            if not _about_zero(x - x.mean(), tol):
+                break
+            out[-2:] = [_Rest(before.first, after.stop, before.low, after.high)]
+    return out
 
 
 def _turns(time: Array, displacement: Array, dwell: Dwell, tol: Tolerance) -> bool:

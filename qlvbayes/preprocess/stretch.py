@@ -39,6 +39,7 @@ _FEW_KNOTS = 10  # beyond, another one is not tried
 _PLAIN = 4  # pieces of a trapezoid of velocity and one more: nothing smooth is simpler
 _PER_PIECE = 2.5  # numbers a piece costs: its acceleration, its knot, now and then a kink
 _PER_KINK = 2.5  # times the numbers that a curve may take where the pieces end in straight lines
+_MOST_WORTH = 10  # knots that are added to a path that is faithful without them
 _MOST_PIECES = 400  # beyond, only a smooth curve is tried first
 
 
@@ -148,7 +149,7 @@ def _fitted(
     if knots.size - 1 <= _PLAIN:
         plain = _simplest(knots, left, right, window, tol)
         if _worst(plain, window, tol) <= tol.rest:
-            return _constant(plain, window)
+            return _constant(_worth(plain, window, tol), window)
     ends = Joints(knots[[0, -1]], np.array([False, False]), left, right)
     curve = _smooth(ends, window, tol)
     if curve is not None and (
@@ -156,7 +157,7 @@ def _fitted(
     ):
         return curve
     plain = _simplest(knots, left, right, window, tol)
-    faithful = insert_until_faithful(plain, window, tol)
+    faithful = _worth(insert_until_faithful(plain, window, tol), window, tol)
     found = _constant(faithful, window)
     price = _PER_KINK if faithful.knots.size > plain.knots.size else 1.0
     return curve if curve is not None and curve.numbers < price * found.numbers else found
@@ -329,6 +330,32 @@ def _simplest(
         return best
     trial = optimise(replace(smooth_start, kinked=np.ones(knots.size, dtype=bool)), window)
     return trial if _worst(trial, window, tol) < max(least, tol.sample) else best
+
+
+def _worth(joints: Joints, window: Window, tol: Tolerance) -> Joints:
+    """Add knots while each takes more from the squared residuals than its numbers cost.
+
+    Where readings scatter, several may each be off by less than scatter could make, and all
+    together by more: a knot, and a kink, must lower the squares by ln n variances for each number
+    (Schwarz 1978), but no path is asked to be better than the floor.
+    """
+    if tol.noise == 0.0:
+        return joints
+    number = max(tol.variance, tol.floor**2) * float(np.log(window.time.size))
+    for _ in range(_MOST_WORTH):
+        added = with_knot_at_worst(joints, window, tol)
+        kinked = replace(added, kinked=added.kinked | ~np.isin(added.knots, joints.knots))
+        trials = [optimise(some, window) for some in (added, kinked)]
+        costs = [_squares(one, window) + k * number for one, k in zip(trials, (2, 3), strict=True)]
+        best = int(np.argmin(costs))
+        if costs[best] >= _squares(joints, window):
+            break
+        joints = trials[best]
+    return joints
+
+
+def _squares(joints: Joints, window: Window) -> float:
+    return float(np.sum(residuals(joints, window.time, window.displacement) ** 2))
 
 
 def _worst(joints: Joints, window: Window, tol: Tolerance) -> float:
