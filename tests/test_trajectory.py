@@ -8,8 +8,9 @@ from hypothesis import strategies as st
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
+from qlvbayes.preprocess.encoder import encoder_step
 from qlvbayes.preprocess.phases import find_phases
-from qlvbayes.preprocess.segments import encoder_step, known_scatter
+from qlvbayes.preprocess.segments import known_scatter
 from qlvbayes.preprocess.trajectory import smooth
 
 PADS = Path(__file__).parents[1] / "data" / "pads.csv"

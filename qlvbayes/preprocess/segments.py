@@ -17,63 +17,15 @@ Array = NDArray[np.float64]
 _FIT_SAMPLES = 200  # a quadratic needs no more samples than this
 _FEWEST_IN_DWELL = 5
 _ROUNDING = 1e-9  # a range of two whole steps is motion, however the file's unit rounds them
-_LEAST_STEP = 1e-6  # of the range: finer rounding is no encoder's
-_LARGE = 0.02  # of the range: a step that a movement there and back passes a hundred times,
-_PASSED = 20  # changes that show a larger one
 _MANY = 100  # readings that tell scatter from motion,
 _SHOWING = 50_000  # and that show it to a third of a per cent
 _REPEATS = 0.3  # of a step: sd of the scatter with which six readings repeat in half of all cases
 _SMALL = 2.0  # steps: larger changes are motion
 _UNDONE = 8  # changes undone that show a scatter
-_MOSTLY = 0.3  # of the pairs of small changes
+_MOSTLY = 0.3  # of the pairs of small changes,
+_OFTEN = 0.1  # or so many of them
+_AT_ONCE = 2  # readings later at most
 _PER_KNOT = 2.5  # numbers that a path takes from the readings for each of its knots
-
-
-def encoder_step(displacement: Array) -> float:
-    """Return the step of which all changes are multiples; 0 if there is none or it does not show.
-
-    A record of exactly straight lines has equal changes too, so the changes must come in more
-    than one size, or now and then be missing (or come) for a single reading. Of a large step the
-    readings pass many one by one: where few readings change at all, they are stairs of the motion.
-    """
-    span = float(np.ptp(displacement))
-    changes = np.diff(displacement)
-    sizes = np.abs(changes)
-    sizes = np.sort(sizes[sizes > 1e-9 * span])
-    if sizes.size < 2:
-        return 0.0
-    if sizes[-1] - sizes[0] < 1e-6 * sizes[-1]:
-        moving = np.abs(changes) > 0.5 * sizes[0]
-        alone = (moving[1:-1] != moving[:-2]) & (moving[1:-1] != moving[2:])
-        if np.count_nonzero(alone) < (1 if sizes[0] < _LARGE * span else 6):
-            return 0.0
-    step = float(sizes[0])
-    for _ in range(12):
-        rest = np.abs(sizes - np.round(sizes / step) * step)
-        rest = rest[rest > max(0.05 * step, 1e-9 * span)]
-        if rest.size == 0:
-            counts = np.round(sizes / step)
-            if step < _LEAST_STEP * span or (step > _LARGE * span and sizes.size < _PASSED):
-                return 0.0
-            return float(sizes @ counts / (counts @ counts))
-        step = float(rest.min())
-        if step < _LEAST_STEP * span:
-            return 0.0
-    return 0.0
-
-
-def encoder_steps(displacements: Sequence[Array]) -> list[float]:
-    """Return the step of each of several records by one encoder, 0 where none shows.
-
-    A fast test with few readings may change by multiples of many steps only; the least step of all
-    records then is its own, where it divides its changes too.
-    """
-    own = [encoder_step(x) for x in displacements]
-    least = min((step for step in own if step > 0.0), default=0.0)
-    return [
-        least if least > 0.0 and _divides(least, x) else step
-        for step, x in zip(own, displacements, strict=True)
-    ]
 
 
 def known_scatter(
@@ -90,13 +42,6 @@ def known_scatter(
     told = zip(times, displacements, steps, few, strict=True)
     least = min((_scatter(t, x, step) for t, x, step, short in told if not short), default=np.inf)
     return [least if short else np.inf for short in few]
-
-
-def _divides(step: float, displacement: Array) -> bool:
-    """Whether all changes are multiples of a step."""
-    changes = np.abs(np.diff(displacement))
-    rest = np.abs(changes - np.round(changes / step) * step)
-    return bool(np.all(rest <= max(0.05 * step, 1e-9 * float(np.ptp(displacement)))))
 
 
 def sensor_noise(time: Array, signal: Array, step: float = 0.0) -> float:
@@ -196,10 +141,11 @@ def dither(displacement: Array, step: float) -> float:
     """Return the sd of a scatter that moves readings to and fro by a step or two; 0 if none.
 
     Rounding alone never takes a reading back that a steady motion has passed, however slow it is.
-    Where small changes mostly undo the one before them, the second differences of readings among
-    small changes have six times their variance s^2. Scatter below half a step shows least in the
-    middle of a step, where s^2 = 2 P(scatter > step / 2): that much it can be at most; a larger one
-    has the variance s^2 - step^2 / 12.
+    Where small changes mostly undo the one before them, or many at once in a motion that goes on,
+    the second differences of readings among small changes have six times their variance s^2.
+    Scatter below half a step shows least in the middle of a step, where
+    s^2 = 2 P(scatter > step / 2): that much it can be at most; a larger one has the variance
+    s^2 - step^2 / 12.
     """
     if step == 0.0:
         return 0.0
@@ -208,8 +154,9 @@ def dither(displacement: Array, step: float) -> float:
     moves = np.flatnonzero(change != 0.0)
     pairs = small[moves[1:]] & small[moves[:-1]]
     back = pairs & (change[moves[1:]] * change[moves[:-1]] < 0.0)
-    undone = np.count_nonzero(back)
-    if undone < _UNDONE or undone < _MOSTLY * np.count_nonzero(pairs):
+    undone, of = np.count_nonzero(back), np.count_nonzero(pairs)
+    at_once = np.count_nonzero(back & (np.diff(moves) <= _AT_ONCE))
+    if undone < _UNDONE or (undone < _MOSTLY * of and at_once < _OFTEN * of):
         return 0.0
     among = small[1:] & small[:-1]
     variance = float(np.mean(np.diff(change)[among] ** 2)) / 6.0

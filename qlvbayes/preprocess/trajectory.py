@@ -14,11 +14,11 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.preprocess.bounds import Tolerance
 from qlvbayes.preprocess.clock import clock_error
 from qlvbayes.preprocess.departure import Departure, departure_of
+from qlvbayes.preprocess.encoder import encoder_step
 from qlvbayes.preprocess.errors import Errors, errors
 from qlvbayes.preprocess.knoterrors import Moments, moments
 from qlvbayes.preprocess.segments import (
     Dwell,
-    encoder_step,
     find_dwells,
     greedy_segments,
     scatter_left,
