@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _LEAST_STEP = 1e-6  # of the range: finer rounding is no encoder's
+_DIGITS = 1e-6  # of the range: a record of seven digits has no finer differences
 _LARGE = 0.02  # of the range: a step that a movement there and back passes a hundred times,
 _PASSED = 20  # changes that show a larger one
 _REPEATED = 3  # equal readings in a row: a level,
@@ -41,7 +42,7 @@ def _lattice(displacement: Array) -> float:
     sizes = np.sort(sizes[sizes > 1e-9 * span])
     if sizes.size < 2:
         return 0.0
-    if sizes[-1] - sizes[0] < 1e-6 * sizes[-1]:
+    if sizes[-1] - sizes[0] < _DIGITS * max(float(sizes[-1]), span):
         moving = np.abs(changes) > 0.5 * sizes[0]
         alone = (moving[1:-1] != moving[:-2]) & (moving[1:-1] != moving[2:])
         if np.count_nonzero(alone) < (1 if sizes[0] < _LARGE * span else 6):

@@ -18,8 +18,11 @@ _FIT_SAMPLES = 200  # a quadratic needs no more samples than this
 _FEWEST_IN_DWELL = 5
 _ROUNDING = 1e-9  # a range of two whole steps is motion, however the file's unit rounds them
 _MANY = 100  # readings that tell scatter from motion,
+_FEW = 50  # readings, of which three changes of the motion reach a third,
 _SHOWING = 50_000  # and that show it to a third of a per cent
 _REPEATS = 0.3  # of a step: sd of the scatter with which six readings repeat in half of all cases
+_STILL = 0.02  # of the windows repeat exactly: seldom for scatter of a step, more for a smaller one
+_QUIET, _QUIETEST = 0.7, 0.3  # of the windows, from the quietest on, of many readings and of few
 _SMALL = 2.0  # steps: larger changes are motion
 _UNDONE = 8  # changes undone that show a scatter
 _MOSTLY = 0.3  # of the pairs of small changes,
@@ -52,8 +55,11 @@ def sensor_noise(time: Array, signal: Array, step: float = 0.0) -> float:
     least of the degrees is taken: a smooth motion shrinks with the degree, scatter does not.
     Scatter no larger than rounding can make is no noise. Nor can it be larger than readings allow
     that repeat exactly in most windows: what else moves there is the motion, too quick for them.
+    Nor is it larger than a step where they do in some. Of few readings most may be near changes of
+    the motion: there the quietest windows tell.
     """
     best, most = np.inf, np.inf
+    shares = (_QUIET, _QUIETEST) if time.size < _FEW else (_QUIET,)
     for points in (3, 4, 5, 6):
         if time.size < points + 6:
             break
@@ -62,23 +68,28 @@ def sensor_noise(time: Array, signal: Array, step: float = 0.0) -> float:
         moving = np.ptp(windows, axis=1) > 0.0
         if np.count_nonzero(moving) < 6:
             return 0.0
-        if 2 * np.count_nonzero(moving) < moving.size:
+        still = 1.0 - np.count_nonzero(moving) / moving.size
+        if still > 0.5:
             most = _REPEATS * step
+        elif still > _STILL and step > 0.0:
+            most = min(most, step)
         size = np.abs(np.sum(windows * weights, axis=1)[moving])
         rounding = 0.501 * step * np.abs(weights[moving]).sum(axis=1)
         beyond = int(np.count_nonzero(size > rounding))
         if step > 0.0 and beyond <= min(10, 0.05 * size.size) + 0.005 * size.size:
             return 0.0
-        best = min(best, _trimmed_sd(size))
+        best = min(best, *(_trimmed_sd(size, share) for share in shares))
     if not np.isfinite(best):
         return 0.0
     return float(np.sqrt(max(min(best, most) ** 2 - step**2 / 12.0, 0.0)))
 
 
-def _trimmed_sd(size: Array) -> float:
-    """Gaussian sd from the smaller seven tenths of the absolute values."""
-    kept = np.sort(size)[: max(1, int(0.7 * size.size))]
-    return float(np.sqrt(np.mean(kept**2)) / 0.5566)
+def _trimmed_sd(size: Array, share: float) -> float:
+    """Gaussian sd from the smaller ones of the absolute values, a share of all."""
+    kept = np.sort(size)[: max(1, int(share * size.size))]
+    most = float(ndtri(0.5 + 0.5 * share))
+    density = np.exp(-0.5 * most**2) / np.sqrt(2.0 * np.pi)
+    return float(np.sqrt(np.mean(kept**2) / (1.0 - 2.0 * most * density / share)))
 
 
 def _divided_difference(times: Array) -> Array:
@@ -131,7 +142,7 @@ def scatter_left(residual: Array, displacement: Array, knots: int, tol: Toleranc
     if tol.noise == 0.0 or told < 0.5 * residual.size:
         return np.inf
     size = np.abs(residual)
-    left = min(_trimmed_sd(size), float(np.sqrt(np.mean(size**2))))
+    left = min(_trimmed_sd(size, _QUIET), float(np.sqrt(np.mean(size**2))))
     left *= float(np.sqrt(residual.size / told))
     beyond = float(np.sqrt(max(left**2 - tol.step**2 / 12.0, 0.0)))
     return max(beyond, dither(displacement, tol.step))
