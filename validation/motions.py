@@ -4,8 +4,8 @@ python validation/motions.py [share]: of all combinations that share (default 1)
 seed. Printed are, for each kind of motion and in all: how many records; how many fitted motions lie
 farther than two resolutions (the larger of encoder step and scatter, at least 1e-4 of the stroke)
 from the true motion, farther than ten, and farther than two without a notice of it; how many have
-phases other than the motion's; the median
-and the largest number of knots; and the seconds they took.
+phases other than the motion's; the median and the largest number of knots; and the seconds they
+took.
 """
 
 from __future__ import annotations

@@ -333,15 +333,17 @@ def _simplest(
 
 
 def _worth(joints: Joints, window: Window, tol: Tolerance) -> Joints:
-    """Add knots while each takes more from the squared residuals than its numbers cost.
+    """Take away and add knots by what each takes from the squared residuals and its numbers cost.
 
     Where readings scatter, several may each be off by less than scatter could make, and all
-    together by more: a knot, and a kink, must lower the squares by ln n variances for each number
-    (Schwarz 1978), but no path is asked to be better than the floor.
+    together by more. A knot, and a kink, must lower the squares by 2 ln n variances for each of
+    its numbers, as the best of n places makes more of scatter than a given one does (Zhang &
+    Siegmund 2007). No path is asked to be better than the floor.
     """
     if tol.noise == 0.0:
         return joints
-    number = max(tol.variance, tol.floor**2) * float(np.log(window.time.size))
+    number = 2.0 * max(tol.variance, tol.floor**2) * float(np.log(window.time.size))
+    joints = _spared(joints, window, tol, number)
     for _ in range(_MOST_WORTH):
         added = with_knot_at_worst(joints, window, tol)
         kinked = replace(added, kinked=added.kinked | ~np.isin(added.knots, joints.knots))
@@ -351,6 +353,22 @@ def _worth(joints: Joints, window: Window, tol: Tolerance) -> Joints:
         if costs[best] >= _squares(joints, window):
             break
         joints = trials[best]
+    return joints
+
+
+def _spared(joints: Joints, window: Window, tol: Tolerance, number: float) -> Joints:
+    """Without knots of which the readings tell nothing: scatter now and then divides a piece."""
+    while 2 < joints.knots.size <= _FEW_KNOTS:
+        trials = [
+            optimise(replace(joints, knots=knots, kinked=kinked), window)
+            for k in range(1, joints.knots.size - 1)
+            for knots, kinked in [(np.delete(joints.knots, k), np.delete(joints.kinked, k))]
+        ]
+        best = min(trials, key=lambda trial: _squares(trial, window))
+        lost = _squares(best, window) - _squares(joints, window)
+        if lost >= 2.0 * number or _worst(best, window, tol) > tol.rest:
+            break
+        joints = best
     return joints
 
 
