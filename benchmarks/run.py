@@ -15,6 +15,7 @@ import c_steps
 import density
 import diagnosis
 import force
+import pieces
 import sampling
 import shell
 import stepping
@@ -25,6 +26,7 @@ def main():
     parts = [HEADING.format(date=datetime.date.today(), machine=machine(), commit=commit())]
     for section in (
         force_section,
+        pieces_section,
         stepping_section,
         c_section,
         density_section,
@@ -68,6 +70,26 @@ needs evenly spaced samples, this does not). The two differ by at most {error:.0
 | samples (one test) | ms | ns a sample | peak memory MB |
 |---:|---:|---:|---:|
 {rows}
+"""
+
+
+def pieces_section():
+    with tempfile.TemporaryDirectory() as cache:
+        printed = in_new_process(Path(pieces.__file__), QLVBAYES_CACHE=cache)
+    rows = [line.split("\t") for line in printed.splitlines()]
+    table = "\n".join(f"| {' | '.join(row)} |" for row in rows)
+    whole = sum(float(row[1]) for row in rows)
+    return f"""## The force of a hypothesis
+
+Microseconds a set of constants, eight at once, on the record of `data/hidden.csv` (six tests): as a
+chain of compiled pieces, as `diagnose` runs it, against the same model compiled by itself and
+called once for all tests and sets. The two take turns; the quickest of {pieces.REPEATS} counts.
+First calls, with nothing compiled before, take {whole:.1f} s together: what one has compiled the
+others use.
+
+| model | first call s | in pieces | by itself | ratio |
+|---|---:|---:|---:|---:|
+{table}
 """
 
 

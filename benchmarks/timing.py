@@ -38,7 +38,9 @@ def peak_mb():
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
 
 
-def in_new_process(file, *arguments):
+def in_new_process(file, *arguments, **environment):
     """What a script prints when it runs by itself, so that its memory is its own."""
     command = [sys.executable, str(file), *map(str, arguments)]
-    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
+    env = {**os.environ, **environment}
+    done = subprocess.run(command, check=True, capture_output=True, text=True, env=env)
+    return done.stdout.strip()

@@ -1,11 +1,14 @@
 """Fitted motions stay with their readings, and phases are those that an experimenter would name."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from qlvbayes.preprocess.departure import departure_of
+from qlvbayes.preprocess.encoder import encoder_step
 from qlvbayes.preprocess.phases import find_phases
 from qlvbayes.preprocess.polyline import corners
 from qlvbayes.preprocess.segments import dither, tolerance
@@ -17,6 +20,12 @@ STEP = 1e-3
 
 def press(t):
     return np.interp(t, [0.0, 0.5, 1.5, 2.0], [0.0, 0.0, 2.0, 2.0])
+
+
+def overshot(t):
+    s = np.maximum(t - 0.7, 0.0)
+    ring = 0.06 * np.exp(-s / 0.03) * np.cos(s / 0.02)
+    return np.where(t < 0.7, 2.06 * np.clip((t - 0.5) / 0.2, 0.0, 1.0), 2.0 + ring)
 
 
 def kinds(fit):
@@ -70,9 +79,7 @@ def test_lines_are_within_the_tolerance_of_every_reading():
 
 def test_a_platen_that_overshoots_and_settles_holds_from_its_farthest_point():
     t = np.arange(0.0, 5.0, 1e-3)
-    s = np.maximum(t - 0.7, 0.0)
-    ring = 0.06 * np.exp(-s / 0.03) * np.cos(s / 0.02)
-    x = np.where(t < 0.7, 2.06 * np.clip((t - 0.5) / 0.2, 0.0, 1.0), 2.0 + ring)
+    x = overshot(t)
     fit = smooth(t, STEP * np.round(x / STEP))
     assert kinds(fit) == ["hold", "ramp", "hold"]
     assert fit.displacement(0.7) == pytest.approx(2.06, abs=0.01)  # the motion keeps it
@@ -90,3 +97,76 @@ def test_one_reading_at_rest_is_no_phase():
     fit = smooth(t, x)
     for phase in find_phases(fit):
         assert np.count_nonzero((t >= phase.start - 1e-9) & (t <= phase.stop + 1e-9)) > 1
+
+
+@pytest.mark.parametrize("every", [1e-3, 5e-3, 2e-2])
+def test_scatter_does_not_hide_what_follows_an_overshoot(every):
+    """A few readings that are each within the scatter, but all on one side, are followed."""
+    rng = np.random.default_rng(4)
+    t = np.arange(0.0, 9.0, every)
+    noise = 0.004
+    fit = smooth(t, overshot(t) + noise * rng.normal(size=t.size))
+    off = fit.displacement(t) - overshot(t)
+    for m in (1, 2, 4, 8):
+        means = np.convolve(off, np.full(m, 1.0 / m), "valid")
+        assert np.abs(means).max() < (1.0 + np.sqrt(2.0 * np.log(t.size))) * noise / np.sqrt(m)
+    assert kinds(fit) == ["hold", "ramp", "hold"]
+
+
+def test_means_of_rounded_readings_have_the_roundings_step():
+    t = np.arange(0.0, 2.0, 5e-5)
+    x = 0.01 * np.round(press(t) / 0.01)
+    means = x.reshape(-1, 4).mean(axis=1)
+    assert encoder_step(means) == pytest.approx(0.01)
+    fit = smooth(t.reshape(-1, 4).mean(axis=1), means)
+    assert fit.knots.size < 10
+    assert np.abs(fit.displacement(t) - press(t)).max() < 0.01
+
+
+def test_an_encoder_of_small_steps_is_not_taken_for_means():
+    t = np.arange(0.0, 2.0, 1e-4)
+    for step in (0.01, 0.0025):
+        assert encoder_step(step * np.round(press(t) / step)) == pytest.approx(step)
+
+
+def test_scatter_of_a_motion_that_turns_ten_times_is_no_motion():
+    rng = np.random.default_rng(5)
+    t = np.arange(0.0, 9.0, 2e-4)
+    true = np.interp(t, np.arange(0.0, 10.0, 1.5), [0.0, 2.0] * 3 + [0.0])
+    fit = smooth(t, STEP * np.round((true + 0.25 * STEP * rng.normal(size=t.size)) / STEP))
+    assert fit.knots.size < 20
+    assert np.abs(fit.displacement(t) - true).max() < 2.0 * STEP
+
+
+def test_few_readings_at_corners_are_not_taken_for_scatter():
+    t = np.arange(0.15, 9.0, 0.4)
+    x = np.interp(t, [0.0, 0.5, 1.5, 5.0, 6.0, 9.0], [0.0, 0.0, 2.0, 2.0, 0.0, 0.0])
+    assert np.abs(smooth(t, x).displacement(t) - x).max() <= 2e-4 * 2.0
+
+
+def departed(residual, noise=0.0, step=STEP):
+    tol = replace(tolerance(np.arange(200.0), np.linspace(0.0, 1.0, 200), step), noise=noise)
+    tol = replace(tol, spread=4.0 * noise, sample=0.5 * step + 4.0 * noise)
+    return departure_of(np.arange(200.0), residual, tol)
+
+
+def test_a_reading_two_steps_from_the_motion_is_told():
+    residual = np.zeros(200)
+    residual[50] = 1.9 * STEP
+    assert departed(residual) is None
+    residual[50] = 2.1 * STEP
+    found = departed(residual)
+    assert (found.time, found.readings) == (50.0, 1)
+    assert found.distance == pytest.approx(2.1 * STEP)
+    assert "50 s" in found.notice("a", "mm")
+
+
+def test_a_run_of_readings_is_told_that_each_alone_could_be_scatter():
+    rng = np.random.default_rng(6)
+    scatter = STEP * rng.normal(size=200)
+    assert departed(scatter, noise=STEP, step=0.0) is None
+    scatter[100:116] += 3.0 * STEP
+    found = departed(scatter, noise=STEP, step=0.0)
+    assert 100.0 <= found.time < 116.0
+    assert found.readings > 1
+    assert f"mean of {found.readings} readings" in found.notice("a", "mm")

@@ -3,8 +3,9 @@
 python validation/motions.py [share]: of all combinations that share (default 1), drawn with a fixed
 seed. Printed are, for each kind of motion and in all: how many records; how many fitted motions lie
 farther than two resolutions (the larger of encoder step and scatter, at least 1e-4 of the stroke)
-from the true motion, and farther than ten; how many have phases other than the motion's; the median
-and the largest number of knots; and the seconds they took.
+from the true motion, farther than ten, and farther than two without a notice of it; how many have
+phases other than the motion's; the median and the largest number of knots; and the seconds they
+took.
 """
 
 from __future__ import annotations
@@ -103,7 +104,7 @@ def record(motion, seconds, step, scatter, rate, logger, rng):
 
 
 def outcome(motion, seconds, kinds, settings, rng):
-    """(distance over resolution, whether phases differ, knots, seconds) of one record."""
+    """(distance over resolution, if untold, if phases differ, knots, seconds) of one record."""
     t, x, true, resolution = record(motion, seconds, *settings, rng)
     begun = clock.perf_counter()
     fit = smooth(t, x)
@@ -113,7 +114,8 @@ def outcome(motion, seconds, kinds, settings, rng):
         found = "".join(phase.kind[0] for phase in find_phases(fit))
     except InputError:
         found = "-"
-    return off, bool(kinds) and found != kinds, fit.knots.size, took
+    untold = off > 2.0 and fit.departure is None
+    return off, untold, bool(kinds) and found != kinds, fit.knots.size, took
 
 
 def main(share):
@@ -125,7 +127,7 @@ def main(share):
         if rng.uniform() < share
     ]
     rows = []
-    print(f"{'motion':18} records  >2  >10  phases  knots (most)  seconds")
+    print(f"{'motion':18} records  >2  >10  untold  phases  knots (most)  seconds")
     for name, group in groupby(every, lambda one: one[0]):
         found = [outcome(*MOTIONS[name], settings, rng) for _, settings in group]
         rows += found
@@ -134,9 +136,10 @@ def main(share):
 
 
 def _line(name, found):
-    off, wrong, knots, took = (np.array(column) for column in zip(*found, strict=True))
+    off, untold, wrong, knots, took = (np.array(column) for column in zip(*found, strict=True))
     return (
-        f"{name:18} {off.size:7} {np.sum(off > 2):3} {np.sum(off > 10):4} {np.sum(wrong):7} "
+        f"{name:18} {off.size:7} {np.sum(off > 2):3} {np.sum(off > 10):4} {np.sum(untold):7} "
+        f"{np.sum(wrong):7} "
         f"{np.median(knots):6.0f} ({knots.max()}) {took.sum():8.1f}"
     )
 

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.sparse import csr_array, dia_array
 
+from qlvbayes.preprocess.bounds import Tolerance
 from qlvbayes.preprocess.freeknots import Joints
-from qlvbayes.preprocess.segments import Tolerance
 from qlvbayes.preprocess.stretch import Stretch, evaluated
 
 Array = NDArray[np.float64]

@@ -17,6 +17,7 @@ from qlvbayes.preprocess.badreadings import (
     sound_tests,
 )
 from qlvbayes.preprocess.batching import batch
+from qlvbayes.preprocess.encoder import encoder_steps
 from qlvbayes.preprocess.loadcontrol import control_of, crept_path, force_phases, with_both_errors
 from qlvbayes.preprocess.noisefloor import NoiseFloor, measure
 from qlvbayes.preprocess.noisefloor.fading import with_fading_sd
@@ -24,7 +25,7 @@ from qlvbayes.preprocess.past import Past, past_of
 from qlvbayes.preprocess.phases import Phase, find_phases, loading_rate, phase_index
 from qlvbayes.preprocess.record import Record
 from qlvbayes.preprocess.reduction import Care, reduce_test
-from qlvbayes.preprocess.segments import encoder_steps, known_scatter
+from qlvbayes.preprocess.segments import known_scatter
 from qlvbayes.preprocess.stiffness import largest_stiffness
 from qlvbayes.preprocess.trajectory import Trajectory, smooth
 

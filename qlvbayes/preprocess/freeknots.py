@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
+from qlvbayes.preprocess.bounds import Tolerance, excess
+
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
@@ -271,9 +273,9 @@ def _ordered(knots: Array, window: Window, gap: float) -> Array:
     return np.asarray((np.minimum.accumulate(back) - steps)[::-1])
 
 
-def with_knot_at_worst(joints: Joints, window: Window) -> Joints:
-    """Halve the piece with the largest residual."""
-    error = np.abs(residuals(joints, window.time, window.displacement))
+def with_knot_at_worst(joints: Joints, window: Window, tol: Tolerance) -> Joints:
+    """Halve the piece with the reading, or run of readings, that is farthest off."""
+    error = excess(residuals(joints, window.time, window.displacement), tol, tol.rest)
     at = float(window.time[int(np.argmax(error))])
     k = int(np.clip(np.searchsorted(joints.knots, at) - 1, 0, joints.knots.size - 2))
     middle = 0.5 * (joints.knots[k] + joints.knots[k + 1])
@@ -284,16 +286,15 @@ def with_knot_at_worst(joints: Joints, window: Window) -> Joints:
     )
 
 
-def insert_until_faithful(joints: Joints, window: Window, tolerance: float) -> Joints:
-    """Add knots where a residual exceeds the tolerance; in the end interpolate the samples there.
+def insert_until_faithful(joints: Joints, window: Window, tol: Tolerance) -> Joints:
+    """Add knots where readings are off by more than their errors; in the end interpolate them.
 
     Each round halves the pieces that fail; a piece too short to halve is followed from sample to
     sample by straight lines. So it ends after about log2 of the number of samples.
     """
     time, x = window.time, window.displacement
     for _ in range(40):
-        error = np.abs(residuals(joints, time, x))
-        failing = np.flatnonzero(error > tolerance)
+        failing = np.flatnonzero(excess(residuals(joints, time, x), tol, tol.rest) > 1.0)
         if failing.size == 0:
             break
         piece = np.searchsorted(joints.knots, time[failing], side="right") - 1

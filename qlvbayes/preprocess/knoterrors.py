@@ -24,9 +24,9 @@ from scipy.interpolate import BSpline
 from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import splu
 
+from qlvbayes.preprocess.bounds import Tolerance
 from qlvbayes.preprocess.clock import last_decimal
 from qlvbayes.preprocess.errors import derivative, repeated_knots
-from qlvbayes.preprocess.segments import Tolerance
 from qlvbayes.preprocess.stretch import Stretch, evaluated
 
 Array = NDArray[np.float64]

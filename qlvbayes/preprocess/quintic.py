@@ -16,8 +16,8 @@ from scipy.interpolate import BSpline, PPoly
 from scipy.linalg import solveh_banded
 from scipy.sparse import csr_array
 
+from qlvbayes.preprocess.bounds import Tolerance, excess
 from qlvbayes.preprocess.freeknots import PULL, Joints, Pieces, Window
-from qlvbayes.preprocess.segments import Tolerance
 
 Array = NDArray[np.float64]
 
@@ -138,6 +138,7 @@ def unfaithful(spline: Quintic, window: Window, tol: Tolerance) -> NDArray[np.bo
     np.maximum.at(most, span, r)
     np.minimum.at(least, span, r)
     far = (np.maximum(most, -least) > tol.sample) & (most - least > 1.25 * tol.step)
+    far[span[excess(r, tol, np.inf) > 1.0]] = True
     loud = square > tol.variance * (1.0 + _SURE * np.sqrt(2.0 / own))
     failing = far | (loud & (samples >= 2 * _FEWEST))
     beyond = max(_LITTLE, _SURE * float(np.sqrt(2.0 / own.sum())))

@@ -10,93 +10,25 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from qlvbayes.preprocess.bounds import Tolerance, excess
+
 Array = NDArray[np.float64]
 
 _FIT_SAMPLES = 200  # a quadratic needs no more samples than this
 _FEWEST_IN_DWELL = 5
 _ROUNDING = 1e-9  # a range of two whole steps is motion, however the file's unit rounds them
-_LEAST_STEP = 1e-6  # of the range: finer rounding is no encoder's
-_LARGE = 0.02  # of the range: a step that a movement there and back passes a hundred times,
-_PASSED = 20  # changes that show a larger one
 _MANY = 100  # readings that tell scatter from motion,
+_FEW = 50  # readings, of which three changes of the motion reach a third,
 _SHOWING = 50_000  # and that show it to a third of a per cent
 _REPEATS = 0.3  # of a step: sd of the scatter with which six readings repeat in half of all cases
+_STILL = 0.02  # of the windows repeat exactly: seldom for scatter of a step, more for a smaller one
+_QUIET, _QUIETEST = 0.7, 0.3  # of the windows, from the quietest on, of many readings and of few
 _SMALL = 2.0  # steps: larger changes are motion
 _UNDONE = 8  # changes undone that show a scatter
-_MOSTLY = 0.3  # of the pairs of small changes
-_UNSEEN = 0.3  # of the bound on each residual: their root mean square in an exact record
-
-
-@dataclass(frozen=True)
-class Tolerance:
-    """How far a faithful curve may stay from a reading.
-
-    ``sample`` bounds each residual, ``rest`` the half-range of readings at rest; with sensor noise
-    above the encoder step (``noise`` > 0) the means of blocks of readings are bounded as well.
-    """
-
-    sample: float
-    rest: float
-    noise: float
-    step: float
-
-    @property
-    def farthest(self) -> float:
-        """From a reading that a path may be: two resolutions, or what is bounded above if more."""
-        return max(2.0 * self.step, 2.0 * self.noise, 1.25 * max(self.sample, self.rest))
-
-    @property
-    def variance(self) -> float:
-        """Mean square of a reading's error: rounding, scatter, or what needs no following."""
-        known = self.step**2 / 12.0 + self.noise**2
-        return max(known, (_UNSEEN * self.sample) ** 2 if known == 0.0 else 0.0)
-
-
-def encoder_step(displacement: Array) -> float:
-    """Return the step of which all changes are multiples; 0 if there is none or it does not show.
-
-    A record of exactly straight lines has equal changes too, so the changes must come in more
-    than one size, or now and then be missing (or come) for a single reading. Of a large step the
-    readings pass many one by one: where few readings change at all, they are stairs of the motion.
-    """
-    span = float(np.ptp(displacement))
-    changes = np.diff(displacement)
-    sizes = np.abs(changes)
-    sizes = np.sort(sizes[sizes > 1e-9 * span])
-    if sizes.size < 2:
-        return 0.0
-    if sizes[-1] - sizes[0] < 1e-6 * sizes[-1]:
-        moving = np.abs(changes) > 0.5 * sizes[0]
-        alone = (moving[1:-1] != moving[:-2]) & (moving[1:-1] != moving[2:])
-        if np.count_nonzero(alone) < (1 if sizes[0] < _LARGE * span else 6):
-            return 0.0
-    step = float(sizes[0])
-    for _ in range(12):
-        rest = np.abs(sizes - np.round(sizes / step) * step)
-        rest = rest[rest > max(0.05 * step, 1e-9 * span)]
-        if rest.size == 0:
-            counts = np.round(sizes / step)
-            if step < _LEAST_STEP * span or (step > _LARGE * span and sizes.size < _PASSED):
-                return 0.0
-            return float(sizes @ counts / (counts @ counts))
-        step = float(rest.min())
-        if step < _LEAST_STEP * span:
-            return 0.0
-    return 0.0
-
-
-def encoder_steps(displacements: Sequence[Array]) -> list[float]:
-    """Return the step of each of several records by one encoder, 0 where none shows.
-
-    A fast test with few readings may change by multiples of many steps only; the least step of all
-    records then is its own, where it divides its changes too.
-    """
-    own = [encoder_step(x) for x in displacements]
-    least = min((step for step in own if step > 0.0), default=0.0)
-    return [
-        least if least > 0.0 and _divides(least, x) else step
-        for step, x in zip(own, displacements, strict=True)
-    ]
+_MOSTLY = 0.3  # of the pairs of small changes,
+_OFTEN = 0.1  # or so many of them
+_AT_ONCE = 2  # readings later at most
+_PER_KNOT = 2.5  # numbers that a path takes from the readings for each of its knots
 
 
 def known_scatter(
@@ -115,13 +47,6 @@ def known_scatter(
     return [least if short else np.inf for short in few]
 
 
-def _divides(step: float, displacement: Array) -> bool:
-    """Whether all changes are multiples of a step."""
-    changes = np.abs(np.diff(displacement))
-    rest = np.abs(changes - np.round(changes / step) * step)
-    return bool(np.all(rest <= max(0.05 * step, 1e-9 * float(np.ptp(displacement)))))
-
-
 def sensor_noise(time: Array, signal: Array, step: float = 0.0) -> float:
     """Return a robust sd of the scatter about local polynomials beyond rounding to ``step``.
 
@@ -130,8 +55,11 @@ def sensor_noise(time: Array, signal: Array, step: float = 0.0) -> float:
     least of the degrees is taken: a smooth motion shrinks with the degree, scatter does not.
     Scatter no larger than rounding can make is no noise. Nor can it be larger than readings allow
     that repeat exactly in most windows: what else moves there is the motion, too quick for them.
+    Nor is it larger than a step where they do in some. Of few readings most may be near changes of
+    the motion: there the quietest windows tell.
     """
     best, most = np.inf, np.inf
+    shares = (_QUIET, _QUIETEST) if time.size < _FEW else (_QUIET,)
     for points in (3, 4, 5, 6):
         if time.size < points + 6:
             break
@@ -140,23 +68,28 @@ def sensor_noise(time: Array, signal: Array, step: float = 0.0) -> float:
         moving = np.ptp(windows, axis=1) > 0.0
         if np.count_nonzero(moving) < 6:
             return 0.0
-        if 2 * np.count_nonzero(moving) < moving.size:
+        still = 1.0 - np.count_nonzero(moving) / moving.size
+        if still > 0.5:
             most = _REPEATS * step
+        elif still > _STILL and step > 0.0:
+            most = min(most, step)
         size = np.abs(np.sum(windows * weights, axis=1)[moving])
         rounding = 0.501 * step * np.abs(weights[moving]).sum(axis=1)
         beyond = int(np.count_nonzero(size > rounding))
         if step > 0.0 and beyond <= min(10, 0.05 * size.size) + 0.005 * size.size:
             return 0.0
-        best = min(best, _trimmed_sd(size))
+        best = min(best, *(_trimmed_sd(size, share) for share in shares))
     if not np.isfinite(best):
         return 0.0
     return float(np.sqrt(max(min(best, most) ** 2 - step**2 / 12.0, 0.0)))
 
 
-def _trimmed_sd(size: Array) -> float:
-    """Gaussian sd from the smaller seven tenths of the absolute values."""
-    kept = np.sort(size)[: max(1, int(0.7 * size.size))]
-    return float(np.sqrt(np.mean(kept**2)) / 0.5566)
+def _trimmed_sd(size: Array, share: float) -> float:
+    """Gaussian sd from the smaller ones of the absolute values, a share of all."""
+    kept = np.sort(size)[: max(1, int(share * size.size))]
+    most = float(ndtri(0.5 + 0.5 * share))
+    density = np.exp(-0.5 * most**2) / np.sqrt(2.0 * np.pi)
+    return float(np.sqrt(np.mean(kept**2) / (1.0 - 2.0 * most * density / share)))
 
 
 def _divided_difference(times: Array) -> Array:
@@ -185,6 +118,8 @@ def tolerance(time: Array, displacement: Array, step: float, scatter: float = np
     return Tolerance(
         sample=max(0.75 * step, 0.5 * step + spread, floor),
         rest=max(step, 0.5 * step + spread, floor),
+        spread=spread,
+        floor=floor,
         noise=noise,
         step=step,
     )
@@ -196,14 +131,32 @@ def _scatter(time: Array, displacement: Array, step: float) -> float:
     return max(sensor_noise(time[:_SHOWING], x, step), dither(x, step))
 
 
+def scatter_left(residual: Array, displacement: Array, knots: int, tol: Tolerance) -> float:
+    """Return the sd of the scatter about a fitted path; infinite where it cannot tell.
+
+    The scatter of readings that were thinned out, or that are few and mostly moving, is first taken
+    for larger than it is: what a path leaves that was held to no more than that is the most it can
+    be. Single places from which the path is far do not count, nor do the knots' own numbers.
+    """
+    told = residual.size - _PER_KNOT * knots
+    if tol.noise == 0.0 or told < 0.5 * residual.size:
+        return np.inf
+    size = np.abs(residual)
+    left = min(_trimmed_sd(size, _QUIET), float(np.sqrt(np.mean(size**2))))
+    left *= float(np.sqrt(residual.size / told))
+    beyond = float(np.sqrt(max(left**2 - tol.step**2 / 12.0, 0.0)))
+    return max(beyond, dither(displacement, tol.step))
+
+
 def dither(displacement: Array, step: float) -> float:
     """Return the sd of a scatter that moves readings to and fro by a step or two; 0 if none.
 
     Rounding alone never takes a reading back that a steady motion has passed, however slow it is.
-    Where small changes mostly undo the one before them, the second differences of readings among
-    small changes have six times their variance s^2. Scatter below half a step shows least in the
-    middle of a step, where s^2 = 2 P(scatter > step / 2): that much it can be at most; a larger one
-    has the variance s^2 - step^2 / 12.
+    Where small changes mostly undo the one before them, or many at once in a motion that goes on,
+    the second differences of readings among small changes have six times their variance s^2.
+    Scatter below half a step shows least in the middle of a step, where
+    s^2 = 2 P(scatter > step / 2): that much it can be at most; a larger one has the variance
+    s^2 - step^2 / 12.
     """
     if step == 0.0:
         return 0.0
@@ -212,8 +165,9 @@ def dither(displacement: Array, step: float) -> float:
     moves = np.flatnonzero(change != 0.0)
     pairs = small[moves[1:]] & small[moves[:-1]]
     back = pairs & (change[moves[1:]] * change[moves[:-1]] < 0.0)
-    undone = np.count_nonzero(back)
-    if undone < _UNDONE or undone < _MOSTLY * np.count_nonzero(pairs):
+    undone, of = np.count_nonzero(back), np.count_nonzero(pairs)
+    at_once = np.count_nonzero(back & (np.diff(moves) <= _AT_ONCE))
+    if undone < _UNDONE or (undone < _MOSTLY * of and at_once < _OFTEN * of):
         return 0.0
     among = small[1:] & small[:-1]
     variance = float(np.mean(np.diff(change)[among] ** 2)) / 6.0
@@ -228,27 +182,34 @@ def _quadratic_fits(time: Array, x: Array, tol: Tolerance) -> bool:
         return True
     half = 0.5 * (time[-1] - time[0])
     u = (time - time[0]) / half - 1.0
-    pick = slice(None) if n <= _FIT_SAMPLES else np.linspace(0, n - 1, _FIT_SAMPLES).astype(int)
-    if float(x.max() - x.min()) < 2.0 * tol.rest * (1.0 - _ROUNDING):
-        mean = float(x.mean())
-        if tol.noise == 0.0 or _blocks_centred(x - mean, tol):
-            return True
-    v, y = u[pick], x[pick]
+    level = float(x.max() - x.min()) < 2.0 * tol.rest * (1.0 - _ROUNDING)
+    if level and _about_zero(x - float(x.mean()), tol):
+        return True
+    v, y = _fewer(u, x, tol)
     design = np.stack([np.ones_like(v), v, v * v])
     a, b, c = np.linalg.solve(design @ design.T, design @ (y - x[0]))
     residual = x - x[0] - (a + u * (b + u * c))
     if float(np.abs(residual).max()) > tol.sample and float(np.ptp(residual)) > 1.25 * tol.step:
         return False  # a curve parallel to the fitted one may yet round to every reading
-    return tol.noise == 0.0 or _blocks_centred(residual, tol)
+    return _about_zero(residual, tol)
 
 
-def _blocks_centred(residual: Array, tol: Tolerance) -> bool:
-    """Eight block means within their sampling error: finds misfits far below the noise."""
-    size = residual.size // 8
-    if size < 8:
-        return True
-    means = residual[: 8 * size].reshape(8, size).mean(axis=1)
-    return bool(np.abs(means).max() <= 0.5 * tol.step + 5.0 * tol.noise / np.sqrt(size))
+def _fewer(u: Array, x: Array, tol: Tolerance) -> tuple[Array, Array]:
+    """At most a few hundred samples; where they scatter, means of all of them."""
+    if u.size <= _FIT_SAMPLES:
+        return u, x
+    if tol.noise == 0.0:
+        pick = np.linspace(0, u.size - 1, _FIT_SAMPLES).astype(int)
+        return u[pick], x[pick]
+    first = np.linspace(0, u.size, _FIT_SAMPLES + 1).astype(int)
+    count = np.diff(first)
+    return np.add.reduceat(u, first[:-1]) / count, np.add.reduceat(x, first[:-1]) / count
+
+
+def _about_zero(residual: Array, tol: Tolerance) -> bool:
+    """Whether means of neighbours are zero within their errors: finds misfits far below scatter."""
+    alone = tol.rest if tol.noise > 0.0 else np.inf
+    return bool(np.max(excess(residual, tol, alone)) <= 1.0)
 
 
 def greedy_segments(time: Array, displacement: Array, tol: Tolerance) -> list[tuple[int, int]]:
@@ -288,22 +249,63 @@ def find_dwells(
     time: Array, displacement: Array, segments: list[tuple[int, int]], tol: Tolerance
 ) -> list[Dwell]:
     """Return the runs of samples at rest, each stretched as far as its level reaches."""
-    speed = [_speed(time, displacement, s) for s in segments]
-    dwells: list[Dwell] = []
-    for k, (first, stop) in enumerate(segments):
+    rests = []
+    for k, segment in enumerate(segments):
+        first, stop = _longest_rest(displacement, *segment, tol)
         x = displacement[first:stop]
         if stop - first < _FEWEST_IN_DWELL or np.ptp(x) >= 2.0 * tol.rest * (1.0 - _ROUNDING):
             continue
-        if tol.noise > 0.0 and not _blocks_centred(x - x.mean(), tol):
-            continue
-        beside = max(speed[max(k - 1, 0)], speed[min(k + 1, len(segments) - 1)])
-        alone = len(segments) == 1
+        if _about_zero(x - x.mean(), tol):
+            rests.append(_Rest(first, stop, k, k))
+    speed = [_speed(time, displacement, s) for s in segments]
+    dwells = []
+    for rest in _joined(displacement, rests, tol):
+        beside = max(speed[max(rest.low - 1, 0)], speed[min(rest.high + 1, len(segments) - 1)])
+        alone = rest.low == 0 and rest.high == len(segments) - 1
         # At the speed next door it would have been seen to move.
-        if not alone and beside * (time[stop - 1] - time[first]) < 4.0 * tol.rest:
-            continue
-        dwells.append(Dwell(first, stop, float(x.mean())))
+        if alone or beside * (time[rest.stop - 1] - time[rest.first]) >= 4.0 * tol.rest:
+            level = float(displacement[rest.first : rest.stop].mean())
+            dwells.append(Dwell(rest.first, rest.stop, level))
     found = _stretched(displacement, _distinct(dwells, tol), tol)
     return [dwell for dwell in found if not _turns(time, displacement, dwell, tol)]
+
+
+@dataclass(frozen=True)
+class _Rest:
+    """Samples [first, stop) that may be at rest, of the segments from ``low`` to ``high``."""
+
+    first: int
+    stop: int
+    low: int
+    high: int
+
+
+def _longest_rest(displacement: Array, begin: int, end: int, tol: Tolerance) -> tuple[int, int]:
+    """The readings of a segment, or where they scatter the most neighbours about its median.
+
+    A parabola that scatter allows may take in the end of a movement, or its last small swings.
+    """
+    if tol.noise == 0.0:
+        return begin, end
+    x = displacement[begin:end]
+    off = np.flatnonzero(excess(x - float(np.median(x)), tol, tol.rest) > 1.0)
+    edges = np.concatenate([[-1], off, [x.size]])
+    longest = int(np.argmax(np.diff(edges)))
+    return begin + int(edges[longest]) + 1, begin + int(edges[longest + 1])
+
+
+def _joined(displacement: Array, rests: list[_Rest], tol: Tolerance) -> list[_Rest]:
+    """Rests that scatter alone has divided are one: about a common level they scatter as usual."""
+    out: list[_Rest] = []
+    for rest in rests:
+        out.append(rest)
+        while tol.noise > 0.0 and len(out) > 1:
+            before, after = out[-2:]
+            x = displacement[before.first : after.stop]
+            if not _about_zero(x - x.mean(), tol):
+                break
+            out[-2:] = [_Rest(before.first, after.stop, before.low, after.high)]
+    return out
 
 
 def _turns(time: Array, displacement: Array, dwell: Dwell, tol: Tolerance) -> bool:
@@ -341,7 +343,9 @@ def _stretched(displacement: Array, dwells: list[Dwell], tol: Tolerance) -> list
     for k, dwell in enumerate(dwells):
         low = out[-1].stop if out else 0
         high = dwells[k + 1].first if k + 1 < len(dwells) else displacement.size
-        near = np.abs(displacement[low:high] - dwell.level) <= tol.sample
+        level_error = tol.spread / float(np.sqrt(dwell.stop - dwell.first))
+        off = displacement[low:high] - dwell.level
+        near = excess(off, tol, tol.sample, level_error) <= 1.0
         before = np.flatnonzero(~near[: dwell.first - low])
         after = np.flatnonzero(~near[dwell.stop - low :])
         first = low + int(before[-1]) + 1 if before.size else low

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from qlvbayes.preprocess import quintic
+from qlvbayes.preprocess.bounds import Tolerance, excess
 from qlvbayes.preprocess.freeknots import (
     Joints,
     Pieces,
@@ -25,7 +26,7 @@ from qlvbayes.preprocess.freeknots import (
     with_knot_at_worst,
 )
 from qlvbayes.preprocess.polyline import corners
-from qlvbayes.preprocess.segments import Dwell, Tolerance
+from qlvbayes.preprocess.segments import Dwell
 
 Array = NDArray[np.float64]
 
@@ -38,6 +39,7 @@ _FEW_KNOTS = 10  # beyond, another one is not tried
 _PLAIN = 4  # pieces of a trapezoid of velocity and one more: nothing smooth is simpler
 _PER_PIECE = 2.5  # numbers a piece costs: its acceleration, its knot, now and then a kink
 _PER_KINK = 2.5  # times the numbers that a curve may take where the pieces end in straight lines
+_MOST_WORTH = 10  # knots that are added to a path that is faithful without them
 _MOST_PIECES = 400  # beyond, only a smooth curve is tried first
 
 
@@ -146,8 +148,8 @@ def _fitted(
     knots = np.array([t[low], *cuts, t[high]])
     if knots.size - 1 <= _PLAIN:
         plain = _simplest(knots, left, right, window, tol)
-        if _worst(plain, window) <= tol.rest:
-            return _constant(plain, window)
+        if _worst(plain, window, tol) <= tol.rest:
+            return _constant(_worth(plain, window, tol), window)
     ends = Joints(knots[[0, -1]], np.array([False, False]), left, right)
     curve = _smooth(ends, window, tol)
     if curve is not None and (
@@ -155,7 +157,7 @@ def _fitted(
     ):
         return curve
     plain = _simplest(knots, left, right, window, tol)
-    faithful = insert_until_faithful(plain, window, tol.rest)
+    faithful = _worth(insert_until_faithful(plain, window, tol), window, tol)
     found = _constant(faithful, window)
     price = _PER_KINK if faithful.knots.size > plain.knots.size else 1.0
     return curve if curve is not None and curve.numbers < price * found.numbers else found
@@ -310,28 +312,74 @@ def _simplest(
     long = np.concatenate([[True], many[:-1] & many[1:], [True]])
     smooth_start = Joints(knots, np.zeros(knots.size, dtype=bool), left, right)
     best = optimise(smooth_start, window)
-    least = _worst(best, window)
+    least = _worst(best, window, tol)
     if least <= tol.rest and _fewest_samples(best, window) >= _FEWEST_RESOLVED:
         return best
     merged = Joints(knots[long], np.ones(int(long.sum()), dtype=bool), left, right)
     trial = optimise(merged, window)
-    if _worst(trial, window) <= tol.sample:
+    if _worst(trial, window, tol) <= tol.sample:
         return trial
     trial = best
     for _ in range(_EXTRA_KNOTS):
         if least <= tol.rest or trial.knots.size > _FEW_KNOTS:
             break
-        trial = optimise(with_knot_at_worst(trial, window), window)
-        if (worst := _worst(trial, window)) < least:
+        trial = optimise(with_knot_at_worst(trial, window, tol), window)
+        if (worst := _worst(trial, window, tol)) < least:
             best, least = trial, worst
     if least <= tol.rest and _fewest_samples(best, window) >= _FEWEST_RESOLVED:
         return best
     trial = optimise(replace(smooth_start, kinked=np.ones(knots.size, dtype=bool)), window)
-    return trial if _worst(trial, window) < max(least, tol.sample) else best
+    return trial if _worst(trial, window, tol) < max(least, tol.sample) else best
 
 
-def _worst(joints: Joints, window: Window) -> float:
-    return float(np.abs(residuals(joints, window.time, window.displacement)).max())
+def _worth(joints: Joints, window: Window, tol: Tolerance) -> Joints:
+    """Take away and add knots by what each takes from the squared residuals and its numbers cost.
+
+    Where readings scatter, several may each be off by less than scatter could make, and all
+    together by more. A knot, and a kink, must lower the squares by 2 ln n variances for each of
+    its numbers, as the best of n places makes more of scatter than a given one does (Zhang &
+    Siegmund 2007). No path is asked to be better than the floor.
+    """
+    if tol.noise == 0.0:
+        return joints
+    number = 2.0 * max(tol.variance, tol.floor**2) * float(np.log(window.time.size))
+    joints = _spared(joints, window, tol, number)
+    for _ in range(_MOST_WORTH):
+        added = with_knot_at_worst(joints, window, tol)
+        kinked = replace(added, kinked=added.kinked | ~np.isin(added.knots, joints.knots))
+        trials = [optimise(some, window) for some in (added, kinked)]
+        costs = [_squares(one, window) + k * number for one, k in zip(trials, (2, 3), strict=True)]
+        best = int(np.argmin(costs))
+        if costs[best] >= _squares(joints, window):
+            break
+        joints = trials[best]
+    return joints
+
+
+def _spared(joints: Joints, window: Window, tol: Tolerance, number: float) -> Joints:
+    """Without knots of which the readings tell nothing: scatter now and then divides a piece."""
+    while 2 < joints.knots.size <= _FEW_KNOTS:
+        trials = [
+            optimise(replace(joints, knots=knots, kinked=kinked), window)
+            for k in range(1, joints.knots.size - 1)
+            for knots, kinked in [(np.delete(joints.knots, k), np.delete(joints.kinked, k))]
+        ]
+        best = min(trials, key=lambda trial: _squares(trial, window))
+        lost = _squares(best, window) - _squares(joints, window)
+        if lost >= 2.0 * number or _worst(best, window, tol) > tol.rest:
+            break
+        joints = best
+    return joints
+
+
+def _squares(joints: Joints, window: Window) -> float:
+    return float(np.sum(residuals(joints, window.time, window.displacement) ** 2))
+
+
+def _worst(joints: Joints, window: Window, tol: Tolerance) -> float:
+    """How far the worst reading is off; or the worst run of readings, as far beyond its bound."""
+    off = residuals(joints, window.time, window.displacement)
+    return tol.rest * float(excess(off, tol, tol.rest).max())
 
 
 def _fewest_samples(joints: Joints, window: Window) -> int:

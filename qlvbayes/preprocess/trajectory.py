@@ -11,15 +11,17 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PPoly
 
 from qlvbayes.io.checks import InputError
+from qlvbayes.preprocess.bounds import Tolerance
 from qlvbayes.preprocess.clock import clock_error
+from qlvbayes.preprocess.departure import Departure, departure_of
+from qlvbayes.preprocess.encoder import encoder_step
 from qlvbayes.preprocess.errors import Errors, errors
 from qlvbayes.preprocess.knoterrors import Moments, moments
 from qlvbayes.preprocess.segments import (
     Dwell,
-    Tolerance,
-    encoder_step,
     find_dwells,
     greedy_segments,
+    scatter_left,
     tolerance,
 )
 from qlvbayes.preprocess.stretch import Stretch, fitted
@@ -32,23 +34,8 @@ _JUMPS = 0.5  # share of the changes of velocity that are too quick to be resolv
 _EXACT = 1e-6  # of the range: no record is better than that
 _FREEDOM = 10  # readings in motion, a knot, that tell errors of readings from the path
 _SAME = 1e-6  # of the largest: smaller jumps are rounding
-
-
-@dataclass(frozen=True)
-class Departure:
-    """The reading from which a motion is farthest: time (s), distance, and what errors explain."""
-
-    time: float
-    distance: float
-    explained: float
-
-    def notice(self, test: str, unit: str) -> str:
-        """In a sentence."""
-        return (
-            f"test {test}: the fitted motion is {self.distance:.3g} {unit} from the reading at "
-            f"{self.time:.6g} s, where scatter and resolution explain {self.explained:.2g} {unit}; "
-            "see whether readings there are wrong"
-        )
+_TRIALS = 5  # fits at most, each with the scatter that the one before it left,
+_LESS = 0.7  # if that is less than so much of what was assumed
 
 
 @dataclass(frozen=True)
@@ -66,8 +53,8 @@ class Trajectory:
     ``clock_sd``: sd in s of the error of each reading's time stamp, from the jitter of the clock
     and the rounding of the stamps (``clock.clock_error``), and no more than the readings of the
     moving platen allow; 0 where stamps are exact or none were read. ``read_at``: times (n,) of the
-    readings, None for a planned motion; ``departure``: where the path is farthest from a reading,
-    if that is more than the readings' errors explain.
+    readings, None for a planned motion; ``departure``: where the path is farthest from readings, if
+    that is more than two resolutions and more than their scatter explains.
     """
 
     knots: Array
@@ -238,11 +225,16 @@ def smooth(
     x = np.asarray(displacement, dtype=np.float64)
     _check(t, x)
     step = encoder_step(x) if resolution is None else float(resolution)
-    tol = tolerance(t, x, step, scatter)
-    segments = greedy_segments(t, x, tol)
-    dwells = find_dwells(t, x, segments, tol)
-    parts = _stretches(t, x, segments, dwells, tol)
-    return _joined(t, x, parts, dwells, tol)
+    for _ in range(_TRIALS):
+        tol = tolerance(t, x, step, scatter)
+        segments = greedy_segments(t, x, tol)
+        dwells = find_dwells(t, x, segments, tol)
+        parts = _stretches(t, x, segments, dwells, tol)
+        path = _joined(t, parts, dwells, tol)
+        scatter = scatter_left(x - path.displacement(t), x, path.knots.size, tol)
+        if scatter >= _LESS * tol.noise:
+            break
+    return _with_errors(t, x, path, parts, dwells, tol)
 
 
 def _check(time: Array, displacement: Array) -> None:
@@ -270,9 +262,7 @@ def _stretches(
     return parts
 
 
-def _joined(
-    t: Array, x: Array, parts: list[Stretch], dwells: list[Dwell], tol: Tolerance
-) -> Trajectory:
+def _joined(t: Array, parts: list[Stretch], dwells: list[Dwell], tol: Tolerance) -> Trajectory:
     """Put moving parts and dwells in order of time."""
     most = max((_order(p) for p in parts), default=0)
     starts = [part.pieces.knots[:-1] for part in parts]
@@ -284,29 +274,31 @@ def _joined(
     knots = np.concatenate(starts)
     order = np.argsort(knots, kind="stable")
     d, v, a, *higher = np.concatenate(values, axis=1)[:, order]
-    found = [errors(part, tol) for part in parts]
-    plain = Trajectory(
+    return Trajectory(
         np.append(knots[order], t[-1]), d, v, a, tol.step, np.array(higher) if higher else None
     )
-    clock = _clock_sd(t, x, plain)
+
+
+def _with_errors(
+    t: Array,
+    x: Array,
+    path: Trajectory,
+    parts: list[Stretch],
+    dwells: list[Dwell],
+    tol: Tolerance,
+) -> Trajectory:
+    """The path with all that the readings tell of its errors."""
+    found = [errors(part, tol) for part in parts]
+    clock = _clock_sd(t, x, path)
     return replace(
-        plain,
+        path,
         error=_all_errors(t, parts, found, dwells, tol),
-        unresolved=_unresolved(plain, parts, found),
+        unresolved=_unresolved(path, parts, found),
         moments=_all_moments(t, parts, dwells, tol, clock),
         clock_sd=clock,
         read_at=t,
-        departure=_departure(t, x, plain, tol),
+        departure=departure_of(t, x - path.displacement(t), tol),
     )
-
-
-def _departure(t: Array, x: Array, motion: Trajectory, tol: Tolerance) -> Departure | None:
-    """Every reading is set against the path; None where all errors explain what is left."""
-    off = np.abs(motion.displacement(t) - x)
-    worst = int(np.argmax(np.where(np.isfinite(off), off, np.inf)))
-    if off[worst] <= tol.farthest:
-        return None
-    return Departure(float(t[worst]), float(off[worst]), tol.farthest)
 
 
 def _clock_sd(t: Array, x: Array, motion: Trajectory) -> float:

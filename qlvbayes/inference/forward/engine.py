@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cache
 from threading import Lock
 from typing import Any
 
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 
 from qlvbayes.inference.forward.pieces import (
     Question,
+    common_piece_of,
     material_of,
     piece_of,
     plan_of,
@@ -73,15 +75,14 @@ class Sets:
 class Tests:
     """Tests of about one length, as pieces take them.
 
-    members: places in the record; structure, leaves: of the motion, (T, K, N) with the same for all
-    sets; time: (T, N) in s; begin, end: where block means do in a force (T, K, N), flattened,
-    (T, K, B); known: motions that layers without constants make of it.
+    members: places in the record; structure, leaves: of the motion, (T, N), the same for all sets;
+    begin, end: where block means do in a force (T, K, N), flattened, (T, K, B); known: motions that
+    layers without constants make of it.
     """
 
     members: list[int]
     structure: Any
     leaves: Leaves
-    time: Any
     begin: NDArray[np.intp]
     end: NDArray[np.intp]
     known: dict[Any, Leaves] = field(default_factory=dict)
@@ -91,13 +92,11 @@ class Tests:
         """Some tests of a record, their motions cut after so many points."""
         motion = jax.tree.map(lambda leaf: np.asarray(leaf)[members], record.motion)
         leaves, structure = jax.tree.flatten(motion)
-        cut = [leaf[:, :points] if leaf.ndim > 1 else leaf for leaf in leaves]
+        own = tuple(jnp.asarray(leaf[:, :points] if leaf.ndim > 1 else leaf) for leaf in leaves)
         nodes = np.asarray(record.nodes)[members]
         first = (np.arange(len(members))[:, None] * SETS + np.arange(SETS)) * points
         begin, end = (first[:, :, None] + nodes[:, None, :, k] for k in (0, 1))
-        own = tuple(jnp.asarray(np.repeat(leaf[:, None], SETS, axis=1)) for leaf in cut)
-        time = jnp.asarray(motion.time[:, :points])
-        return cls(members, structure, own, time, begin, end)
+        return cls(members, structure, own, begin, end)
 
     def block_means(self, force: Array) -> Array:
         """(K, T, B) of a force (T, K, N)."""
@@ -126,35 +125,40 @@ class Chain:
     def _under(self, count: int, sets: Sets, tests: Tests, leaves: Leaves, structure: Any) -> Any:
         """The force of the innermost layers, so many, over the material, under a motion."""
         if count == 0:
-            return self._material(sets, tests, jax.tree.unflatten(structure, leaves))
+            return self._material(sets, jax.tree.unflatten(structure, leaves))
         layer, own = self.layers[count - 1], sets.layers[count - 1]
-        plan = plan_of(layer, self.elastic, structure)
+        plan, alike = plan_of(layer, self.elastic, structure), _alike(leaves, structure)
         if plan is None:
-            whole = whole_of(self.layers[:count], self.elastic, structure)
+            whole = whole_of(self.layers[:count], self.elastic, structure, alike)
             return whole(sets.layers[:count], sets.laws, leaves)
         elastic, laws = (self.elastic, sets.laws) if plan.is_looking else (None, ())
         answers: list[Any] = []
         for turn, question in enumerate(plan.questions):
-            key = (layer, turn) if leaves is tests.leaves and own.shape[1] == 0 else None
-            asked = tests.known.get(key)
-            if asked is None:
-                new = ()
-                if any(question.new):
-                    piece = piece_of(layer, elastic, structure, turn, question.new)
-                    new = piece(own, laws, leaves, answers)
-                asked = _replaced(leaves, new, question)
-                if key is not None:
-                    tests.known[key] = asked
+            asked = leaves
+            if any(question.new) and all(alike) and not own.shape[1] and turn == 0:
+                asked = self._common(layer, tests, leaves, structure, question)
+            elif any(question.new):
+                piece = piece_of(layer, elastic, structure, turn, alike, question.new)
+                asked = _replaced(leaves, piece(own, laws, leaves, answers), question)
             answers.append(self._under(count - 1, sets, tests, asked, question.structure))
-        last = piece_of(layer, elastic, structure, len(plan.questions))
+        last = piece_of(layer, elastic, structure, len(plan.questions), alike)
         return last(own, laws, leaves, answers)
 
-    def _material(self, sets: Sets, tests: Tests, motion: Motion) -> Any:
+    def _common(
+        self, layer: Any, tests: Tests, leaves: Leaves, structure: Any, question: Question
+    ) -> Leaves:
+        """What a layer without constants makes of a motion that all sets have: done once."""
+        key = layer, *map(id, leaves)
+        if key not in tests.known:
+            new = common_piece_of(layer, structure, question.new)(leaves)
+            tests.known[key] = _replaced(leaves, new, question)
+        return tests.known[key]
+
+    def _material(self, sets: Sets, motion: Motion) -> Any:
         """The force of the material alone."""
-        alike, at_once = sets.rates.ndim == 1, motion.time is tests.leaves[0]
-        shared = alike and at_once  # only then there is less to compute
-        force = material_of(self.elastic, alike=alike, at_once=shared)
-        path = tests.time if shared else motion.time, motion.displacement, motion.bow
+        path: tuple[Any, Any, Any] = motion.time, motion.displacement, motion.bow
+        alike = path[0].ndim == 2, path[1].ndim == 2, path[2].ndim == 2
+        force = material_of(self.elastic, sets.rates.ndim == 1, alike)
         return force(sets.elastic, sets.fractions, sets.rates, *path)
 
 
@@ -198,6 +202,19 @@ def _by_length(record: Record) -> list[Tests]:
             size //= 2
         members.setdefault(size, []).append(k)
     return [Tests.of(record, some, size) for size, some in members.items()]
+
+
+def _alike(leaves: Leaves, structure: Any) -> tuple[bool, ...]:
+    """Which leaves of a motion are the same for all sets: (T, N), or (T,) of its beginning."""
+    beginning = _place_of_start(structure)
+    return tuple(leaf.ndim == (1 if k == beginning else 2) for k, leaf in enumerate(leaves))
+
+
+@cache
+def _place_of_start(structure: Any) -> int:
+    """Of a motion's beginning on the pad's clock, among its leaves."""
+    places: Motion = jax.tree.unflatten(structure, list(range(structure.num_leaves)))
+    return int(places.start)
 
 
 def _replaced(leaves: Leaves, new: Any, question: Question) -> Leaves:

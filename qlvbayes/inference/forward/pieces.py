@@ -29,9 +29,10 @@ from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
 from qlvbayes.laws.relaxation.spectrum import Spectrum
 
-# What XLA's newer emitters and LLVM's costly passes would gain in speed cannot be measured, and
-# compiling takes twice as long with them.
-_QUICK = {"xla_cpu_use_fusion_emitters": False, "xla_llvm_disable_expensive_passes": True}
+# LLVM's costly passes take half of the time to compile, and what they gain cannot be measured.
+# XLA's newer emitters take as much again; they make the material's recursion a quarter faster.
+_QUICK = {"xla_llvm_disable_expensive_passes": True}
+_QUICKEST = {**_QUICK, "xla_cpu_use_fusion_emitters": False}
 _POINTS = 8  # of the motion on which it is seen what a layer asks for: any number would do
 
 
@@ -156,14 +157,20 @@ def _dummy(of_motion: Any) -> Motion:
 
 @cache
 def piece_of(
-    layer: Any, elastic: Any, of_motion: Any, turn: int, new: tuple[bool, ...] = ()
+    layer: Any,
+    elastic: Any,
+    of_motion: Any,
+    turn: int,
+    alike: tuple[bool, ...],
+    new: tuple[bool, ...] = (),
 ) -> Callable[..., Any]:
     """The compiled piece of a layer before its question ``turn``, or after the last answer.
 
-    elastic: None where the layer does not look at the laws; new: of the question.
+    elastic: None where the layer does not look at the laws; alike: which leaves of the motion are
+    the same for all sets, (T, N) and not (T, K, N); new: of the question.
     Its arguments: the layer's constants (K, P); the elastic law's constants (K, E), fractions
     (K, L + 1) and rates (K, L), or nothing where the layer does not look at them; the leaves of the
-    motion, (T, K, N); the answers so far. It gives the new leaves, or the force (T, K, N).
+    motion; the answers so far, (T, K, N). It gives the new leaves, or the force (T, K, N).
     """
 
     def one(own: Array, laws: Any, leaves: Sequence[Array], answers: Sequence[Array]) -> Any:
@@ -178,11 +185,29 @@ def piece_of(
         asked = jax.tree.leaves(beneath.asked[turn])
         return [leaf for leaf, is_new in zip(asked, new, strict=True) if is_new]
 
-    return _compiled(_over_all(one, (0, 0, 0, 0), (None, None, 0, 0)))
+    axes = tuple(None if same else 0 for same in alike)
+    return _compiled(_over_all(one, (0, 0, axes, 0), (None, None, 0, 0)))
 
 
 @cache
-def whole_of(layers: tuple[Any, ...], elastic: Any, of_motion: Any) -> Callable[..., Array]:
+def common_piece_of(layer: Any, of_motion: Any, new: tuple[bool, ...]) -> Callable[..., Any]:
+    """The first piece of a layer without constants, under a motion that all sets have: (T, N)."""
+
+    def one(leaves: Sequence[Array]) -> list[Array]:
+        beneath = _Beneath(None, None, ())
+        whole: Layer = jax.tree.unflatten(layer, [])
+        with suppress(_AskedError):
+            whole.force(beneath, jax.tree.unflatten(of_motion, leaves))  # type: ignore[arg-type]
+        asked = jax.tree.leaves(beneath.asked[0])
+        return [leaf for leaf, is_new in zip(asked, new, strict=True) if is_new]
+
+    return _compiled(jax.vmap(one))
+
+
+@cache
+def whole_of(
+    layers: tuple[Any, ...], elastic: Any, of_motion: Any, alike: tuple[bool, ...]
+) -> Callable[..., Array]:
     """The compiled force of a law under layers that cannot be cut into pieces, (T, K, N).
 
     Its arguments are those of `piece_of`, with each layer's constants and without answers.
@@ -193,16 +218,17 @@ def whole_of(layers: tuple[Any, ...], elastic: Any, of_motion: Any) -> Callable[
         law, relaxation = jax.tree.unflatten(elastic, list(laws[0])), Spectrum(*laws[1:])
         return Law(law, relaxation, over).force(jax.tree.unflatten(of_motion, leaves))
 
-    return _compiled(_over_all(one, (0, 0, 0), (None, None, 0)))
+    axes = tuple(None if same else 0 for same in alike)
+    return _compiled(_over_all(one, (0, 0, axes), (None, None, 0)))
 
 
 @cache
-def material_of(elastic: Any, *, alike: bool, at_once: bool) -> Callable[..., Array]:
+def material_of(elastic: Any, rates: bool, path: tuple[bool, bool, bool]) -> Callable[..., Array]:
     """The compiled force of the material alone, (T, K, N).
 
-    Of the elastic law's constants (K, E), fractions (K, L + 1), rates, time, depth (T, K, N) and
-    bow (T, K, N). alike: whether all sets have the same rates (L,), not (K, L); at_once: whether
-    they have the same times (T, N), not (T, K, N).
+    Of the elastic law's constants (K, E), fractions (K, L + 1), rates (K, L), time, depth and bow
+    (T, K, N). rates: whether all sets have the same, (L,); path: the same of time, depth and bow,
+    which are (T, N) then.
     """
 
     def one(
@@ -211,8 +237,8 @@ def material_of(elastic: Any, *, alike: bool, at_once: bool) -> Callable[..., Ar
         spectrum = Spectrum(fractions, rates)
         return hereditary_force(jax.tree.unflatten(elastic, list(law)), spectrum, time, depth, bow)
 
-    inner = (0, 0, None if alike else 0, None if at_once else 0, 0, 0)
-    return _compiled(_over_all(one, inner, (None, None, None, 0, 0, 0)))
+    inner = (0, 0, *(None if same else 0 for same in (rates, *path)))
+    return _compiled(_over_all(one, inner, (None, None, None, 0, 0, 0)), _QUICK)
 
 
 def _over_all(one: Callable[..., Any], sets: Any, tests: Any) -> Callable[..., Any]:
@@ -220,16 +246,19 @@ def _over_all(one: Callable[..., Any], sets: Any, tests: Any) -> Callable[..., A
     return jax.vmap(jax.vmap(one, in_axes=sets), in_axes=tests)
 
 
-def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    return jax.jit(function, compiler_options=_known_options())
+def _compiled(
+    function: Callable[..., Any], options: dict[str, bool] = _QUICKEST
+) -> Callable[..., Any]:
+    known = {name: value for name, value in options.items() if name in _known_options()}
+    return jax.jit(function, compiler_options=known)
 
 
 @cache
-def _known_options() -> dict[str, bool]:
+def _known_options() -> frozenset[str]:
     """Those that this XLA knows: options come and go with its versions."""
-    found = {}
-    for name, value in _QUICK.items():
+    found = set()
+    for name, value in _QUICKEST.items():
         with suppress(jax.errors.JaxRuntimeError):
             jax.jit(lambda x: x, compiler_options={name: value}).lower(0.0).compile()
-            found[name] = value
-    return found
+            found.add(name)
+    return frozenset(found)

@@ -193,13 +193,10 @@ class Space:
         """Fractions (K, L + 1) and rates (K, L), with the effects that act on these alone."""
         own, rows = self.parameters(hypothesis), few_sizes(constants)
         model: Model = own.posterior.model
-        relaxation = _filled(model.relaxation, rows[:, own.columns[RELAXATION]])
-        effects = tuple(
-            _filled(effect, rows[:, own.columns[effect.name]])
-            for effect in model.effects
-            if effect.name in self.relaxing
-        )
-        fractions, rates = _spectrum(relaxation, effects)
+        effects = [effect for effect in model.effects if effect.name in self.relaxing]
+        columns = [rows[:, own.columns[RELAXATION]]]
+        columns += [rows[:, own.columns[effect.name]] for effect in effects]
+        fractions, rates = _spectrum(_filling(model.relaxation, *effects), tuple(columns))
         return np.asarray(fractions)[: len(constants)], np.asarray(rates)[: len(constants)]
 
     def draws(self, part: str, name: str, seed: int = 0) -> Array:
@@ -245,15 +242,21 @@ def _emptied(part: Any) -> Any:
     return jax.tree.map(lambda leaf: 0.0, part, is_leaf=is_prior)
 
 
-def _filled(part: Any, constants: Array) -> Any:
-    """A law or effect with the first of constants (K, ...) in the place of its fields, (K, ...)."""
-    leaves, structure = jax.tree.flatten(part, is_leaf=is_prior)
-    found, start = [], 0
-    for shape in map(value_shape, leaves):
-        count = math.prod(shape)
-        found.append(constants[:, start : start + count].reshape(len(constants), *shape))
-        start += count
-    return jax.tree.unflatten(structure, found)
+def _filling(*parts: Any) -> tuple[tuple[Any, tuple[tuple[int, ...], ...]], ...]:
+    """Of laws and effects, the structure and the shapes of the fields."""
+    found = []
+    for part in parts:
+        leaves, structure = jax.tree.flatten(part, is_leaf=is_prior)
+        found.append((structure, tuple(value_shape(leaf) for leaf in leaves)))
+    return tuple(found)
+
+
+def _filled(structure: Any, shapes: tuple[tuple[int, ...], ...], constants: JaxArray) -> Any:
+    """A law or effect with constants (P,) in its fields."""
+    ends = np.cumsum([math.prod(shape) for shape in shapes])[:-1].tolist()
+    parts = jnp.split(constants, ends)
+    values = [part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)]
+    return jax.tree.unflatten(structure, values)
 
 
 @partial(jax.jit, static_argnums=0)
@@ -267,21 +270,24 @@ def _elastic_curves(structure: Any, depths: JaxArray, constants: JaxArray) -> Ja
     return jax.vmap(one)(constants)
 
 
-@jax.jit
-def _spectrum(
-    relaxation: AbstractRelaxation, effects: tuple[AbstractEffect, ...]
-) -> tuple[JaxArray, JaxArray]:
-    """Fractions (K, L + 1) and rates (K, L) of laws and effects with K sets of constants."""
+@partial(jax.jit, static_argnums=0)
+def _spectrum(filling: Any, columns: tuple[JaxArray | Array, ...]) -> tuple[JaxArray, JaxArray]:
+    """Fractions (K, L + 1) and rates (K, L) of a relaxation and what acts on it, by constants.
 
-    def one(
-        relaxation: AbstractRelaxation, effects: tuple[AbstractEffect, ...]
-    ) -> tuple[JaxArray, JaxArray]:
-        found = relaxation.spectrum()
+    Plain arrays: to take modules apart at every call would cost as much as a force.
+    """
+
+    def one(columns: tuple[Any, ...]) -> tuple[JaxArray, JaxArray]:
+        pairs = zip(filling, columns, strict=True)
+        relaxation, *effects = [
+            _filled(structure, shapes, own) for (structure, shapes), own in pairs
+        ]
+        found: tuple[JaxArray, JaxArray] = relaxation.spectrum()
         for effect in effects:
-            found = effect.spectrum(*found) or found
+            found = effect.spectrum(*found)
         return found
 
-    return jax.vmap(one)(relaxation, effects)
+    return jax.vmap(one)(columns)
 
 
 @jax.jit

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from qlvbayes.preprocess.segments import encoder_step
+from qlvbayes.preprocess.encoder import encoder_step
 
 Array = NDArray[np.float64]
 Run = tuple[int, int]

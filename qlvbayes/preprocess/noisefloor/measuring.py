@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.optimize import Bounds, minimize
 
 from qlvbayes.preprocess.badreadings import outlying
+from qlvbayes.preprocess.encoder import encoder_step
 from qlvbayes.preprocess.noisefloor.cycles import find_cycles
 from qlvbayes.preprocess.noisefloor.dwells import (
     Dwell,
@@ -22,7 +23,7 @@ from qlvbayes.preprocess.noisefloor.floor import NoiseFloor
 from qlvbayes.preprocess.noisefloor.pool import Pool
 from qlvbayes.preprocess.noisefloor.posterior import Dwells, usual_log_tau
 from qlvbayes.preprocess.phases import MOVING, Phase
-from qlvbayes.preprocess.segments import encoder_step, sensor_noise
+from qlvbayes.preprocess.segments import sensor_noise
 
 Array = NDArray[np.float64]
 

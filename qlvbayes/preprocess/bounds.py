@@ -1,0 +1,86 @@
+"""How far readings may lie from the path of the platen, alone and in runs of neighbours.
+
+A reading alone shows no misfit below several standard deviations of the scatter. The mean of m
+neighbours scatters by 1 / sqrt(m) of that: what is too small to be seen in one reading shows in a
+run of them (the scan statistic; Glaz, Naus & Wallenstein 2001). Runs have 2, 4, 8, ... readings;
+their means may be off by half a step of the encoder, which rounding repeats, and what scatter
+leaves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_UNSEEN = 0.3  # of the bound on each residual: their root mean square in an exact record
+TINY = 1e-300  # for a platen that never moves
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """How far a faithful curve may stay from readings, all in units of displacement.
+
+    ``sample`` bounds each residual, ``rest`` the half-range of readings at rest; with sensor noise
+    above the encoder step (``noise`` > 0, its sd) the means of runs of readings are bounded as
+    well. ``spread``: as far as scatter takes one reading of all; ``floor``: what no record is
+    asked to be better than; ``step``: the encoder's.
+    """
+
+    sample: float
+    rest: float
+    spread: float
+    floor: float
+    noise: float
+    step: float
+
+    @property
+    def farthest(self) -> float:
+        """From a reading that a path may be: two resolutions, or what is bounded above if more."""
+        return max(2.0 * self.step, 2.0 * self.noise, 1.25 * max(self.sample, self.rest))
+
+    @property
+    def variance(self) -> float:
+        """Mean square of a reading's error: rounding, scatter, or what needs no following."""
+        known = self.step**2 / 12.0 + self.noise**2
+        return max(known, (_UNSEEN * self.sample) ** 2 if known == 0.0 else 0.0)
+
+    @property
+    def resolution(self) -> float:
+        """The largest of step, scatter's sd and floor."""
+        return max(self.step, self.noise, self.floor)
+
+    def run(self, length: int) -> float:
+        """What the mean of so many neighbouring residuals may be."""
+        return max(0.5 * self.step + self.spread / float(np.sqrt(length)), self.floor)
+
+
+def excess(residual: Array, tol: Tolerance, alone: float, common: float = 0.0) -> Array:
+    """How far each reading (n,) is off, or a run about it, over what is allowed: at most 1.
+
+    residual (n,): readings less a path, in order of time; alone: what one reading may be off;
+    common: what all may be off together.
+    """
+    found = np.abs(residual) / max(alone, TINY)
+    for length, means in runs(residual, tol):
+        middle = found[length // 2 : length // 2 + means.size]
+        np.maximum(middle, means / (tol.run(length) + common), out=middle)
+    return found
+
+
+def runs(residual: Array, tol: Tolerance) -> Iterator[tuple[int, Array]]:
+    """Lengths m = 2, 4, 8, ... with the sizes (n - m + 1,) of the means of m neighbours.
+
+    In an exact record, whose readings do not scatter, there are none.
+    """
+    if tol.noise == 0.0:
+        return
+    sums = np.concatenate([[0.0], np.cumsum(residual)])
+    length = 2
+    while length <= residual.size:
+        yield length, np.abs(sums[length:] - sums[:-length]) / length
+        length *= 2
