@@ -9,6 +9,8 @@ from pathlib import Path
 import jax
 from threadpoolctl import threadpool_limits
 
+from qlvbayes.io.executables import forget_executables
+
 _MAPPINGS = Path("/proc/self/maps")
 _MANY = 20_000  # of the 65 530 that Linux allows a process; LLVM stops it beyond
 
@@ -62,4 +64,5 @@ def forget_compiled() -> None:
     if not _MAPPINGS.exists():  # not Linux: no such limit
         return
     if _MAPPINGS.read_text().count("\n") > _MANY:
+        forget_executables()
         jax.clear_caches()

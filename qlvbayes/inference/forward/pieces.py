@@ -22,6 +22,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from qlvbayes.io.executables import Executables
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.hereditary import hereditary_force
 from qlvbayes.laws.layered import Law, Layer
@@ -186,7 +187,8 @@ def piece_of(
         return [leaf for leaf, is_new in zip(asked, new, strict=True) if is_new]
 
     axes = tuple(None if same else 0 for same in alike)
-    return _compiled(_over_all(one, (0, 0, axes, 0), (None, None, 0, 0)))
+    over = _over_all(one, (0, 0, axes, 0), (None, None, 0, 0))
+    return _compiled(over, (layer, elastic), ("piece", of_motion, turn, alike, new))
 
 
 @cache
@@ -201,7 +203,7 @@ def common_piece_of(layer: Any, of_motion: Any, new: tuple[bool, ...]) -> Callab
         asked = jax.tree.leaves(beneath.asked[0])
         return [leaf for leaf, is_new in zip(asked, new, strict=True) if is_new]
 
-    return _compiled(jax.vmap(one))
+    return _compiled(jax.vmap(one), (layer,), ("common", of_motion, new))
 
 
 @cache
@@ -214,12 +216,13 @@ def whole_of(
     """
 
     def one(owns: Sequence[Array], laws: Any, leaves: Sequence[Array]) -> Array:
-        over = tuple(jax.tree.unflatten(s, list(own)) for s, own in zip(layers, owns, strict=True))
+        own = tuple(jax.tree.unflatten(s, list(own)) for s, own in zip(layers, owns, strict=True))
         law, relaxation = jax.tree.unflatten(elastic, list(laws[0])), Spectrum(*laws[1:])
-        return Law(law, relaxation, over).force(jax.tree.unflatten(of_motion, leaves))
+        return Law(law, relaxation, own).force(jax.tree.unflatten(of_motion, leaves))
 
     axes = tuple(None if same else 0 for same in alike)
-    return _compiled(_over_all(one, (0, 0, axes), (None, None, 0)))
+    over = _over_all(one, (0, 0, axes), (None, None, 0))
+    return _compiled(over, (*layers, elastic), ("whole", of_motion, alike))
 
 
 @cache
@@ -238,7 +241,8 @@ def material_of(elastic: Any, rates: bool, path: tuple[bool, bool, bool]) -> Cal
         return hereditary_force(jax.tree.unflatten(elastic, list(law)), spectrum, time, depth, bow)
 
     inner = (0, 0, *(None if same else 0 for same in (rates, *path)))
-    return _compiled(_over_all(one, inner, (None, None, None, 0, 0, 0)), _QUICK)
+    over = _over_all(one, inner, (None, None, None, 0, 0, 0))
+    return _compiled(over, (elastic,), ("material", rates, path), _QUICK)
 
 
 def _over_all(one: Callable[..., Any], sets: Any, tests: Any) -> Callable[..., Any]:
@@ -247,10 +251,21 @@ def _over_all(one: Callable[..., Any], sets: Any, tests: Any) -> Callable[..., A
 
 
 def _compiled(
-    function: Callable[..., Any], options: dict[str, bool] = _QUICKEST
-) -> Callable[..., Any]:
+    function: Callable[..., Any],
+    parts: Sequence[Any],
+    meaning: Sequence[Any],
+    options: dict[str, bool] = _QUICKEST,
+) -> Executables:
+    """A function, compiled; parts: structures of the laws and effects in it, as far as there are.
+
+    meaning: all else that it is made of.
+    """
     known = {name: value for name, value in options.items() if name in _known_options()}
-    return jax.jit(function, compiler_options=known)
+    kinds = [part.node_data()[0] for part in parts if part is not None]
+    ours = all(kind.__module__.startswith("qlvbayes.") for kind in kinds)
+    names = [f"{kind.__module__}.{kind.__qualname__}" for kind in kinds]
+    text = f"{names} {[str(part) for part in parts]} {[str(one) for one in meaning]}"
+    return Executables(function, known, text if ours else None)
 
 
 @cache

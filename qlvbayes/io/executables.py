@@ -1,0 +1,116 @@
+"""Compiled functions that are kept between processes as XLA made them.
+
+JAX's own cache keeps what XLA made of a function, but each process traces and lowers the function
+anew to ask for it: a hundred small functions take seconds. Here the executable itself lies beside
+that cache, found by what the function is made of.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+import zlib
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from platform import machine
+from typing import Any
+from weakref import WeakSet
+
+import jax
+import numpy as np
+from jax.experimental.serialize_executable import deserialize_and_load, serialize
+from jax.stages import Compiled
+
+import qlvbayes
+from qlvbayes.io.files import write_whole
+
+_PROCESSOR = Path("/proc/cpuinfo")
+_EVERY: WeakSet[Executables] = WeakSet()
+
+
+class Executables:
+    """A function of arrays, compiled once for all processes for each shape of its arguments.
+
+    function: of arrays in nested tuples and lists, and of nothing else.
+    options: XLA's, which this XLA knows.
+    meaning: all that the function depends on beside its arguments and the package's own code; None
+    where that is not known (a user's own effect may call on any file): nothing is kept then.
+    """
+
+    def __init__(
+        self, function: Callable[..., Any], options: dict[str, bool], meaning: str | None
+    ) -> None:
+        self._function, self._options = function, options
+        self._meaning = None if meaning is None else f"{meaning} {sorted(options.items())}"
+        self._by_shape: dict[Any, Callable[..., Any]] = {}
+        _EVERY.add(self)
+
+    def __call__(self, *arguments: Any) -> Any:
+        """What the function gives."""
+        leaves, structure = jax.tree.flatten(arguments)
+        shapes = structure, tuple((np.shape(leaf), np.result_type(leaf)) for leaf in leaves)
+        run = self._by_shape.get(shapes)
+        if run is None:
+            run = self._by_shape[shapes] = self._made(arguments, shapes)
+        return run(*arguments)
+
+    def _made(self, arguments: Any, shapes: Any) -> Callable[..., Any]:
+        """From the cache, or compiled and put there."""
+        folder = jax.config.values["jax_compilation_cache_dir"]
+        if self._meaning is None or not folder:
+            return jax.jit(self._function, compiler_options=self._options)
+        text = f"{_here()} {self._meaning} {shapes}"
+        name = hashlib.sha256(text.encode()).hexdigest()
+        file = Path(folder) / f"{name}.xla"
+        with suppress(Exception):  # damaged, or of another machine: it is compiled again
+            return _loaded(file.read_bytes(), arguments)
+        found = self._compiled(name, arguments)
+        content = zlib.compress(pickle.dumps(serialize(found)), 1)
+        # XLA cannot write down anew what it has itself read; and a full disk costs the next
+        # process its time only
+        with suppress(Exception):
+            _loaded(content, arguments)
+            write_whole(file, content)
+        return found
+
+    def _compiled(self, name: str, arguments: Any) -> Compiled:
+        """Under a name of its own, so that JAX's cache does not hold it from another time."""
+
+        def named(*arguments: Any) -> Any:
+            return self._function(*arguments)
+
+        named.__name__ = f"kept_{name}"
+        return jax.jit(named, compiler_options=self._options).lower(*arguments).compile()
+
+    def forget(self) -> None:
+        """Drop what is compiled; it comes from the cache when it is needed again."""
+        self._by_shape.clear()
+
+
+def _loaded(content: bytes, arguments: Any) -> Callable[..., Any]:
+    """An executable that was written down; raises whatever XLA raises where it does not run."""
+    run: Callable[..., Any] = deserialize_and_load(*pickle.loads(zlib.decompress(content)))
+    run(*arguments)
+    return run
+
+
+def forget_executables() -> None:
+    """Drop all that is compiled in this process."""
+    for one in list(_EVERY):
+        one.forget()
+
+
+@cache
+def _here() -> str:
+    """What executables depend on: JAX, the processor, and the package's source."""
+    flags = ""
+    if _PROCESSOR.exists():
+        lines = _PROCESSOR.read_text().splitlines()
+        flags = next((line for line in lines if line.startswith(("flags", "Features"))), "")
+    root = Path(qlvbayes.__file__).parent
+    digest = hashlib.sha256(flags.encode())
+    for file in sorted(root.rglob("*.py")):
+        digest.update(f"{file.relative_to(root)} ".encode() + file.read_bytes())
+    return f"{jax.__version__} {jax.default_backend()} {machine()} {digest.hexdigest()}"
