@@ -105,10 +105,19 @@ class Search:
         """
         self.begin()
         expanded: set[Hypothesis] = set()
-        while not self.ended_early and (left := [h for h in self.beam if h not in expanded]):
-            expanded.add(left[0])
-            self.tell(f"neighbours of {described(left[0])}")
-            self.expand(left[0])
+        formed: set[Hypothesis] = set()
+        while not self.ended_early:
+            best = self.best
+            if left := [one for one in self.beam if one not in expanded]:
+                expanded.add(left[0])
+                self.tell(f"neighbours of {described(left[0])}")
+                self.expand(left[0], self.neighbours(left[0]))
+            elif self._leaves_more(best) and best not in formed:
+                formed.add(best)
+                self.tell(f"other forms of the effects of {described(best)}")
+                self.expand(best, self.forms(best))
+            else:
+                break
         while self._sample_next():
             pass
 
@@ -124,38 +133,57 @@ class Search:
         """Whether so many hypotheses were seen that no more are looked for."""
         return len(self.modes) >= self.settings.hypotheses
 
-    def expand(self, hypothesis: Hypothesis) -> None:
-        """See all neighbours of a hypothesis; the best few also from other relaxations."""
+    def expand(self, hypothesis: Hypothesis, some: Sequence[Hypothesis]) -> None:
+        """See neighbours of a hypothesis; the best few also from other relaxations."""
         if hypothesis not in self._redrawn:
             self._redraw([hypothesis])
-        some = self.neighbours(hypothesis)
         self._see_all(hypothesis, some)
         new = [one for one in some if one in self.modes and one not in self._redrawn]
         new.sort(key=self.log_posterior, reverse=True)
         self._redraw(new[: self.settings.redrawn])
 
     def neighbours(self, hypothesis: Hypothesis) -> list[Hypothesis]:
-        """Another law, an effect less, another form of one, or one more.
+        """Another law, an effect more, one less, or a listed one in the place of a form.
 
-        Forms and what names nothing, and curves that are no law, where more than noise is left.
+        Curves that are no law only where more than noise is left.
         """
         space, added = self.density.space, self.added(hypothesis)
-        leaves_more = self.modes[hypothesis][0].mode.size > 0.0
-        found = [
-            replace(hypothesis, elastic=name)
-            for name in space.elastic
-            if leaves_more or name in self.listed
-        ]
+        elastic = space.elastic if self._leaves_more(hypothesis) else self.listed
+        found = [replace(hypothesis, elastic=name) for name in elastic]
         found += [replace(hypothesis, relaxation=name) for name in space.relaxation]
+        if len(added) < self.settings.effects:
+            more = set(self.families.beside(hypothesis.effects))
+            found += [hypothesis.plus(name) for name in self.families.listed if name in more]
         for name in added:
             less = hypothesis.less(name)
-            forms = self.families.members(self.families.of[name])
-            found += [less, *(less.plus(form) for form in forms if leaves_more or form == forms[0])]
-        if len(added) < self.settings.effects:
-            more = self.families.beside(hypothesis.effects)
-            listed = set(self.families.listed)
-            found += [hypothesis.plus(name) for name in more if leaves_more or name in listed]
+            found += [
+                less,
+                *(less.plus(own) for own in self._relatives(name) if self._is_listed(own)),
+            ]
         return [one for one in dict.fromkeys(found) if one != hypothesis]
+
+    def forms(self, hypothesis: Hypothesis) -> list[Hypothesis]:
+        """An effect in another form, one more in any form, and what names nothing."""
+        found = [
+            hypothesis.less(name).plus(own)
+            for name in self.added(hypothesis)
+            for own in self._relatives(name)
+        ]
+        if len(self.added(hypothesis)) < self.settings.effects:
+            more = self.families.beside(hypothesis.effects)
+            found += [hypothesis.plus(name) for name in more if not self._is_listed(name)]
+        return [one for one in dict.fromkeys(found) if one != hypothesis]
+
+    def _relatives(self, effect: str) -> list[str]:
+        """Every form of an effect."""
+        return self.families.members(self.families.of[effect])
+
+    def _is_listed(self, effect: str) -> bool:
+        return effect in self.families.listed
+
+    def _leaves_more(self, hypothesis: Hypothesis) -> bool:
+        """Whether it leaves more than noise, at its likeliest mode."""
+        return self.modes[hypothesis][0].mode.size > 0.0
 
     @property
     def listed(self) -> list[str]:

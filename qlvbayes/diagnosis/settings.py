@@ -42,9 +42,9 @@ class Settings:
     beam: int = 3
     near: float = 25.0
     effects: int = 3
-    shapes: int = 3
+    shapes: int = 2
     followed: int = 2
-    redrawn: int = 5
+    redrawn: int = 3
     hypotheses: int = 250
 
     def __post_init__(self) -> None:

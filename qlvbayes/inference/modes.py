@@ -31,6 +31,7 @@ _HOPE = {3: 20.0, 6: 8.0, 12: 4.0}  # from which step on it may bring how often 
 _FARTHEST = 3.0  # longest step in a natural length
 _DAMPING = (1e-3, 1e-4, 1e9)  # first, least, most
 _POOR = 50.0  # loss behind the best, under coarse noise, at which a start is given up
+_ROUGHLY = 10.0  # loss behind the best, under coarse noise, up to which a place is followed
 _SPREAD = 4.0  # of squared sds a number, within which a way ends at a mode that is known
 _SAME = 0.5  # of loss, within which two modes are one
 
@@ -184,7 +185,10 @@ def modes(
         mode = rough_mode(density, hypothesis, start, least, rough)
         rough += [mode] if mode is not None and mode not in rough else []
     found: list[Mode] = []
-    for place in distinct(rough)[:most]:
+    places = distinct(rough)[:most]
+    for place in places:
+        if place.loss > places[0].loss + _ROUGHLY:  # it would fall back farther under less noise
+            break
         met = [*known, *found]
         found += find_modes(density, hypothesis, place.point.theta, best, known=met)
     return distinct(found)
