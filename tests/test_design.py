@@ -47,7 +47,7 @@ def fitted(tests):
     white = Choices(noise="white")
     experiment = as_chosen(prepare(Pad("B", tests, PAD)), white)
     search = search_of(experiment, white, kinds=EFFECTS)
-    search.see_plain(search.usual)
+    search.see(search.usual)
     plain = search.modes[search.usual][0]
     found = []
     for effect in EFFECTS:

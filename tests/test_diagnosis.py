@@ -158,7 +158,7 @@ def test_adhesion_shows_only_where_the_platen_retracts():
 def _not_seen(experiment):
     """Effects that the tests cannot show, and why; no search is run for it."""
     search = search_of(experiment, kinds=OF_UNLOADING)
-    search.see_plain(search.usual)
+    search.see(search.usual)
     found = responses(search, search.modes[search.usual][0])
     return {
         u.effect: u.reason for u in unseen(found, search, protocol_of(experiment, bonded=False))

@@ -68,7 +68,7 @@ def test_a_pads_blocks_are_covered():
 def left_by_the_plain_model(experiment):
     """The plain model alone at its mode, and what it leaves of every sample (N)."""
     search = search_of(experiment, kinds=())
-    search.see_plain(search.usual)
+    search.see(search.usual)
     told = search.modes[search.usual][0]
     samples = Samples.of(experiment, search.density.space)
     residuals = samples.residuals(told.hypothesis, told.point.constants)

@@ -9,7 +9,6 @@ import pytest
 from scipy.integrate import dblquad, quad
 from scipy.linalg import block_diag
 from scipy.optimize import minimize
-from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from qlvbayes import read_study
@@ -17,13 +16,11 @@ from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.inference.density import Density, Terms
 from qlvbayes.inference.errors.discrepancy import ROUGH, Discrepancy
 from qlvbayes.inference.errors.whitening import Whitener, covariance
-from qlvbayes.inference.evidence import evidence, normals
-from qlvbayes.inference.extending import amplitude_of
+from qlvbayes.inference.evidence import evidence
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.forward.space import Space, in_natural_amplitude, median
 from qlvbayes.inference.modes import bounded_step, find_mode, modes, promised
 from qlvbayes.inference.projection import projected
-from qlvbayes.inference.score import promised_evidence
 from qlvbayes.laws.catalogue import LAWS
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model.noise import Correlated
@@ -201,51 +198,6 @@ def test_blocks_left_out_of_a_test_have_no_part_in_the_density(density, space):
     sigma = density.whitener.covariances[0][np.ix_(rows, rows)]
     white = fewer(vector)[0, fewer.tests == 0]
     assert white @ white == pytest.approx(own @ np.linalg.solve(sigma, own))
-
-
-def test_an_effect_at_nothing_is_where_it_would_be_computed(density, space):
-    """Its amplitude's slope and all others, for every effect."""
-    plain = Hypothesis("exponential", "prony:2")
-    theta = median(space.plain_draws(plain))
-    point = density.at(plain, theta)
-    for effect in space.effects:
-        hypothesis = plain.plus(effect)
-        own = space.parameters(hypothesis)
-        start = median(space.plain_draws(hypothesis))
-        start[own.carried(point.own)] = theta
-        number = amplitude_of(own, effect).number
-        start[number] = 0.0
-        (one,) = density.extensions(point, [(hypothesis, number, [start])])
-        found = density.extended(point, one)
-        expected = density.at(hypothesis, start)
-        apart = np.abs(found.responses - expected.responses).max(axis=(1, 2)) * own.length
-        assert apart.max() < 1e-4 * np.abs(expected.predicted).max(), effect
-        np.testing.assert_allclose(found.predicted, expected.predicted, atol=1e-9)
-        np.testing.assert_allclose(found.slopes, expected.slopes)
-
-
-@pytest.mark.parametrize("effect", ["force_offset", "force_drift", "viscous_drag"])
-def test_what_an_effect_promises_is_the_evidence_with_it_where_all_is_linear(
-    density, space, effect
-):
-    plain = Hypothesis("exponential", "prony:2")
-    point = find_mode(density, plain, median(space.plain_draws(plain))).point
-    hypothesis = plain.plus(effect)
-    own = space.parameters(hypothesis)
-    start = np.zeros(own.size)
-    start[own.carried(point.own)] = point.theta
-    number = amplitude_of(own, effect).number
-    (one,) = density.extensions(point, [(hypothesis, number, [start])])
-    plain_terms = density.terms_by_size(point)
-    below, above = point.own.lowest - point.theta, point.own.highest - point.theta
-    by_size = normals(plain_terms, below, above)[0] + density.discrepancy.log_prior
-    promised = promised_evidence(density, point, by_size, [one])
-    # what the effect's own slope can follow is not taken from the discrepancy yet
-    found = replace(density.extended(point, one), separation=point.separation)
-    terms = density.terms_by_size(found)
-    logs, _ = normals(terms, own.lowest - found.theta, own.highest - found.theta)
-    expected = logsumexp(logs + density.discrepancy.log_prior)
-    assert promised[0] == pytest.approx(expected, abs=1e-6)
 
 
 @pytest.mark.parametrize("scale", [0.0, 0.01, 0.3, 3.0])

@@ -103,7 +103,7 @@ def test_nested_sampling_agrees_with_laplace_on_a_real_pad():
     one = experiment()
     alone = replace(one, trials=one.with_role("fit"))
     search = search_of(alone, Choices(modes=1), kinds=())
-    search.see_plain(search.usual)
+    search.see(search.usual)
     (found,) = nested_audit(search)
     assert found.effect == "exponential, prony:1"
     assert found.error < 1.0  # more would agree with anything

@@ -10,15 +10,12 @@ from support.hidden_pads import FEW, hidden_pad
 
 from qlvbayes.diagnosis.decision import Weight, decide
 from qlvbayes.diagnosis.prior import Families
-from qlvbayes.diagnosis.promises import screened
 from qlvbayes.diagnosis.search import Search
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.effects.catalogue import OUTSIDE
 from qlvbayes.effects.effect import AbstractEffect, Level
-from qlvbayes.inference.extending import shapes
 from qlvbayes.inference.forward.hypothesis import Hypothesis
-from qlvbayes.inference.modes import find_modes
 from qlvbayes.io.data import Pad, Test
 from qlvbayes.io.units import PAD
 from qlvbayes.model.choices import Choices
@@ -102,26 +99,28 @@ def test_a_form_put_into_the_model_takes_the_place_of_its_family():
     assert effects == listed | {kind.name for kind in OUTSIDE}
 
 
-def test_a_law_with_fewer_effects_that_comes_near_is_grown_too():
-    """Here the right law lacks one effect yet, and the wrong one has three that imitate it."""
-    wrong = Hypothesis("hertz", "prony:2", frozenset({"friction", "force_offset", "inertia"}))
-    right = Hypothesis("hertz", "stretched", frozenset({"viscous_drag"}))
-    far, as_many = Hypothesis("linear", "prony:2"), replace(wrong, relaxation="fung")
-    table = {wrong: -100.0, right: -120.0, replace(right, effects=frozenset()): -135.0}
-    table |= {far: -500.0, as_many: -101.0}
-
-    search = tabled(table)
-    assert search.simpler(set()) == [right]
-    assert search.simpler({right}) == []
+def test_the_likeliest_that_come_near_are_expanded():
+    drag, both = USUAL.plus("viscous_drag"), USUAL.plus("viscous_drag").plus("inertia")
+    near, far = replace(drag, elastic="hertz"), replace(drag, elastic="linear")
+    search = tabled({drag: -100.0, both: -101.0, near: -104.0, USUAL: -106.0, far: -500.0})
+    assert search.beam == [drag, both, near]
+    search.settings = replace(search.settings, beam=9)
+    assert search.beam == [drag, both, near, USUAL]
 
 
-def test_likely_effects_are_tried_on_every_law_that_comes_near():
-    best = Hypothesis("toe", "prony:2", frozenset({"force_offset", "squeeze_film"}))
-    rival = replace(best, effects=frozenset({"force_offset", "viscous_drag"}))
-    unlikely = replace(best, effects=frozenset({"force_offset", "inertia"}))
-    near, far = replace(best, elastic="exponential"), replace(best, elastic="linear")
-    search = tabled({best: -100.0, rival: -104.0, unlikely: -120.0, near: -120.0, far: -500.0})
-    assert search.crossed(best) == [(rival, replace(rival, elastic="exponential"))]
+def test_neighbours_are_one_law_or_one_effect_away(drag):
+    best = drag.best
+    some = drag.neighbours(best)
+    assert best not in some
+    for one in some:
+        apart = (one.elastic != best.elastic) + (one.relaxation != best.relaxation)
+        assert apart + len(one.effects ^ best.effects) == 1
+    listed = set(drag.families.listed)
+    assert {next(iter(h.effects - best.effects)) for h in some if h.effects > best.effects} == (
+        listed - best.effects
+    )
+    forms = {name for one in drag.forms(best) for name in one.effects - best.effects}
+    assert forms == set(drag.families.of) - listed
 
 
 class Scaled(AbstractEffect):
@@ -160,9 +159,9 @@ class Shifted(Scaled):
 def test_a_users_effect_is_tried_whatever_its_prior_and_its_null(kind):
     """A factor of all forces is the stiffness once more: the best fit is the plain model's."""
     search = search_of(hidden_pad(rates=RATES[:2]), Choices(), kinds=(kind,))
-    search.see_plain(USUAL)
+    search.see(USUAL)
     plain = search.modes[USUAL][0]
-    search._add(USUAL, [kind.name])
+    search.see(USUAL.plus(kind.name))
     found = search.modes[USUAL.plus(kind.name)][0]
     assert found.mode.converged
     assert found.point.residual @ found.point.residual == pytest.approx(
@@ -195,20 +194,12 @@ def rubbing():
 
 
 @pytest.mark.slow
-def test_an_effect_is_screened_where_no_discrepancy_can_hide_it(rubbing):
-    known, names = rubbing.modes[USUAL][0], rubbing.families.listed
-    first, *_ = screened(rubbing.density, known, names, rubbing.settings.tolerance)
-    assert first.point.own.hypothesis == USUAL.plus("friction")
-
-
-@pytest.mark.slow
 def test_the_mode_is_found_where_a_discrepancy_could_stand_for_the_effect(rubbing):
     search = rubbing
     plain, more = search.seen[USUAL], USUAL.plus("friction")
     assert plain.mode.size > 0.0
-    space = search.density.space
-    start = shapes(space, plain.point, space.parameters(more), "friction")[1]
-    best = min(find_modes(search.density, more, start), key=lambda mode: mode.loss)
+    search.see(more)
+    best = search.seen[more].mode
     place = best.point.own.names.index("friction.strength")
     assert best.point.constants[place] == pytest.approx(0.09, rel=0.1)
     assert best.loss < plain.mode.loss - 100.0

@@ -100,7 +100,7 @@ def search():
         path = trial.trajectory.displacement(time)
         trials.append(replace(trial, test=replace(test, time=time, displacement=path, force=force)))
     found = search_of(replace(experiment, trials=tuple(trials)))
-    found.see_plain(found.usual)
+    found.see(found.usual)
     return found
 
 

@@ -38,8 +38,6 @@ Array = NDArray[np.float64]
 _COARSE = 0.005  # of the peak force: noise under which modes are looked for first
 _FARTHEST = 1e6  # times the largest force: beyond, squares overflow and nothing is fitted
 _STEP = 1e-5  # of a natural length, over which a slope is taken: half a float64's digits
-_BEGIN = 1e-3  # of one, from nothing: an effect that adds points to the grid is 1e-6 off there
-_SECANTS = (0.25, 0.5, 1.0, 2.0)  # natural lengths, where a slope at nothing shows nothing
 
 
 class Terms(NamedTuple):
@@ -97,25 +95,6 @@ class Point:
         solved = np.linalg.solve(products[old, old] + self.prior.curvature, known)
         gradient = -products[0, new] - beside.T @ solved[:, -1]
         return gradient, products[new, new] - beside.T @ solved[:, :-1]
-
-
-class Extension(NamedTuple):
-    """One more effect at its null.
-
-    own: numbers of the hypothesis with it; number: its amplitude's place in theta (F,); added
-    (T, B): slope, or secant, of the force along the amplitude; white (n,): the same whitened.
-    """
-
-    own: Parameters
-    number: int
-    theta: Array
-    added: Array
-    white: Array
-
-    @property
-    def is_visible(self) -> bool:
-        """Whether a natural length of it adds as much as the noise, over all block means."""
-        return float(np.linalg.norm(self.white)) * float(self.own.length[self.number]) > 1.0
 
 
 class Density:
@@ -211,78 +190,6 @@ class Density:
             prior = [_log_prior_of(own, theta, tolerance) for theta in thetas[kept[some]]]
             found[kept[some]] = log + np.array(prior)[:, None] if prior else log
         return found
-
-    def extensions(
-        self, point: Point, several: Sequence[tuple[Hypothesis, int, Sequence[Array]]]
-    ) -> list[Extension]:
-        """An effect more at its null, where of all new numbers its amplitude alone moves the force.
-
-        several: hypotheses of one effect more, the amplitude's place in theta, and thetas (F,) that
-        differ from the point's by new numbers only. What is not finite is left out. The force of
-        some begins with no slope, as a tension that lets go at its strength: an effect that would
-        not be seen by its slope has a secant over each of some amplitudes beside it.
-        """
-        found = self._secants(point, several, (_BEGIN,))
-        faint = [
-            (one.own.hypothesis, one.number, [one.theta]) for one in found if not one.is_visible
-        ]
-        again = self._secants(point, faint, _SECANTS) if faint else []
-        return [*found, *(one for one in again if one.is_visible)]
-
-    def _secants(
-        self,
-        point: Point,
-        several: Sequence[tuple[Hypothesis, int, Sequence[Array]]],
-        lengths: Sequence[float],
-    ) -> list[Extension]:
-        """The same, by steps of some natural lengths of the amplitude."""
-        rows, places = [], []
-        for hypothesis, number, starts in several:
-            own = self.space.parameters(hypothesis)
-            steps = own.length[number] * np.array(lengths)
-            moved = np.repeat(np.stack(starts), len(steps), axis=0)
-            moved[:, number] += np.tile(steps, len(starts))
-            rows.append((hypothesis, own.constants(moved)))
-            places += [(own, number, start, step) for start in starts for step in steps.tolist()]
-        sizes = np.array([step for *_, step in places])[:, None, None]
-        added = (
-            np.concatenate([self.space.forces(*row) for row in rows]) - point.predicted
-        ) / sizes
-        return [
-            Extension(own, number, start, force, white)
-            for (own, number, start, _), force, white in zip(
-                places, added, self.whitener(added), strict=True
-            )
-            if np.isfinite(force).all()
-        ]
-
-    def extended(self, point: Point, one: Extension) -> Point | None:
-        """The point with an effect more; None where the prior there is not finite."""
-        own, prior = one.own, _prior(one.own, one.theta)
-        if not np.isfinite(prior.loss):
-            return None
-        steps = _STEP * own.length
-        constants = own.constants(_stepped(one.theta, steps))
-        kept = own.carried(point.own)
-
-        def filled(old: Array, new: Array) -> Array:
-            rows = np.zeros((own.size, *new.shape))
-            rows[kept], rows[one.number] = old, new
-            return rows
-
-        responses = filled(point.responses, one.added)
-        return Point(
-            own,
-            one.theta,
-            constants[0],
-            ((constants[1:] - constants[0]) / steps[:, None]).T,
-            point.predicted,
-            responses,
-            point.residual,
-            filled(point.jacobian, one.white),
-            prior,
-            self.discrepancy.separated(responses, own.length),
-        )
 
     def terms(self, point: Point, size: float) -> Terms:
         """At a size (N) of the discrepancy."""
