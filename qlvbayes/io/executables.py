@@ -19,7 +19,6 @@ from typing import Any
 from weakref import WeakSet
 
 import jax
-import numpy as np
 from jax.experimental.serialize_executable import deserialize_and_load, serialize
 from jax.stages import Compiled
 
@@ -50,7 +49,7 @@ class Executables:
     def __call__(self, *arguments: Any) -> Any:
         """What the function gives."""
         leaves, structure = jax.tree.flatten(arguments)
-        shapes = structure, tuple((np.shape(leaf), np.result_type(leaf)) for leaf in leaves)
+        shapes = structure, tuple((leaf.shape, leaf.dtype) for leaf in leaves)
         run = self._by_shape.get(shapes)
         if run is None:
             run = self._by_shape[shapes] = self._made(arguments, shapes)
