@@ -108,8 +108,9 @@ def test_the_likeliest_that_come_near_are_expanded():
     assert search.beam == [drag, both, near, USUAL]
 
 
-def test_neighbours_are_one_law_or_one_effect_away(drag):
-    best = drag.best
+def test_neighbours_are_one_law_or_one_effect_away():
+    drag, best = search_of(hidden_pad(rates=RATES[:2]), kinds=FEW), USUAL.plus("viscous_drag")
+    drag.modes[best] = [SimpleNamespace(mode=SimpleNamespace(size=0.0))]
     some = drag.neighbours(best)
     assert best not in some
     for one in some:

@@ -39,12 +39,12 @@ class Settings:
     false_alarms: float = 0.001
     rise: float = 0.001
     tolerance: float = TOLERANCE
-    beam: int = 3
+    beam: int = 2
     near: float = 25.0
     effects: int = 3
     shapes: int = 2
-    followed: int = 2
-    redrawn: int = 3
+    followed: int = 1
+    redrawn: int = 1
     hypotheses: int = 250
 
     def __post_init__(self) -> None:
