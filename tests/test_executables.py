@@ -71,6 +71,7 @@ def test_what_is_damaged_is_compiled_again(cache, counted):
     whole = file.read_bytes()
     file.write_bytes(whole[: len(whole) // 2])
     np.testing.assert_array_equal(Executables(fresh(), {}, "doubled")(np.ones(3)), 2.0)
+    Executables(fresh(), {}, "doubled")(np.ones(3))
     assert len(seen) == 2
 
 

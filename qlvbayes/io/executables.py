@@ -16,6 +16,7 @@ from functools import cache
 from pathlib import Path
 from platform import machine
 from typing import Any
+from uuid import uuid4
 from weakref import WeakSet
 
 import jax
@@ -61,26 +62,24 @@ class Executables:
         if self._meaning is None or not folder:
             return jax.jit(self._function, compiler_options=self._options)
         text = f"{_here()} {self._meaning} {shapes}"
-        name = hashlib.sha256(text.encode()).hexdigest()
-        file = Path(folder) / f"{name}.xla"
+        file = Path(folder) / f"{hashlib.sha256(text.encode()).hexdigest()}.xla"
         with suppress(Exception):  # damaged, or of another machine: it is compiled again
             return _loaded(file.read_bytes(), arguments)
-        found = self._compiled(name, arguments)
-        content = zlib.compress(pickle.dumps(serialize(found)), 1)
-        # XLA cannot write down anew what it has itself read; and a full disk costs the next
-        # process its time only
+        found = self._compiled(arguments)
+        # what cannot be written down, or not on a full disk, costs the next process its time only
         with suppress(Exception):
+            content = zlib.compress(pickle.dumps(serialize(found)), 1)
             _loaded(content, arguments)
             write_whole(file, content)
         return found
 
-    def _compiled(self, name: str, arguments: Any) -> Compiled:
-        """Under a name of its own, so that JAX's cache does not hold it from another time."""
+    def _compiled(self, arguments: Any) -> Compiled:
+        """Under a name that no other has: XLA cannot write down anew what JAX's cache gave it."""
 
         def named(*arguments: Any) -> Any:
             return self._function(*arguments)
 
-        named.__name__ = f"kept_{name}"
+        named.__name__ = f"kept_{uuid4().hex}"
         return jax.jit(named, compiler_options=self._options).lower(*arguments).compile()
 
     def forget(self) -> None:
