@@ -37,7 +37,7 @@ def searched():
     point = search.modes[search.usual][0].point
     start[theta.carried(point.own)] = point.theta
     start[-1] = 0.1
-    search._keep(with_drag, search._optimised(with_drag, [start]))
+    search._keep(with_drag, find_modes(search.density, with_drag, start))
     return experiment, search, with_drag
 
 
