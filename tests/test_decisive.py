@@ -11,6 +11,7 @@ from support.hidden_pads import hidden_pad
 from qlvbayes.diagnosis.checks.decisive import decisive, fewest, log_densities
 from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.effects.catalogue import find
+from qlvbayes.inference.modes import find_modes
 from qlvbayes.simulate.hidden import ViscousDrag
 
 
