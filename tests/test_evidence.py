@@ -11,6 +11,7 @@ from scipy.linalg import block_diag
 from scipy.optimize import minimize
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
+from support.spaces import space_of
 
 from qlvbayes import read_study
 from qlvbayes.effects.catalogue import EFFECTS
@@ -20,15 +21,11 @@ from qlvbayes.inference.errors.whitening import Whitener, covariance
 from qlvbayes.inference.evidence import evidence, normals
 from qlvbayes.inference.extending import amplitude_of
 from qlvbayes.inference.forward.hypothesis import Hypothesis
-from qlvbayes.inference.forward.space import Space, in_natural_amplitude, median
+from qlvbayes.inference.forward.space import median
 from qlvbayes.inference.modes import bounded_step, find_mode, modes, promised
 from qlvbayes.inference.projection import projected
 from qlvbayes.inference.score import promised_evidence
-from qlvbayes.laws.catalogue import LAWS
-from qlvbayes.laws.relaxation.prony import Prony
-from qlvbayes.model.noise import Correlated
 from qlvbayes.preprocess.experiment import prepare
-from qlvbayes.priors.natural import in_own_numbers
 
 HIDDEN = Path(__file__).parents[1] / "data" / "hidden.csv"
 PEAK = 1.0
@@ -41,17 +38,7 @@ def experiment():
 
 @pytest.fixture(scope="module")
 def space(experiment):
-    scales = experiment.scales
-    relaxation = {f"prony:{k}": Prony.of_modes(scales, k) for k in (2, 3)}
-    relaxation |= {kind.name: kind.default(scales) for kind in LAWS.relaxation if kind != Prony}
-    return Space(
-        experiment.record(experiment.trials),
-        {kind.name: in_own_numbers(kind.default(scales)) for kind in LAWS.elastic},
-        {name: in_own_numbers(law) for name, law in relaxation.items()},
-        {k.name: in_own_numbers(in_natural_amplitude(k.default(scales))) for k in EFFECTS},
-        Correlated.of(experiment.floor),
-        False,
-    )
+    return space_of(experiment, experiment.trials, EFFECTS)
 
 
 @pytest.fixture(scope="module")
