@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from support.spaces import space_of
 
 from qlvbayes import read_study
 from qlvbayes.effects.catalogue import EVERY
@@ -15,14 +16,12 @@ from qlvbayes.effects.frame_compliance import FrameCompliance
 from qlvbayes.inference.forward.fixedrates import FixedRates
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.forward.pieces import plan_of
-from qlvbayes.inference.forward.space import FEW, Space, in_natural_amplitude
+from qlvbayes.inference.forward.space import FEW
 from qlvbayes.laws.catalogue import LAWS
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.relaxation.spectrum import Spectrum
 from qlvbayes.model.model import Model
-from qlvbayes.model.noise import Correlated
 from qlvbayes.preprocess.experiment import prepare
-from qlvbayes.priors.natural import in_own_numbers
 
 HIDDEN = Path(__file__).parents[1] / "data" / "hidden.csv"
 SETS = 9  # one more than run together
@@ -58,18 +57,7 @@ def experiment():
 
 @pytest.fixture(scope="module")
 def space(experiment):
-    scales = experiment.scales
-    relaxation = {f"prony:{k}": Prony.of_modes(scales, k) for k in (2, 3)}
-    relaxation |= {kind.name: kind.default(scales) for kind in LAWS.relaxation if kind != Prony}
-    effects = (*EVERY, Repeated)
-    return Space(
-        experiment.record(experiment.trials[::3]),
-        {kind.name: in_own_numbers(kind.default(scales)) for kind in LAWS.elastic},
-        {name: in_own_numbers(law) for name, law in relaxation.items()},
-        {k.name: in_own_numbers(in_natural_amplitude(k.default(scales))) for k in effects},
-        Correlated.of(experiment.floor),
-        False,
-    )
+    return space_of(experiment, experiment.trials[::3], (*EVERY, Repeated))
 
 
 def check(space, elastic="exponential", relaxation="prony:2", effects=()):

@@ -178,15 +178,10 @@ def piece_of(
         law, relaxation = None, None
         if laws:
             law, relaxation = jax.tree.unflatten(elastic, list(laws[0])), Spectrum(*laws[1:])
-        beneath = _Beneath(law, relaxation, answers)
-        whole: Layer = jax.tree.unflatten(layer, list(own))
-        with suppress(_AskedError):
-            motion = jax.tree.unflatten(of_motion, leaves)
-            return whole.force(beneath, motion)  # type: ignore[arg-type]
-        asked = jax.tree.leaves(beneath.asked[turn])
-        return [leaf for leaf, is_new in zip(asked, new, strict=True) if is_new]
+        return done(own, _Beneath(law, relaxation, answers), leaves)
 
-    axes = tuple(None if same else 0 for same in alike)
+    done = partial(_done, layer, of_motion, new)
+    axes = _axes(alike)
     over = _over_all(one, (0, 0, axes, 0), (None, None, 0, 0))
     return _compiled(over, (layer, elastic), ("piece", of_motion, turn, alike, new))
 
@@ -195,15 +190,27 @@ def piece_of(
 def common_piece_of(layer: Any, of_motion: Any, new: tuple[bool, ...]) -> Callable[..., Any]:
     """The first piece of a layer without constants, under a motion that all sets have: (T, N)."""
 
-    def one(leaves: Sequence[Array]) -> list[Array]:
-        beneath = _Beneath(None, None, ())
-        whole: Layer = jax.tree.unflatten(layer, [])
-        with suppress(_AskedError):
-            whole.force(beneath, jax.tree.unflatten(of_motion, leaves))  # type: ignore[arg-type]
-        asked = jax.tree.leaves(beneath.asked[0])
-        return [leaf for leaf, is_new in zip(asked, new, strict=True) if is_new]
+    def one(leaves: Sequence[Array]) -> Any:
+        return _done(layer, of_motion, new, (), _Beneath(None, None, ()), leaves)
 
     return _compiled(jax.vmap(one), (layer,), ("common", of_motion, new))
+
+
+def _done(
+    layer: Any,
+    of_motion: Any,
+    new: tuple[bool, ...],
+    own: Any,
+    beneath: _Beneath,
+    leaves: Sequence[Array],
+) -> Any:
+    """New leaves of the motion that a layer asks for beyond the answers known, or its force."""
+    whole: Layer = jax.tree.unflatten(layer, list(own))
+    with suppress(_AskedError):
+        motion = jax.tree.unflatten(of_motion, leaves)
+        return whole.force(beneath, motion)  # type: ignore[arg-type]
+    asked = jax.tree.leaves(beneath.asked[-1])
+    return [leaf for leaf, is_new in zip(asked, new, strict=True) if is_new]
 
 
 @cache
@@ -220,7 +227,7 @@ def whole_of(
         law, relaxation = jax.tree.unflatten(elastic, list(laws[0])), Spectrum(*laws[1:])
         return Law(law, relaxation, own).force(jax.tree.unflatten(of_motion, leaves))
 
-    axes = tuple(None if same else 0 for same in alike)
+    axes = _axes(alike)
     over = _over_all(one, (0, 0, axes), (None, None, 0))
     return _compiled(over, (*layers, elastic), ("whole", of_motion, alike))
 
@@ -240,9 +247,14 @@ def material_of(elastic: Any, rates: bool, path: tuple[bool, bool, bool]) -> Cal
         spectrum = Spectrum(fractions, rates)
         return hereditary_force(jax.tree.unflatten(elastic, list(law)), spectrum, time, depth, bow)
 
-    inner = (0, 0, *(None if same else 0 for same in (rates, *path)))
+    inner = (0, 0, *_axes((rates, *path)))
     over = _over_all(one, inner, (None, None, None, 0, 0, 0))
     return _compiled(over, (elastic,), ("material", rates, path), _QUICK)
+
+
+def _axes(alike: Sequence[bool]) -> tuple[int | None, ...]:
+    """Over which axis sets lie, none where all have the same."""
+    return tuple(None if same else 0 for same in alike)
 
 
 def _over_all(one: Callable[..., Any], sets: Any, tests: Any) -> Callable[..., Any]:
