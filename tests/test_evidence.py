@@ -185,3 +185,97 @@ def test_blocks_left_out_of_a_test_have_no_part_in_the_density(density, space):
     sigma = density.whitener.covariances[0][np.ix_(rows, rows)]
     white = fewer(vector)[0, fewer.tests == 0]
     assert white @ white == pytest.approx(own @ np.linalg.solve(sigma, own))
+
+
+@pytest.mark.parametrize("scale", [0.0, 0.01, 0.3, 3.0])
+def test_the_likeliest_size_is_that_of_least_loss_wherever_it_is_looked_for(density, scale):
+    rng = np.random.default_rng(5)
+    found = density.discrepancy
+    residual = rng.standard_normal(found.whitener.precisions.size)
+    residual += scale * found.shapes.sum(axis=0)
+    losses = [found.loss(residual, k) for k in range(found.sizes.size)]
+    expected = found.sizes[int(np.argmin(losses))]
+    assert {found.likeliest(residual, near) for near in found.sizes[::4]} == {expected}
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "apart"),
+    [
+        (Hypothesis("linear", "prony:2"), Hypothesis("polynomial:3", "prony:2"), 1e-3),
+        (Hypothesis("exponential", "prony:2"), Hypothesis("polynomial:3", "prony:2"), 0.02),
+        (Hypothesis("exponential", "prony:2"), Hypothesis("exponential", "prony:3"), 0.01),
+        (Hypothesis("exponential", "fung"), Hypothesis("exponential", "log-normal"), 0.03),
+        (
+            Hypothesis("exponential", "prony:3"),
+            Hypothesis("exponential", "prony:2", frozenset({"extra_relaxation_mode"})),
+            0.02,  # the priors' pull
+        ),
+    ],
+    ids=["linear", "exponential", "prony", "fung", "one mode more"],
+)
+def test_a_law_in_anothers_place_follows_its_curve(density, space, before, after, apart):
+    point = density.at(before, median(space.plain_draws(before)))
+    theta = projected(space, point, after, median(space.plain_draws(after)))
+    constants = space.parameters(after).constants(theta[None])
+    part = "elastic" if before.elastic != after.elastic else "relaxation"
+    goal = space.curve(before, part, point.constants[None])[0]
+    found = space.curve(after, part, constants)[0]
+    assert np.abs(found - goal).max() < apart * np.abs(goal).max()
+
+
+def quadratic(gradient, curvature, theta, lowest, highest):
+    """A density whose loss is a quadratic about a place, between bounds."""
+    terms = Terms(0.0, np.asarray(gradient), np.asarray(curvature))
+    own = SimpleNamespace(
+        lowest=np.asarray(lowest),
+        highest=np.asarray(highest),
+        length=np.full(len(theta), 1e3),
+    )
+    point = SimpleNamespace(own=own, theta=np.asarray(theta))
+    stacked = Terms(np.zeros(1), terms.gradient[None], terms.curvature[None])
+    density = SimpleNamespace(
+        discrepancy=SimpleNamespace(log_prior=np.zeros(1), sizes=np.zeros(1)),
+        likeliest_size=lambda at: 0.0,
+        terms=lambda at, size: terms,
+        terms_by_size=lambda at: stacked,
+    )
+    return density, point, terms
+
+
+@pytest.mark.parametrize(("low", "high"), [(-0.3, 0.4), (0.5, 0.9), (4.0, 5.0), (-1.0, np.inf)])
+def test_evidence_between_two_bounds_agrees_with_quadrature(low, high):
+    """One number between bounds, correlated with a free one: also where the mode lies beyond."""
+    gradient, curvature = np.array([0.7, -0.4]), np.array([[3.0, 1.1], [1.1, 2.0]])
+    bounds = [low, -np.inf], [high, np.inf]
+    theta = np.array([min(low + 0.1, high), 0.0])
+    density, point, _ = quadratic(gradient, curvature, theta, *bounds)
+
+    def value(y, x):
+        z = np.array([x, y]) - theta
+        return float(np.exp(-gradient @ z - 0.5 * z @ curvature @ z))
+
+    area, _ = dblquad(value, low, min(high, 12.0), -12.0, 12.0, epsabs=1e-12)
+    assert evidence(density, point).log == pytest.approx(np.log(area), abs=1e-6)
+
+
+def test_a_step_between_bounds_ends_at_the_lowest_place_there():
+    """Of 200 quadratics; damped, it promises less."""
+    rng = np.random.default_rng(8)
+    for _ in range(200):
+        jacobian, goal = rng.standard_normal((9, 4)), rng.standard_normal(9)
+        low, high = -rng.uniform(0.0, 0.5, 4), rng.uniform(0.0, 0.5, 4)
+        best = minimize(
+            lambda x, a=jacobian, b=goal: 0.5 * np.sum((a @ x - b) ** 2),
+            np.zeros(4),
+            jac=lambda x, a=jacobian, b=goal: a.T @ (a @ x - b),
+            bounds=list(zip(low, high, strict=True)),
+            method="L-BFGS-B",
+            options={"ftol": 1e-15, "gtol": 1e-12},
+        )
+        _, point, terms = quadratic(
+            -jacobian.T @ goal, jacobian.T @ jacobian, np.zeros(4), low, high
+        )
+        step, damped = (bounded_step(terms, damping, point) for damping in (0.0, 1.0))
+        assert np.all((step >= low) & (step <= high))
+        assert promised(terms, step) == pytest.approx(0.5 * goal @ goal - best.fun, rel=1e-6)
+        assert 0.0 < promised(terms, damped) <= promised(terms, step) * (1 + 1e-9)
