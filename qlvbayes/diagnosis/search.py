@@ -14,9 +14,11 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import TypeVar
 
 import numpy as np
 
+from qlvbayes.diagnosis.crosschecks import Start, exchanged_starts, nested_starts
 from qlvbayes.diagnosis.prior import Families, log_prior
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.weighed import Weighed, described, weigh
@@ -30,12 +32,24 @@ from qlvbayes.io.checks import NoFiniteForceError
 from qlvbayes.laws.scales import SHARE
 
 Tell = Callable[[str], None]
+One = TypeVar("One")
 
 _MODES = 4  # of a hypothesis, that are kept
 _FAR = 15.0  # of the loss behind a hypothesis' best mode: what is farther adds nothing
-_RIVAL = 7.0  # log posterior behind the best (a thousandth), within which a hypothesis counts
+_HIGHER = 0.5  # log posterior, by which a mode must be higher to be another one
 _FACTORS = (0.2, 5.0)  # by which a prior is fitted to the motion: beyond, nothing can be seen
+_OTHER_SEED = 1000  # beside the search's own: draws that were not used before
 _MOST_SAMPLED = 12  # hypotheses whose evidence is sampled: what comes after is told by Laplace's
+CHECKS = ("nested", "exchanged", "draws")
+
+
+@dataclass
+class Checks:
+    """How often a check for missed modes was made, failed, and led to a likelier mode."""
+
+    made: int = 0
+    failed: int = 0
+    higher: int = 0
 
 
 @dataclass(eq=False)
@@ -47,10 +61,16 @@ class Search:
     usual: Hypothesis
     families: Families
     tell: Tell = lambda text: None
+    seed: int = 0
     modes: dict[Hypothesis, list[Weighed]] = field(default_factory=dict)
     _tried: set[tuple[Hypothesis, Hypothesis]] = field(default_factory=set)
     _redrawn: set[Hypothesis] = field(default_factory=set)
     _sampled: set[Hypothesis] = field(default_factory=set)
+    _expanded: set[Hypothesis] = field(default_factory=set)
+    _formed: set[Hypothesis] = field(default_factory=set)
+    _checked: set[Hypothesis] = field(default_factory=set)
+    _drawn_again: set[Hypothesis] = field(default_factory=set)
+    checks: dict[str, Checks] = field(default_factory=lambda: {name: Checks() for name in CHECKS})
 
     @property
     def seen(self) -> dict[Hypothesis, Weighed]:
@@ -85,8 +105,8 @@ class Search:
         Raises NoFiniteForceError where no draw of the plain model's priors gives finite forces.
         """
         self.tell(f"the plain model, {described(self.usual)}")
-        found = base_modes(self.density, self.usual)
-        self._keep(self.usual, found)
+        found = base_modes(self.density, self.usual, self.seed)
+        self._keep(self.usual, self._weighed(self.usual, found))
         if self.usual not in self.modes:
             raise NoFiniteForceError
         self.density = _in_proportion(self)
@@ -95,7 +115,7 @@ class Search:
         for mode in found[:_MODES]:
             theta = mode.point.theta
             again += find_modes(self.density, self.usual, theta, self._lowest, known=again)
-        self._keep(self.usual, again)
+        self._keep(self.usual, self._weighed(self.usual, again))
         self._redrawn.add(self.usual)
 
     def run(self) -> None:
@@ -104,22 +124,89 @@ class Search:
         Raises NoFiniteForceError where no draw of the plain model's priors gives finite forces.
         """
         self.begin()
-        expanded: set[Hypothesis] = set()
-        formed: set[Hypothesis] = set()
+        self._expand_likeliest()
+        while not self.ended_early and self._check():
+            self._expand_likeliest()
+        while self._sample_next():
+            pass
+
+    def _expand_likeliest(self) -> None:
+        """Until all neighbours of the beam have been seen."""
         while not self.ended_early:
             best = self.best
-            if left := [one for one in self.beam if one not in expanded]:
-                expanded.add(left[0])
+            if left := [one for one in self.beam if one not in self._expanded]:
+                self._expanded.add(left[0])
                 self.tell(f"neighbours of {described(left[0])}")
                 self.expand(left[0], self.neighbours(left[0]))
-            elif self._leaves_more(best) and best not in formed:
-                formed.add(best)
+            elif self._leaves_more(best) and best not in self._formed:
+                self._formed.add(best)
                 self.tell(f"other forms of the effects of {described(best)}")
                 self.expand(best, self.forms(best))
             else:
                 break
-        while self._sample_next():
-            pass
+
+    def _check(self) -> bool:
+        """Look where a missed mode would be; whether one was found."""
+        self.tell("checks for modes that were missed")
+        some = [one for one in self.modes if one not in self._checked]
+        near = self.log_posterior(self.best) - self.settings.rival
+        some = [one for one in some if self.log_posterior(one) > near]
+        self._checked.update(some)
+        return any([self._check_nested(some), self._check_exchanged(some), self._check_draws()])
+
+    def _check_nested(self, some: Sequence[Hypothesis]) -> bool:
+        """Evidences with and without an effect against the effect's posterior at nothing."""
+        settings, starts = self.settings, []
+        for one in some:
+            for effect in self.added(one):
+                asked = self.density, self.seen, one, effect, settings.apart, settings.tolerance
+                wanted = nested_starts(*asked)
+                if wanted is not None:
+                    self.checks["nested"].made += 1
+                    self.checks["nested"].failed += len(wanted) > 0
+                    starts += wanted
+        return self._look_from("nested", starts)
+
+    def _check_exchanged(self, some: Sequence[Hypothesis]) -> bool:
+        """Hypotheses without an extra mode from those with it, each mode left out in turn."""
+        starts = [
+            start
+            for one in some
+            for start in exchanged_starts(self.density.space, self.modes[one][0])
+        ]
+        self.checks["exchanged"].made += len(starts)
+        return self._look_from("exchanged", starts)
+
+    def _check_draws(self) -> bool:
+        """The likeliest from other draws of the relaxation than those that it was found by."""
+        some = [one for one in self.beam if one not in self._drawn_again]
+        self._drawn_again.update(some)
+        before = {one: self.log_posterior(one) for one in some}
+        self._redraw(some, seed=_OTHER_SEED)
+        self.checks["draws"].made += len(some)
+        return self._count_higher("draws", before)
+
+    def _look_from(self, check: str, starts: Sequence[Start]) -> bool:
+        """Optimise from where a check wants it; whether that led higher."""
+        before = {start.hypothesis: self.log_posterior(start.hypothesis) for start in starts}
+
+        def look(start: Start) -> list[Weighed]:
+            known = [one.mode for one in self.modes.get(start.hypothesis, [])]
+            args = self.density, start.hypothesis, start.theta, self._lowest
+            return self._weighed(start.hypothesis, find_modes(*args, known=known))
+
+        for start, found in zip(starts, _side_by_side(look, starts), strict=True):
+            self._keep(start.hypothesis, found)
+        return self._count_higher(check, before)
+
+    def _count_higher(self, check: str, before: dict[Hypothesis, float]) -> bool:
+        """Whether hypotheses are likelier than before; their neighbours may be looked at again."""
+        higher = [one for one, log in before.items() if self.log_posterior(one) > log + _HIGHER]
+        self.checks[check].higher += len(higher)
+        self._expanded.difference_update(higher)
+        self._checked.difference_update(higher)
+        self._tried = {(base, one) for base, one in self._tried if base not in higher}
+        return bool(higher)
 
     @property
     def beam(self) -> list[Hypothesis]:
@@ -199,7 +286,8 @@ class Search:
         if self.modes:
             self._see_all(base or self.usual, [hypothesis])
         else:
-            self._keep(hypothesis, base_modes(self.density, hypothesis))
+            found = base_modes(self.density, hypothesis, self.seed)
+            self._keep(hypothesis, self._weighed(hypothesis, found))
 
     def _see_all(self, base: Hypothesis, some: Sequence[Hypothesis]) -> None:
         """Hypotheses from what each has in common with one that was seen, side by side."""
@@ -209,32 +297,35 @@ class Search:
         for hypothesis, found in zip(some, _side_by_side(look, some), strict=True):
             self._keep(hypothesis, found)
 
-    def _modes_beside(self, base: Hypothesis, lowest: float, hypothesis: Hypothesis) -> list[Mode]:
+    def _modes_beside(
+        self, base: Hypothesis, lowest: float, hypothesis: Hypothesis
+    ) -> list[Weighed]:
         """Modes that are not known yet of a neighbour, from modes of the base."""
         known = [one.mode for one in self.modes.get(hypothesis, [])]
         point = self.modes[base][0].point
         some = starts(self.density.space, point, hypothesis, self.settings.shapes)
-        if known:  # from another neighbour
-            return find_modes(self.density, hypothesis, some[0], lowest, known=known)
-        bare = self.modes.get(replace(hypothesis, effects=self.usual.effects))
-        own = self.density.space.parameters(hypothesis)
-        if bare and bare[0].hypothesis.base != base.base:
-            known_law = bare[0].point
-            some.append(carried(known_law.own, known_law.theta, own, some[0]))
-        some = [own.within(start) for start in some]
-        if len(some) == 1:
-            return find_modes(self.density, hypothesis, some[0], lowest)
-        return modes(self.density, hypothesis, some, lowest, self.settings.followed)
+        if not known:
+            bare = self.modes.get(replace(hypothesis, effects=self.usual.effects))
+            own = self.density.space.parameters(hypothesis)
+            if bare and bare[0].hypothesis.base != base.base:
+                known_law = bare[0].point
+                some.append(carried(known_law.own, known_law.theta, own, some[0]))
+            some = [own.within(start) for start in some]
+        if known or len(some) == 1:  # known from another neighbour
+            found = find_modes(self.density, hypothesis, some[0], lowest, known)
+        else:
+            found = modes(self.density, hypothesis, some, lowest, self.settings.followed)
+        return self._weighed(hypothesis, found)
 
-    def _redraw(self, some: Sequence[Hypothesis]) -> None:
+    def _redraw(self, some: Sequence[Hypothesis], seed: int = 0) -> None:
         """Look for more modes of hypotheses from other relaxations, side by side."""
         self._redrawn.update(some)
 
-        def look(hypothesis: Hypothesis) -> list[Mode]:
+        def look(hypothesis: Hypothesis) -> list[Weighed]:
             known = [one.mode for one in self.modes[hypothesis]]
             known.sort(key=lambda mode: mode.loss)
-            found = redrawn_modes(self.density, hypothesis, known)
-            return [mode for mode in found if mode not in known]
+            found = redrawn_modes(self.density, hypothesis, known, self.seed + seed)
+            return self._weighed(hypothesis, [mode for mode in found if mode not in known])
 
         for hypothesis, found in zip(some, _side_by_side(look, some), strict=True):
             self._keep(hypothesis, found)
@@ -244,20 +335,23 @@ class Search:
         """Loss of the best so far."""
         return min((found[0].mode.loss for found in self.modes.values()), default=math.inf)
 
-    def _keep(self, hypothesis: Hypothesis, found: Iterable[Mode]) -> None:
-        tolerance = self.settings.tolerance
+    def _weighed(self, hypothesis: Hypothesis, found: Iterable[Mode]) -> list[Weighed]:
+        """Evidences about modes that are no farther behind the highest than counts."""
         some = distinct(found)
         near = [mode for mode in some if mode.loss < some[0].loss + _FAR]
+        tolerance = self.settings.tolerance
         weighed = [weigh(self.density, hypothesis, mode, tolerance) for mode in near]
-        real = [one for one in weighed if math.isfinite(one.log_evidence)]
+        return [one for one in weighed if math.isfinite(one.log_evidence)]
+
+    def _keep(self, hypothesis: Hypothesis, found: Sequence[Weighed]) -> None:
         known = self.modes.get(hypothesis, [])
-        kept = sorted([*known, *real], key=lambda one: -one.log_evidence)[:_MODES]
+        kept = sorted([*known, *found], key=lambda one: -one.log_evidence)[:_MODES]
         if kept:
             self.modes[hypothesis] = kept
 
     def _sample_next(self) -> bool:
         """Sample the evidence of the likeliest hypothesis that counts and was not sampled yet."""
-        near = self.log_posterior(self.best) - _RIVAL
+        near = self.log_posterior(self.best) - self.settings.rival
         left = [one for one in self.modes if one not in self._sampled]
         left = [one for one in left if self.log_posterior(one) > near]
         if not left or len(self._sampled) >= _MOST_SAMPLED:
@@ -277,10 +371,8 @@ class Search:
         return True
 
 
-def _side_by_side(
-    look: Callable[[Hypothesis], list[Mode]], some: Sequence[Hypothesis]
-) -> list[list[Mode]]:
-    """What is found of each hypothesis, as many at once as there are cores.
+def _side_by_side(look: Callable[[One], list[Weighed]], some: Sequence[One]) -> list[list[Weighed]]:
+    """What is found of each hypothesis or start, as many at once as there are cores.
 
     Each is looked at by itself, so that the answer does not depend on their number: XLA and BLAS
     let other threads run.

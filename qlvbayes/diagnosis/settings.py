@@ -29,7 +29,10 @@ class Settings:
     quantiles of the prior of a new effect's shape, from which it is optimised; followed: places
     under coarse noise that are followed under the noise itself; redrawn: neighbours of a
     hypothesis, the likeliest, that are optimised from other relaxations too; hypotheses: most that
-    are seen, as beside something that no list holds very many are alike.
+    are seen, as beside something that no list holds very many are alike. Of its checks
+    (`crosschecks`): rival: log posterior behind the best, within which a hypothesis is checked
+    (e^-7: a thousandth); apart: log Bayes factor by which two ways to it may differ (e^3: 20, more
+    than a normal about a mode is off by).
     """
 
     complete: float = 0.5
@@ -46,6 +49,8 @@ class Settings:
     followed: int = 1
     redrawn: int = 1
     hypotheses: int = 250
+    rival: float = 7.0
+    apart: float = 3.0
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.tolerance < _MOST_TOLERANCE:

@@ -120,28 +120,11 @@ def find_modes(
     hypothesis: Hypothesis,
     start: Array | Point,
     best: float = np.inf,
-    sizes: Iterable[float | None] = (None,),
     known: Sequence[Mode] = (),
 ) -> list[Mode]:
-    """Modes not known yet, as `find_mode` with a discrepancy of each of some sizes (N) at first.
-
-    Where one ends beside a discrepancy, also without any at first: what a discrepancy can stand for
-    moves nothing beside it.
-    """
-    new: list[Mode] = []
-
-    def go(size: float | None) -> None:
-        met = [*known, *new]
-        mode = find_mode(density, hypothesis, start, best, size=size, known=met)
-        if mode is not None and mode not in met:
-            new.append(mode)
-
-    tried = list(dict.fromkeys(sizes))
-    for size in tried:
-        go(size)
-    if 0.0 not in tried and any(mode.size > 0.0 for mode in new):
-        go(0.0)
-    return new
+    """The mode that a start leads to, if it leads to one that is not known yet; see `find_mode`."""
+    mode = find_mode(density, hypothesis, start, best, known=known)
+    return [] if mode is None or mode in known else [mode]
 
 
 def _is_hopeless(

@@ -31,17 +31,26 @@ def projected(space: Space, point: Point, hypothesis: Hypothesis, theta: Array) 
 
     A law that both have keeps what stands in theta.
     """
-    own, found = space.parameters(hypothesis), theta.copy()
+    found = theta
     for part in ("elastic", "relaxation"):
         if getattr(hypothesis, part) == getattr(point.own.hypothesis, part):
             continue  # what both have stays
-        numbers = space.numbers_of(hypothesis, part)
-        if not numbers:
-            continue
         goal = space.curve(point.own.hypothesis, part, point.constants[None])[0]
-        draws = space.draws_of(hypothesis, part)
-        curve = _curve(space, own, part, found, numbers)
-        found[numbers] = _fitted(curve, goal, draws, own, numbers)
+        found = with_curve(space, hypothesis, part, goal, found)
+    return found
+
+
+def with_curve(space: Space, hypothesis: Hypothesis, part: str, goal: Array, theta: Array) -> Array:
+    """Theta (F,) with the numbers of one of its laws such that its curve is near a goal (40,).
+
+    part: ``elastic`` or ``relaxation``; goal: as `Space.curve` gives it.
+    """
+    numbers = space.numbers_of(hypothesis, part)
+    if not numbers:
+        return theta
+    own, found = space.parameters(hypothesis), theta.copy()
+    curve = _curve(space, own, part, theta, numbers)
+    found[numbers] = _fitted(curve, goal, space.draws_of(hypothesis, part), own, numbers)
     return found
 
 

@@ -8,8 +8,10 @@ that would serve better, and half as much is traced and compiled.
 
 from __future__ import annotations
 
-from collections import OrderedDict
+import os
+from collections import OrderedDict, deque
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cache
 from threading import Lock
@@ -36,9 +38,10 @@ from qlvbayes.preprocess.record import Record
 Array = NDArray[np.float64]
 Leaves = tuple[Any, ...]
 
-SETS = 8
+SETS = 4
 """Sets of constants that are computed together; their number is filled up to a multiple of it."""
 _WORTH = 512  # points: their force takes a millisecond, to compile another size a second
+_MANY = 8  # parts, from which they are worth threads of their own
 _KEPT = 4  # records that are kept as pieces take them
 
 
@@ -174,11 +177,18 @@ class Engine:
         count, (tests, blocks) = len(sets.elastic), np.shape(record.nodes)[:2]
         groups = self._groups(record)
         parts = list(sets.parts())
-        running = [(group, chain.force(part, group)) for part in parts for group in groups]
         found = np.empty((len(parts) * SETS, tests, blocks))
-        for k, (group, force) in enumerate(running):
-            start = k // len(groups) * SETS
-            found[start : start + SETS, group.members] = group.block_means(np.asarray(force))
+
+        def run(k: int) -> None:
+            for group in groups:
+                force = np.asarray(chain.force(parts[k], group))
+                found[k * SETS : (k + 1) * SETS, group.members] = group.block_means(force)
+
+        if len(parts) < _MANY:
+            deque(map(run, range(len(parts))), maxlen=0)
+        else:
+            with ThreadPoolExecutor(os.cpu_count() or 1) as threads:
+                deque(threads.map(run, range(len(parts))), maxlen=0)
         return found[:count]
 
     def _groups(self, record: Record) -> list[Tests]:

@@ -159,7 +159,7 @@ class Space:
             own = few_sizes(constants[:, self.parameters(hypothesis).columns[ELASTIC]])
             forces = _elastic_curves(jax.tree.structure(law), self.places[0], own)
             return np.asarray(forces)[: len(constants)]
-        return relaxation_of(*self._spectra(hypothesis, constants), self.places[1])
+        return relaxation_of(*self.spectra(hypothesis, constants), self.places[1])
 
     @cached_property
     def relaxing(self) -> frozenset[str]:
@@ -182,14 +182,14 @@ class Space:
 
     def _sets(self, hypothesis: Hypothesis, constants: Array, fixed: FixedRates) -> Sets:
         """Constants (K, P) taken apart; long spectra by the fixed rates."""
-        fractions, rates = self._spectra(hypothesis, constants)
+        fractions, rates = self.spectra(hypothesis, constants)
         if rates.shape[1] > FEW:
             fractions, rates = fixed.fractions(fractions, rates), fixed.rates
         elastic = self.parameters(hypothesis).columns[ELASTIC]
         layers = tuple(constants[:, place] for place in self._chain(hypothesis)[1])
         return Sets(constants[:, elastic], fractions, rates, layers)
 
-    def _spectra(self, hypothesis: Hypothesis, constants: Array) -> tuple[Array, Array]:
+    def spectra(self, hypothesis: Hypothesis, constants: Array) -> tuple[Array, Array]:
         """Fractions (K, L + 1) and rates (K, L), with the effects that act on these alone."""
         own, rows = self.parameters(hypothesis), few_sizes(constants)
         model: Model = own.posterior.model
