@@ -224,6 +224,20 @@ class Sampled(Part, frozen=True, rename={"laplace": "log_evidence_laplace"}):
         )
 
 
+class Checked(Part, frozen=True):
+    """A check for modes that the search missed: how often it was made, failed, and led higher.
+
+    check: ``nested`` (evidences with and without an effect against the effect's posterior at
+    nothing), ``exchanged`` (an extra mode that took the place of one that the law has) or ``draws``
+    (the likeliest hypotheses from other draws of the relaxation).
+    """
+
+    check: str
+    made: int
+    failed: int
+    higher: int
+
+
 class Remains(
     Part,
     frozen=True,
@@ -299,7 +313,7 @@ class DiagnosisResult(
     effects that would hide in the constants; coincident: effects that look alike; refused: effects
     that are likely, and why they are not named; warnings: where two ways to the evidence disagree;
     notices: what one should know of the tests; nested: evidence by nested sampling, where it was
-    asked for; discrepancy: likeliest size (N) of what the hypothesis told leaves; tolerance: share
+    asked for; checks: for modes that the search missed; discrepancy: likeliest size (N) of what the hypothesis told leaves; tolerance: share
     of the peak force below which that does not matter; remainder: its size; worst: of the plain
     model; settings: what was used.
     """
@@ -328,6 +342,7 @@ class DiagnosisResult(
     notices: tuple[str, ...] = ()
     suggestions: tuple[Suggestion, ...] = ()
     nested: tuple[Sampled, ...] = ()
+    checks: tuple[Checked, ...] = ()
     discrepancy: float = 0.0
     tolerance: float | None = None
     remainder: Remains | None = None

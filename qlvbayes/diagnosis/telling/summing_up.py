@@ -21,7 +21,7 @@ from qlvbayes.diagnosis.checks.vetoes import decided
 from qlvbayes.diagnosis.decision import Decision
 from qlvbayes.diagnosis.nexttest.suggest import suggest
 from qlvbayes.diagnosis.protocol import protocol_of
-from qlvbayes.diagnosis.result import Base, DiagnosisResult, Refused, Suggestion, Worst
+from qlvbayes.diagnosis.result import Base, Checked, DiagnosisResult, Refused, Suggestion, Worst
 from qlvbayes.diagnosis.search import Search, Tell
 from qlvbayes.diagnosis.telling.verdict import Diagnosis
 from qlvbayes.diagnosis.telling.work import Work
@@ -86,6 +86,7 @@ def summed_up(
             *_notices(experiment, search, told),
         ),
         suggestions=_suggestions(outcome, decision),
+        checks=tuple(Checked(name, **vars(one)) for name, one in search.checks.items()),
         discrepancy=told.mode.size,
         tolerance=left.tolerance,
         remainder=left.told,
