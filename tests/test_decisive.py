@@ -38,7 +38,8 @@ def searched():
     point = search.modes[search.usual][0].point
     start[theta.carried(point.own)] = point.theta
     start[-1] = 0.1
-    search._keep(with_drag, find_modes(search.density, with_drag, start))
+    found = find_modes(search.density, with_drag, start)
+    search._keep(with_drag, search._weighed(with_drag, found))
     return experiment, search, with_drag
 
 

@@ -11,7 +11,7 @@ from support.hidden_pads import FEW, hidden_pad
 from qlvbayes.diagnosis.decision import Weight, decide
 from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.search import Search
-from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.settings import Breadth, Settings
 from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.effects.catalogue import OUTSIDE
 from qlvbayes.effects.effect import AbstractEffect, Level
@@ -104,7 +104,7 @@ def test_the_likeliest_that_come_near_are_expanded():
     near, far = replace(drag, elastic="hertz"), replace(drag, elastic="linear")
     search = tabled({drag: -100.0, both: -101.0, near: -104.0, USUAL: -106.0, far: -500.0})
     assert search.beam == [drag, both]
-    search.settings = replace(search.settings, beam=9)
+    search.settings = Settings(breadth=Breadth(beam=9))
     assert search.beam == [drag, both, near, USUAL]
 
 

@@ -21,18 +21,20 @@ from page import Origin
 from truth import Rig, truths
 
 from qlvbayes.diagnosis.search import CHECKS, Search
+from qlvbayes.diagnosis.settings import Breadth
 from qlvbayes.diagnosis.weighed import described
 from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.evaluation.population import Population
 from qlvbayes.evaluation.wide import WideStudy, make_wide
 from qlvbayes.inference.forward.hypothesis import Hypothesis
-from qlvbayes.inference.modes import REDRAWN, STARTS, base_modes
+from qlvbayes.inference.modes import base_modes
 from qlvbayes.io.data import Pad, read_measurements
 from qlvbayes.io.files import write_whole
 from qlvbayes.io.runtime import forget_compiled, one_blas_thread
 from qlvbayes.preprocess.experiment import Experiment, prepare
 
 ROOT = Path(__file__).resolve().parents[1]
+_BREADTH = Breadth()
 _SAME = 0.5  # of the log density, within which two sets of starts came to one mode
 
 _PAGE = """# Is the same mode found whatever the starts, and by the search?
@@ -40,7 +42,7 @@ _PAGE = """# Is the same mode found whatever the starts, and by the search?
 Bundled pads and pads of the wide population (`seed {seed}`: other laws, protocols and noises,
 effects hidden in most). Of each the true hypothesis is asked for, laws and effects (of the bundled
 pads, and where nothing of the package stands for what is hidden, the likeliest hypothesis of the
-search). It was optimised from {sets} independent sets of {starts} draws of all its priors each; then
+search). It was optimised from {sets} independent sets of {starts} draws of all its priors; then
 its relaxation was drawn anew at the other constants found, until {redrawn} in a row led no higher.
 A set agrees if its best mode is within {same} of the best of all sets and of the search in log
 density. The search has seen a mode if its own is. Asked for is 99 % of both.
@@ -132,7 +134,7 @@ def _looked_for(some: Pad | WideStudy, sets: int) -> dict[str, Any]:
             hypothesis = _true(some, experiment, search) or hypothesis
         losses = []
         for seed in range(1, sets + 1):
-            found = base_modes(search.density, hypothesis, seed)
+            found = base_modes(search.density, hypothesis, seed, _BREADTH.starts, _BREADTH.draws)
             losses.append(found[0].loss if found else float("inf"))
     seen = [one.mode.loss for one in search.modes.get(hypothesis, [])]
     return {
@@ -178,8 +180,8 @@ def _page(found: list[dict], bundled: int, options: argparse.Namespace, origin: 
     return _PAGE.format(
         seed=options.seed,
         sets=options.sets,
-        starts=STARTS,
-        redrawn=REDRAWN,
+        starts=_BREADTH.starts,
+        redrawn=_BREADTH.draws,
         same=_SAME,
         rows="\n".join(rows),
         checks=_counted(found),

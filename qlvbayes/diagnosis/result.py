@@ -313,9 +313,9 @@ class DiagnosisResult(
     effects that would hide in the constants; coincident: effects that look alike; refused: effects
     that are likely, and why they are not named; warnings: where two ways to the evidence disagree;
     notices: what one should know of the tests; nested: evidence by nested sampling, where it was
-    asked for; checks: for modes that the search missed; discrepancy: likeliest size (N) of what the hypothesis told leaves; tolerance: share
-    of the peak force below which that does not matter; remainder: its size; worst: of the plain
-    model; settings: what was used.
+    asked for; checks: for modes that the search missed; discrepancy: likeliest size (N) of what the
+    hypothesis told leaves; tolerance: share of the peak force below which that does not matter;
+    remainder: its size; worst: of the plain model; settings: what was used.
     """
 
     pad: str

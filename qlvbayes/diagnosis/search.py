@@ -20,7 +20,7 @@ import numpy as np
 
 from qlvbayes.diagnosis.crosschecks import Start, exchanged_starts, nested_starts
 from qlvbayes.diagnosis.prior import Families, log_prior
-from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.settings import Breadth, Settings
 from qlvbayes.diagnosis.weighed import Weighed, described, weigh
 from qlvbayes.inference.density import Density
 from qlvbayes.inference.extending import amplitude_of, carried, shapes, starts
@@ -39,7 +39,6 @@ _FAR = 15.0  # of the loss behind a hypothesis' best mode: what is farther adds 
 _HIGHER = 0.5  # log posterior, by which a mode must be higher to be another one
 _FACTORS = (0.2, 5.0)  # by which a prior is fitted to the motion: beyond, nothing can be seen
 _OTHER_SEED = 1000  # beside the search's own: draws that were not used before
-_MOST_SAMPLED = 12  # hypotheses whose evidence is sampled: what comes after is told by Laplace's
 CHECKS = ("nested", "exchanged", "draws")
 
 
@@ -71,6 +70,11 @@ class Search:
     _checked: set[Hypothesis] = field(default_factory=set)
     _drawn_again: set[Hypothesis] = field(default_factory=set)
     checks: dict[str, Checks] = field(default_factory=lambda: {name: Checks() for name in CHECKS})
+
+    @property
+    def breadth(self) -> Breadth:
+        """How broadly it looks."""
+        return self.settings.breadth
 
     @property
     def seen(self) -> dict[Hypothesis, Weighed]:
@@ -105,7 +109,7 @@ class Search:
         Raises NoFiniteForceError where no draw of the plain model's priors gives finite forces.
         """
         self.tell(f"the plain model, {described(self.usual)}")
-        found = base_modes(self.density, self.usual, self.seed)
+        found = self._from_priors(self.usual)
         self._keep(self.usual, self._weighed(self.usual, found))
         if self.usual not in self.modes:
             raise NoFiniteForceError
@@ -149,18 +153,17 @@ class Search:
         """Look where a missed mode would be; whether one was found."""
         self.tell("checks for modes that were missed")
         some = [one for one in self.modes if one not in self._checked]
-        near = self.log_posterior(self.best) - self.settings.rival
+        near = self.log_posterior(self.best) - self.breadth.rival
         some = [one for one in some if self.log_posterior(one) > near]
         self._checked.update(some)
         return any([self._check_nested(some), self._check_exchanged(some), self._check_draws()])
 
     def _check_nested(self, some: Sequence[Hypothesis]) -> bool:
         """Evidences with and without an effect against the effect's posterior at nothing."""
-        settings, starts = self.settings, []
+        apart, tolerance, starts = self.breadth.apart, self.settings.tolerance, []
         for one in some:
             for effect in self.added(one):
-                asked = self.density, self.seen, one, effect, settings.apart, settings.tolerance
-                wanted = nested_starts(*asked)
+                wanted = nested_starts(self.density, self.seen, one, effect, apart, tolerance)
                 if wanted is not None:
                     self.checks["nested"].made += 1
                     self.checks["nested"].failed += len(wanted) > 0
@@ -212,13 +215,13 @@ class Search:
     def beam(self) -> list[Hypothesis]:
         """The likeliest so far, as many as are expanded, that come near the best."""
         order = sorted(self.modes, key=self.log_posterior, reverse=True)
-        least = self.log_posterior(order[0]) - self.settings.near
-        return [one for one in order[: self.settings.beam] if self.log_posterior(one) > least]
+        least = self.log_posterior(order[0]) - self.breadth.near
+        return [one for one in order[: self.breadth.beam] if self.log_posterior(one) > least]
 
     @property
     def ended_early(self) -> bool:
         """Whether so many hypotheses were seen that no more are looked for."""
-        return len(self.modes) >= self.settings.hypotheses
+        return len(self.modes) >= self.breadth.hypotheses
 
     def expand(self, hypothesis: Hypothesis, some: Sequence[Hypothesis]) -> None:
         """See neighbours of a hypothesis; the best few also from other relaxations."""
@@ -227,7 +230,7 @@ class Search:
         self._see_all(hypothesis, some)
         new = [one for one in some if one in self.modes and one not in self._redrawn]
         new.sort(key=self.log_posterior, reverse=True)
-        self._redraw(new[: self.settings.redrawn])
+        self._redraw(new[: self.breadth.redrawn])
 
     def neighbours(self, hypothesis: Hypothesis) -> list[Hypothesis]:
         """Another law, an effect more, one less, or a listed one in the place of a form.
@@ -238,7 +241,7 @@ class Search:
         elastic = space.elastic if self._leaves_more(hypothesis) else self.listed
         found = [replace(hypothesis, elastic=name) for name in elastic]
         found += [replace(hypothesis, relaxation=name) for name in space.relaxation]
-        if len(added) < self.settings.effects:
+        if len(added) < self.breadth.effects:
             more = set(self.families.beside(hypothesis.effects))
             found += [hypothesis.plus(name) for name in self.families.listed if name in more]
         for name in added:
@@ -256,7 +259,7 @@ class Search:
             for name in self.added(hypothesis)
             for own in self._relatives(name)
         ]
-        if len(self.added(hypothesis)) < self.settings.effects:
+        if len(self.added(hypothesis)) < self.breadth.effects:
             more = self.families.beside(hypothesis.effects)
             found += [hypothesis.plus(name) for name in more if not self._is_listed(name)]
         return [one for one in dict.fromkeys(found) if one != hypothesis]
@@ -286,8 +289,13 @@ class Search:
         if self.modes:
             self._see_all(base or self.usual, [hypothesis])
         else:
-            found = base_modes(self.density, hypothesis, self.seed)
+            found = self._from_priors(hypothesis)
             self._keep(hypothesis, self._weighed(hypothesis, found))
+
+    def _from_priors(self, hypothesis: Hypothesis) -> list[Mode]:
+        """Modes from draws of all its priors."""
+        starts, draws = self.breadth.starts, self.breadth.draws
+        return base_modes(self.density, hypothesis, self.seed, starts, draws)
 
     def _see_all(self, base: Hypothesis, some: Sequence[Hypothesis]) -> None:
         """Hypotheses from what each has in common with one that was seen, side by side."""
@@ -303,7 +311,7 @@ class Search:
         """Modes that are not known yet of a neighbour, from modes of the base."""
         known = [one.mode for one in self.modes.get(hypothesis, [])]
         point = self.modes[base][0].point
-        some = starts(self.density.space, point, hypothesis, self.settings.shapes)
+        some = starts(self.density.space, point, hypothesis, self.breadth.shapes)
         if not known:
             bare = self.modes.get(replace(hypothesis, effects=self.usual.effects))
             own = self.density.space.parameters(hypothesis)
@@ -314,7 +322,7 @@ class Search:
         if known or len(some) == 1:  # known from another neighbour
             found = find_modes(self.density, hypothesis, some[0], lowest, known)
         else:
-            found = modes(self.density, hypothesis, some, lowest, self.settings.followed)
+            found = modes(self.density, hypothesis, some, lowest, self.breadth.followed)
         return self._weighed(hypothesis, found)
 
     def _redraw(self, some: Sequence[Hypothesis], seed: int = 0) -> None:
@@ -324,7 +332,8 @@ class Search:
         def look(hypothesis: Hypothesis) -> list[Weighed]:
             known = [one.mode for one in self.modes[hypothesis]]
             known.sort(key=lambda mode: mode.loss)
-            found = redrawn_modes(self.density, hypothesis, known, self.seed + seed)
+            draws = self.breadth.draws
+            found = redrawn_modes(self.density, hypothesis, known, self.seed + seed, draws)
             return self._weighed(hypothesis, [mode for mode in found if mode not in known])
 
         for hypothesis, found in zip(some, _side_by_side(look, some), strict=True):
@@ -351,10 +360,10 @@ class Search:
 
     def _sample_next(self) -> bool:
         """Sample the evidence of the likeliest hypothesis that counts and was not sampled yet."""
-        near = self.log_posterior(self.best) - self.settings.rival
+        near = self.log_posterior(self.best) - self.breadth.rival
         left = [one for one in self.modes if one not in self._sampled]
         left = [one for one in left if self.log_posterior(one) > near]
-        if not left or len(self._sampled) >= _MOST_SAMPLED:
+        if not left or len(self._sampled) >= self.breadth.sampled:
             return False
         one = max(left, key=self.log_posterior)
         self.tell(f"evidence of {described(one)}")

@@ -11,6 +11,39 @@ _MOST_TOLERANCE = 0.5  # of the peak force, from which it is not a tolerance but
 
 
 @dataclass(frozen=True)
+class Breadth:
+    """How broadly hypotheses and their modes are looked for: the more, the longer it takes.
+
+    starts: draws of all priors, from which the plain model is optimised; draws: of a relaxation,
+    from which a hypothesis is optimised until so many in a row lead no higher; shapes: quantiles of
+    the prior of a new effect's shape, from which it is optimised; followed: modes under coarse
+    noise that are followed under the noise itself.
+
+    beam: hypotheses that are expanded, the likeliest that come within ``near`` (log posterior) of
+    the best; redrawn: neighbours of one, the likeliest, that are optimised from other relaxations
+    too; effects: most that a hypothesis has beside the user's own; hypotheses: most that are seen,
+    as beside something that no list holds very many are alike.
+
+    rival: log posterior behind the best, within which a hypothesis is checked and its evidence
+    sampled (e^-7: a thousandth), of at most ``sampled``; apart: log Bayes factor by which two ways
+    to it may differ (e^3: 20, more than a normal about a mode is off by).
+    """
+
+    starts: int = 4
+    draws: int = 6
+    shapes: int = 2
+    followed: int = 1
+    beam: int = 2
+    near: float = 25.0
+    redrawn: int = 1
+    effects: int = 3
+    hypotheses: int = 250
+    rival: float = 7.0
+    sampled: int = 12
+    apart: float = 3.0
+
+
+@dataclass(frozen=True)
 class Settings:
     """Prior probabilities, and from which probability on something is said.
 
@@ -24,15 +57,7 @@ class Settings:
     where nothing was left out); tolerance: share of the peak force below which neither an effect
     nor structure matters. Raises InputError if it is below 0, or 0.5 or more.
 
-    Of the search: beam: hypotheses that are expanded, the likeliest that come within ``near`` (log
-    posterior) of the best; effects: most that a hypothesis has beside the user's own; shapes:
-    quantiles of the prior of a new effect's shape, from which it is optimised; followed: places
-    under coarse noise that are followed under the noise itself; redrawn: neighbours of a
-    hypothesis, the likeliest, that are optimised from other relaxations too; hypotheses: most that
-    are seen, as beside something that no list holds very many are alike. Of its checks
-    (`crosschecks`): rival: log posterior behind the best, within which a hypothesis is checked
-    (e^-7: a thousandth); apart: log Bayes factor by which two ways to it may differ (e^3: 20, more
-    than a normal about a mode is off by).
+    breadth: of the search.
     """
 
     complete: float = 0.5
@@ -42,15 +67,7 @@ class Settings:
     false_alarms: float = 0.001
     rise: float = 0.001
     tolerance: float = TOLERANCE
-    beam: int = 2
-    near: float = 25.0
-    effects: int = 3
-    shapes: int = 2
-    followed: int = 1
-    redrawn: int = 1
-    hypotheses: int = 250
-    rival: float = 7.0
-    apart: float = 3.0
+    breadth: Breadth = Breadth()
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.tolerance < _MOST_TOLERANCE:

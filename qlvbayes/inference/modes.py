@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -15,22 +14,13 @@ from qlvbayes.inference.forward.hypothesis import Hypothesis
 
 Array = NDArray[np.float64]
 
-STARTS = 4
-"""Draws of the priors from which a base law's modes are looked for."""
-BEHIND = 30.0
-"""Loss behind the best, at which a hypothesis is given up."""
-REDRAWN = 6
-"""Relaxations drawn anew at the best, until so many in a row find none higher."""
-
 _STEPS = 60
 _ENOUGH = 0.02  # rise of the log density that a step promises, below which the mode is found
 _NEARLY = 0.2  # the same under coarse noise, which only leads to a place
 _CREEP = 0.02  # rise in a step, at which the way along a ridge ends
 _NEED = 0.02  # both as a share of how far a place is behind the best: there no more is asked
-_HOPE = {3: 20.0, 6: 8.0, 12: 4.0}  # from which step on it may bring how often what it promises
 _FARTHEST = 3.0  # longest step in a natural length
 _DAMPING = (1e-3, 1e-4, 1e9)  # first, least, most
-_POOR = 50.0  # loss behind the best, under coarse noise, at which a start is given up
 _ROUGHLY = 10.0  # loss behind the best, under coarse noise, up to which a place is followed
 _SPREAD = 4.0  # of squared sds a number, within which a way ends at a mode that is known
 _SAME = 0.5  # of loss, within which two modes are one
@@ -56,22 +46,18 @@ def find_mode(
     start: Array | Point,
     best: float = np.inf,
     enough: float = _ENOUGH,
-    size: float | None = None,
     known: Sequence[Mode] = (),
-    behind: float = BEHIND,
 ) -> Mode | None:
     """Levenberg-Marquardt from theta (F,) or a point, then on at the discrepancy's likeliest size.
 
-    size: of the discrepancy (N) at first, by default the likeliest at the start. None: not finite.
-    best: loss of the best so far; what does not promise to come within ``behind`` of it is given up
-    on its way, and what is behind it known less exactly; enough: rise of the log density that a
-    step must promise; known: modes of the hypothesis, one of which is the answer as soon as the way
-    leads into its neighbourhood.
+    best: loss of the best so far, behind which a mode is known less exactly; enough: rise of the
+    log density that a step must promise; known: modes of the hypothesis, one of which is the answer
+    as soon as the way leads into its neighbourhood. None: not finite.
     """
     point = start if isinstance(start, Point) else density.at(hypothesis, start)
     if point is None:
         return None
-    size = density.likeliest_size(point) if size is None else size
+    size = density.likeliest_size(point)
     here = density.terms(point, size)
     damping, least, most = _DAMPING
     tried, over = 0, False
@@ -88,8 +74,6 @@ def find_mode(
             continue
         if tried > 1 and (met := _met(density, point, here.loss, known)):
             return met
-        if _is_hopeless(density, point, size, tried, promise, best + behind):
-            break
         found = density.at(hypothesis, point.own.within(point.theta + step))
         # the discrepancy's separation is held in a step: the objective must be one function
         rise = here.loss - density.loss(found, size, point.separation) if found else -np.inf
@@ -127,17 +111,6 @@ def find_modes(
     return [] if mode is None or mode in known else [mode]
 
 
-def _is_hopeless(
-    density: Density, point: Point, size: float, tried: int, promise: float, worth: float
-) -> bool:
-    """Whether what steps promise does not reach what it must, whatever the discrepancy."""
-    hope = min((hope for k, hope in _HOPE.items() if tried > k), default=math.inf)
-    if math.isinf(hope) or math.isinf(worth):
-        return False
-    least = density.terms(point, density.likeliest_size(point, size)).loss
-    return least - hope * promise > worth
-
-
 def rough_mode(
     density: Density,
     hypothesis: Hypothesis,
@@ -146,7 +119,7 @@ def rough_mode(
     known: Sequence[Mode] = (),
 ) -> Mode | None:
     """As `find_mode` under coarse noise, where there are few modes and wide ones."""
-    return find_mode(density.coarse, hypothesis, start, best, _NEARLY, known=known, behind=_POOR)
+    return find_mode(density.coarse, hypothesis, start, best, _NEARLY, known)
 
 
 def modes(
@@ -181,8 +154,8 @@ def redrawn_modes(
     density: Density,
     hypothesis: Hypothesis,
     found: Sequence[Mode],
-    seed: int = 0,
-    vain: int = REDRAWN,
+    seed: int,
+    vain: int,
 ) -> list[Mode]:
     """Modes, the highest first: those found, and more from the best with its relaxation redrawn.
 
@@ -203,11 +176,16 @@ def redrawn_modes(
     return known
 
 
-def base_modes(density: Density, hypothesis: Hypothesis, seed: int = 0) -> list[Mode]:
-    """Modes of a hypothesis from draws of its priors, then of its relaxation's alone."""
+def base_modes(
+    density: Density, hypothesis: Hypothesis, seed: int, starts: int, vain: int
+) -> list[Mode]:
+    """Modes of a hypothesis from so many draws of its priors, then of its relaxation's alone.
+
+    Of these until ``vain`` in a row lead no higher.
+    """
     draws = density.space.plain_draws(hypothesis, seed)
-    found = modes(density, hypothesis, draws[:STARTS])
-    return redrawn_modes(density, hypothesis, found, seed) if found else []
+    found = modes(density, hypothesis, draws[:starts])
+    return redrawn_modes(density, hypothesis, found, seed, vain) if found else []
 
 
 def distinct(found: Iterable[Mode]) -> list[Mode]:

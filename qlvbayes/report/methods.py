@@ -22,6 +22,7 @@ _THRESHOLDS = {
     "covered": "a group holds the effect with probability {}",
     "tolerance": "effects and structure below {:.2g} of the peak force do not matter",
     "false_alarms": "a right model is found to leave structure with probability {}",
+    "breadth": "hypotheses are looked for with {}",
     "rise": "no effect is named that raises the error on tests left out by more than {:.2g} of it",
 }
 
@@ -95,9 +96,15 @@ def _thresholds(results: Results) -> tuple[str, ...]:
     told = (pad.diagnosis.settings for pad in results.pads if pad.diagnosis)
     used = next((settings for settings in told if settings), None)
     known = asdict(used.thresholds) if used else {}
+    known = {name: _counted(own) if isinstance(own, dict) else own for name, own in known.items()}
     return tuple(
         _THRESHOLDS.get(name, f"{name} = {{}}").format(value) for name, value in known.items()
     )
+
+
+def _counted(fields: dict[str, float]) -> str:
+    """As ``beam = 2, near = 25``."""
+    return ", ".join(f"{name} = {value:g}" for name, value in fields.items())
 
 
 def _comparisons(results: Results) -> str:
