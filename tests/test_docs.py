@@ -118,7 +118,10 @@ def test_the_computation_quotes_the_thresholds_of_the_code(site):
     from qlvbayes.diagnosis.settings import Settings
 
     text = re.sub(r"<[^>]+>", "", (site / "computation.html").read_text(encoding="utf-8"))
-    for name, value in vars(Settings()).items():
+    settings = dict(vars(Settings()))
+    breadth = vars(settings.pop("breadth"))
+    settings |= {f"breadth.{name}": value for name, value in breadth.items()}
+    for name, value in settings.items():
         assert re.search(rf"{name}\s+{re.escape(str(value))}", text), name
 
 

@@ -32,7 +32,7 @@ def context() -> dict[str, Any]:
 
     return {
         "settings": Settings(),
-        "thresholds": dataclasses.asdict(Settings()),
+        "thresholds": _flat(dataclasses.asdict(Settings())),
         "constant": constant,
         "doc": docstring,
         "effects": EFFECTS,
@@ -47,6 +47,15 @@ def context() -> dict[str, Any]:
         "section": section,
         "figures": figures,
     }
+
+
+def _flat(settings: dict[str, Any]) -> dict[str, Any]:
+    """With the fields of a part by themselves, as ``breadth.beam``."""
+    found: dict[str, Any] = {}
+    for name, value in settings.items():
+        inner = _flat(value) if isinstance(value, dict) else {}
+        found |= {f"{name}.{key}": own for key, own in inner.items()} or {name: value}
+    return found
 
 
 def constant(module: str, name: str) -> Any:
