@@ -21,7 +21,7 @@ from scipy.sparse import csr_array, dia_array
 
 from qlvbayes.preprocess.bounds import Tolerance
 from qlvbayes.preprocess.freeknots import Joints
-from qlvbayes.preprocess.stretch import Stretch, evaluated
+from qlvbayes.preprocess.stretch import FEWEST_OF_A_MOVE, Stretch, evaluated
 
 Array = NDArray[np.float64]
 
@@ -62,6 +62,8 @@ def errors(stretch: Stretch, tol: Tolerance) -> Errors:
         sd[0] = np.sqrt(variance[pick])
     elif tol.noise == 0.0:
         sd[0] = np.minimum(sd[0], np.sqrt(tol.variance))
+    if inside.size < FEWEST_OF_A_MOVE:  # many paths go through them
+        sd[2] = np.inf
     return Errors(time[inside][pick], *sd)
 
 

@@ -15,6 +15,7 @@ from scipy.optimize import minimize_scalar
 
 from qlvbayes.preprocess import quintic
 from qlvbayes.preprocess.bounds import Tolerance, excess
+from qlvbayes.preprocess.fewreadings import monotone, strays_between, trapezoid
 from qlvbayes.preprocess.freeknots import (
     Joints,
     Pieces,
@@ -30,8 +31,12 @@ from qlvbayes.preprocess.segments import Dwell
 
 Array = NDArray[np.float64]
 
+FEWEST_OF_A_MOVE = 15
+"""Readings of speeding up, cruising and slowing down, five each: fewer tell no acceleration."""
+
 _FEWEST_PER_PIECE = 5
 _FEWEST_RESOLVED = 3  # samples that show an acceleration
+_BETWEEN = np.linspace(0.0, 1.0, 8)[1:-1]  # of the time between two readings: where a path is seen
 _EXTRA_KNOTS = 2
 _INWARD = 0.8  # of the first span: how far an end may move into it
 _CUBE = 8.0  # 2^3
@@ -67,14 +72,45 @@ def fitted(
 ) -> Stretch:
     """Fit the motion between two dwells (None: the record begins or ends in motion).
 
-    What strays from the readings, at them or between them, is replaced by straight lines.
+    Where few readings show its pieces, a trapezoid of velocity that is as faithful takes their
+    place. What strays from the readings, at them or between them, is replaced by straight lines.
     """
     found = _fitted(t, x, segments, before, after, tol)
-    if not strays(found, tol):
-        return found
-    first = 0 if before is None else before.stop - 1
-    stop = t.size if after is None else after.first + 1
-    return _lines(t[first:stop], x[first:stop], found, tol)
+    if (move := _one_move(found, x[0] if before is None else before.level, after, tol)) is not None:
+        return move
+    if strays(found, tol):
+        first = 0 if before is None else before.stop - 1
+        stop = t.size if after is None else after.first + 1
+        return _lines(t[first:stop], x[first:stop], found, tol)
+    return _patched(found, tol)
+
+
+def _one_move(found: Stretch, left: float, after: Dwell | None, tol: Tolerance) -> Stretch | None:
+    """A trapezoid of velocity from a level to a dwell, where few readings show the motion.
+
+    None where they are many, or do not lie on a trapezoid. What it accelerates by they do not tell.
+    """
+    time, knots = found.window.time, found.joints.knots
+    shown = np.count_nonzero((time >= knots[0]) & (time <= knots[-1]))
+    if after is None or after.level == left or shown >= FEWEST_OF_A_MOVE:
+        return None
+    made = trapezoid(found.window, left, after.level, tol.variance)
+    if made is None:
+        return None
+    joints, own, worst = made
+    move = Stretch(found.window, joints, 2, own, 3)
+    # by what the numbers and the kinks saved are worth, as in `_worth`
+    price = 2.0 * max(tol.variance, tol.floor**2) * float(np.log(found.window.time.size))
+    saved = found.numbers + int(found.joints.kinked[[0, -1]].sum()) - move.numbers
+    costs = _misfit(move), _misfit(found) + saved * price
+    return move if worst <= tol.rest and costs[0] <= costs[1] else None
+
+
+def _misfit(stretch: Stretch) -> float:
+    """Sum of the squares of what readings are off."""
+    time, knots = stretch.window.time, stretch.pieces.knots
+    path = evaluated(stretch, np.clip(time, knots[0], knots[-1]))
+    return float(np.sum((path - stretch.window.displacement) ** 2))
 
 
 def strays(stretch: Stretch, tol: Tolerance) -> bool:
@@ -115,14 +151,96 @@ def evaluated(stretch: Stretch, t: Array) -> Array:
 def _lines(time: Array, x: Array, stretch: Stretch, tol: Tolerance) -> Stretch:
     """Straight lines through some of the readings instead, from one dwell's last to the other's."""
     left, right = stretch.joints.left, stretch.joints.right
-    x = x.copy()
-    x[0], x[-1] = (x[0] if left is None else left), (x[-1] if right is None else right)
-    kept = corners(time, x, tol.rest)
-    time, x = time[kept], x[kept]
+    kept = corners(time, _to_levels(x, left, right), tol.rest)
+    time, x = time[kept], _to_levels(x, left, right)[kept]
     slopes = np.diff(x) / np.diff(time)
     joints = Joints(time, np.ones(time.size, dtype=bool), left, right)
     lines = Pieces(time, x[:-1], slopes, np.zeros(slopes.size))
     return Stretch(stretch.window, joints, 2, lines, 2 * time.size)
+
+
+def _through(time: Array, x: Array, ends: Joints, window: Window) -> Stretch:
+    """A smooth path through all of some readings that turns about nowhere else."""
+    joints = Joints(time, np.ones(time.size, dtype=bool), ends.left, ends.right)
+    rests = (ends.left is not None, ends.right is not None)
+    path = monotone(time, _to_levels(x, ends.left, ends.right), rests=rests)
+    return Stretch(window, joints, 2, path, 2 * time.size)
+
+
+def _to_levels(x: Array, left: float | None, right: float | None) -> Array:
+    """Readings (n,), the first and the last at the levels of the dwells that they belong to."""
+    found = x.copy()
+    found[0], found[-1] = (x[0] if left is None else left), (x[-1] if right is None else right)
+    return found
+
+
+def _patched(stretch: Stretch, tol: Tolerance) -> Stretch:
+    """Through the readings about where a path leaves the range of two that do not turn about."""
+    knots, window = stretch.joints.knots, stretch.window
+    inside = (window.time >= knots[0]) & (window.time <= knots[-1])
+    time, x = window.time[inside], window.displacement[inside]
+    if stretch.degree != 2 or time.size < 3:
+        return stretch
+    path = evaluated(stretch, time)
+    between = time[:-1, None] + np.diff(time)[:, None] * _BETWEEN
+    off = strays_between(
+        path, evaluated(stretch, between.ravel()).reshape(between.shape), x, tol.farthest
+    )
+    for k in np.flatnonzero(off):
+        stretch = _patch(stretch, time, x, time[k], time[k + 1])
+    return stretch
+
+
+def _patch(stretch: Stretch, time: Array, x: Array, begin: float, end: float) -> Stretch:
+    """With what few readings show about two of them replaced: pieces, or parts of longer ones."""
+    knots = stretch.pieces.knots
+    few = np.diff(np.searchsorted(time, knots)) < _FEWEST_PER_PIECE
+    low = int(np.searchsorted(knots, begin, side="right")) - 1
+    high = int(np.searchsorted(knots, end, side="left")) - 1
+    while low >= 0 and few[low]:
+        begin, low = knots[low], low - 1
+    while high < few.size and few[high]:
+        end, high = knots[high + 1], high + 1
+    first = max(int(np.searchsorted(time, begin, side="right")) - 1, 0)
+    last = min(int(np.searchsorted(time, end)), time.size - 1) + 1
+    at, values = time[first:last], x[first:last].copy()
+    if low < 0 and at[0] > knots[0]:
+        at, values = np.append(knots[0], at), np.append(0.0, values)
+    if high == few.size and at[-1] < knots[-1]:
+        at, values = np.append(at, knots[-1]), np.append(values, 0.0)
+    values[[0, -1]] = evaluated(stretch, at[[0, -1]])
+    ends = stretch.joints
+    rests = low < 0 and ends.left is not None, high == few.size and ends.right is not None
+    return _spliced(stretch, monotone(at, values, rests=rests))
+
+
+def _spliced(stretch: Stretch, made: Pieces) -> Stretch:
+    """With other pieces from the first of their knots to the last."""
+    old, begin, end = stretch.pieces, made.knots[0], made.knots[-1]
+    rows, new = _coefficients(old), _coefficients(made)
+    before = old.knots[:-1] < begin
+    later = np.unique(np.append(end, old.knots[:-1][old.knots[:-1] > end]))
+    later = later[later < old.knots[-1]]
+    k = np.searchsorted(old.knots, later, side="right") - 1
+    s = later - old.knots[k]
+    d, v, a, h = rows[:, k]
+    after = np.array(
+        [d + s * (v + s * (0.5 * a + s * h)), v + s * (a + 3.0 * s * h), a + 6.0 * s * h, h]
+    )
+    knots = np.concatenate([old.knots[:-1][before], made.knots[:-1], later, old.knots[-1:]])
+    d, v, a, h = np.concatenate([rows[:, before], new, after], axis=1)
+    joints = stretch.joints
+    kinked = np.isin(knots, joints.knots[joints.kinked]) | ((knots >= begin) & (knots <= end))
+    kinked[[0, -1]] = joints.kinked[[0, -1]]
+    joints = replace(joints, knots=knots, kinked=kinked)
+    pieces = Pieces(knots, d, v, a, h[None])
+    return Stretch(stretch.window, joints, 2, pieces, stretch.numbers + 2 * made.velocity.size)
+
+
+def _coefficients(part: Pieces) -> Array:
+    """(4, k) displacement, velocity, acceleration and the coefficient of the cube of each piece."""
+    cubes = np.zeros((1, part.velocity.size)) if part.higher is None else part.higher
+    return np.array([part.displacement, part.velocity, part.acceleration, *cubes])
 
 
 def _fitted(
@@ -140,8 +258,8 @@ def _fitted(
     left, right = (r.level if r is not None else None for r in (before, after))
     window = _window(t, x, first, stop, before, after)
     if stop - first < 3:
-        joints = Joints(t[low : high + 1], np.ones(high + 1 - low, dtype=bool), left, right)
-        return _constant(joints, window)
+        ends = Joints(t[[low, high]], np.ones(2, dtype=bool), left, right)
+        return _through(t[low : high + 1], x[low : high + 1], ends, window)
     # The last piece of a record that ends in motion may be a leftover of a few samples.
     end = stop if after is not None else stop - _FEWEST_PER_PIECE
     cuts = [0.5 * (t[i - 1] + t[i]) for i, _ in segments if first < i < end]

@@ -1,0 +1,97 @@
+"""Presses that a slow logger shows by a handful of readings, against the platen's true way."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from qlvbayes.preprocess.fewreadings import monotone, strays_between, trapezoid
+from qlvbayes.preprocess.freeknots import Window
+from qlvbayes.preprocess.trajectory import smooth
+from qlvbayes.simulate.platen import Hold, Move, Platen
+
+INTERVAL = 0.02  # s
+LIMIT = 1000.0  # mm/s2
+
+
+def press(rate, offset=0.0, creep=0.0):
+    """Readings of a press to 1.6 mm that begins ``offset`` before one of them."""
+    platen = Platen((Move(1.6, rate), Hold(5.0, creep)), LIMIT)
+    time = np.arange(-10, 250) * INTERVAL + offset
+    return platen, time, np.where(time < 0.0, 0.0, platen.displacement(np.maximum(time, 0.0)))
+
+
+def true_path(platen, time):
+    return np.where(time < 0.0, 0.0, platen.displacement(np.maximum(time, 0.0)))
+
+
+FINE = np.linspace(-0.1, 0.3, 4001)
+OFFSETS = pytest.mark.parametrize("offset", [0.0, 0.004, 0.011, 0.017])
+RATES = pytest.mark.parametrize("rate", [20.0, 30.0, 50.0, 100.0])
+
+
+@OFFSETS
+@RATES
+def test_a_press_of_three_to_five_readings_goes_where_the_platen_went(rate, offset):
+    platen, time, x = press(rate, offset)
+    found = smooth(time, x)
+    off = found.displacement(FINE) - true_path(platen, FINE)
+    assert np.max(np.abs(off)) < 0.01 * 1.6
+    assert not found.acceleration_resolved  # the gentlest way was taken
+
+
+@pytest.mark.parametrize("creep", [0.0, 4e-4])
+@OFFSETS
+@RATES
+def test_nothing_overshoots_that_no_reading_shows(rate, offset, creep):
+    _, time, x = press(rate, offset, creep)
+    path = smooth(time, x).displacement(FINE)
+    assert path.max() < 1.6 + 1e-3
+    assert np.all(np.diff(path) > -1e-3)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3, 0.5])
+def test_readings_of_a_trapezoid_give_it_back(share):
+    time = np.linspace(-0.2, 0.8, 21)
+    s = np.clip((time - 0.03) / 0.5, 0.0, 1.0)
+    early, late = s**2 / (2 * share), 1.0 - share - (1.0 - s) ** 2 / (2 * share)
+    x = np.where(s < share, early, np.where(s > 1 - share, late, s - 0.5 * share)) / (1 - share)
+    joints, pieces, worst = trapezoid(Window(time, 0.5 + 2.0 * x, -0.2, 0.8), 0.5, 2.5, 1e-10)
+    assert worst < 1e-4
+    assert joints.knots[[0, -1]] == pytest.approx([0.03, 0.53], abs=2e-3)
+    assert pieces.acceleration[0] == pytest.approx(2.0 / (0.25 * share * (1 - share)), rel=0.02)
+
+
+def test_where_nothing_moves_by_three_readings_there_is_no_trapezoid():
+    time = np.arange(6.0)
+    assert (
+        trapezoid(Window(time, np.array([0, 0, 0.5, 1, 1, 1.0]), 0.0, 5.0), 0.0, 1.0, 0.0) is None
+    )
+
+
+@given(
+    st.lists(st.floats(0.01, 1.0), min_size=3, max_size=12),
+    st.lists(st.floats(-1.0, 1.0), min_size=12, max_size=12),
+)
+def test_a_monotone_path_stays_between_its_readings(steps, values):
+    time = np.cumsum(steps)
+    x = np.array(values[: time.size])
+    part = monotone(time, x, rests=(True, True))
+    fine = time[:-1, None] + np.diff(time)[:, None] * np.linspace(0.0, 1.0, 9)
+    s = fine - time[:-1, None]
+    cubic = part.higher[0][:, None]
+    path = part.displacement[:, None] + part.velocity[:, None] * s
+    path += 0.5 * part.acceleration[:, None] * s**2 + cubic * s**3
+    low, high = np.minimum(x[1:], x[:-1])[:, None], np.maximum(x[1:], x[:-1])[:, None]
+    assert np.all((path >= low - 1e-9) & (path <= high + 1e-9))
+    np.testing.assert_allclose(path[:, -1], x[1:], atol=1e-9)
+
+
+def test_only_what_no_reading_shows_strays():
+    readings = np.array([0.0, 1.0, 2.0, 2.0, 2.0])
+    between = np.array([[0.5], [1.5], [2.3], [2.0]])
+    off = strays_between(readings, between, readings, 0.01)
+    assert off.tolist() == [False, False, True, False]
+    turning = np.array([0.0, 1.0, 1.9, 1.8, 0.8])  # between the third and the fourth it turned
+    between = np.array([[0.5], [1.5], [2.2], [1.3]])
+    assert not strays_between(turning, between, turning, 0.01).any()
