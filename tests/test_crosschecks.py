@@ -88,7 +88,7 @@ def test_an_extra_mode_in_the_place_of_one_that_the_law_has_leads_back_to_the_la
         if moved
         else replace(search.seen[hypothesis], mode=Mode(point, 0.0, 0.0, False, 1))
     )
-    found = list(exchanged_starts(space, weighed))
+    found = list(exchanged_starts(space, weighed, ["extra_relaxation_mode"]))
     assert [start.hypothesis for start in found] == [search.usual] * 3
     losses = [find_mode(search.density, search.usual, start.theta).loss for start in found]
     assert min(losses) == pytest.approx(plain.mode.loss, abs=0.1)

@@ -16,7 +16,7 @@ has: H is optimised from the spectrum of H + mode with each mode left out in tur
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -93,13 +93,13 @@ def savage_dickey(fuller: Weighed, effect: str, tolerance: float) -> float | Non
     return float(prior.log_density(0.0) - there) + log_noticeable(prior, mean, sd, tolerance)
 
 
-def exchanged_starts(space: Space, fuller: Weighed) -> Iterator[Start]:
-    """Of the hypothesis without an effect that adds to the relaxation, each mode left out in turn.
+def exchanged_starts(space: Space, fuller: Weighed, effects: Iterable[str]) -> Iterator[Start]:
+    """Of the hypothesis without one of some effects on the relaxation, each mode left out in turn.
 
     None where the spectrum is a long one, whose modes are not of their own.
     """
     hypothesis, point = fuller.hypothesis, fuller.point
-    for effect in sorted(hypothesis.effects & space.relaxing):
+    for effect in sorted(space.relaxing.intersection(effects)):
         less = hypothesis.less(effect)
         fractions, rates = space.spectra(hypothesis, point.constants[None])
         if rates.shape[1] > FEW + 1:

@@ -175,7 +175,7 @@ class Search:
         starts = [
             start
             for one in some
-            for start in exchanged_starts(self.density.space, self.modes[one][0])
+            for start in exchanged_starts(self.density.space, self.modes[one][0], self.added(one))
         ]
         self.checks["exchanged"].made += len(starts)
         return self._look_from("exchanged", starts)

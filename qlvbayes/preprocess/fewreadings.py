@@ -104,7 +104,8 @@ def monotone(time: Array, displacement: Array, *, rests: tuple[bool, bool]) -> P
         displacement,
         displacement[last][: int(rests[1])],
     ]
-    path = PchipInterpolator(np.concatenate(times), np.concatenate(values))
+    with np.errstate(over="ignore"):  # over a step of next to nothing: the slope is 0 there
+        path = PchipInterpolator(np.concatenate(times), np.concatenate(values))
     cubic, square, line, level = path.c[:, int(rests[0]) : int(rests[0]) + time.size - 1]
     return Pieces(time, level, line, 2.0 * square, cubic[None])
 
