@@ -373,6 +373,8 @@ class Search:
         gap = self.log_posterior(self.best) - self.log_posterior(one)  # what is small may be vague
         close = CLOSE * (1.0 + gap)
         found = sampled_evidence(self.density, pairs, self.settings.tolerance, close)
+        for mode, _ in pairs:
+            mode.point.separation.forget_but(mode.size)
         if found is not None:
             told = replace(first.evidence, by_size=found.by_size, log=found.log)
             sampled = replace(first, evidence=told, log_evidence=found.log, error=found.error)

@@ -41,6 +41,7 @@ def weigh(density: Density, hypothesis: Hypothesis, mode: Mode, tolerance: float
             k = leaf.theta[0]
             sd = math.sqrt(max(found.covariance[k, k], 0.0))
             log += log_noticeable(leaf.prior.inner, float(found.mean[k]), sd, tolerance)
+    mode.point.separation.forget_but(mode.size)
     return Weighed(hypothesis, mode, found, log)
 
 

@@ -93,15 +93,21 @@ class Separation:
         product = basis.T @ ties
         return np.asarray(product + product.T)
 
+    def forget_but(self, size: float) -> None:
+        """Keep what was computed of one size (N) only: of all, a point holds megabytes."""
+        for other in [known for known in self._sized if known != size]:
+            self._sized.pop(other, None)
+
     def at(self, plain: Sized) -> Sized | Separated:
         """Of the size of a discrepancy that is not separated."""
         if plain.size == 0.0 or not self.rank:
             return plain
-        if plain.size not in self._sized:
+        found = self._sized.get(plain.size)
+        if found is None:
             basis, ties, moments = self._parts
             tied = plain.size**2 * ties + moments
-            self._sized[plain.size] = Separated.from_plain(plain, basis, tied)
-        return self._sized[plain.size]
+            found = self._sized[plain.size] = Separated.from_plain(plain, basis, tied)
+        return found
 
 
 @dataclass(frozen=True, eq=False)
