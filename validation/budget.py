@@ -174,7 +174,7 @@ def _lowered(diagnosis: Diagnosis, effect: str) -> Case:
     if not own:
         return {"effect": effect, "fall_N2": None, "error_N2": None}
     fewer = told.hypothesis.less(own[0])
-    search.see(told.hypothesis.less(own[0]), told.hypothesis)
+    search.see(fewer, told.hypothesis)
     if fewer not in search.modes:
         return {"effect": effect, "fall_N2": None, "error_N2": None}
     with_it, without = (

@@ -150,8 +150,7 @@ def _true(study: WideStudy, experiment: Experiment, search: Search) -> Hypothesi
 
     None where nothing of the package stands for what is hidden.
     """
-    scales = experiment.scales
-    rig = Rig(study.rig.gap, scales.depth, scales.force, scales.clock)
+    rig = Rig.of(study, experiment)
     every = truths(study.law, study.effects, rig)
     known = [one.hypothesis for one in every if len(one.hypothesis.effects) >= len(study.effects)]
     known = [one for one in known if one.effects <= set(search.density.space.effects)]

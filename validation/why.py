@@ -138,8 +138,7 @@ def caused(study: WideStudy, diagnosis: Diagnosis, case: Case) -> Case:
     experiment, search = diagnosis.work.experiment, diagnosis.work.search
     answer = diagnosis.work.told.hypothesis
     said, said_log = _best(search, answer)
-    scales = experiment.scales
-    rig = Rig(study.rig.gap, scales.depth, scales.force, scales.clock)
+    rig = Rig.of(study, experiment)
     every = truths(study.law, study.effects, rig)
     tried = [one for one in every if one.hypothesis.effects <= set(search.density.space.effects)]
     outsider = case["kind"] in _OUTSIDE

@@ -128,9 +128,8 @@ def modes(
     starts: Iterable[Array],
     best: float = np.inf,
     most: int = 3,
-    known: Sequence[Mode] = (),
 ) -> list[Mode]:
-    """Modes not known yet from many starts, the highest first.
+    """Distinct modes from many starts, the highest first.
 
     All are optimised under coarse noise first; the best places it leads to (at most ``most``) are
     followed under the noise itself.
@@ -145,8 +144,7 @@ def modes(
     for place in places:
         if place.loss > places[0].loss + _ROUGHLY:  # it would fall back farther under less noise
             break
-        met = [*known, *found]
-        found += find_modes(density, hypothesis, place.point.theta, best, known=met)
+        found += find_modes(density, hypothesis, place.point.theta, best, known=found)
     return distinct(found)
 
 

@@ -151,8 +151,9 @@ def evaluated(stretch: Stretch, t: Array) -> Array:
 def _lines(time: Array, x: Array, stretch: Stretch, tol: Tolerance) -> Stretch:
     """Straight lines through some of the readings instead, from one dwell's last to the other's."""
     left, right = stretch.joints.left, stretch.joints.right
-    kept = corners(time, _to_levels(x, left, right), tol.rest)
-    time, x = time[kept], _to_levels(x, left, right)[kept]
+    x = _to_levels(x, left, right)
+    kept = corners(time, x, tol.rest)
+    time, x = time[kept], x[kept]
     slopes = np.diff(x) / np.diff(time)
     joints = Joints(time, np.ones(time.size, dtype=bool), left, right)
     lines = Pieces(time, x[:-1], slopes, np.zeros(slopes.size))

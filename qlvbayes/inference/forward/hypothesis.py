@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from qlvbayes.model.parameters import names
 from qlvbayes.model.posterior import Posterior, is_prior, value_shape
 from qlvbayes.priors.distributions import AbstractPrior
-from qlvbayes.priors.natural import AbstractDirect, Quadratic
+from qlvbayes.priors.natural import AbstractDirect
 
 Array = NDArray[np.float64]
 
@@ -164,12 +164,6 @@ class Parameters:
     def by_name(self) -> dict[str, Leaf]:
         """Fields by the name of their first constant, in the order of theta."""
         return {self.names[leaf.constants.start]: leaf for leaf in self.leaves}
-
-    def quadratic(self, number: int) -> Quadratic:
-        """Log prior density of a number that is taken as it is, by its place in theta."""
-        prior = next(leaf.prior for leaf in self.leaves if leaf.theta.start == number)
-        assert isinstance(prior, AbstractDirect)
-        return prior.density()
 
     @cached_property
     def columns(self) -> dict[str, slice]:
