@@ -16,6 +16,7 @@ from qlvbayes.diagnosis.checks.sensitivity import responses, unseen
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.protocol import protocol_of
 from qlvbayes.diagnosis.result import ParameterBias
+from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.standing import Enough
 from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.effects.catalogue import find
@@ -209,7 +210,7 @@ def test_adequacy_p_values_are_uniform_under_a_right_model(plain):
     for seed in range(20):
         experiment = measured(seed=100 + seed)
         found = _plain_point(experiment, work)
-        below += adequacy(experiment, found[0], found[1]).p_value < 0.1
+        below += adequacy(experiment, found[0], found[1], Settings().cells).p_value < 0.1
     assert below <= 6  # binomial: more than 6 of 20 has probability 0.002
 
 

@@ -10,7 +10,7 @@ from qlvbayes.diagnosis.checks.samples import Samples
 from qlvbayes.diagnosis.telling.discrepancy import discrepancy
 from qlvbayes.diagnosis.telling.work import Work
 from qlvbayes.diagnosis.workbench import search_of
-from qlvbayes.inference.errors.features import Features, Places, covariance
+from qlvbayes.inference.errors.features import DiscrepancyPrior, Features, Places, covariance
 from qlvbayes.simulate import OUTSIDE
 
 SHARE = 1e-3  # of the variance, that features may leave out
@@ -54,6 +54,16 @@ def test_functions_of_other_tests_and_phases_are_apart():
     own = covariance(one, one)[0, 0]
     assert covariance(one, other_test)[0, 0] == pytest.approx(0.5 * own)  # the shared half
     assert covariance(one, other_phase)[0, 0] == 0.0
+
+
+def test_correlations_fall_over_the_lengths_of_the_prior():
+    prior = DiscrepancyPrior(time=1.5, depth=0.4, rate=0.7, unloaded=0.25)
+    smooth = prior.smooth(np.array([0.1, 0.3]), np.array([0.2, 0.9]), np.array([2.0, 5.0]))
+    some = Places(smooth, prior.size(np.array([0.0, -1.2])), np.zeros(2), np.zeros(2))
+    far = np.sqrt(3.0) * np.abs([np.log(3.0) / 1.5, 0.7 / 0.4, np.log(2.5) / 0.7])
+    time, depth, rate = (1.0 + far) * np.exp(-far)
+    expected = 0.25 * 1.0 * time * depth * (0.5 * rate + 0.5)
+    assert covariance(some, some)[0, 1] == pytest.approx(expected)
 
 
 def test_a_pads_blocks_are_covered():

@@ -15,7 +15,8 @@ from support.spaces import space_of
 from qlvbayes import read_study
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.inference.density import Density, Terms
-from qlvbayes.inference.errors.discrepancy import ROUGH, Discrepancy
+from qlvbayes.inference.errors.discrepancy import Discrepancy
+from qlvbayes.inference.errors.features import UNDECIDED
 from qlvbayes.inference.errors.whitening import Whitener, covariance
 from qlvbayes.inference.evidence import evidence
 from qlvbayes.inference.forward.hypothesis import Hypothesis
@@ -84,7 +85,7 @@ def dense_loss(experiment, density, point, size, kept=(0, 1, 2, 3, 4, 5)):
     followed = np.eye(len(rest)) - rest
     timing = np.diag(np.concatenate([np.asarray(blocks.timing)[k][blocks.real[k]] for k in kept]))
     moments = rest @ timing**2 @ rest + followed @ timing**2 @ followed - timing**2
-    whole = block_diag(*noise) + size**2 * (smooth + ROUGH * np.eye(residual.size))
+    whole = block_diag(*noise) + size**2 * (smooth + UNDECIDED.rough * np.eye(residual.size))
     whole += (size > 0.0) * moments
     return loss - multivariate_normal(np.zeros(len(whole)), whole).logpdf(residual)
 

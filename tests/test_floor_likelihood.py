@@ -18,8 +18,8 @@ from qlvbayes.fitting.drawn_errors import missed
 from qlvbayes.fitting.fit import fit_pad
 from qlvbayes.fitting.marginal import Judged, floor_likelihood
 from qlvbayes.fitting.optimum import starting_point
-from qlvbayes.inference.errors.discrepancy import ROUGH, TOLERANCE, Discrepancy
-from qlvbayes.inference.errors.features import Features, Places
+from qlvbayes.inference.errors.discrepancy import TOLERANCE, Discrepancy
+from qlvbayes.inference.errors.features import UNDECIDED, Features, Places
 from qlvbayes.inference.errors.whitening import covariance
 from qlvbayes.io.checks import InputError
 from qlvbayes.model.choices import Choices
@@ -59,7 +59,7 @@ def dense(floor=None):
         noise.append(covariance(whole.floor, own, whole.scales.force))
     places = Places.of_blocks(whole, trials, blocks)
     shapes = Features.of(places)(places)
-    return block_diag(*noise), shapes.T @ shapes + ROUGH * np.eye(shapes.shape[1])
+    return block_diag(*noise), shapes.T @ shapes + UNDECIDED.rough * np.eye(shapes.shape[1])
 
 
 def residuals(seed, sd=0.02):
@@ -221,7 +221,7 @@ def test_what_is_missed_elsewhere_is_the_gaussian_process_given_the_fit():
     cross = 0.02**2 * there.T @ at
     matrix = 1.2**2 * dense()[0] + 0.02**2 * dense()[1]
     gain = cross @ np.linalg.inv(matrix)
-    variance = 0.02**2 * (places.size**2 + ROUGH) - np.sum(gain * cross, axis=1)
+    variance = 0.02**2 * (places.size**2 + UNDECIDED.rough) - np.sum(gain * cross, axis=1)
     z = (draws - gain @ flat) / np.sqrt(variance)
     assert np.max(np.abs(z.mean(axis=0))) < 5.0 / np.sqrt(count)
     assert np.max(np.abs((z**2).mean(axis=0) - 1.0)) < 5.0 * np.sqrt(2.0 / count)

@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
-from qlvbayes.inference.errors.discrepancy import ROUGH, Discrepancy
+from qlvbayes.inference.errors.discrepancy import Discrepancy
+from qlvbayes.inference.errors.features import UNDECIDED
 from qlvbayes.inference.errors.whitening import Whitener
 from qlvbayes.inference.evidence import moved
 
@@ -52,7 +53,7 @@ def dense(noise, jacobian, size, kept, timing=None):
     rest = np.eye(COUNT) - P
     own = rest @ smooth @ rest + kept * P @ smooth @ P
     moments = rest @ timing @ rest + P @ timing @ P
-    return noise + moments + size**2 * (own + ROUGH * np.eye(COUNT))
+    return noise + moments + size**2 * (own + UNDECIDED.rough * np.eye(COUNT))
 
 
 @given(
@@ -115,7 +116,7 @@ def test_numbers_are_off_by_what_a_discrepancy_has_moved_them():
     jacobian, size, count = np.array([np.ones(COUNT), X, X**2]), 0.02, 2000
     found = made(correlated(1e-3, 5.0))
     smooth = rng.standard_normal((count, 10)) @ smooth_features()
-    drawn = size * (smooth + np.sqrt(ROUGH) * rng.standard_normal((count, COUNT)))
+    drawn = size * (smooth + np.sqrt(UNDECIDED.rough) * rng.standard_normal((count, COUNT)))
     fitted = np.linalg.lstsq(jacobian.T, drawn.T, rcond=None)[0]
     left = drawn - fitted.T @ jacobian
     vectors = found.whitener(by_test(np.concatenate([jacobian, left])))

@@ -155,7 +155,7 @@ def caused(study: WideStudy, diagnosis: Diagnosis, case: Case) -> Case:
     alike = [h for h in search.modes if _by_family(search, h) in true]
     seen = max([_best(search, h)[1] for h in alike], default=-math.inf)
     record = search.density.space.record
-    sound = adequacy(experiment, record, mode.point)
+    sound = adequacy(experiment, record, mode.point, search.settings.cells)
     same = answer in alike
     is_sound = sound.is_sound(search.settings)
     log = max(log, seen)

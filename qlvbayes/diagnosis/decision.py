@@ -31,10 +31,7 @@ Key = TypeVar("Key", bound=Hashable)
 VERDICTS = ("adequate", "missing_effect", "ambiguous", "partly_explained", "unexplained")
 LEFT = VERDICTS[3:]
 """Verdicts that something outside the list is there."""
-LARGEST = 3
-"""Members of a group at most: more is no answer."""
 _DRAWS = 256  # of log posteriors within their errors: 6 % of what these make of a probability
-_BESIDE = 0.5  # probability of something outside, from which it is taken to be there
 
 
 @dataclass(frozen=True)
@@ -112,7 +109,7 @@ def decide(weights: Sequence[Weight], settings: Settings | None = None) -> Decis
     base = _summed((w.base, p) for w, p in pairs)
     outside = sum(p * (w.outside if w.listed else 1.0) for w, p in pairs)
     named = tuple(name for name, p in inclusion.items() if p >= settings.named)
-    if outside > _BESIDE:
+    if outside > settings.unlisted:
         group: tuple[str, ...] = ()
         verdict = "partly_explained" if named else "unexplained"
     else:
@@ -178,7 +175,7 @@ def _group(
     if sum(share for rest, share in others if not rest) > 1.0 - settings.named:
         return ()
     group: list[str] = []
-    while len(group) < LARGEST:
+    while len(group) < settings.group:
         held = sum(share for rest, share in others if rest & set(group))
         if held >= settings.covered:
             break

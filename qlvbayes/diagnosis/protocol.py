@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
+from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.effects.effect import Protocol
 from qlvbayes.preprocess.experiment import Experiment, Trial
 
-_NEARLY = 0.02  # of the depth, or of the peak force: nearer to zero counts as having returned
 
-
-def protocol_of(experiment: Experiment, *, bonded: bool) -> Protocol:
+def protocol_of(
+    experiment: Experiment, *, bonded: bool, settings: Settings | None = None
+) -> Protocol:
     """Read off the tests' phases, motion and forces."""
+    nearly = (settings or Settings()).returned
     return Protocol(
-        unloads=any(_unloads(experiment, trial) for trial in experiment.trials),
-        returns=any(_returns(experiment, trial) for trial in experiment.trials),
+        unloads=any(_unloads(experiment, trial, nearly) for trial in experiment.trials),
+        returns=any(_returns(experiment, trial, nearly) for trial in experiment.trials),
         tests=len(experiment.trials),
         bonded=bonded,
         curved=any(trial.trajectory.acceleration_resolved for trial in experiment.trials),
@@ -22,21 +24,21 @@ def protocol_of(experiment: Experiment, *, bonded: bool) -> Protocol:
     )
 
 
-def _unloads(experiment: Experiment, trial: Trial) -> bool:
-    """Whether a phase moves back by more than the fitted motion may ripple."""
+def _unloads(experiment: Experiment, trial: Trial, nearly: float) -> bool:
+    """Whether a phase moves back by more than a share of the depth, as the fitted motion may."""
     ends = [(p.start, p.stop) for p in trial.phases if p.kind == "unload"]
     way = [-np.diff(trial.trajectory.displacement(np.array(pair)))[0] for pair in ends]
-    return any(back > _NEARLY * experiment.scales.depth for back in way)
+    return any(back > nearly * experiment.scales.depth for back in way)
 
 
-def _returns(experiment: Experiment, trial: Trial) -> bool:
+def _returns(experiment: Experiment, trial: Trial, nearly: float) -> bool:
     """Whether an unloading ends at zero depth, or the force comes to nothing in it or after it."""
     scales = experiment.scales
-    little = max(_NEARLY * scales.force, 3.0 * experiment.floor.total)
+    little = max(nearly * scales.force, 3.0 * experiment.floor.total)
     for phase in trial.phases:
         if phase.kind not in ("unload", "recovery"):
             continue
-        if float(trial.trajectory.displacement(np.array([phase.stop]))[0]) < _NEARLY * scales.depth:
+        if float(trial.trajectory.displacement(np.array([phase.stop]))[0]) < nearly * scales.depth:
             return True
         inside = (trial.test.time >= phase.start) & (trial.test.time <= phase.stop)
         if np.any(trial.test.force[inside] < little):

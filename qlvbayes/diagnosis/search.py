@@ -34,10 +34,7 @@ from qlvbayes.laws.scales import SHARE
 Tell = Callable[[str], None]
 One = TypeVar("One")
 
-_MODES = 4  # of a hypothesis, that are kept
-_FAR = 15.0  # of the loss behind a hypothesis' best mode: what is farther adds nothing
 _HIGHER = 0.5  # log posterior, by which a mode must be higher to be another one
-_FACTORS = (0.2, 5.0)  # by which a prior is fitted to the motion: beyond, nothing can be seen
 _OTHER_SEED = 1000  # beside the search's own: draws that were not used before
 CHECKS = ("nested", "exchanged", "draws")
 
@@ -116,7 +113,7 @@ class Search:
         self.density = _in_proportion(self)
         del self.modes[self.usual]
         again: list[Mode] = []
-        for mode in found[:_MODES]:
+        for mode in found[: self.breadth.modes]:
             theta = mode.point.theta
             again += find_modes(self.density, self.usual, theta, self._lowest, known=again)
         self._keep(self.usual, self._weighed(self.usual, again))
@@ -311,7 +308,8 @@ class Search:
         """Modes that are not known yet of a neighbour, from modes of the base."""
         known = [one.mode for one in self.modes.get(hypothesis, [])]
         point = self.modes[base][0].point
-        some = starts(self.density.space, point, hypothesis, self.breadth.shapes)
+        shapes, sizes = self.breadth.shapes, self.breadth.sizes
+        some = starts(self.density.space, point, hypothesis, shapes, sizes)
         if not known:
             bare = self.modes.get(replace(hypothesis, effects=self.usual.effects))
             own = self.density.space.parameters(hypothesis)
@@ -347,14 +345,14 @@ class Search:
     def _weighed(self, hypothesis: Hypothesis, found: Iterable[Mode]) -> list[Weighed]:
         """Evidences about modes that are no farther behind the highest than counts."""
         some = distinct(found)
-        near = [mode for mode in some if mode.loss < some[0].loss + _FAR]
+        near = [mode for mode in some if mode.loss < some[0].loss + self.breadth.far]
         tolerance = self.settings.tolerance
         weighed = [weigh(self.density, hypothesis, mode, tolerance) for mode in near]
         return [one for one in weighed if math.isfinite(one.log_evidence)]
 
     def _keep(self, hypothesis: Hypothesis, found: Sequence[Weighed]) -> None:
         known = self.modes.get(hypothesis, [])
-        kept = sorted([*known, *found], key=lambda one: -one.log_evidence)[:_MODES]
+        kept = sorted([*known, *found], key=lambda one: -one.log_evidence)[: self.breadth.modes]
         if kept:
             self.modes[hypothesis] = kept
 
@@ -414,7 +412,7 @@ def _in_proportion(search: Search) -> Density:
             largest = float(np.max(np.abs(added[space.real])))
             if largest > 0.0 and math.isfinite(largest):
                 signatures.append(added / largest)
-                factors[name] = float(np.clip(SHARE * peak / largest, *_FACTORS))
+                factors[name] = float(np.clip(SHARE * peak / largest, *search.settings.proportion))
     # a form holds the listed law inside, with the same amplitude
     effects = {
         name: in_natural_amplitude(effect, factors[families.of[name]])

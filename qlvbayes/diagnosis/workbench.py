@@ -60,9 +60,14 @@ def search_of(
         )
     listed = {kind.name for kind in kinds}
     kinds = (*kinds, *(one for one in FORMS if one.family() in listed), *OUTSIDE)
-    space = _space(experiment, choices, model, kinds)
-    blocks, tolerance = space.record.blocks, settings.tolerance
-    discrepancy = Discrepancy.on(experiment, experiment.trials, blocks, tolerance)
+    space = _space(experiment, choices, model, kinds, settings)
+    discrepancy = Discrepancy.on(
+        experiment,
+        experiment.trials,
+        space.record.blocks,
+        settings.tolerance,
+        settings.discrepancy,
+    )
     names = frozenset(effect.name for effect in model.effects)
     usual = Hypothesis(choices.law, choices.relaxing, names)
     families = Families.of_kinds(type(effect) for effect in space.effects.values())
@@ -75,10 +80,11 @@ def _space(
     choices: Choices,
     model: Model,
     kinds: Sequence[type[AbstractEffect]],
+    settings: Settings,
 ) -> Space:
     """Laws and effects with their priors: the user's own, and all others' defaults."""
     scales = experiment.scales
-    protocol = protocol_of(experiment, bonded=choices.bonded)
+    protocol = protocol_of(experiment, bonded=choices.bonded, settings=settings)
     effects = {effect.name: effect for effect in model.effects}
     chosen = {effect.family() for effect in model.effects}
     for kind in kinds:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes.fitting import compiled
-from qlvbayes.inference.errors.discrepancy import ROUGH, Discrepancy
+from qlvbayes.inference.errors.discrepancy import Discrepancy
 from qlvbayes.inference.errors.features import Features, Places
 from qlvbayes.model.posterior import Posterior
 from qlvbayes.preprocess.experiment import Experiment, Trial
@@ -111,7 +111,7 @@ def missed(
     residuals = made.whitener(np.asarray(blocks.force) - predicted)
     features = Features.of(Places.of_blocks(experiment, fitted, blocks))(places)
     ratios = sizes[rows] / scales[rows]
-    own = np.maximum(places.size**2 - np.sum(features**2, axis=0), 0.0) + ROUGH
+    own = np.maximum(places.size**2 - np.sum(features**2, axis=0), 0.0) + made.rough
     for ratio in np.unique(ratios):
         at = ratios == ratio
         mean, root = made.weights(residuals[at], float(ratio))

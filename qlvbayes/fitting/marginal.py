@@ -22,7 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from qlvbayes.inference.errors.discrepancy import ROUGH, SIZES, Discrepancy
+from qlvbayes.inference.errors.discrepancy import Discrepancy
+from qlvbayes.inference.errors.features import UNDECIDED
 from qlvbayes.laws.scales import TOLERANCE
 from qlvbayes.model.floorlikelihood import FloorLikelihood
 from qlvbayes.model.noise import Floor
@@ -34,7 +35,7 @@ from qlvbayes.preprocess.record import Blocks
 Array = NDArray[np.float64]
 
 _SCALES = 5  # draws of the floor: a median and 1.3 sds either way
-_SIZES = np.geomspace(SIZES[0], SIZES[-1], 2 * SIZES.size - 1)  # steps of a fifth: it is told
+_PRIOR = replace(UNDECIDED, sizes=2 * UNDECIDED.sizes - 1)  # steps of a fifth: the size is told
 
 
 def known_floor(floor: NoiseFloor, noise: Floor) -> NoiseFloor:
@@ -61,12 +62,12 @@ def floor_likelihood(
     """
     floor = known_floor(experiment.floor, noise)
     experiment = replace(experiment, floor=floor)
-    made = Discrepancy.on(experiment, trials, blocks, TOLERANCE, _SIZES)
+    made = Discrepancy.on(experiment, trials, blocks, TOLERANCE, _PRIOR)
     shapes, precisions = made.shapes, made.whitener.precisions
     smooth = shapes.T @ shapes
     if fitted is not None:
         smooth += _separated(made, fitted)
-    kappa, turn = np.linalg.eigh(smooth + ROUGH * np.diag(precisions))
+    kappa, turn = np.linalg.eigh(smooth + made.rough * np.diag(precisions))
     scales, sizes, log_prior = _pairs(floor, noise, made)
     variances = scales[:, None] ** 2 + sizes[:, None] ** 2 * np.maximum(kappa, 0.0)
     constant = 0.5 * np.sum(np.log(precisions / (2.0 * np.pi)))

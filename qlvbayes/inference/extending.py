@@ -16,7 +16,6 @@ from qlvbayes.priors.natural import Natural
 Array = NDArray[np.float64]
 
 _SHAPES = 4  # quantiles of the prior of an effect's first constant beside its amplitude
-_SIZES = (0.1, 1.5)  # sds of an amplitude's prior, at which it counts as small and as large
 
 
 class Amplitude(NamedTuple):
@@ -80,24 +79,35 @@ def over_shapes(
     return found
 
 
-def starts(space: Space, point: Point, hypothesis: Hypothesis, count: int) -> list[Array]:
+def starts(
+    space: Space, point: Point, hypothesis: Hypothesis, count: int, sizes: tuple[float, float]
+) -> list[Array]:
     """Thetas (F,) from which a hypothesis is optimised, given a mode of one that it neighbours.
 
     What both have is carried over, another law is as like as it can be, and a new effect is small
     and large, its shape at so many quantiles of its prior.
+
+    sizes: small and large, in sds of an amplitude's prior.
     """
     own = space.parameters(hypothesis)
     base = projected(space, point, hypothesis, carried(point.own, point.theta, own))
     found = [base]
     for effect in sorted(hypothesis.effects - point.own.hypothesis.effects):
         found = [
-            theta for start in found for theta in _small_and_large(space, own, effect, start, count)
+            theta
+            for start in found
+            for theta in _small_and_large(space, own, effect, start, count, sizes)
         ]
     return found
 
 
 def _small_and_large(
-    space: Space, own: Parameters, effect: str, theta: Array, count: int
+    space: Space,
+    own: Parameters,
+    effect: str,
+    theta: Array,
+    count: int,
+    sizes: tuple[float, float],
 ) -> list[Array]:
     """Theta (F,) with an effect of each of some sizes, every shape small before any is large."""
     places = over_shapes(space, own, effect, theta, count)
@@ -105,9 +115,8 @@ def _small_and_large(
     if amplitude is None:
         return places
     signed = own.lowest[amplitude.number] == -np.inf
-    sizes = (*_SIZES, -_SIZES[-1]) if signed else _SIZES
     found = []
-    for size in sizes:
+    for size in (*sizes, -sizes[1]) if signed else sizes:
         for place in places:
             start = place.copy()
             start[amplitude.number] += size * amplitude.sd

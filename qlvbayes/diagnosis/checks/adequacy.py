@@ -35,20 +35,13 @@ from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 from scipy.stats import chi2
 
-from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.settings import CellTests, Settings
 from qlvbayes.inference.density import Point
 from qlvbayes.inference.errors.whitening import covariance
 from qlvbayes.preprocess.experiment import Experiment, Trial
 from qlvbayes.preprocess.noisefloor import NoiseFloor
 from qlvbayes.preprocess.phases import Phase
 from qlvbayes.preprocess.record import Blocks, Record
-
-_ORDERS = 4
-_DRAWS = 12  # of the floor, over which p-values are averaged
-_MANY_DRAWS = 48  # the same where its kind is in doubt: with 12 a p-value of 0.02 may read 1e-9
-_FEWEST = 3  # blocks a curve, at least
-_MOST_APART = 5  # phases of a kind in a test: of more, as in cycles, one cell is made,
-_CYCLE_ORDERS = 2  # whose mean over a cycle may drift by a straight line and a parabola
 
 
 @dataclass(frozen=True)
@@ -84,20 +77,20 @@ class Adequacy:
         return min(self.cells, key=lambda cell: cell.p_value)
 
 
-def adequacy(experiment: Experiment, record: Record, point: Point) -> Adequacy:
+def adequacy(experiment: Experiment, record: Record, point: Point, tests: CellTests) -> Adequacy:
     """Test what a fitted hypothesis leaves of every phase; record: the blocks it was fitted to."""
     residual = np.asarray(record.blocks.force) - point.predicted
-    cells, curves = cell_curves(experiment.trials, record.blocks)
+    cells, curves = cell_curves(experiment.trials, record.blocks, tests)
     sizes = np.abs(point.responses).max(axis=(1, 2))
     slopes = point.responses[(sizes > 0.0) & np.isfinite(sizes)]
     vectors = np.concatenate([residual[None], slopes, curves])
     peak = experiment.scales.force
-    tests = _tests(record.blocks)
+    blocks = _by_test(record.blocks)
     floor = experiment.floor
-    floors, weights = floor.weighted(_DRAWS if floor.is_sure else _MANY_DRAWS)
+    floors, weights = floor.weighted(tests.draws if floor.is_sure else tests.doubtful)
     found = []
     for one in floors:
-        products = _products(one, tests, vectors, peak)
+        products = _products(one, blocks, vectors, peak)
         found.append(_p_values(products, len(slopes), [rows for _, rows in cells]))
     cell_ps = np.average([ps for ps, _, _ in found], axis=0, weights=weights)
     joint, both = np.average([p[1:] for p in found], axis=0, weights=weights)
@@ -129,7 +122,7 @@ def _p_values(
     return ps, joint, combined(float(ps.min()), ps.size, joint)
 
 
-def _tests(blocks: Blocks) -> list[tuple[np.ndarray, Blocks]]:
+def _by_test(blocks: Blocks) -> list[tuple[np.ndarray, Blocks]]:
     """Of each test, which of its blocks (B,) are no padding, and those."""
     arrays = jax.tree.map(np.asarray, blocks)
     return [
@@ -152,7 +145,7 @@ def _products(
 
 
 def cell_curves(
-    trials: Sequence[Trial], blocks: Blocks
+    trials: Sequence[Trial], blocks: Blocks, tests: CellTests
 ) -> tuple[list[tuple[tuple[str, str, float], list[int]]], np.ndarray]:
     """Cells (test, phase, start) with the rows of their curves, and the curves (M, T, B)."""
     first, last, real = (np.asarray(x) for x in (blocks.first, blocks.last, blocks.real))
@@ -160,29 +153,29 @@ def cell_curves(
     rows: list[np.ndarray] = []
     for k, trial in enumerate(trials):
         middle = np.where(real[k], 0.5 * (first[k] + last[k]), np.inf)
-        for phases in _pooled(trial.phases):
+        for phases in _pooled(trial.phases, tests.apart):
             inside, places = _places(middle, phases)
-            count = min(_ORDERS, inside.size // _FEWEST)
+            count = min(tests.curves, inside.size // tests.blocks)
             if not count:
                 continue
             begin = len(rows)
             for place in places:
-                for order in range(count if place is places[0] else min(_CYCLE_ORDERS, count)):
+                for order in range(count if place is places[0] else min(tests.drifts, count)):
                     curve = np.zeros(real.shape)
                     skip = 0 if place is places[0] else 1  # the level is in already
-                    curve[k, inside] = legendre.legval(place, np.eye(_ORDERS)[order + skip])
+                    curve[k, inside] = legendre.legval(place, np.eye(tests.curves)[order + skip])
                     rows.append(curve)
             cell = (trial.name, phases[0].kind, phases[0].start)
             cells.append((cell, list(range(begin, len(rows)))))
     return cells, np.array(rows)
 
 
-def _pooled(phases: Sequence[Phase]) -> list[list[Phase]]:
+def _pooled(phases: Sequence[Phase], apart: int) -> list[list[Phase]]:
     """Phases by themselves; those of many cycles together, by kind."""
     kinds = {phase.kind: [p for p in phases if p.kind == phase.kind] for phase in phases}
     found: list[list[Phase]] = []
     for same in kinds.values():
-        found += [same] if len(same) > _MOST_APART else [[phase] for phase in same]
+        found += [same] if len(same) > apart else [[phase] for phase in same]
     return sorted(found, key=lambda same: same[0].start)
 
 

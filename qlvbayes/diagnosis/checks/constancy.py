@@ -6,7 +6,8 @@ stronger or weaker in each test and in each kind of phase (loading, hold, unload
 
 .. math:: e(x)\,(1 + \delta_{test} + \delta_{phase}), \qquad \delta \sim N(0, \tau^2),
 
-with tau = 0.3 for an imitation, and 0.05 for the effect itself, as no real pad keeps a law exactly.
+with tau = 0.3 for an imitation, and 0.05 for the effect itself, as no real pad keeps a law exactly
+(`Settings.imitation`).
 With V its whitened parts, J and H the Jacobian and curvature of the hypothesis and Q of
 `discrepancy`, to the first order (a random-effects score; Verbeke & Molenberghs 2003,
 doi:10.1111/1541-0420.00032),
@@ -21,10 +22,14 @@ is 1, so that it exceeds 20 in one pad of twenty at most (Markov's inequality).
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes.diagnosis.checks.samples import Samples
+from qlvbayes.diagnosis.search import Search
+from qlvbayes.diagnosis.settings import Imitation
 from qlvbayes.diagnosis.weighed import Weighed
 from qlvbayes.inference.density import Density
 from qlvbayes.inference.errors.features import Places
@@ -32,13 +37,21 @@ from qlvbayes.inference.extending import carried
 
 Array = NDArray[np.float64]
 
-MOST = float(np.log(20.0))
-"""Log Bayes factor from which an effect is an imitation: the usual 95 %."""
-_VARIES = 0.3  # tau of an imitation: off by a third or so
-_HOLDS = 0.05  # tau of an effect whose name serves: what it predicts is right to 5 %
+
+def varies(search: Search, samples: Samples, found: Weighed, effect: str) -> bool:
+    """Whether one effect of a hypothesis is rather an imitation."""
+    imitation = search.settings.imitation
+    found_odds = log_odds_of_varying(search.density, samples, found, effect, imitation)
+    return found_odds > math.log(imitation.odds)
 
 
-def log_odds_of_varying(density: Density, samples: Samples, found: Weighed, effect: str) -> float:
+def log_odds_of_varying(
+    density: Density,
+    samples: Samples,
+    found: Weighed,
+    effect: str,
+    imitation: Imitation,
+) -> float:
     """Log Bayes factor of an imitation, of one effect of a hypothesis, at its mode."""
     point, space = found.point, density.space
     less = found.hypothesis.less(effect)
@@ -47,14 +60,16 @@ def log_odds_of_varying(density: Density, samples: Samples, found: Weighed, effe
     parts = _parts(samples, point.predicted - without)
     sized = density.discrepancy.at(found.mode.size, point.separation)
     gradient, free = point.beyond(density.whitener(parts), sized)
-    return log_bayes_factor(free, -gradient)
+    return log_bayes_factor(free, -gradient, imitation)
 
 
-def log_bayes_factor(free: Array, slope: Array) -> float:
+def log_bayes_factor(free: Array, slope: Array, imitation: Imitation) -> float:
     """Log B of strengths (G,) whose log likelihood has the slope b and minus the curvature A."""
     values, axes = np.linalg.eigh(0.5 * (free + free.T))
     squares, values = (axes.T @ slope) ** 2, np.maximum(values, 0.0)
-    return _log_likelihood(squares, values, _VARIES) - _log_likelihood(squares, values, _HOLDS)
+    taus = imitation.varies, imitation.holds
+    varies, holds = (_log_likelihood(squares, values, tau) for tau in taus)
+    return varies - holds
 
 
 def _log_likelihood(squares: Array, values: Array, tau: float) -> float:

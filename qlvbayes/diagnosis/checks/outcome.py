@@ -103,7 +103,9 @@ class Outcome:
         """Whether structure is left."""
         if found.hypothesis not in self._tested:
             record = self.search.density.space.record
-            self._tested[found.hypothesis] = adequacy(self.experiment, record, found.point)
+            self._tested[found.hypothesis] = adequacy(
+                self.experiment, record, found.point, self.search.settings.cells
+            )
         return self._tested[found.hypothesis]
 
     def left(self, found: Weighed) -> Remainder:

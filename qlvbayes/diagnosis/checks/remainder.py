@@ -38,8 +38,6 @@ from qlvbayes.diagnosis.checks.samples import Samples, rmse
 from qlvbayes.diagnosis.result import Remains
 from qlvbayes.diagnosis.settings import Settings
 
-_ORDERS = 4
-_FEWEST = 3  # samples a curve, at least, as in the adequacy test
 _Z = 1.645  # normal quantile of 95 %
 _STANDS = 1.96  # sds, two-sided 5 %
 _SHOWS = 0.05  # p-value below which a cell stands out
@@ -134,10 +132,10 @@ def remainder(
 
     tested: the same model's adequacy; plain: the plain model's residuals.
     """
-    cells = tuple(_cells(samples, residuals, tested))
+    cells = tuple(_cells(samples, residuals, tested, settings))
     error, noise = rmse(list(residuals)), _noise(samples)
     excess = float(np.sqrt(max(error**2 - noise**2, 0.0)))
-    before = overall(tuple(_cells(samples, plain, tested)))
+    before = overall(tuple(_cells(samples, plain, tested, settings)))
     sure = not tested.is_sound(settings)
     return Remainder(cells, peak, excess, settings.tolerance, before, sure)
 
@@ -154,13 +152,15 @@ def _noise(samples: Samples) -> float:
     return float(np.sqrt(np.mean(floors**2)))
 
 
-def _cells(samples: Samples, residuals: Sequence[np.ndarray], tested: Adequacy) -> Iterator[Left]:
+def _cells(
+    samples: Samples, residuals: Sequence[np.ndarray], tested: Adequacy, settings: Settings
+) -> Iterator[Left]:
     seen = {(c.test, c.phase, c.start): c.p_value < _SHOWS for c in tested.cells}
     for k, trial in enumerate(samples.trials):
         time, weights = trial.test.time[samples.rows[k]], samples.weights[k]
         for phase in trial.phases:
             here = (time > phase.start) & (time <= phase.stop)
-            count = min(_ORDERS, int(here.sum()) // _FEWEST)
+            count = min(settings.cells.curves, int(here.sum()) // settings.cells.blocks)
             if not count:
                 continue
             place = (trial.name, phase.kind, phase.start)

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from qlvbayes.diagnosis.checks.constancy import MOST, log_odds_of_varying
+from qlvbayes.diagnosis.checks.constancy import varies
 from qlvbayes.diagnosis.checks.outcome import Outcome
 from qlvbayes.diagnosis.decision import (
     LEFT,
@@ -101,7 +101,7 @@ def _varies(outcome: Outcome, told: Weighed, effect: str) -> bool:
     member = _member(outcome, told, effect)
     if member is None:
         return False
-    return log_odds_of_varying(outcome.search.density, outcome.samples, told, member) > MOST
+    return varies(outcome.search, outcome.samples, told, member)
 
 
 def _rises(outcome: Outcome, told: Weighed, effect: str) -> bool:

@@ -13,7 +13,7 @@ from scipy.linalg import solve_triangular
 from qlvbayes.diagnosis.nexttest.design import Design
 from qlvbayes.diagnosis.nexttest.records import places_of
 from qlvbayes.diagnosis.nexttest.rig import Rig
-from qlvbayes.inference.errors.discrepancy import ROUGH
+from qlvbayes.inference.errors.features import UNDECIDED
 from qlvbayes.inference.errors.features import covariance as smooth_covariance
 from qlvbayes.inference.errors.whitening import covariance as floor_covariance
 from qlvbayes.preprocess.noisefloor import NoiseFloor
@@ -46,7 +46,7 @@ class Errors:
         if self.missed > 0.0:
             middle = 0.5 * (own.first + own.last)
             places = places_of(design, rig, middle, force[real], self.peak)
-            shared = smooth_covariance(places, places) + ROUGH * np.eye(middle.size)
+            shared = smooth_covariance(places, places) + UNDECIDED.rough * np.eye(middle.size)
             found = found + self.missed**2 * shared
         return np.asarray(found)
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from qlvbayes.diagnosis.nexttest.design import Design
 from qlvbayes.diagnosis.nexttest.rig import Rig
-from qlvbayes.inference.errors.features import Places
+from qlvbayes.inference.errors.features import UNDECIDED, Places
 from qlvbayes.laws.motion import Motion
 from qlvbayes.preprocess.phases import KINDS, MOVING
 from qlvbayes.preprocess.record import Blocks, Record
@@ -101,10 +101,10 @@ def places_of(design: Design, rig: Rig, middle: Array, force: Array, peak: float
     starts = np.array([start for _, start, _ in stretches])
     which = np.searchsorted(starts[1:], middle, side="right")
     kinds = np.array([KINDS.index(kind) for kind, *_ in stretches])
-    smooth = [
-        np.log(np.maximum(middle - starts[which], 0.0) + rig.interval),
+    smooth = UNDECIDED.smooth(
+        np.maximum(middle - starts[which], 0.0) + rig.interval,
         design.trajectory.displacement(middle) / rig.depth,
-        np.full(middle.shape, np.log(design.speed)),
-    ]
-    size = 0.5 + 0.5 * np.minimum(np.abs(force) / peak, 1.0)
-    return Places(np.stack(smooth, axis=1), size, kinds[which], np.zeros(middle.shape, np.intp))
+        np.full(middle.shape, design.speed),
+    )
+    size = UNDECIDED.size(force / peak)
+    return Places(smooth, size, kinds[which], np.zeros(middle.shape, np.intp))

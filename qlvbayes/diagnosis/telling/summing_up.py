@@ -49,7 +49,7 @@ def summed_up(
     path = _path(search, told)
     tell("what these tests cannot show")
     plain = search.modes[search.usual][0]
-    protocol = protocol_of(experiment, bonded=bonded)
+    protocol = protocol_of(experiment, bonded=bonded, settings=search.settings)
     added = responses(search, plain)
     bases = tuple(Base(*laws, share) for laws, share in decision.base.items() if share >= LEAST)
     own = told.hypothesis.base

@@ -20,14 +20,14 @@ for.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from qlvbayes.inference.errors.features import Features, Places
+from qlvbayes.inference.errors.features import UNDECIDED, DiscrepancyPrior, Features, Places
 from qlvbayes.inference.errors.separation import Separated, Separation, Sized
 from qlvbayes.inference.errors.whitening import Whitener
 from qlvbayes.laws.scales import TOLERANCE
@@ -36,19 +36,13 @@ from qlvbayes.preprocess.record import Blocks
 
 Array = NDArray[np.float64]
 
-_NONE = 0.5  # prior probability that there is none
-ROUGH = 0.1
-"""rho: smooth first of all, as no curve of a soft body has many kinks."""
-SIZES = np.geomspace(3e-4, 0.3, 19)
-"""Of the peak force: below the least, noise hides it."""
-
 
 @dataclass(frozen=True, eq=False)
 class Discrepancy:
     """Features of the block means of a pad, and the sizes that it may have.
 
     features (M, T, B): N of unit size; peak: largest force (N); sizes (S,): N, the first is 0;
-    log_prior (S,).
+    log_prior (S,); rough: rho.
     """
 
     features: Array
@@ -56,6 +50,7 @@ class Discrepancy:
     peak: float
     sizes: Array
     log_prior: Array
+    rough: float
     _sized: dict[float, Sized] = field(default_factory=dict)
 
     @classmethod
@@ -65,13 +60,13 @@ class Discrepancy:
         whitener: Whitener,
         peak: float,
         tolerance: float,
-        sizes: Array = SIZES,
+        prior: DiscrepancyPrior = UNDECIDED,
     ) -> Discrepancy:
-        """Of any size; tolerance and the sizes beside none: shares of the peak force (N)."""
-        falling = 1.0 / (1.0 + sizes / max(tolerance, sizes[0]))
-        weights = np.concatenate([[_NONE], (1.0 - _NONE) * falling / falling.sum()])
-        every = peak * np.concatenate([[0.0], sizes])
-        return cls(features, whitener, peak, every, np.log(weights))
+        """Of any size; tolerance: share of the peak force (N)."""
+        falling = 1.0 / (1.0 + prior.shares / max(tolerance, prior.smallest))
+        weights = np.concatenate([[prior.none], (1.0 - prior.none) * falling / falling.sum()])
+        every = peak * np.concatenate([[0.0], prior.shares])
+        return cls(features, whitener, peak, every, np.log(weights), prior.rough)
 
     @classmethod
     def on(
@@ -80,23 +75,23 @@ class Discrepancy:
         trials: Sequence[Trial],
         blocks: Blocks,
         tolerance: float = TOLERANCE,
-        sizes: Array = SIZES,
+        prior: DiscrepancyPrior = UNDECIDED,
     ) -> Discrepancy:
         """Of block means (T, B) of some trials of a pad, under its noise floor."""
         peak = experiment.scales.force
-        places = Places.of_blocks(experiment, trials, blocks)
+        places = Places.of_blocks(experiment, trials, blocks, prior)
         shapes = Features.of(places)(places)
         real = np.asarray(blocks.real)
         full = np.zeros((len(shapes), *real.shape))
         full[:, real] = shapes
         whitener = Whitener.of(experiment.floor, blocks, peak)
-        return cls.of(full, whitener, peak, tolerance, sizes)
+        return cls.of(full, whitener, peak, tolerance, prior)
 
     @classmethod
     def none(cls, whitener: Whitener, peak: float) -> Discrepancy:
         """Of no size but nothing; peak: largest force (N)."""
         nothing = np.zeros((0, *np.shape(whitener.blocks)))
-        return cls(nothing, whitener, peak, np.zeros(1), np.zeros(1))
+        return cls(nothing, whitener, peak, np.zeros(1), np.zeros(1), 0.0)
 
     def beside(self, features: Sequence[Array]) -> Discrepancy:
         """With more features (T, B), of unit size."""
@@ -104,11 +99,11 @@ class Discrepancy:
             return self
         real = np.stack(self.whitener.blocks)
         found = np.concatenate([self.features, np.where(real, features, 0.0)])
-        return Discrepancy(found, self.whitener, self.peak, self.sizes, self.log_prior)
+        return replace(self, features=found, _sized={})
 
     def under(self, whitener: Whitener) -> Discrepancy:
         """The same under other noise."""
-        return Discrepancy(self.features, whitener, self.peak, self.sizes, self.log_prior)
+        return replace(self, whitener=whitener, _sized={})
 
     @cached_property
     def shapes(self) -> Array:
@@ -149,7 +144,7 @@ class Discrepancy:
         rows = separation.rows
         rest = self.plain - (self.plain @ rows.T) @ rows
         moments = rows.T @ self._tied_moments(rows)
-        found = size**2 * (rest.T @ rest + ROUGH * np.eye(count))
+        found = size**2 * (rest.T @ rest + self.rough * np.eye(count))
         return np.asarray(found - moments - moments.T)
 
     def at(self, size: float, separation: Separation | None = None) -> Sized | Separated:
@@ -159,7 +154,7 @@ class Discrepancy:
 
     def _at(self, size: float) -> Sized:
         if size not in self._sized:
-            variances = 1.0 + ROUGH * size**2 * self.whitener.precisions
+            variances = 1.0 + self.rough * size**2 * self.whitener.precisions
             root = variances**-0.5
             own = size * self.shapes * root if size > 0.0 else np.zeros((0, root.size))
             factor = np.linalg.cholesky(np.eye(len(own)) + own @ own.T)
