@@ -15,9 +15,9 @@ from support.hidden_pads import hidden_pad
 
 from qlvbayes.fitting import compiled
 from qlvbayes.fitting.drawn_errors import missed
-from qlvbayes.fitting.fit import fit_pad
-from qlvbayes.fitting.marginal import Judged, floor_likelihood
-from qlvbayes.fitting.optimum import starting_point
+from qlvbayes.fitting.fit import build_posterior, fit_pad, separated_start
+from qlvbayes.fitting.marginal import Fitted, Judged, Spread, floor_likelihood
+from qlvbayes.fitting.optimum import least_squares_points, starting_point
 from qlvbayes.inference.errors.discrepancy import TOLERANCE, Discrepancy
 from qlvbayes.inference.errors.features import UNDECIDED, Features, Places
 from qlvbayes.inference.errors.whitening import covariance
@@ -25,7 +25,7 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.posterior import Posterior
 from qlvbayes.simulate import TABLE_1
-from qlvbayes.simulate.hidden import ViscousDrag
+from qlvbayes.simulate.hidden import SqueezeFilm, ViscousDrag
 
 FACTOR, SIZE = -2, -1  # places of these in the noise's constants
 CONSTANTS = np.array([TABLE_1["B"].m, TABLE_1["B"].b, *TABLE_1["B"].c, *TABLE_1["B"].v])
@@ -255,6 +255,50 @@ def test_constants_have_the_posterior_that_importance_sampling_finds():
         # the chain sums over the floor's scale too, which hardly moves the constants
         assert abs(summary[name].mean - mean[k]) < 0.25 * sd[k], name
         assert summary[name].sd == pytest.approx(sd[k], rel=0.15), name
+
+
+def test_constants_are_moved_by_what_a_discrepancy_may_have_moved_them():
+    """Of least squares beside it, the step squared and the covariance less what the curve has."""
+    rng, size = np.random.default_rng(5), 0.02
+    trials, blocks = two_tests()
+    made = Discrepancy.on(experiment(), trials, blocks)
+    shape = np.shape(blocks.real)
+    slopes = np.where(
+        blocks.real, rng.standard_normal((3, *shape)) * [[[0.1]], [[0.3]], [[1.0]]], 0.0
+    )
+    whole, flat = residuals(6, 0.05)
+    spread = Spread.about(made, Fitted(slopes, np.where(blocks.real, whole, 0.0)))
+    rows, (noise, beside) = made.whitener.plain(slopes), dense()
+    basis = np.linalg.qr(rows.T)[0]
+    rest = np.eye(len(beside)) - basis @ basis.T
+    timing = np.diag(np.concatenate(made.whitener.timing))
+    ties = basis @ basis.T @ timing @ rest
+    rough = UNDECIDED.rough * np.eye(len(beside))  # says nothing of one block by another
+    apart = noise - ties - ties.T + size**2 * (rest @ (beside - rough) @ rest + rough)
+    whole, followed = (
+        np.linalg.inv(rows @ np.linalg.solve(one, rows.T) + np.eye(3))
+        for one in (noise + size**2 * beside, apart)
+    )
+    step = whole @ rows @ np.linalg.solve(noise + size**2 * beside, flat)
+    step /= max(1.0, np.abs(step).max())
+    values, axes = np.linalg.eigh(whole + np.outer(step, step) - followed)
+    expected = (axes * np.maximum(values, 0.0)) @ axes.T
+    np.testing.assert_allclose(spread.covariance(size), expected, atol=1e-7 * values.max())
+    draws = spread.draws(np.full(40_000, size), rng)
+    np.testing.assert_allclose(draws.T @ draws / len(draws), expected, atol=0.03 * values.max())
+    assert not spread.draws(np.zeros(5), rng).any()
+
+
+def test_the_curve_follows_the_data_where_the_model_is_wrong():
+    """As least squares does, however large the discrepancy that is taken to be there."""
+    pad = hidden_pad(SqueezeFilm(eta=2e-3, h=2.3), rates=(20.0,))
+    posterior = build_posterior(pad, Choices(), pad.trials)
+    best = least_squares_points(posterior, pad.floor, np.random.default_rng(0))[0]
+    _, normal, _ = separated_start(pad, Choices(), pad.trials, np.random.default_rng(0))
+    left = [np.asarray(compiled.response(posterior, theta)[1]) for theta in (best, normal.mean)]
+    least, found = (np.sqrt(np.mean(one**2)) for one in left)
+    assert least > 2.0 * pad.floor.total  # the model is wrong
+    assert found < 1.05 * least
 
 
 @pytest.mark.slow

@@ -109,9 +109,6 @@ def test_every_pad_has_phases_and_a_noise_floor(data, pads):
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(
-    reason="fluid_pressure is named for a stiffness that decays after each stretch", strict=True
-)
 def test_no_effect_of_the_list_explains_muscle_with_calcium(tmp_path):
     status, _, err = call("diagnose", MUSCLE, "-o", tmp_path, "--pads", "calcium", "--json")
     assert (status, noted(err)) == (0, True), err

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 import xarray
 from arviz_stats import summary as arviz_summary
-from support.endtoend import experiment, fitted
+from scipy.stats import multivariate_normal
+from support.endtoend import fitted
 
 from qlvbayes.fitting import compiled
-from qlvbayes.fitting.fit import build_posterior
 from qlvbayes.fitting.results import load, save, to_arviz
 from qlvbayes.io.checks import InputError
 from qlvbayes.model.choices import Choices
@@ -119,17 +119,16 @@ def test_arviz_summary_agrees_with_ours(tree):
 def test_pointwise_log_likelihood_sums_to_the_joint_one(tree):
     """That of the pair of factor and remainder which the draw has."""
     found = fitted()
-    blocks = found.posterior.record.blocks
+    floor, blocks = found.posterior.floor, found.posterior.record.blocks
     pointwise = tree["log_likelihood"]["force"].values
     for chain, draw in ((0, 0), (3, 11), (31, 40)):
-        constants = found.constants[chain, draw]
+        constants = found.followed[chain, draw]
         predicted = np.asarray(compiled.predictions(found.posterior, constants[None]))[0]
-        fixed = tuple(
-            f"noise.{name}={value!r}"
-            for name, value in zip(("factor", "remainder"), constants[-2:].tolist(), strict=True)
-        )
-        one = build_posterior(experiment(), Choices(fixed=fixed), found.trials).floor
-        joint = float(one.log_likelihood(blocks.force - predicted))
+        pair = np.flatnonzero((np.asarray(floor.constants)[:, -2:] == constants[-2:]).all(axis=1))
+        axes, precisions = np.asarray(floor.axes), np.asarray(floor.precisions)[pair[0]]
+        noise = np.linalg.inv(axes.T @ (precisions[:, None] * axes))
+        left = (np.asarray(blocks.force) - predicted)[np.asarray(blocks.real)]
+        joint = multivariate_normal(cov=noise, allow_singular=True).logpdf(left)
         assert pointwise[chain, draw].sum() == pytest.approx(joint, rel=1e-8)
 
 

@@ -14,12 +14,13 @@ from qlvbayes.fitting.chainstore import ChainStore
 from qlvbayes.fitting.diagnostics import diagnose_chain
 from qlvbayes.fitting.ensemble import STEPS_PER_TIME, Chain, Progress, Settings, key_of, sample
 from qlvbayes.fitting.least_squares import NormalApproximation
-from qlvbayes.fitting.marginal import Fitted, floor_likelihood
+from qlvbayes.fitting.marginal import Fitted, Spread, floor_likelihood
 from qlvbayes.fitting.optimum import least_squares_points, optimum_near, starting_point
 from qlvbayes.fitting.prediction import Prediction, predict
 from qlvbayes.fitting.residuals import CheckResult, check_experiment
 from qlvbayes.fitting.routes import LeastSquaresFit, one_step, two_step
 from qlvbayes.fitting.summary import FitSummary, constant_of
+from qlvbayes.inference.errors.discrepancy import Discrepancy
 from qlvbayes.io.checks import InputError
 from qlvbayes.laws.unresolved import unresolved_times
 from qlvbayes.model.choices import Choices
@@ -36,6 +37,7 @@ Sampler = Callable[
 SAMPLERS: dict[str, Sampler] = {"emcee": sample}
 METHODS = (*SAMPLERS, "least-squares", "two-step")
 _SEPARATIONS = 2  # of the discrepancy from the slopes: the second moves the highest point by little
+_OF_NOISE = 5  # constants of measured noise, the last one the discrepancy's size
 _KEPT = 2000  # draws kept in the results, at most
 _NORMAL_DRAWS = (4, 1000)  # chains and draws that stand for a normal approximation
 
@@ -44,9 +46,10 @@ _NORMAL_DRAWS = (4, 1000)  # chains and draws that stand for a normal approximat
 class Fit:
     """Draws of every constant of one pad.
 
-    theta (chains, draws, D) and constants (chains, draws, P) named by ``names``; ``every`` holds
-    the constants of the chain before thinning, from which means and diagnostics are computed;
-    settings: of the sampler, of which least squares heed the seed alone.
+    theta (chains, draws, D) of the chain, whose curves follow the data, and the constants
+    ``followed`` there (chains, draws, P); ``constants`` with what a discrepancy may have moved them
+    by, both named by ``names``; ``every`` holds the latter before thinning, from which means and
+    diagnostics are computed; settings: of the sampler, of which least squares heed the seed alone.
     """
 
     pad: str
@@ -57,6 +60,7 @@ class Fit:
     trials: tuple[Trial, ...]
     posterior: Posterior
     theta: np.ndarray
+    followed: np.ndarray
     constants: np.ndarray
     every: np.ndarray
     enough: bool
@@ -137,16 +141,17 @@ def build_posterior(experiment: Experiment, choices: Choices, trials: Sequence[T
 
 def separated_start(
     experiment: Experiment, choices: Choices, trials: Sequence[Trial], rng: np.random.Generator
-) -> tuple[Posterior, NormalApproximation]:
-    """The posterior that is sampled, and the normal approximation about its highest point.
+) -> tuple[Posterior, NormalApproximation, Spread | None]:
+    """The posterior that is sampled, the normal approximation about its highest point, the spread.
 
     Under measured noise the discrepancy is separated from what the model's slopes can follow, at
-    the highest point itself, to which a few steps lead.
+    the highest point itself, to which a few steps lead; the spread is by what it may have moved the
+    constants.
     """
     posterior, floor = build_posterior(experiment, choices, trials), experiment.floor
     noise = posterior.noise
     if not isinstance(noise, Floor):
-        return posterior, starting_point(posterior, floor, rng).normal
+        return posterior, starting_point(posterior, floor, rng).normal, None
     points = least_squares_points(posterior, floor, rng)
     for _ in range(_SEPARATIONS):
         fitted = Fitted(*compiled.response(posterior, points[0]))
@@ -154,7 +159,9 @@ def separated_start(
         posterior = replace(posterior, floor=likelihood)
         best = optimum_near(posterior, floor, points)
         points = [best.theta]
-    return posterior, best.normal
+    fitted = Fitted(*compiled.response(posterior, points[0]))
+    made = Discrepancy.on(experiment, trials, posterior.record.blocks)
+    return posterior, best.normal, Spread.about(made, fitted)
 
 
 def fit_pad(
@@ -198,13 +205,14 @@ def _sampled(
     progress: Progress | None,
 ) -> Fit:
     rng = np.random.default_rng(settings.seed)
-    posterior, start = separated_start(experiment, choices, trials, rng)
+    posterior, start, spread = separated_start(experiment, choices, trials, rng)
     store = ChainStore(folder, key_of(posterior, settings, method)) if folder else None
     chain = SAMPLERS[method](posterior, start, settings, store, progress)
     steps, walkers = chain.log_density.shape
     thin = max(1, -(-steps * walkers // _KEPT))
     theta = np.swapaxes(chain.theta, 0, 1)
-    every = _constants(posterior, theta, rng)
+    followed = _constants(posterior, theta, rng)
+    every = _moved(posterior, theta, followed, spread, rng) if spread else followed
     facts = {
         "autocorrelation_steps": chain.autocorrelation,
         "acceptance": chain.acceptance,
@@ -222,6 +230,7 @@ def _sampled(
         trials,
         posterior,
         theta[:, ::thin],
+        followed[:, ::thin],
         every[:, ::thin],
         every,
         chain.enough,
@@ -251,6 +260,7 @@ def _approximated(
         trials,
         found.posterior,
         theta,
+        constants,
         constants,
         constants,
         found.agreeing > 1,
@@ -294,3 +304,19 @@ def _constants(posterior: Posterior, theta: np.ndarray, rng: np.random.Generator
     shares = rng.random(len(visited))
     values = compiled.in_batches(compiled.drawn_constants, posterior, visited, shares)
     return values[places.ravel()].reshape(*theta.shape[:-1], -1)
+
+
+def _moved(
+    posterior: Posterior,
+    theta: np.ndarray,
+    followed: np.ndarray,
+    spread: Spread,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """Constants (..., P) moved by what a discrepancy of each draw's size may have moved them."""
+    flat = theta.reshape(-1, theta.shape[-1])
+    noise = followed.reshape(-1, followed.shape[-1])[:, -_OF_NOISE:]
+    moves = spread.draws(noise[:, -1], rng)
+    values = compiled.in_batches(compiled.constants, posterior, flat + moves, size=4096)
+    values[:, -_OF_NOISE:] = noise
+    return values.reshape(followed.shape)

@@ -1,20 +1,23 @@
 r"""From a pad's tests to the likelihood of a fit: measured noise, and a discrepancy summed over.
 
 The covariance of the floor, Sigma, and of a discrepancy of unit size, K = B^T B + rho (of
-`discrepancy`), whose part that the model's slopes can follow is independent of the rest
-(`separation`, with kappa = 1), are made diagonal together: with W Sigma W^T = 1 (of `whitening`)
-and the eigenvectors R of
+`discrepancy`), less what the model's slopes can follow (`separation`), so that the curve follows
+the data, are made diagonal together: with W Sigma W^T = 1 (of `whitening`) and the eigenvectors R
+of
 
 .. math:: W K W^T = R\, \text{diag}(\kappa)\, R^T, \quad A = R^T W.
 
 The dwells leave the floor's scale open: its equally likely values phi are those of draws of the
 floor given the dwells alone. They and the sizes of the discrepancy are summed over.
+
+By how much what the slopes have followed may have moved the constants is added to each draw of
+them (`Spread`), as the diagnosis adds it to its normals (`evidence`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -24,6 +27,8 @@ from scipy.linalg import solve_triangular
 
 from qlvbayes.inference.errors.discrepancy import Discrepancy
 from qlvbayes.inference.errors.features import UNDECIDED
+from qlvbayes.inference.errors.separation import Separation
+from qlvbayes.inference.evidence import beyond, moved
 from qlvbayes.laws.scales import TOLERANCE
 from qlvbayes.model.floorlikelihood import FloorLikelihood
 from qlvbayes.model.noise import Floor
@@ -58,7 +63,7 @@ def floor_likelihood(
     """Of block means (T, B) of some trials of a pad.
 
     fitted: where the fit is, from whose slopes the discrepancy is separated; None where that is not
-    known yet. What the slopes may have followed counts as it is known from what they have not.
+    known yet.
     """
     floor = known_floor(experiment.floor, noise)
     experiment = replace(experiment, floor=floor)
@@ -66,7 +71,7 @@ def floor_likelihood(
     shapes, precisions = made.shapes, made.whitener.precisions
     smooth = shapes.T @ shapes
     if fitted is not None:
-        smooth += _separated(made, fitted)
+        smooth -= made.separated(fitted.slopes, np.ones(len(fitted.slopes))).removed
     kappa, turn = np.linalg.eigh(smooth + made.rough * np.diag(precisions))
     scales, sizes, log_prior = _pairs(floor, noise, made)
     variances = scales[:, None] ** 2 + sizes[:, None] ** 2 * np.maximum(kappa, 0.0)
@@ -88,22 +93,45 @@ class Fitted(NamedTuple):
     residual: Array
 
 
-def _separated(made: Discrepancy, fitted: Fitted) -> Array:
-    """(n, n) by what the separation changes K, whitened.
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """By how much what is missed may have moved the free numbers from where the curve follows data.
 
-    The part that the slopes follow is as large as a fit beside a discrepancy that is not separated
-    would move the curve from where it is, beyond what such a discrepancy has beforehand.
+    discrepancy: of the block means that were fitted, of which a fit has the whitened residual (n,)
+    and slopes (D, n); separation: from what those can follow.
     """
-    lengths = np.ones(len(fitted.slopes))  # of unconstrained numbers
-    separation = made.separated(fitted.slopes, lengths, kept=1.0)
-    residual, slopes = made.whitener(fitted.residual[None])[0], made.whitener(fitted.slopes)
-    size = made.likeliest(residual, separation=separation)
-    if size == 0.0:
-        return -separation.removed
-    products = made.at(size).products(np.concatenate([residual[None], slopes]))
-    step = np.linalg.solve(products[1:, 1:] + np.diag(lengths**-2), products[1:, 0])
-    moved = step @ slopes / size
-    return np.outer(moved, moved) - separation.removed
+
+    discrepancy: Discrepancy
+    residual: Array
+    slopes: Array
+    separation: Separation
+
+    @classmethod
+    def about(cls, made: Discrepancy, fitted: Fitted) -> Spread:
+        """About a fit."""
+        residual = made.whitener(fitted.residual[None])[0]
+        separation = made.separated(fitted.slopes, np.ones(len(fitted.slopes)))
+        return cls(made, residual, made.whitener(fitted.slopes), separation)
+
+    def covariance(self, size: float) -> Array:
+        """(D, D) beside a discrepancy of a size (N) above 0: what the curve's own does not hold."""
+        lengths = np.ones(len(self.slopes))  # of unconstrained numbers
+        vectors = np.concatenate([self.residual[None], self.slopes])
+        products = self.discrepancy.at(size).products(vectors)
+        followed = self.discrepancy.at(size, self.separation).products(self.slopes)
+        second = moved(-products[1:, 0], products[1:, 1:], lengths)
+        known: Array = np.linalg.inv(followed + np.diag(lengths**-2)).astype(np.float64)
+        return beyond(second, known)
+
+    def draws(self, sizes: Array, rng: np.random.Generator) -> Array:
+        """(W, D) of discrepancies of some sizes (W,) in N: nothing where that is 0."""
+        found = np.zeros((sizes.size, len(self.slopes)))
+        for size in np.unique(sizes[sizes > 0.0]).tolist():
+            values, axes = np.linalg.eigh(self.covariance(size))
+            at = sizes == size
+            normal = rng.standard_normal((int(at.sum()), values.size))
+            found[at] = normal * np.sqrt(np.maximum(values, 0.0)) @ axes.T
+        return found
 
 
 def _pairs(floor: NoiseFloor, noise: Floor, made: Discrepancy) -> tuple[Array, Array, Array]:

@@ -98,10 +98,13 @@ def to_arviz(
 
 
 def _judged(fit: Fit, real: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """(draws, blocks) pointwise log likelihoods, and block means predicted with new noise."""
+    """(draws, blocks) pointwise log likelihoods, and block means predicted with new noise.
+
+    Of the chain's own draws, whose curves follow the data.
+    """
     posterior = fit.posterior
     if posterior.floor is not None:
-        constants = fit.constants.reshape(-1, fit.constants.shape[-1])
+        constants = fit.followed.reshape(-1, fit.followed.shape[-1])
         forces = compiled.in_batches(compiled.predictions, posterior, constants)
         judged = Judged(posterior, forces, constants)
         return judged.log_likelihoods(), judged.replicates(np.random.default_rng(seed))

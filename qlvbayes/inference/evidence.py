@@ -39,7 +39,7 @@ class Evidence:
 
     mean (F,) and covariance (F, F): of the free numbers at the likeliest size, without the bounds
     (a number between two counts as normal with the sd that it has there); spread (F, F): by how
-    much what is missed may have moved them, over all sizes.
+    much more what is missed may have moved them, over all sizes.
     """
 
     log: float
@@ -77,7 +77,7 @@ def evidence(density: Density, point: Point) -> Evidence:
         logs,
         own + shifts[best],
         covariance,
-        _spread(density, point, softmax(logs)),
+        beyond(_spread(density, point, softmax(logs)), covariance),
     )
 
 
@@ -105,6 +105,12 @@ def moved(gradient: Array, curvature: Array, lengths: Array) -> Array:
     step = -covariance @ gradient
     step /= max(1.0, float(np.max(np.abs(step) / lengths)))
     return np.asarray(covariance + np.outer(step, step))
+
+
+def beyond(second: Array, known: Array) -> Array:
+    """(F, F) what a second moment has more than a covariance, in the directions where it has."""
+    values, vectors = np.linalg.eigh(second - known)
+    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
 
 
 def _is_far(density: Density, point: Point) -> bool:
