@@ -4,6 +4,7 @@ import importlib
 import inspect
 import re
 import sys
+from dataclasses import is_dataclass
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -118,9 +119,17 @@ def test_the_computation_quotes_the_thresholds_of_the_code(site):
     from qlvbayes.diagnosis.settings import Settings
 
     text = re.sub(r"<[^>]+>", "", (site / "computation.html").read_text(encoding="utf-8"))
-    settings = dict(vars(Settings()))
-    breadth = vars(settings.pop("breadth"))
-    settings |= {f"breadth.{name}": value for name, value in breadth.items()}
+    settings: dict[str, object] = {}
+    for name, value in vars(Settings()).items():
+        several = (
+            {f"{name}.{key}": own for key, own in vars(value).items()}
+            if is_dataclass(value)
+            else {}
+        )
+        settings |= several or {name: value}
+    assert {"named", "breadth.beam", "discrepancy.rough", "cells.curves", "imitation.odds"} <= set(
+        settings
+    )
     for name, value in settings.items():
         assert re.search(rf"{name}\s+{re.escape(str(value))}", text), name
 
