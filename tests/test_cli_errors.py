@@ -6,11 +6,14 @@ import os
 import resource
 import signal
 import subprocess
+import sys
 import time
 
 import pytest
 from support.endtoend import COMMAND, PADS, call, environment, one_line, qlvbayes, read_json
+from typer.testing import CliRunner
 
+from qlvbayes.cli.main import application
 from qlvbayes.io.files import write_json, write_whole
 
 QUICK = ("--pads", "B", "--method", "least-squares")
@@ -244,3 +247,13 @@ def _stopped(words, file, number):
     os.kill(process.pid, number)
     err = process.communicate(timeout=60)[1]
     return process.returncode, err
+
+
+def test_the_list_of_commands_imports_none_of_them():
+    """What is read from their sources is what running them shows."""
+    line = [sys.executable, "-X", "importtime", "-m", "qlvbayes", "--help"]
+    shown = subprocess.run(line, capture_output=True, text=True, timeout=60, env=environment())
+    full = CliRunner().invoke(application(), ["--help"], prog_name="python -m qlvbayes")
+    assert shown.stdout.split() == full.output.split()
+    assert "qlvbayes.io" in shown.stderr
+    assert "qlvbayes.diagnosis" not in shown.stderr

@@ -39,6 +39,7 @@ HOUSE = [
     {"cli": "the command"},
 ]
 LAYERS = [list(row) for row in HOUSE]
+FRONTS = ("__init__.py", "__main__.py")
 FRONT = "qlvbayes"  # the package's own names, gathered from all layers
 PLACE = {entry: row for row, entries in enumerate(LAYERS) for entry in entries}
 
@@ -52,7 +53,7 @@ def imports(path):
     """(importer, imported) entries of one file, wherever in it the import stands."""
     module = ("qlvbayes", *path.relative_to(ROOT).with_suffix("").parts)
     package = module[:-1]
-    if path.name == "__init__.py":
+    if path.name in FRONTS:
         module = package
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Import):
@@ -77,7 +78,7 @@ def test_every_module_is_in_exactly_one_layer():
     entries = [entry for row in LAYERS for entry in row]
     assert len(entries) == len(set(entries))
     present = {path.relative_to(ROOT).parts[0].removesuffix(".py") for path in FILES}
-    assert present - {"__init__"} == set(entries)
+    assert present - {Path(name).stem for name in FRONTS} == set(entries)
 
 
 def test_imports_point_upward_only():

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import ast
 import errno
 import os
 import sys
 from collections.abc import Iterable
 from importlib import import_module
+from pathlib import Path
 
 import typer
 
@@ -37,6 +39,33 @@ _COMMANDS = {
 
 def application(names: Iterable[str] = tuple(_COMMANDS)) -> typer.Typer:
     """Of some commands by their names, by default all."""
+    app = _bare()
+    for name in names:
+        module, _, function = _COMMANDS[name].partition(".")
+        app.command(name)(getattr(import_module(f"qlvbayes.cli.{module}"), function))
+    return app
+
+
+def overview() -> typer.Typer:
+    """Every command by its name and description alone, read from the source.
+
+    For the list of commands, and for a word that is none of them: nothing else is imported.
+    """
+    app = _bare()
+    for name, place in _COMMANDS.items():
+        app.command(name, help=_description(*place.split(".")))(lambda: None)
+    return app
+
+
+def _description(module: str, function: str) -> str:
+    """A command's docstring."""
+    tree = ast.parse(Path(__file__).with_name(f"{module}.py").read_text(encoding="utf-8"))
+    found = (one for one in tree.body if isinstance(one, ast.FunctionDef) and one.name == function)
+    return ast.get_docstring(next(found)) or ""
+
+
+def _bare() -> typer.Typer:
+    """Without commands."""
     app = typer.Typer(
         help="Viscoelastic constants of soft pads from force-displacement tests.",
         no_args_is_help=True,
@@ -44,15 +73,13 @@ def application(names: Iterable[str] = tuple(_COMMANDS)) -> typer.Typer:
         pretty_exceptions_enable=False,
     )
     app.callback()(lambda: None)  # or a single command would take no name
-    for name in names:
-        module, _, function = _COMMANDS[name].partition(".")
-        app.command(name)(getattr(import_module(f"qlvbayes.cli.{module}"), function))
     return app
 
 
 def run() -> None:
     """Run the command; status 2 and one line for what the user can mend, never a traceback."""
-    app = application([word for word in sys.argv[1:2] if word in _COMMANDS] or _COMMANDS)
+    names = [word for word in sys.argv[1:2] if word in _COMMANDS]
+    app = application(names) if names else overview()
     if os.environ.get("QLVBAYES_DEBUG"):
         app()
     try:
