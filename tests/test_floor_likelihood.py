@@ -267,7 +267,9 @@ def test_constants_are_moved_by_what_a_discrepancy_may_have_moved_them():
         blocks.real, rng.standard_normal((3, *shape)) * [[[0.1]], [[0.3]], [[1.0]]], 0.0
     )
     whole, flat = residuals(6, 0.05)
-    spread = Spread.about(made, Fitted(slopes, np.where(blocks.real, whole, 0.0)))
+    gradient, prior = np.array([0.3, -0.2, 0.0]), np.diag([4.0, 1e8, 0.0])
+    fit = Fitted(slopes, np.where(blocks.real, whole, 0.0))
+    spread = Spread.about(made, fit, gradient, prior)
     rows, (noise, beside) = made.whitener.plain(slopes), dense()
     basis = np.linalg.qr(rows.T)[0]
     rest = np.eye(len(beside)) - basis @ basis.T
@@ -276,10 +278,10 @@ def test_constants_are_moved_by_what_a_discrepancy_may_have_moved_them():
     rough = UNDECIDED.rough * np.eye(len(beside))  # says nothing of one block by another
     apart = noise - ties - ties.T + size**2 * (rest @ (beside - rough) @ rest + rough)
     whole, followed = (
-        np.linalg.inv(rows @ np.linalg.solve(one, rows.T) + np.eye(3))
+        np.linalg.inv(rows @ np.linalg.solve(one, rows.T) + prior + np.eye(3))
         for one in (noise + size**2 * beside, apart)
     )
-    step = whole @ rows @ np.linalg.solve(noise + size**2 * beside, flat)
+    step = whole @ (rows @ np.linalg.solve(noise + size**2 * beside, flat) - gradient)
     step /= max(1.0, np.abs(step).max())
     values, axes = np.linalg.eigh(whole + np.outer(step, step) - followed)
     expected = (axes * np.maximum(values, 0.0)) @ axes.T

@@ -1,6 +1,6 @@
 """Is the best mode of the true hypothesis found whatever the starts, and by the search?
 
-Writes a page.
+Does another seed of starts lead the search to the same hypotheses? Writes a page.
 
 Interrupted, it goes on where it was: finished pads lie in build/validation. `--part 0/8` to
 `--part 7/8` run them in eight processes, also on several machines, and write no page.
@@ -36,6 +36,8 @@ from qlvbayes.preprocess.experiment import Experiment, prepare
 ROOT = Path(__file__).resolve().parents[1]
 _BREADTH = Breadth()
 _SAME = 0.5  # of the log density, within which two sets of starts came to one mode
+_NEAR = 5.0  # log posterior behind the best, within which another seed should see the same
+_OTHER = 1  # seed of the second search
 
 _PAGE = """# Is the same mode found whatever the starts, and by the search?
 
@@ -59,6 +61,8 @@ density. The search has seen a mode if its own is. Asked for is 99 % of both.
 {rows}
 
 Checks for missed modes over all these searches: {checks}.
+
+Twice: every search was made again from another seed of starts. {twice}
 
 {others}"""
 
@@ -136,13 +140,45 @@ def _looked_for(some: Pad | WideStudy, sets: int) -> dict[str, Any]:
         for seed in range(1, sets + 1):
             found = base_modes(search.density, hypothesis, seed, _BREADTH.starts, _BREADTH.draws)
             losses.append(found[0].loss if found else float("inf"))
+        again = search_of(experiment)
+        again.seed = _OTHER
+        again.run()
     seen = [one.mode.loss for one in search.modes.get(hypothesis, [])]
     return {
         "hypothesis": described(hypothesis),
         "losses": losses,
         "seen": min(seen, default=float("inf")),
         "checks": {name: vars(one) for name, one in search.checks.items()},
+        "twice": _twice(search, again),
     }
+
+
+def _twice(one: Search, two: Search) -> dict[str, Any]:
+    """Hypotheses that either search has near its best, and those that both have alike.
+
+    apart: the differences of their log posteriors, from what each search calls its best; inf where
+    the other has not seen one.
+    """
+    searches = one, two
+    best = max(search.log_posterior(search.best) for search in searches)
+    near = {
+        hypothesis
+        for search in searches
+        for hypothesis in search.modes
+        if search.log_posterior(hypothesis) > best - _NEAR
+    }
+    apart = [one.log_posterior(h) - two.log_posterior(h) for h in near]
+    return {
+        "apart": [abs(value) for value in apart],
+        "errors": [max(_error(search, h) for search in searches) for h in near],
+        "best": described(one.best) == described(two.best),
+    }
+
+
+def _error(search: Search, hypothesis: Hypothesis) -> float:
+    """Of a log evidence; nothing where that is not known."""
+    found = search.modes.get(hypothesis)
+    return float(np.nan_to_num(found[0].error)) if found else 0.0
 
 
 def _true(study: WideStudy, experiment: Experiment, search: Search) -> Hypothesis | None:
@@ -184,6 +220,7 @@ def _page(found: list[dict], bundled: int, options: argparse.Namespace, origin: 
         same=_SAME,
         rows="\n".join(rows),
         checks=_counted(found),
+        twice=_agreeing(found),
         others=listed if others else "Nothing ended elsewhere.\n",
         command=origin.command,
         date=origin.date,
@@ -201,6 +238,21 @@ def _counted(found: list[dict]) -> str:
         )
         said.append(f"{name} made {made} times, failed {failed}, led to a likelier mode {higher}")
     return "; ".join(said)
+
+
+def _agreeing(found: list[dict]) -> str:
+    """In how many pads, and in how many of the hypotheses that count, two seeds agree."""
+    told = [one["twice"] for one in found if "twice" in one]
+    apart = np.array([value for one in told for value in one["apart"]])
+    errors = np.array([value for one in told for value in one["errors"]])
+    alike = apart <= np.maximum(_SAME, 3.0 * errors)
+    same = sum(one["best"] for one in told)
+    return (
+        f"Of {len(told)} pads {same} have the same likeliest hypothesis; of {apart.size} "
+        f"hypotheses within {_NEAR:g} of the best log posterior of either search "
+        f"{int(alike.sum())} have the same one in both (to {_SAME:g}, or to three of its errors), "
+        f"and {int(np.isinf(apart).sum())} were seen by one of the two only."
+    )
 
 
 if __name__ == "__main__":

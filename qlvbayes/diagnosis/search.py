@@ -308,8 +308,10 @@ class Search:
         """Modes that are not known yet of a neighbour, from modes of the base."""
         known = [one.mode for one in self.modes.get(hypothesis, [])]
         point = self.modes[base][0].point
-        shapes, sizes = self.breadth.shapes, self.breadth.sizes
-        some = starts(self.density.space, point, hypothesis, shapes, sizes)
+        breadth = self.breadth
+        some = starts(
+            self.density.space, point, hypothesis, breadth.shapes, (breadth.small, breadth.large)
+        )
         if not known:
             bare = self.modes.get(replace(hypothesis, effects=self.usual.effects))
             own = self.density.space.parameters(hypothesis)
@@ -398,6 +400,7 @@ def _in_proportion(search: Search) -> Density:
     some of them, so that one is believed only where it is far larger than all else that is left.
     """
     density, usual, families = search.density, search.usual, search.families
+    settings = search.settings
     space, signatures, factors = density.space, [], {}
     peak = density.discrepancy.peak
     for name in families.listed:
@@ -412,7 +415,9 @@ def _in_proportion(search: Search) -> Density:
             largest = float(np.max(np.abs(added[space.real])))
             if largest > 0.0 and math.isfinite(largest):
                 signatures.append(added / largest)
-                factors[name] = float(np.clip(SHARE * peak / largest, *search.settings.proportion))
+                factors[name] = float(
+                    np.clip(SHARE * peak / largest, settings.narrowest, settings.widest)
+                )
     # a form holds the listed law inside, with the same amplitude
     effects = {
         name: in_natural_amplitude(effect, factors[families.of[name]])

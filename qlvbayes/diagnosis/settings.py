@@ -17,8 +17,8 @@ class Breadth:
 
     starts: draws of all priors, from which the plain model is optimised; draws: of a relaxation,
     from which a hypothesis is optimised until so many in a row lead no higher; shapes: quantiles of
-    the prior of a new effect's shape, from which it is optimised; sizes: of a new effect, small and
-    large, in sds of its amplitude's prior; followed: modes under coarse
+    the prior of a new effect's shape, from which it is optimised; small, large: a new effect,
+    in sds of its amplitude's prior; followed: modes under coarse
     noise that are followed under the noise itself.
 
     beam: hypotheses that are expanded, the likeliest that come within ``near`` (log posterior) of
@@ -37,7 +37,8 @@ class Breadth:
     starts: int = 4
     draws: int = 6
     shapes: int = 2
-    sizes: tuple[float, float] = (0.1, 1.5)
+    small: float = 0.1
+    large: float = 1.5
     followed: int = 1
     beam: int = 2
     near: float = 25.0
@@ -93,8 +94,8 @@ class Settings:
     complete: prior probability that no (further) effect is missing, asked anew after each; usual:
     that the elastic law, and likewise the relaxation, is the one that was chosen, the others
     sharing the rest alike. Both as undecided as can be. discrepancy: what else may be missing.
-    proportion: least and most by which the prior of an effect's size is fitted to the user's motion
-    (beyond, an effect that hardly acts in it would have to be enormous to be seen).
+    narrowest, widest: factors within which the prior of an effect's size is fitted to the user's
+    motion (beyond, an effect that hardly acts in it would have to be enormous to be seen).
 
     named: inclusion probability from which an effect is named; covered: with which a group holds
     the effect; group: its members at most, as more is no answer; unlisted: probability of something
@@ -111,17 +112,18 @@ class Settings:
 
     complete: float = 0.5
     usual: float = 0.5
-    discrepancy: DiscrepancyPrior = UNDECIDED
-    proportion: tuple[float, float] = (0.2, 5.0)
     named: float = 0.9
     covered: float = 0.95
-    group: int = 3
-    unlisted: float = 0.5
     false_alarms: float = 0.001
     rise: float = 0.001
     tolerance: float = TOLERANCE
-    returned: float = 0.02
     breadth: Breadth = Breadth()
+    discrepancy: DiscrepancyPrior = UNDECIDED
+    narrowest: float = 0.2
+    widest: float = 5.0
+    group: int = 3
+    unlisted: float = 0.5
+    returned: float = 0.02
     cells: CellTests = CellTests()
     imitation: Imitation = Imitation()
 

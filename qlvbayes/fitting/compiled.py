@@ -44,6 +44,16 @@ def response(posterior: Posterior, theta: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 @jax.jit
+def prior_terms(posterior: Posterior, theta: Array) -> tuple[Array, Array]:
+    """Gradient (D,) and curvature (D, D) of minus the log prior density at theta (D,)."""
+
+    def loss(theta: Array) -> Array:
+        return -posterior.bind(theta)[2]
+
+    return jax.grad(loss)(theta), jax.hessian(loss)(theta)
+
+
+@jax.jit
 def constants(posterior: Posterior, thetas: Array) -> Array:
     """(W, D) flat vectors to (W, P) constants."""
     return jax.vmap(posterior.constants)(thetas)

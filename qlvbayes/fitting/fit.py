@@ -161,7 +161,8 @@ def separated_start(
         points = [best.theta]
     fitted = Fitted(*compiled.response(posterior, points[0]))
     made = Discrepancy.on(experiment, trials, posterior.record.blocks)
-    return posterior, best.normal, Spread.about(made, fitted)
+    prior = map(np.asarray, compiled.prior_terms(posterior, points[0]))
+    return posterior, best.normal, Spread.about(made, fitted, *prior)
 
 
 def fit_pad(

@@ -98,20 +98,24 @@ class Spread:
     """By how much what is missed may have moved the free numbers from where the curve follows data.
 
     discrepancy: of the block means that were fitted, of which a fit has the whitened residual (n,)
-    and slopes (D, n); separation: from what those can follow.
+    and slopes (D, n); separation: from what those can follow; gradient (D,), curvature (D, D): of
+    minus the log prior, where the fit is.
     """
 
     discrepancy: Discrepancy
     residual: Array
     slopes: Array
     separation: Separation
+    gradient: Array
+    curvature: Array
 
     @classmethod
-    def about(cls, made: Discrepancy, fitted: Fitted) -> Spread:
-        """About a fit."""
+    def about(cls, made: Discrepancy, fitted: Fitted, gradient: Array, curvature: Array) -> Spread:
+        """About a fit, of minus whose log prior gradient (D,) and curvature (D, D) are known."""
         residual = made.whitener(fitted.residual[None])[0]
         separation = made.separated(fitted.slopes, np.ones(len(fitted.slopes)))
-        return cls(made, residual, made.whitener(fitted.slopes), separation)
+        slopes = made.whitener(fitted.slopes)
+        return cls(made, residual, slopes, separation, gradient, curvature)
 
     def covariance(self, size: float) -> Array:
         """(D, D) beside a discrepancy of a size (N) above 0: what the curve's own does not hold."""
@@ -119,8 +123,10 @@ class Spread:
         vectors = np.concatenate([self.residual[None], self.slopes])
         products = self.discrepancy.at(size).products(vectors)
         followed = self.discrepancy.at(size, self.separation).products(self.slopes)
-        second = moved(-products[1:, 0], products[1:, 1:], lengths)
-        known: Array = np.linalg.inv(followed + np.diag(lengths**-2)).astype(np.float64)
+        gradient, curvature = self.gradient - products[1:, 0], self.curvature + products[1:, 1:]
+        second = moved(gradient, curvature, lengths)
+        precision = followed + self.curvature + np.diag(lengths**-2)
+        known: Array = np.linalg.inv(precision).astype(np.float64)
         return beyond(second, known)
 
     def draws(self, sizes: Array, rng: np.random.Generator) -> Array:

@@ -23,6 +23,14 @@ _THRESHOLDS = {
     "tolerance": "effects and structure below {:.2g} of the peak force do not matter",
     "false_alarms": "a right model is found to leave structure with probability {}",
     "breadth": "hypotheses are looked for with {}",
+    "discrepancy": "what else may be missing has, beforehand, {}",
+    "narrowest": "the prior of an effect's size is fitted to the motion within factors of {}",
+    "widest": "and {}",
+    "group": "a group has at most {} effects",
+    "unlisted": "something that no list holds is taken to be there from a probability of {} on",
+    "returned": "a test has come back where it is below {:.2g} of the depth or the peak force",
+    "cells": "structure is looked for with {}",
+    "imitation": "an effect is told from an imitation with {}",
     "rise": "no effect is named that raises the error on tests left out by more than {:.2g} of it",
 }
 
