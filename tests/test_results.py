@@ -20,7 +20,14 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.model.choices import Choices
 from qlvbayes.preprocess.reduction import clear_of_kinks
 
-GROUPS = {"posterior", "posterior_predictive", "log_likelihood", "observed_data", "constant_data"}
+GROUPS = {
+    "curve",
+    "posterior",
+    "posterior_predictive",
+    "log_likelihood",
+    "observed_data",
+    "constant_data",
+}
 
 
 @pytest.fixture(scope="module")

@@ -47,7 +47,7 @@ def check_pad(saved: Saved, pad: Pad, *, seed: int = 0) -> CheckedPad:
         all_tests=saved.all_tests,
         keep_all_readings=saved.choices.keep_all_readings,
     )
-    constants = dict(zip(saved.names, saved.draws.T, strict=True))
+    constants = dict(zip(saved.names, saved.curve_draws.T, strict=True))
     by = factors(saved.choices, constants, saved.units, pad.units)
     constants = {name: by[name] * draws for name, draws in constants.items()}
     predictions = predict(experiment, saved.choices, constants, experiment.trials, seed=seed)

@@ -46,10 +46,11 @@ _NORMAL_DRAWS = (4, 1000)  # chains and draws that stand for a normal approximat
 class Fit:
     """Draws of every constant of one pad.
 
-    theta (chains, draws, D) of the chain, whose curves follow the data, and the constants
-    ``followed`` there (chains, draws, P); ``constants`` with what a discrepancy may have moved them
-    by, both named by ``names``; ``every`` holds the latter before thinning, from which means and
-    diagnostics are computed; settings: of the sampler, of which least squares heed the seed alone.
+    theta (chains, draws, D) and constants (chains, draws, P) named by ``names``; ``every`` holds
+    the constants before thinning, from which means are computed, with what a discrepancy may have
+    moved them by; ``chain`` (chains, steps, P) holds them as they were sampled, where the curve
+    follows the data, from which diagnostics are computed; settings: of the sampler, of which least
+    squares heed the seed alone.
     """
 
     pad: str
@@ -60,9 +61,9 @@ class Fit:
     trials: tuple[Trial, ...]
     posterior: Posterior
     theta: np.ndarray
-    followed: np.ndarray
     constants: np.ndarray
     every: np.ndarray
+    chain: np.ndarray
     enough: bool
     facts: dict[str, float] = field(default_factory=dict)
 
@@ -82,9 +83,20 @@ class Fit:
         columns = self.constants.reshape(-1, self.constants.shape[-1]).T
         return dict(zip(self.names, columns, strict=True))
 
+    @property
+    def followed(self) -> np.ndarray:
+        """(chains, draws, P) constants where the curve follows the data."""
+        return self.chain[:, :: int(self.facts.get("thinned_by", 1))]
+
+    @property
+    def curve_draws(self) -> dict[str, np.ndarray]:
+        """The same where the curve follows the data: these predict."""
+        columns = self.followed.reshape(-1, self.followed.shape[-1]).T
+        return dict(zip(self.names, columns, strict=True))
+
     def summary(self) -> FitSummary:
         """Means, sds, medians, intervals and diagnostics of every constant, before thinning."""
-        judged = diagnose_chain(self.every) if self.method in SAMPLERS else None
+        judged = diagnose_chain(self.chain) if self.method in SAMPLERS else None
         troubles = (*(judged.troubles if judged else ()), *_length_troubles(self))
         return FitSummary(
             pad=self.pad,
@@ -112,7 +124,7 @@ class Fit:
             Of the draws that are picked, and of the noise.
         """
         chosen = self.experiment.trials if trials is None else trials
-        return predict(self.experiment, self.choices, self.draws, chosen, seed=seed)
+        return predict(self.experiment, self.choices, self.curve_draws, chosen, seed=seed)
 
     def check(self, *, seed: int = 0) -> CheckResult:
         """Where the model fails, test by test and phase by phase, of all the pad's tests.
@@ -212,8 +224,8 @@ def _sampled(
     steps, walkers = chain.log_density.shape
     thin = max(1, -(-steps * walkers // _KEPT))
     theta = np.swapaxes(chain.theta, 0, 1)
-    followed = _constants(posterior, theta, rng)
-    every = _moved(posterior, theta, followed, spread, rng) if spread else followed
+    constants = _constants(posterior, theta, rng)
+    every = _moved(posterior, theta, constants, spread, rng) if spread else constants
     facts = {
         "autocorrelation_steps": chain.autocorrelation,
         "acceptance": chain.acceptance,
@@ -231,9 +243,9 @@ def _sampled(
         trials,
         posterior,
         theta[:, ::thin],
-        followed[:, ::thin],
         every[:, ::thin],
         every,
+        constants,
         chain.enough,
         facts,
     )
@@ -310,14 +322,14 @@ def _constants(posterior: Posterior, theta: np.ndarray, rng: np.random.Generator
 def _moved(
     posterior: Posterior,
     theta: np.ndarray,
-    followed: np.ndarray,
+    chain: np.ndarray,
     spread: Spread,
     rng: np.random.Generator,
 ) -> np.ndarray:
     """Constants (..., P) moved by what a discrepancy of each draw's size may have moved them."""
     flat = theta.reshape(-1, theta.shape[-1])
-    noise = followed.reshape(-1, followed.shape[-1])[:, -_OF_NOISE:]
+    noise = chain.reshape(-1, chain.shape[-1])[:, -_OF_NOISE:]
     moves = spread.draws(noise[:, -1], rng)
     values = compiled.in_batches(compiled.constants, posterior, flat + moves, size=4096)
     values[:, -_OF_NOISE:] = noise
-    return values.reshape(followed.shape)
+    return values.reshape(chain.shape)

@@ -39,9 +39,10 @@ _MEMBER = re.compile(r"(.+)\[(\d+)\]")
 class Saved:
     """What a results file says: draws (chains, draws, P) of the constants and how they were got.
 
-    fluid: of the pad, where it is known; units: of its constants; covered: what its tests cover;
-    converged: whether nothing spoke against the sampling. A posterior made elsewhere has an empty
-    ``source``, ``sha256`` and ``fitted`` where its file does not say.
+    curves: the same where the curve follows the data, which predict the tests; None where these are
+    the draws themselves. fluid: of the pad, where it is known; units: of its constants; covered:
+    what its tests cover; converged: whether nothing spoke against the sampling. A posterior made
+    elsewhere has an empty ``source``, ``sha256`` and ``fitted`` where its file does not say.
     """
 
     pad: str
@@ -57,11 +58,17 @@ class Saved:
     units: UnitSystem = PAD
     covered: Covered | None = None
     converged: bool = True
+    curves: np.ndarray | None = None
 
     @property
     def draws(self) -> np.ndarray:
         """(chains*draws, P)."""
         return self.constants.reshape(-1, self.constants.shape[-1])
+
+    @property
+    def curve_draws(self) -> np.ndarray:
+        """(chains*draws, P) where the curve follows the data."""
+        return self.draws if self.curves is None else self.curves.reshape(self.draws.shape)
 
 
 def to_arviz(
@@ -69,19 +76,23 @@ def to_arviz(
 ) -> xarray.DataTree:
     """Posterior, posterior predictive, pointwise log likelihood, data and constant data.
 
-    Walkers are chains. The log likelihood of a block is conditional on the blocks before it in its
-    test. Units are attributes of the variables; everything else of the root.
+    Where a discrepancy may have moved the constants from what the chain has, that is the group
+    ``curve``. Walkers are chains. The log likelihood of a block is conditional on the blocks before
+    it in its test. Units are attributes of the variables; everything else of the root.
     """
     posterior, dims, coords = _grouped(fit.names, fit.constants)
     force = fit.experiment.units.force_name
     real = np.asarray(fit.posterior.record.blocks.real)
     shape = fit.theta.shape[:2]
     likelihood, predicted = _judged(fit, real, seed)
+    moved = not np.array_equal(fit.followed, fit.constants)
+    curve = {"curve": _grouped(fit.names, fit.followed)[0]} if moved else {}
     facts, coords["block"] = _block_facts(fit, real), np.arange(int(real.sum()))
     dims |= {name: ["block"] for name in (force, *facts)}
     tree = arviz_base.from_dict(
         {
             "posterior": posterior,
+            **curve,
             "posterior_predictive": {force: predicted.reshape(*shape, -1)},
             "log_likelihood": {force: likelihood.reshape(*shape, -1)},
             "observed_data": {force: np.asarray(fit.posterior.record.blocks.force)[real]},
@@ -218,9 +229,7 @@ def load(path: Path) -> Saved:
         tree = xarray.load_datatree(path, engine="h5netcdf")
         posterior = tree["posterior"].to_dataset()
         here = "choices" in tree.attrs
-        saved = (
-            _ours(posterior, tree.attrs) if here else _from_elsewhere(posterior, tree.attrs, path)
-        )
+        saved = _ours(tree, posterior) if here else _from_elsewhere(posterior, tree.attrs, path)
     except (OSError, KeyError, ValueError, RuntimeError, TypeError) as error:
         raise InputError(
             f"not a results file of qlvbayes ({type(error).__name__})",
@@ -233,9 +242,10 @@ def load(path: Path) -> Saved:
     return saved
 
 
-def _ours(posterior: xarray.Dataset, attrs: dict) -> Saved:
-    names, columns = _flattened(posterior)
+def _ours(tree: xarray.DataTree, posterior: xarray.Dataset) -> Saved:
+    attrs, (names, columns) = tree.attrs, _flattened(posterior)
     reach = attrs.get("covered")
+    curves = _flattened(tree["curve"].to_dataset())[1] if "curve" in tree else None
     return Saved(
         pad=str(attrs["pad"]),
         names=tuple(names),
@@ -250,6 +260,7 @@ def _ours(posterior: xarray.Dataset, attrs: dict) -> Saved:
         units=stated_units(attrs.get("displacement_unit"), attrs.get("force_unit"), {}),
         covered=Covered(**json.loads(reach)) if reach else None,
         converged=bool(attrs.get("converged", True)),
+        curves=None if curves is None else np.stack(curves, axis=-1),
     )
 
 
