@@ -131,7 +131,7 @@ def _scale(axis: Axes, values: list[float], tight: bool) -> None:
         axis.xaxis.set_major_locator(FixedLocator(_ticks(low, high, tight)))
         axis.xaxis.set_minor_locator(NullLocator())
         axis.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-        axis.set_xlim(1.3 * low if low < -_LINEAR else low - 1.0, 1.3 * high)
+        axis.set_xlim(1.3 * low if low < -_LINEAR else low - 1.0, 1.3 * max(high, _ODDS))
         name += f";{gap}linear to ±10, logarithmic beyond"
     axis.set_xlabel(name)
 
