@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from budget import least_squares, paired, rises
+from budget import by_fit, least_squares, paired, rises
 from budget_page import MOST, budget_page
 from page import Origin
 
@@ -10,6 +10,7 @@ from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.evaluation.population import Population
 from qlvbayes.evaluation.wide import make_wide
 from qlvbayes.inference.modes import rough_mode
+from qlvbayes.model.choices import Choices
 from qlvbayes.preprocess.experiment import prepare
 
 ORIGIN = Origin("command", "today", "commit", "machine")
@@ -44,12 +45,19 @@ def test_least_squares_leaves_least_whatever_it_begins_from():
     assert least_squares(density, far, rms(far)) == pytest.approx(least, rel=0.01)
 
 
+def test_a_fit_is_set_against_least_squares_of_the_same_tests():
+    experiment = prepare(make_wide(Population(416), 283).pad)
+    found = by_fit(experiment, Choices())
+    assert found["ratio"] == found["rms_N"] / found["least_N"] >= 1.0
+    assert 0.0 < found["least_N"] < 0.1 * experiment.scales.force
+
+
 def case(kind, plain, answer, steps, lowered=()):
     return {
         "index": f"{kind}/x/{plain}", "kind": kind, "verdict": "adequate", "effects": [],
         "plain": {"rms_N": plain, "least_N": 1.0, "ratio": plain}, "steps": steps,
         "answer": {"rms_N": answer, "least_N": 1.0, "ratio": answer}, "rises": rises(steps),
-        "lowered": list(lowered),
+        "fit": {"rms_N": 1.0, "least_N": 1.0, "ratio": 1.0}, "lowered": list(lowered),
     }  # fmt: skip
 
 
@@ -66,8 +74,8 @@ def test_the_page_counts_by_kind_and_shows_the_worst():
     ]
     page = budget_page(found, 5, ORIGIN)
     assert "4 of 5 pads" in page
-    assert "| real | 3 | 1 | 8.00 | 1 | 1.20 | 1 | 1.20 | 1 of 2 | 1 |" in page
-    assert "| none | 1 | 0 | 1.01 | 0 | 1.00 | 0 | 1.00 | 0 of 0 | 0 |" in page
+    assert "| real | 3 | 1 | 8.00 | 1 | 1.20 | 0 | 1.00 | 1 | 1.20 | 1 of 2 | 1 |" in page
+    assert "| none | 1 | 0 | 1.01 | 0 | 1.00 | 0 | 1.00 | 0 | 1.00 | 0 of 0 | 0 |" in page
     assert "| real/y/z | ValueError: no |" in page
-    assert "| real/x/8.0 | adequate | - | 8, 1 | 1.2, 1 | 8, 9.6 |" in page
+    assert "| real/x/8.0 | adequate | - | 8, 1 | 1.2, 1 | 1, 1 | 8, 9.6 |" in page
     assert "none/x/1.01" not in page

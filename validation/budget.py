@@ -36,13 +36,16 @@ from qlvbayes.evaluation.keeping import Kept, kept_file, run_missing
 from qlvbayes.evaluation.population import Population
 from qlvbayes.evaluation.rate import Case
 from qlvbayes.evaluation.wide import make_wide
+from qlvbayes.fitting import compiled
+from qlvbayes.fitting.fit import build_posterior, separated_start
+from qlvbayes.fitting.optimum import least_squares_points
 from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.errors.discrepancy import Discrepancy
 from qlvbayes.inference.modes import find_mode, rough_mode
 from qlvbayes.io.data import Pad, read_measurements
 from qlvbayes.io.files import write_json, write_whole
 from qlvbayes.model.choices import Choices
-from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.preprocess.experiment import Experiment, prepare
 
 ROOT = Path(__file__).resolve().parents[1]
 _BEFORE_PRIORS = 0.3  # sd of the white noise of least squares over what a fit leaves: readings rule
@@ -113,8 +116,9 @@ def _checked(pads: dict[str, Make], bonded: Sequence[str], name: str) -> Case:
     try:
         pad = pads[name]()
         fixed = pad.units.bonded_default or name.split("/")[1] in bonded
-        diagnosis = diagnose(prepare(pad), Choices(bonded=fixed), settings=THRESHOLDS)
-        return found | checks(diagnosis)
+        experiment, choices = prepare(pad), Choices(bonded=fixed)
+        diagnosis = diagnose(experiment, choices, settings=THRESHOLDS)
+        return found | checks(diagnosis) | {"fit": by_fit(experiment, choices)}
     except Exception as error:  # one bad pad must not end a run of many
         return found | {"error": f"{type(error).__name__}: {error}"}
 
@@ -133,6 +137,17 @@ def checks(diagnosis: Diagnosis) -> Case:
     }  # fmt: skip
 
 
+def by_fit(experiment: Experiment, choices: Choices) -> dict[str, float]:
+    """What the most probable curve of ``qlvbayes fit`` leaves (N), and what least squares would."""
+    trials = experiment.with_role("fit")
+    plain, rng = build_posterior(experiment, choices, trials), np.random.default_rng(0)
+    places = least_squares_points(plain, experiment.floor, rng)
+    places.append(separated_start(experiment, choices, trials, rng)[1].mean)
+    real = np.asarray(plain.record.blocks.real)
+    *least, rms = (_root(compiled.response(plain, place)[1][real]) for place in places)
+    return _compared(rms, min(rms, *least))
+
+
 def rises(steps: Sequence[float]) -> list[float]:
     """Factors by which an error rises from a step to the next, where it does."""
     factors = [after / before for before, after in pairwise(steps)]
@@ -142,7 +157,10 @@ def rises(steps: Sequence[float]) -> list[float]:
 def _fitted(density: Density, found: Weighed) -> dict[str, float]:
     """What a fit leaves of the block means (N), and what least squares would."""
     rms = _rms(density, found.point)
-    least = least_squares(density, found.point, rms)
+    return _compared(rms, least_squares(density, found.point, rms))
+
+
+def _compared(rms: float, least: float) -> dict[str, float]:
     return {"rms_N": rms, "least_N": least, "ratio": rms / least if least > 0.0 else math.inf}
 
 
@@ -163,7 +181,12 @@ def least_squares(density: Density, point: Point, rms: float) -> float:
 
 def _rms(density: Density, point: Point) -> float:
     left = np.asarray(density.space.record.blocks.force) - point.predicted
-    return float(np.sqrt(np.mean(left[density.space.real] ** 2)))
+    return _root(left[density.space.real])
+
+
+def _root(left: np.ndarray) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(np.square(left))))
 
 
 def _lowered(diagnosis: Diagnosis, effect: str) -> Case:
