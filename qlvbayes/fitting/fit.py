@@ -173,7 +173,7 @@ def separated_start(
         points = [best.theta]
     fitted = Fitted(*compiled.response(posterior, points[0]))
     made = Discrepancy.on(experiment, trials, posterior.record.blocks)
-    prior = map(np.asarray, compiled.prior_terms(posterior, points[0]))
+    prior = map(np.nan_to_num, compiled.prior_terms(posterior, points[0]))  # one may have no slope
     return posterior, best.normal, Spread.about(made, fitted, *prior)
 
 
