@@ -303,6 +303,15 @@ def test_the_curve_follows_the_data_where_the_model_is_wrong():
     assert found < 1.05 * least
 
 
+def test_what_the_user_knows_of_the_noise_holds_for_what_moves_the_constants():
+    choices = Choices(fixed=("noise.white=0.05", "noise.ou=0"))
+    trials, _ = two_tests()
+    spread = separated_start(experiment(), choices, trials, np.random.default_rng(0))[2]
+    noise = dense(replace(experiment().floor, white=0.05, ou=0.0))[0]
+    inverse = np.sort(spread.discrepancy.whitener.precisions)
+    np.testing.assert_allclose(1.0 / inverse[::-1], np.linalg.eigvalsh(noise), rtol=1e-8)
+
+
 @pytest.mark.slow
 def test_a_hidden_effect_widens_the_intervals_and_is_told_in_newtons():
     rates = (20.0,)

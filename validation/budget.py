@@ -28,6 +28,7 @@ from starts import around
 
 from qlvbayes.cli.console import counting
 from qlvbayes.diagnosis.checks.heldout import held_out
+from qlvbayes.diagnosis.checks.samples import rmse
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.telling.verdict import Diagnosis
 from qlvbayes.diagnosis.weighed import Weighed
@@ -144,7 +145,7 @@ def by_fit(experiment: Experiment, choices: Choices) -> dict[str, float]:
     places = least_squares_points(plain, experiment.floor, rng)
     places.append(separated_start(experiment, choices, trials, rng)[1].mean)
     real = np.asarray(plain.record.blocks.real)
-    *least, rms = (_root(compiled.response(plain, place)[1][real]) for place in places)
+    *least, rms = (rmse([compiled.response(plain, place)[1][real]]) for place in places)
     return _compared(rms, min(rms, *least))
 
 
@@ -181,12 +182,7 @@ def least_squares(density: Density, point: Point, rms: float) -> float:
 
 def _rms(density: Density, point: Point) -> float:
     left = np.asarray(density.space.record.blocks.force) - point.predicted
-    return _root(left[density.space.real])
-
-
-def _root(left: np.ndarray) -> float:
-    """Root mean square."""
-    return float(np.sqrt(np.mean(np.square(left))))
+    return rmse([left[density.space.real]])
 
 
 def _lowered(diagnosis: Diagnosis, effect: str) -> Case:

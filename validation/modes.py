@@ -156,8 +156,8 @@ def _looked_for(some: Pad | WideStudy, sets: int) -> dict[str, Any]:
 def _twice(one: Search, two: Search) -> dict[str, Any]:
     """Hypotheses that either search has near its best, and those that both have alike.
 
-    apart: the differences of their log posteriors, from what each search calls its best; inf where
-    the other has not seen one.
+    apart: the differences of their log posteriors; inf where the other has not seen one. errors: of
+    the log evidences behind them.
     """
     searches = one, two
     best = max(search.log_posterior(search.best) for search in searches)

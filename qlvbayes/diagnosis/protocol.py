@@ -25,7 +25,7 @@ def protocol_of(
 
 
 def _unloads(experiment: Experiment, trial: Trial, nearly: float) -> bool:
-    """Whether a phase moves back by more than a share of the depth, as the fitted motion may."""
+    """Whether a phase moves back by more than the fitted motion may ripple."""
     ends = [(p.start, p.stop) for p in trial.phases if p.kind == "unload"]
     way = [-np.diff(trial.trajectory.displacement(np.array(pair)))[0] for pair in ends]
     return any(back > nearly * experiment.scales.depth for back in way)

@@ -14,13 +14,12 @@ from qlvbayes.fitting.chainstore import ChainStore
 from qlvbayes.fitting.diagnostics import diagnose_chain
 from qlvbayes.fitting.ensemble import STEPS_PER_TIME, Chain, Progress, Settings, key_of, sample
 from qlvbayes.fitting.least_squares import NormalApproximation
-from qlvbayes.fitting.marginal import Fitted, Spread, floor_likelihood
+from qlvbayes.fitting.marginal import Fitted, Spread, discrepancy_of, floor_likelihood
 from qlvbayes.fitting.optimum import least_squares_points, optimum_near, starting_point
 from qlvbayes.fitting.prediction import Prediction, predict
 from qlvbayes.fitting.residuals import CheckResult, check_experiment
 from qlvbayes.fitting.routes import LeastSquaresFit, one_step, two_step
 from qlvbayes.fitting.summary import FitSummary, constant_of
-from qlvbayes.inference.errors.discrepancy import Discrepancy
 from qlvbayes.io.checks import InputError
 from qlvbayes.laws.unresolved import unresolved_times
 from qlvbayes.model.choices import Choices
@@ -80,8 +79,7 @@ class Fit:
     @property
     def draws(self) -> dict[str, np.ndarray]:
         """Draws (chains*draws,) of each constant by its name."""
-        columns = self.constants.reshape(-1, self.constants.shape[-1]).T
-        return dict(zip(self.names, columns, strict=True))
+        return self._by_name(self.constants)
 
     @property
     def followed(self) -> np.ndarray:
@@ -91,7 +89,10 @@ class Fit:
     @property
     def curve_draws(self) -> dict[str, np.ndarray]:
         """The same where the curve follows the data: these predict."""
-        columns = self.followed.reshape(-1, self.followed.shape[-1]).T
+        return self._by_name(self.followed)
+
+    def _by_name(self, constants: np.ndarray) -> dict[str, np.ndarray]:
+        columns = constants.reshape(-1, constants.shape[-1]).T
         return dict(zip(self.names, columns, strict=True))
 
     def summary(self) -> FitSummary:
@@ -172,7 +173,7 @@ def separated_start(
         best = optimum_near(posterior, floor, points)
         points = [best.theta]
     fitted = Fitted(*compiled.response(posterior, points[0]))
-    made = Discrepancy.on(experiment, trials, posterior.record.blocks)
+    made = discrepancy_of(experiment, trials, posterior.record.blocks, noise)
     prior = map(np.nan_to_num, compiled.prior_terms(posterior, points[0]))  # one may have no slope
     return posterior, best.normal, Spread.about(made, fitted, *prior)
 

@@ -53,6 +53,14 @@ def known_floor(floor: NoiseFloor, noise: Floor) -> NoiseFloor:
     return replace(floor, white=white, ou=ou, tau=tau, dwells=None)
 
 
+def discrepancy_of(
+    experiment: Experiment, trials: Sequence[Trial], blocks: Blocks, noise: Floor
+) -> Discrepancy:
+    """Of block means (T, B) of some trials of a pad, under its floor as the user knows it."""
+    experiment = replace(experiment, floor=known_floor(experiment.floor, noise))
+    return Discrepancy.on(experiment, trials, blocks, TOLERANCE, _PRIOR)
+
+
 def floor_likelihood(
     experiment: Experiment,
     trials: Sequence[Trial],
@@ -66,8 +74,7 @@ def floor_likelihood(
     known yet.
     """
     floor = known_floor(experiment.floor, noise)
-    experiment = replace(experiment, floor=floor)
-    made = Discrepancy.on(experiment, trials, blocks, TOLERANCE, _PRIOR)
+    made = discrepancy_of(experiment, trials, blocks, noise)
     shapes, precisions = made.shapes, made.whitener.precisions
     smooth = shapes.T @ shapes
     if fitted is not None:

@@ -67,9 +67,8 @@ def log_bayes_factor(free: Array, slope: Array, imitation: Imitation) -> float:
     """Log B of strengths (G,) whose log likelihood has the slope b and minus the curvature A."""
     values, axes = np.linalg.eigh(0.5 * (free + free.T))
     squares, values = (axes.T @ slope) ** 2, np.maximum(values, 0.0)
-    taus = imitation.varies, imitation.holds
-    varies, holds = (_log_likelihood(squares, values, tau) for tau in taus)
-    return varies - holds
+    holds = _log_likelihood(squares, values, imitation.holds)
+    return _log_likelihood(squares, values, imitation.varies) - holds
 
 
 def _log_likelihood(squares: Array, values: Array, tau: float) -> float:
