@@ -1,9 +1,13 @@
 """What was compiled once is not compiled again, in this process or in the next."""
 
+import re
+from pathlib import Path
+
 import jax
 import numpy as np
 import pytest
 
+import qlvbayes
 from qlvbayes.inference.forward import pieces
 from qlvbayes.io.executables import Executables
 
@@ -92,3 +96,17 @@ def test_options_that_this_xla_does_not_know_are_left_out(monkeypatch):
         assert pieces._known_options() == {"xla_llvm_disable_expensive_passes"}
     finally:
         pieces._known_options.cache_clear()
+
+
+def test_an_executable_depends_on_all_source_that_its_function_may_call_on():
+    """What the laws and effects import of the package is part of the key that it is kept under."""
+    root = Path(qlvbayes.__file__).parent
+    within = [root / name for name in pieces.MADE_OF]
+    files = [file for path in within for file in ([path] if path.is_file() else path.rglob("*.py"))]
+    others = {"qlvbayes/io/executables.py"}  # keeps what the others make
+    imports = re.compile(r"^\s*from (qlvbayes[\w.]*) import", re.MULTILINE)
+    for file in files:
+        for name in imports.findall(file.read_text(encoding="utf-8")):
+            path = root.parent.joinpath(*name.split("."))
+            source = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+            assert str(source.relative_to(root.parent)) in others or source in files, (file, name)

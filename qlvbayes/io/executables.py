@@ -20,10 +20,10 @@ from uuid import uuid4
 from weakref import WeakSet
 
 import jax
+import jaxlib
 from jax.experimental.serialize_executable import deserialize_and_load, serialize
 from jax.stages import Compiled
 
-import qlvbayes
 from qlvbayes.io.files import write_whole
 
 _PROCESSOR = Path("/proc/cpuinfo")
@@ -35,8 +35,8 @@ class Executables:
 
     function: of arrays in nested tuples and lists, and of nothing else.
     options: XLA's, which this XLA knows.
-    meaning: all that the function depends on beside its arguments and the package's own code; None
-    where that is not known (a user's own effect may call on any file): nothing is kept then.
+    meaning: all that the function depends on beside its arguments, its source included; None where
+    that is not known (a user's own effect may call on any file): nothing is kept then.
     """
 
     def __init__(
@@ -102,13 +102,10 @@ def forget_executables() -> None:
 
 @cache
 def _here() -> str:
-    """What executables depend on: JAX, the processor, and the package's source."""
+    """What every executable depends on: JAX, the processor, and how it is kept here."""
     flags = ""
     if _PROCESSOR.exists():
         lines = _PROCESSOR.read_text().splitlines()
         flags = next((line for line in lines if line.startswith(("flags", "Features"))), "")
-    root = Path(qlvbayes.__file__).parent
-    digest = hashlib.sha256(flags.encode())
-    for file in sorted(root.rglob("*.py")):
-        digest.update(f"{file.relative_to(root)} ".encode() + file.read_bytes())
-    return f"{jax.__version__} {jax.default_backend()} {machine()} {digest.hexdigest()}"
+    digest = hashlib.sha256(flags.encode() + Path(__file__).read_bytes()).hexdigest()
+    return f"{jax.__version__} {jaxlib.__version__} {jax.default_backend()} {machine()} {digest}"

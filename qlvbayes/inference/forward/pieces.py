@@ -12,10 +12,12 @@ or above it: a hypothesis is a chain of calls, and what it has not got costs not
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache, partial
+from pathlib import Path
 from typing import Any
 
 import jax
@@ -34,6 +36,18 @@ from qlvbayes.laws.relaxation.spectrum import Spectrum
 # XLA's newer emitters take as much again; they make the material's recursion a quarter faster.
 _QUICK = {"xla_llvm_disable_expensive_passes": True}
 _QUICKEST = {**_QUICK, "xla_cpu_use_fusion_emitters": False}
+_PACKAGE = Path(__file__).parents[2]
+# What the source of a piece lies in, and all of the package that is imported there.
+MADE_OF = (
+    "laws",
+    "effects",
+    "priors",
+    "io/checks.py",
+    "io/escaping.py",
+    "io/units.py",
+    "io/usermodule.py",
+    "inference/forward/pieces.py",
+)
 _POINTS = 8  # of the motion on which it is seen what a layer asks for: any number would do
 
 
@@ -274,10 +288,23 @@ def _compiled(
     """
     known = {name: value for name, value in options.items() if name in _known_options()}
     kinds = [part.node_data()[0] for part in parts if part is not None]
-    ours = all(kind.__module__.startswith("qlvbayes.") for kind in kinds)
+    ours = all(
+        kind.__module__.startswith(("qlvbayes.laws.", "qlvbayes.effects.")) for kind in kinds
+    )
     names = [f"{kind.__module__}.{kind.__qualname__}" for kind in kinds]
-    text = f"{names} {[str(part) for part in parts]} {[str(one) for one in meaning]}"
+    text = f"{names} {[str(part) for part in parts]} {[str(one) for one in meaning]} {_source()}"
     return Executables(function, known, text if ours else None)
+
+
+@cache
+def _source() -> str:
+    """A digest of the source that pieces are made of: an edit elsewhere compiles nothing again."""
+    digest = hashlib.sha256()
+    for made_of in MADE_OF:
+        path = _PACKAGE / made_of
+        for file in sorted(path.rglob("*.py")) if path.is_dir() else [path]:
+            digest.update(f"{file.relative_to(_PACKAGE)} ".encode() + file.read_bytes())
+    return digest.hexdigest()
 
 
 @cache
