@@ -28,8 +28,11 @@ SETS = [
     ("adhesion", "friction", "fluid_pressure", "stress_softening"),
     ("extra_relaxation_mode", "fluid_pressure", "friction", "inertia", "channel_lag"),
     ("frame_compliance", "strain_dependent_rate", "contact_offset", "stress_softening"),
-    # drags through a frame that gives way differ where contact begins: its speed is neglected
-    tuple(name for name in SIMULATED if name != "frame_compliance"),
+    ("backlash", "permanent_set", "contact_offset", "friction", "load_cell_creep"),
+    ("thixotropy", "conditioning", "second_contact", "stress_softening", "force_drift"),
+    # drags through a frame that gives way differ where contact begins: its speed is neglected; play
+    # puts the end of contact between two points of the grid, where adhesion lets go steeply
+    tuple(name for name in SIMULATED if name not in {"frame_compliance", "backlash"}),
 ]
 
 
@@ -66,7 +69,7 @@ def test_every_effect_has_its_counterpart():
 @pytest.mark.few(24)
 def test_the_force_is_the_simulators(paper_model, name, protocol, speed):
     effect = drawn(name, int(speed))
-    platen = Platen(PROTOCOLS[protocol](speed), start_s=START)
+    platen = Platen(PROTOCOLS[protocol](speed), start_s=START, number=2)
     error, _ = disagreement(paper_model("B"), [effect], platen)
     assert error.max() < CLOSE
 
@@ -77,7 +80,7 @@ def test_the_force_is_the_simulators(paper_model, name, protocol, speed):
 @pytest.mark.few(2)
 def test_effects_nest_as_in_the_simulator(paper_model, together):
     effects = [drawn(name, 7) for name in together]
-    platen = Platen(full_retraction_protocol(20.0), start_s=START)
+    platen = Platen(full_retraction_protocol(20.0), start_s=START, number=2)
     error, _ = disagreement(paper_model("B"), effects, platen)
     assert error.max() < CLOSE
 

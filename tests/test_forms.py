@@ -226,7 +226,7 @@ def disagreement(model, added, twins, platen):
 def test_a_form_is_its_twin(paper_model, name, protocol, speed):
     rng = np.random.default_rng([int(speed), list(TWINS).index(name)])
     twin = draw_effect(name, rng, PRESSED, STROKE, 20.0, SIZE, TABLE_1["B"])
-    platen = Platen(PROTOCOLS[protocol](speed), start_s=START)
+    platen = Platen(PROTOCOLS[protocol](speed), start_s=START, number=2)
     assert disagreement(paper_model("B"), TWINS[name](twin), [twin], platen) < CLOSE
 
 
@@ -258,7 +258,7 @@ BETWEEN = {
 @pytest.mark.parametrize("case", BETWEEN)
 def test_a_form_between_its_ends_solves_its_equation(paper_model, case, protocol):
     added, twins = BETWEEN[case]
-    platen = Platen(PROTOCOLS[protocol](20.0), start_s=START)
+    platen = Platen(PROTOCOLS[protocol](20.0), start_s=START, number=2)
     assert disagreement(paper_model("B"), added, twins, platen) < CLOSE
 
 
@@ -280,7 +280,7 @@ def test_friction_may_go_with_the_force_in_part(paper_model):
 def test_what_a_test_remembers_of_earlier_ones_is_the_lists(paper_model, kind):
     """With points of an earlier test before the test's own: at `reduces`, the family's force."""
     rng, listed = np.random.default_rng(5), find(kind.family())
-    platen = Platen(paper_protocol(20.0), start_s=START)
+    platen = Platen(paper_protocol(20.0), start_s=START, number=2)
     motion = motion_of(platen, grid_of(platen))
     earlier = jnp.array([-400.0, -399.0, -370.0, -369.0])
     carried = replace(

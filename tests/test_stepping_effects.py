@@ -1,5 +1,7 @@
 """Effects go on step by step: the batch answer, and there and back through them all."""
 
+from dataclasses import fields
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -21,9 +23,13 @@ CONSTANTS = {
     "strain_dependent_rate": (0.5,),
     "strain_dependent_strength": (0.2,),
     "stress_softening": (0.15,),
+    "thixotropy": (0.2, 0.7, 0.4),
     "friction": (0.1, 0.05),
+    "second_contact": (0.3, 0.5),
     "permanent_set": (0.05,),
     "contact_offset": (0.1,),
+    "backlash": (0.03,),
+    "load_cell_creep": (0.05, 0.6),
     "force_offset": (0.03,),
     "channel_lag": (0.037,),  # between two steps
 }
@@ -91,7 +97,8 @@ def test_all_together(paper_model):
             model = model + effect(name)
     force = stepped(model, DEPTH, DT)
     assert relative(force, batch(model, DEPTH)) < 1e-12
-    assert relative(stepped(model, solved(model, force, DT), DT), force) < 1e-8
+    close = 1e-8 + unresolved("power_law_drag") / float(np.max(force))
+    assert relative(stepped(model, solved(model, force, DT), DT), force) < close
     assert without_steps(model) == ()
 
 
@@ -108,7 +115,8 @@ def test_a_load_below_the_readings_zero_lifts_the_platen(paper_model):
 
 @pytest.mark.parametrize("name", REFUSED)
 def test_the_others_are_refused_by_name(name, paper_model):
-    model = paper_model("B") + find(name)(jnp.asarray(0.01))
+    kind = find(name)
+    model = paper_model("B") + kind(*(jnp.asarray(0.01) for _ in fields(kind)))
     assert without_steps(model) == (name,)
     with pytest.raises(InputError, match=f"{name} does not go step by step"):
         step(model, begin(model), 0.1, 0.01)

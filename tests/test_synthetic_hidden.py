@@ -51,6 +51,11 @@ PARAMETERS = {
     "force_offset": {"offset": -0.05},
     "force_drift": {"rate": 1e-4},
     "channel_lag": {"delay": 0.002},
+    "thixotropy": {"share": 0.1, "time": 5.0, "way": 0.5},
+    "conditioning": {"share": 0.1, "tests": 1.5},
+    "second_contact": {"stiffness": 0.3, "depth": 1.2},
+    "backlash": {"play": 0.03},
+    "load_cell_creep": {"share": 0.05, "time": 10.0},
     "stretched_relaxation": {"c": 0.1, "time": 0.5, "exponent": 0.5},
     "linear_rate": {"alpha": 0.5},
     "exponential_softening": {"s": 0.3, "k": 3.0},
@@ -63,7 +68,6 @@ PARAMETERS = {
     "bending_frame": {"compliance": 0.05, "force": 1.0},
     "saturating_drift": {"offset": 0.1, "time": 100.0},
     "channel_low_pass": {"time": 0.003},
-    "second_contact": {"stiffness": 0.3, "depth": 1.2},
     "slip": {"share": 0.1, "seed": 3},
     "temperature_swing": {"share": 0.05, "period": 100.0, "phase": 1.0},
     "ringing": {"amplitude": 0.05, "frequency": 10.0, "decay": 0.3},
@@ -81,7 +85,7 @@ def effect(name, **changes):
 
 
 def paired(protocol, rate=20.0, start_s=300.0):
-    platen = Platen(protocol(rate), start_s=start_s)
+    platen = Platen(protocol(rate), start_s=start_s, number=2)
     around = platen.kinks[:, None] + [0.0, 1e-3, 1e-2, 0.1]
     times = np.append(around.ravel(), np.linspace(0.0, platen.duration, 200))
     return platen, np.unique(times[times <= platen.duration])

@@ -124,7 +124,7 @@ def model_of(truth):
 
 
 def disagreement(truth, pad, speed=20.0):
-    platen = Platen(paper_protocol(speed), start_s=START)
+    platen = Platen(paper_protocol(speed), start_s=START, number=2)
     time = grid_of(platen)
     found = np.asarray(model_of(truth).force(motion_of(platen, time)))[: time.size]
     true = pad.force(platen, time)

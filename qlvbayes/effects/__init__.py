@@ -4,8 +4,10 @@ A class for each, the lists of them, and what an effect of one's own is made of 
 """
 
 from qlvbayes.effects.adhesion import Adhesion
+from qlvbayes.effects.backlash import Backlash
 from qlvbayes.effects.catalogue import EFFECTS, EVERY, FORMS, OUTSIDE
 from qlvbayes.effects.channel_lag import ChannelLag
+from qlvbayes.effects.conditioning import Conditioning
 from qlvbayes.effects.conformance import check_effect
 from qlvbayes.effects.contact_offset import ContactOffset
 from qlvbayes.effects.effect import AbstractEffect, Level
@@ -20,11 +22,13 @@ from qlvbayes.effects.gradual_contact import GradualContact
 from qlvbayes.effects.inertia import Inertia
 from qlvbayes.effects.levelling_drift import LevellingDrift
 from qlvbayes.effects.levelling_leak import LevellingLeak
+from qlvbayes.effects.load_cell_creep import LoadCellCreep
 from qlvbayes.effects.offsets_by_test import OffsetsByTest
 from qlvbayes.effects.permanent_set import PermanentSet
 from qlvbayes.effects.power_law_drag import PowerLawDrag
 from qlvbayes.effects.power_law_drainage import PowerLawDrainage
 from qlvbayes.effects.pressure_friction import PressureFriction
+from qlvbayes.effects.second_contact import SecondContact
 from qlvbayes.effects.slow_change import SlowChange
 from qlvbayes.effects.spreading_lag import SpreadingLag
 from qlvbayes.effects.squeeze_film import SqueezeFilm
@@ -32,6 +36,7 @@ from qlvbayes.effects.stiffening_frame import StiffeningFrame
 from qlvbayes.effects.strain_dependent_rate import StrainDependentRate
 from qlvbayes.effects.strain_dependent_strength import StrainDependentStrength
 from qlvbayes.effects.stress_softening import StressSoftening
+from qlvbayes.effects.thixotropy import Thixotropy
 from qlvbayes.effects.viscous_drag import ViscousDrag
 
 __all__ = [
@@ -41,7 +46,9 @@ __all__ = [
     "OUTSIDE",
     "AbstractEffect",
     "Adhesion",
+    "Backlash",
     "ChannelLag",
+    "Conditioning",
     "ContactOffset",
     "ExtraRelaxationMode",
     "FluidLeak",
@@ -55,11 +62,13 @@ __all__ = [
     "Level",
     "LevellingDrift",
     "LevellingLeak",
+    "LoadCellCreep",
     "OffsetsByTest",
     "PermanentSet",
     "PowerLawDrag",
     "PowerLawDrainage",
     "PressureFriction",
+    "SecondContact",
     "SlowChange",
     "SpreadingLag",
     "SqueezeFilm",
@@ -67,6 +76,7 @@ __all__ = [
     "StrainDependentRate",
     "StrainDependentStrength",
     "StressSoftening",
+    "Thixotropy",
     "ViscousDrag",
     "check_effect",
 ]

@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from qlvbayes.effects.adhesion import Adhesion
+from qlvbayes.effects.backlash import Backlash
 from qlvbayes.effects.channel_lag import ChannelLag
+from qlvbayes.effects.conditioning import Conditioning
 from qlvbayes.effects.contact_offset import ContactOffset
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.effects.extra_relaxation_mode import ExtraRelaxationMode
@@ -20,11 +22,13 @@ from qlvbayes.effects.gradual_contact import GradualContact
 from qlvbayes.effects.inertia import Inertia
 from qlvbayes.effects.levelling_drift import LevellingDrift
 from qlvbayes.effects.levelling_leak import LevellingLeak
+from qlvbayes.effects.load_cell_creep import LoadCellCreep
 from qlvbayes.effects.offsets_by_test import OffsetsByTest
 from qlvbayes.effects.permanent_set import PermanentSet
 from qlvbayes.effects.power_law_drag import PowerLawDrag
 from qlvbayes.effects.power_law_drainage import PowerLawDrainage
 from qlvbayes.effects.pressure_friction import PressureFriction
+from qlvbayes.effects.second_contact import SecondContact
 from qlvbayes.effects.slow_change import SlowChange
 from qlvbayes.effects.spreading_lag import SpreadingLag
 from qlvbayes.effects.squeeze_film import SqueezeFilm
@@ -32,6 +36,7 @@ from qlvbayes.effects.stiffening_frame import StiffeningFrame
 from qlvbayes.effects.strain_dependent_rate import StrainDependentRate
 from qlvbayes.effects.strain_dependent_strength import StrainDependentStrength
 from qlvbayes.effects.stress_softening import StressSoftening
+from qlvbayes.effects.thixotropy import Thixotropy
 from qlvbayes.effects.viscous_drag import ViscousDrag
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.usermodule import check_own, own_classes
@@ -46,14 +51,19 @@ EFFECTS: tuple[type[AbstractEffect], ...] = (
     StrainDependentRate,
     StrainDependentStrength,
     StressSoftening,
+    Thixotropy,
+    Conditioning,
     Friction,
+    SecondContact,
     PermanentSet,
     ContactOffset,
+    Backlash,
     Adhesion,
     FrameCompliance,
     Inertia,
     ForceOffset,
     ForceDrift,
+    LoadCellCreep,
     ChannelLag,
 )
 """The list: effects that a diagnosis looks for and names."""

@@ -160,12 +160,12 @@ def _at(motion: Motion, time: Array) -> Motion:
     if motion.bow is not None:
         share = (motion.time[after] - time) / jnp.where(step > 0.0, step, 1.0)
         place = place + 4.0 * motion.bow[after] * share * (1.0 - share)
-    return Motion(
-        time,
-        place,
-        motion.velocity[here] + motion.acceleration[here] * elapsed,
-        motion.acceleration[here],
-        motion.start,
-        None if motion.ago is None else jnp.zeros_like(motion.ago),
-        None if motion.bow is None else motion.bow[after],
+    return replace(
+        motion,
+        time=time,
+        displacement=place,
+        velocity=motion.velocity[here] + motion.acceleration[here] * elapsed,
+        acceleration=motion.acceleration[here],
+        ago=None if motion.ago is None else jnp.zeros_like(motion.ago),
+        bow=None if motion.bow is None else motion.bow[after],
     )

@@ -278,12 +278,11 @@ def _check_causal(trial: _Trial) -> None:
     constants, force = jnp.asarray(trial.draws[0]), trial.found[0][0]
     for last in range(_POINTS // 2, points - 1, points // 8):
         later = jnp.arange(points) > last
-        changed = Motion(
-            motions.time,
-            jnp.where(later, 0.7 * motions.displacement, motions.displacement),
-            jnp.where(later, -motions.velocity, motions.velocity),
-            jnp.where(later, 2.0 * motions.acceleration, motions.acceleration),
-            motions.start,
+        changed = replace(
+            motions,
+            displacement=jnp.where(later, 0.7 * motions.displacement, motions.displacement),
+            velocity=jnp.where(later, -motions.velocity, motions.velocity),
+            acceleration=jnp.where(later, 2.0 * motions.acceleration, motions.acceleration),
         )
         other = np.asarray(trial.run(constants, changed)[0])
         error = np.max(np.abs(other - force)[:, : last + 1]) / trial.reference.peak
@@ -401,7 +400,8 @@ def _reference(depth: float, force: float) -> _Reference:
     padded = [[np.pad(x, (0, points - x.size), mode="edge") for x in test] for _, test in tests]
     time, d, v, a = (jnp.asarray(np.stack(x)) for x in zip(*padded, strict=True))
     starts = jnp.array([start for start, _ in tests])
-    motions = Motion(time, stretch * d, stretch * v, stretch * a, starts)
+    numbers = jnp.arange(float(len(tests)))
+    motions = Motion(time, stretch * d, stretch * v, stretch * a, starts, number=numbers)
     prony = Prony(jnp.array([0.2955, 0.63, 0.0745]), jnp.array([6.2, 0.14]))
     law = Law(Exponential(0.34 / stretch, 1.165 / stretch), prony, (Contact(),))
     plain = np.asarray(jax.vmap(law.force)(motions))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, ClassVar, Self
 
 import jax.numpy as jnp
@@ -62,12 +63,13 @@ def rested(motion: Motion) -> Motion:
     As a motion without it does, so that a gap of nothing changes nothing.
     """
     rest, first = jnp.zeros(BEFORE), motion.time[:1]
-    return Motion(
-        jnp.concatenate([first - _REST, first, motion.time]),
-        jnp.concatenate([rest, motion.displacement]),
-        jnp.concatenate([rest, motion.velocity]),
-        jnp.concatenate([rest, motion.acceleration]),
-        motion.start,
-        None if motion.ago is None else jnp.concatenate([motion.ago[:1]] * BEFORE + [motion.ago]),
-        None if motion.bow is None else jnp.concatenate([rest, motion.bow]),
+    ago = motion.ago
+    return replace(
+        motion,
+        time=jnp.concatenate([first - _REST, first, motion.time]),
+        displacement=jnp.concatenate([rest, motion.displacement]),
+        velocity=jnp.concatenate([rest, motion.velocity]),
+        acceleration=jnp.concatenate([rest, motion.acceleration]),
+        ago=None if ago is None else jnp.concatenate([ago[:1]] * BEFORE + [ago]),
+        bow=None if motion.bow is None else jnp.concatenate([rest, motion.bow]),
     )

@@ -132,6 +132,7 @@ def single_samples(experiment: Experiment, trial: Trial, rows: np.ndarray) -> Re
         trial.phases,
         sd_scale=experiment.sd_scale,
         start=test.start_s - experiment.clock_zero,
+        number=experiment.tests_before(trial),
         blocks=False,
         past=experiment.past(trial),
         care=experiment.care,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, Protocol
 
 import equinox as eqx
@@ -105,14 +106,12 @@ def touching(motion: Motion) -> Motion:
 def at_depth(motion: Motion, displacement: Array) -> Motion:
     """``motion`` with the depth max(displacement, 0), at rest where that is 0."""
     contact = displacement > 0.0
-    return Motion(
-        motion.time,
-        jnp.where(contact, displacement, 0.0),
-        jnp.where(contact, motion.velocity, 0.0),
-        jnp.where(contact, motion.acceleration, 0.0),
-        motion.start,
-        motion.ago,
-        None if motion.bow is None else jnp.where(contact, motion.bow, 0.0),
+    return replace(
+        motion,
+        displacement=jnp.where(contact, displacement, 0.0),
+        velocity=jnp.where(contact, motion.velocity, 0.0),
+        acceleration=jnp.where(contact, motion.acceleration, 0.0),
+        bow=None if motion.bow is None else jnp.where(contact, motion.bow, 0.0),
     )
 
 

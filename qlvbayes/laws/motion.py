@@ -31,7 +31,7 @@ class Motion(eqx.Module):
     the memory of the material, where an error of one sign would add up; None for straight lines.
     ago: (N,) in which test a point lies, 0 in the test itself, k in the k-th before it with the
     pause that follows (there velocity and acceleration are not told, but 0); None where no earlier
-    test is carried along.
+    test is carried along. number: how many tests the pad has had before, 0 in its first one.
     """
 
     time: Array
@@ -41,6 +41,7 @@ class Motion(eqx.Module):
     start: Array
     ago: Array | None
     bow: Array | None
+    number: Array
 
     def __init__(
         self,
@@ -51,16 +52,23 @@ class Motion(eqx.Module):
         start: ArrayLike = 0.0,
         ago: Array | None = None,
         bow: Array | None = None,
+        number: ArrayLike = 0.0,
     ) -> None:
         self.time, self.displacement = time, displacement
         self.velocity, self.acceleration = velocity, acceleration
         self.start = jnp.asarray(start, dtype=float)
         self.ago, self.bow = ago, bow
+        self.number = jnp.asarray(number, dtype=float)
 
     @property
     def clock(self) -> Array:
         """Time (N,) since the pad's first test began (s)."""
         return self.start + self.time
+
+    @property
+    def tests_before(self) -> Array:
+        """How many tests the pad has had before the one that a point lies in, (N,) or ()."""
+        return self.number if self.ago is None else self.number - self.ago
 
     @property
     def alone(self) -> Motion:
@@ -80,4 +88,5 @@ class Motion(eqx.Module):
             held(self.acceleration),
             self.start,
             bow=None if self.bow is None else jnp.where(own, self.bow, 0.0),
+            number=self.number,
         )

@@ -10,7 +10,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from qlvbayes.laws.motion import Motion
 from qlvbayes.preprocess.record import Blocks, Record, held
 
 _LEAST = 32  # points or blocks
@@ -46,15 +45,7 @@ def padded_size(size: int) -> int:
 
 def _pad(record: Record, points: int, blocks: int) -> Record:
     seen = record.motion
-    motion = Motion(
-        _extend(seen.time, points),
-        _extend(seen.displacement, points),
-        _extend(seen.velocity, points),
-        _extend(seen.acceleration, points),
-        seen.start,
-        None if seen.ago is None else _extend(seen.ago, points),
-        None if seen.bow is None else _extend(seen.bow, points),
-    )
+    motion = jax.tree.map(lambda leaf: _extend(leaf, points) if leaf.ndim else leaf, seen)
     size = record.blocks.force.shape[0]
     full = Blocks(*(_extend(x, blocks) for x in jax.tree.leaves(record.blocks)))
     real = np.arange(blocks) < size

@@ -157,6 +157,10 @@ class Experiment:
         """The clock (s) at the beginning of the pad's first test."""
         return min(trial.test.start_s + float(trial.test.time[0]) for trial in self.trials)
 
+    def tests_before(self, trial: Trial) -> int:
+        """How many tests of the pad began before this one."""
+        return sum(other.test.start_s < trial.test.start_s for other in self.trials)
+
     def record(self, trials: Sequence[Trial]) -> Record:
         """Block averages of some trials, as one batch."""
         return batch(
@@ -167,6 +171,7 @@ class Experiment:
                     t.phases,
                     sd_scale=self.sd_scale,
                     start=t.test.start_s - self.clock_zero,
+                    number=self.tests_before(t),
                     past=self.past(t),
                     care=self.care,
                     approached=t.approached,

@@ -130,6 +130,7 @@ def reduce_test(
     *,
     sd_scale: float = 1.0,
     start: float = 0.0,
+    number: int = 0,
     blocks: bool = True,
     past: Past | None = None,
     care: Care | None = None,
@@ -138,10 +139,11 @@ def reduce_test(
 ) -> Record:
     """The record of one test: block means, their nodes, and the motion on a grid of times.
 
-    sd_scale: what measured sds are divided by; start: the pad's clock at time 0 (s); blocks: False
-    keeps every sample by itself; past: what the test remembers of earlier ones; care: None where
-    force and noise are not known yet; whole: the test of which these are some samples only;
-    approached: whether a record that begins on the move came from zero by an approach before it.
+    sd_scale: what measured sds are divided by; start: the pad's clock at time 0 (s); number: how
+    many tests the pad has had before; blocks: False keeps every sample by itself; past: what the
+    test remembers of earlier ones; care: None where force and noise are not known yet; whole: the
+    test of which these are some samples only; approached: whether a record that begins on the move
+    came from zero by an approach before it.
     """
     whole = whole or test
     begin = np.arange(test.time.size)
@@ -166,7 +168,8 @@ def reduce_test(
     begun = approached and (past is None or not past.stays)
     first = float(whole.time[0])
     grid, bowed = _grid(trajectory, np.unique(nodes), first, chord, begun)
-    motion = _motion(trajectory, grid, first, start, bowed)
+    motion = _motion(trajectory, grid, first, bowed)
+    motion = replace(motion, start=held(np.float64(start)), number=held(np.float64(number)))
     places = np.searchsorted(grid, nodes).T
     if past is not None:
         motion, places = _remembering(motion, past), places + past.time.size
@@ -191,9 +194,7 @@ def _grid(
     return (bows, True) if short else (lines, False)
 
 
-def _motion(
-    trajectory: Trajectory, grid: np.ndarray, first: float, start: float, bowed: bool
-) -> Motion:
+def _motion(trajectory: Trajectory, grid: np.ndarray, first: float, bowed: bool) -> Motion:
     displacement = path_at(trajectory, grid, first)
     bow = None
     if bowed:
@@ -201,14 +202,7 @@ def _motion(
         off = middle - 0.5 * (displacement[1:] + displacement[:-1])
         bow = held(np.append(0.0, np.where(grid[:-1] < first, 0.0, off)))
     velocity, acceleration = trajectory.velocity(grid), trajectory.acceleration(grid)
-    return Motion(
-        held(grid),
-        held(displacement),
-        held(velocity),
-        held(acceleration),
-        start,
-        bow=bow,
-    )
+    return Motion(held(grid), held(displacement), held(velocity), held(acceleration), bow=bow)
 
 
 def _remembering(motion: Motion, past: Past) -> Motion:
@@ -217,14 +211,14 @@ def _remembering(motion: Motion, past: Past) -> Motion:
     time = held(np.minimum(past.time, first))
     still = np.zeros(time.shape)
     join = lambda x, y: held(np.concatenate([x, y]))  # noqa: E731
-    return Motion(
-        join(time, motion.time),
-        join(past.displacement, motion.displacement),
-        join(still, motion.velocity),
-        join(still, motion.acceleration),
-        motion.start,
-        join(past.ago, np.zeros(motion.time.shape, past.ago.dtype)),
-        None if motion.bow is None else join(still, motion.bow),
+    return replace(
+        motion,
+        time=join(time, motion.time),
+        displacement=join(past.displacement, motion.displacement),
+        velocity=join(still, motion.velocity),
+        acceleration=join(still, motion.acceleration),
+        ago=join(past.ago, np.zeros(motion.time.shape, past.ago.dtype)),
+        bow=None if motion.bow is None else join(still, motion.bow),
     )
 
 

@@ -37,9 +37,11 @@ class Motion:
     """Exact motion along `pieces` that follow one another without a gap; at rest outside of them.
 
     start_s : clock at the start of the motion (s), for materials that change between tests
+    number : of the pad's tests before this one
     """
 
     start_s: float
+    number: int
 
     @property
     def pieces(self) -> Sequence[Piece]:
@@ -103,6 +105,7 @@ class Track(Motion):
 
     stretches: tuple[Piece, ...]
     start_s: float = 0.0
+    number: int = 0
 
     def __post_init__(self) -> None:
         if not self.stretches:

@@ -58,6 +58,7 @@ class Platen(Motion):
     program : Moves and Holds, in order
     acceleration_limit : mm/s2
     start_s : clock at the start of the motion (s), for materials that change between tests
+    number : of the pad's tests before this one
 
     Raises
     ------
@@ -68,6 +69,7 @@ class Platen(Motion):
     program: tuple[Step, ...]
     acceleration_limit: float = PAPER_ACCELERATION
     start_s: float = 0.0
+    number: int = 0
 
     def __post_init__(self) -> None:
         if not 0 < self.acceleration_limit < inf:

@@ -74,11 +74,11 @@ def session(
     ]
     motions: dict[str, Motion] = {}
     clock, pause = 0.0, 5.0 if carried else 120.0
-    for name, program in programs.items():
+    for number, (name, program) in enumerate(programs.items()):
         if isinstance(program, Track):
-            motion: Motion = replace(program, start_s=clock)
+            motion: Motion = replace(program, start_s=clock, number=number)
         else:
-            motion = Platen(_creeping(program, creep), start_s=clock)
+            motion = Platen(_creeping(program, creep), start_s=clock, number=number)
         motions[name] = motion
         clock += motion.duration + pause
     longest = max(holds, default=0.25 * max(m.duration for m in motions.values()))

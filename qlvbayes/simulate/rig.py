@@ -108,9 +108,9 @@ def record_study(
     tests = []
     for pad, material in materials.items():
         clock = 0.0
-        for label, program in programs.items():
+        for number, (label, program) in enumerate(programs.items()):
             name = f"{pad}-{label}"
-            platen = Platen(tuple(program), start_s=clock)
+            platen = Platen(tuple(program), start_s=clock, number=number)
             rng = stream(seed, name)
             record = record_test(material, platen, noise, rng, max_rows=max_rows)
             tests.append(SimulatedTest(pad, name, clock, record))

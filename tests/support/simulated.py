@@ -29,4 +29,4 @@ def motion_of(platen, time):
     """The motion at these times, filled up to the one size."""
     full = np.pad(time, (0, POINTS - time.size), mode="edge")
     along = (platen.displacement(full), platen.velocity(full), platen.acceleration(full))
-    return Motion(*map(jnp.asarray, (full, *along)), start=platen.start_s)
+    return Motion(*map(jnp.asarray, (full, *along)), start=platen.start_s, number=platen.number)

@@ -34,7 +34,8 @@ def record_of(designs: Sequence[Design], rig: Rig, clock: float) -> Record:
     )
     start = jnp.asarray([clock + design.wait for design in designs])
     columns = [jnp.asarray(np.stack(column)) for column in zip(*blocks, strict=True)]
-    motion = Motion(time, place, speed, rate, start)
+    number = jnp.full(start.shape, float(rig.done))
+    motion = Motion(time, place, speed, rate, start, number=number)
     return Record(motion, jnp.asarray(np.stack(nodes)), Blocks(*columns))
 
 

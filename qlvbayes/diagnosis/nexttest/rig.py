@@ -18,7 +18,7 @@ class Rig:
     """Limits of a test: greatest depth (mm), speed (mm/s) and acceleration (mm/s2).
 
     interval: between two readings (s) at the least; rows: readings that are kept of a test, of long
-    dwells the fewest.
+    dwells the fewest; done: how many tests the pad has had.
     """
 
     depth: float
@@ -26,6 +26,7 @@ class Rig:
     acceleration: float
     interval: float = 1.0 / SET_POINTS
     rows: int = 10_000_000  # all of them
+    done: int = 0
 
     @classmethod
     def of_tests(cls, experiment: Experiment) -> Rig:
@@ -33,7 +34,8 @@ class Rig:
         scales = experiment.scales
         acceleration = scales.acceleration or scales.speed / (10.0 * scales.shortest)
         rows = max(trial.test.time.size for trial in experiment.trials)
-        return cls(scales.depth, scales.speed, acceleration, scales.shortest, rows)
+        done = len(experiment.trials)
+        return cls(scales.depth, scales.speed, acceleration, scales.shortest, rows, done)
 
     @classmethod
     def of_ranges(cls, covered: Covered) -> Rig:

@@ -167,7 +167,7 @@ def _dummy(of_motion: Any) -> Motion:
     like: Motion = jax.tree.unflatten(of_motion, [0] * of_motion.num_leaves)
     time = jnp.arange(float(_POINTS))
     ago = None if like.ago is None else jnp.zeros(_POINTS, int)
-    return Motion(time, time, time, time, 0.0, ago, None if like.bow is None else time)
+    return Motion(time, time, time, time, ago=ago, bow=None if like.bow is None else time)
 
 
 @cache

@@ -26,18 +26,23 @@ HIDDEN = _by_name(
     pad_effects.StrainDependentStrength,
     pad_effects.StressSoftening,
     pad_effects.FluidLeak,
+    pad_effects.Thixotropy,
+    pad_effects.Conditioning,
     pad_effects.ViscousDrag,
     pad_effects.PowerLawDrag,
     pad_effects.SqueezeFilm,
     pad_effects.FluidPressure,
     pad_effects.Friction,
+    pad_effects.SecondContact,
     contact_effects.PermanentSet,
     contact_effects.ContactOffset,
+    contact_effects.Backlash,
     contact_effects.Adhesion,
     contact_effects.FrameCompliance,
     sensor_effects.Inertia,
     sensor_effects.ForceOffset,
     sensor_effects.ForceDrift,
+    sensor_effects.LoadCellCreep,
     sensor_effects.ChannelLag,
 )
 """The listed effects, from the material to the sensor."""
@@ -59,7 +64,6 @@ FORMS = _by_name(
 """Other forms of the listed effects; `family` names which."""
 
 OUTSIDE = _by_name(
-    outside.SecondContact,
     outside.Slip,
     outside.TemperatureSwing,
     outside.Ringing,
@@ -83,12 +87,9 @@ FOREIGN = _by_name(
 
 FURTHER = _by_name(
     further.ViscousHeating,
-    further.Backlash,
     further.DriveRipple,
-    further.LoadCellCreep,
     further.StickSlip,
     further.SnapThrough,
-    further.Thixotropy,
     further.Curing,
 )
 """Effects outside the list that nothing of the package stands for."""

@@ -63,6 +63,34 @@ class ContactOffset(Effect):
 
 
 @dataclass(frozen=True)
+class Backlash(Effect):
+    """d -> p + play/2, p' = 0 until d leaves p -+ play/2: play between encoder and platen; mm.
+
+    Pressed inwards the depth is the encoder's; on the way back the platen waits for the play.
+    """
+
+    name: ClassVar[str] = "backlash"
+    order: ClassVar[int] = 42
+
+    play: float
+
+    def on_depth(self, depth: Array, velocity: Array) -> tuple[Array, Array]:
+        """The operator of play along the nodes."""
+        place, followed = float(depth.flat[0]), []
+        for d in depth.ravel().tolist():
+            place = max(place, d) if d > place else min(place, d + self.play)
+            followed.append(place)
+        behind = np.array(followed).reshape(depth.shape)
+        lag = behind - depth
+        waits = (lag > 0.0) & (lag < self.play * (1.0 - 1e-9))
+        return behind, np.where(waits, 0.0, velocity)
+
+    def kinks(self, largest: Array) -> Array:
+        """Where the platen follows again on the way back."""
+        return largest - self.play
+
+
+@dataclass(frozen=True)
 class Adhesion(Effect):
     """Where F < 0: F -> F exp(-(F / strength)^2 / (2 e)); strength in N.
 

@@ -179,6 +179,7 @@ _RECIPES = {
     ),
     "slip": _Recipe("share", 0.2, 0.9, shape=lambda x: {"seed": x.seed()}),
     "temperature_swing": _Recipe("share", 0.05, 0.9, shape=_swing),
+    "conditioning": _Recipe("share", 0.08, 0.9, shape=lambda x: {"tests": x.even(0.5, 3.0)}),
     "ringing": _Recipe(
         "amplitude",
         per=_peak,
@@ -338,7 +339,7 @@ def _trial(
     platens, clock = [], 0.0
     for rate in (*(r for r in PAPER_RATES if r < top_speed), top_speed):
         program = tuple(_scaled(step, stretch) for step in protocol(rate))
-        platens.append(Platen(program, start_s=clock))
+        platens.append(Platen(program, start_s=clock, number=len(platens)))
         clock += platens[-1].duration + _PAUSE_S
     times = tuple(_moments(platen) for platen in platens)
     pad = HiddenPad(own, cells=_TRIAL_CELLS)

@@ -35,30 +35,6 @@ class ViscousHeating(Effect):
 
 
 @dataclass(frozen=True)
-class Backlash(Effect):
-    """d -> p + play/2, p' = 0 until d leaves p -+ play/2: play between encoder and platen; mm.
-
-    Pressed inwards the depth is the encoder's; on the way back the platen waits for the play.
-    """
-
-    name: ClassVar[str] = "backlash"
-    order: ClassVar[int] = 42
-
-    play: float
-
-    def on_depth(self, depth: Array, velocity: Array) -> tuple[Array, Array]:
-        """The operator of play along the nodes."""
-        place, followed = float(depth.flat[0]), []
-        for d in depth.ravel().tolist():
-            place = max(place, d) if d > place else min(place, d + self.play)
-            followed.append(place)
-        behind = np.array(followed).reshape(depth.shape)
-        lag = behind - depth
-        waits = (lag > 0.0) & (lag < self.play * (1.0 - 1e-9))
-        return behind, np.where(waits, 0.0, velocity)
-
-
-@dataclass(frozen=True)
 class DriveRipple(Effect):
     """F -> F + amplitude sin(2 pi d / pitch) while the platen moves: the motor's current; N, mm."""
 
@@ -75,22 +51,6 @@ class DriveRipple(Effect):
         speed = np.abs(path.platen.velocity(path.time))
         driven = speed / (speed + 1e-3)
         return force + self.amplitude * driven * np.sin(2.0 * pi * place / self.pitch)
-
-
-@dataclass(frozen=True)
-class LoadCellCreep(Effect):
-    """F -> F + share y, y' = (F - y)/time: the load cell's own after-effect; s."""
-
-    name: ClassVar[str] = "load_cell_creep"
-    order: ClassVar[int] = 67
-    positive: ClassVar[tuple[str, ...]] = ("time",)
-
-    share: float
-    time: float
-
-    def on_force(self, force: Array, path: Path) -> Array:
-        """Creep towards the load."""
-        return force + self.share * path.follow(1.0 / self.time, force)
 
 
 @dataclass(frozen=True)
@@ -140,29 +100,6 @@ class SnapThrough(Effect):
             state = min(max(state, low), high)
             states.append(state)
         return force - self.drop * np.array(states).reshape(force.shape)
-
-
-@dataclass(frozen=True)
-class Thixotropy(Effect):
-    """F -> F (1 - share (1 - x)), x' = (1 - x)/time - |v| x / way: broken by motion, heals at rest.
-
-    x = 1 at first; time in s, way in mm.
-    """
-
-    name: ClassVar[str] = "thixotropy"
-    order: ClassVar[int] = 23
-    shares: ClassVar[tuple[str, ...]] = ("share",)
-    positive: ClassVar[tuple[str, ...]] = ("time", "way")
-
-    share: float
-    time: float
-    way: float
-
-    def on_force(self, force: Array, path: Path) -> Array:
-        """Weaken by what is broken."""
-        rate = 1.0 / self.time + np.abs(path.velocity) / self.way
-        whole = path.follow(rate, 1.0 / (self.time * rate), start=1.0)
-        return force * (1.0 - self.share * (1.0 - whole))
 
 
 @dataclass(frozen=True)

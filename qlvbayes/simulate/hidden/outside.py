@@ -99,21 +99,6 @@ class Slip(Effect):
 
 
 @dataclass(frozen=True)
-class SecondContact(Effect):
-    """F -> F + stiffness max(d - depth, 0); N/mm, mm."""
-
-    name: ClassVar[str] = "second_contact"
-    order: ClassVar[int] = 35
-
-    stiffness: float
-    depth: float
-
-    def on_force(self, force: Array, path: Path) -> Array:
-        """Add the second spring."""
-        return force + self.stiffness * np.maximum(path.depth - self.depth, 0.0)
-
-
-@dataclass(frozen=True)
 class Ringing(Effect):
     """F -> F + sum (jump / 1000 mm/s2) amplitude e^{-t/decay} sin(2 pi frequency t).
 

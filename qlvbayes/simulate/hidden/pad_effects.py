@@ -92,6 +92,46 @@ class FluidLeak(Effect):
 
 
 @dataclass(frozen=True)
+class Thixotropy(Effect):
+    """F -> F (1 - share (1 - x)), x' = (1 - x)/time - |v| x / way: broken by motion, heals at rest.
+
+    x = 1 at first; time in s, way in mm.
+    """
+
+    name: ClassVar[str] = "thixotropy"
+    order: ClassVar[int] = 23
+    shares: ClassVar[tuple[str, ...]] = ("share",)
+    positive: ClassVar[tuple[str, ...]] = ("time", "way")
+
+    share: float
+    time: float
+    way: float
+
+    def on_force(self, force: Array, path: Path) -> Array:
+        """Weaken by what is broken."""
+        rate = 1.0 / self.time + np.abs(path.velocity) / self.way
+        whole = path.follow(rate, 1.0 / (self.time * rate), start=1.0)
+        return force * (1.0 - self.share * (1.0 - whole))
+
+
+@dataclass(frozen=True)
+class Conditioning(Effect):
+    """F -> F (1 - share (1 - e^{-n/tests})), n the number of the pad's tests before this one."""
+
+    name: ClassVar[str] = "conditioning"
+    order: ClassVar[int] = 25
+    shares: ClassVar[tuple[str, ...]] = ("share",)
+    positive: ClassVar[tuple[str, ...]] = ("tests",)
+
+    share: float
+    tests: float
+
+    def on_force(self, force: Array, path: Path) -> Array:
+        """Weaken by the tests before, the same all along this one."""
+        return force * (1.0 - self.share * (1.0 - np.exp(-path.platen.number / self.tests)))
+
+
+@dataclass(frozen=True)
 class ViscousDrag(Effect):
     """F -> F + eta v; eta in N s/mm."""
 
@@ -174,6 +214,21 @@ class Friction(Effect):
     def on_force(self, force: Array, path: Path) -> Array:
         """Add the friction."""
         return force + self.strength * path.slide(self.reach)
+
+
+@dataclass(frozen=True)
+class SecondContact(Effect):
+    """F -> F + stiffness max(d - depth, 0); N/mm, mm."""
+
+    name: ClassVar[str] = "second_contact"
+    order: ClassVar[int] = 35
+
+    stiffness: float
+    depth: float
+
+    def on_force(self, force: Array, path: Path) -> Array:
+        """Add the second spring."""
+        return force + self.stiffness * np.maximum(path.depth - self.depth, 0.0)
 
 
 def film(depth: Array, thickness: float) -> Array:

@@ -54,6 +54,22 @@ class ForceDrift(Effect):
 
 
 @dataclass(frozen=True)
+class LoadCellCreep(Effect):
+    """F -> F + share y, y' = (F - y)/time: the load cell's own after-effect; s."""
+
+    name: ClassVar[str] = "load_cell_creep"
+    order: ClassVar[int] = 67
+    positive: ClassVar[tuple[str, ...]] = ("time",)
+
+    share: float
+    time: float
+
+    def on_force(self, force: Array, path: Path) -> Array:
+        """Creep towards the load."""
+        return force + self.share * path.follow(1.0 / self.time, force)
+
+
+@dataclass(frozen=True)
 class ChannelLag(Effect):
     """F(t) -> F(t - delay); before the start the force of the start; delay in s."""
 

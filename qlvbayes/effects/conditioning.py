@@ -1,0 +1,47 @@
+"""Every test leaves the pad weaker for the next ones, less and less so."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Self
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
+from qlvbayes.laws.layered import Law
+from qlvbayes.laws.motion import Motion
+from qlvbayes.laws.scales import Scales, lognormal
+
+
+class Conditioning(AbstractEffect):
+    """F = F_below (1 - share (1 - e^{-n/tests})), n how many tests the pad has had before.
+
+    share: of the force that is lost in the end, zero or more; tests: how many tests it takes to
+    lose 63 % of that, above 0. Within a test nothing is lost, however long it takes.
+    """
+
+    share: Any
+    tests: Any
+    name: ClassVar[str] = "conditioning"
+    level: ClassVar[Level] = Level.SCALING
+    rank: ClassVar[int] = 4
+    units: ClassVar[dict[str, str]] = {"share": "fraction", "tests": "count"}
+    null: ClassVar[dict[str, float]] = {"share": 0.0}
+    law: ClassVar[str] = "F -> F (1 - share (1 - e^(-n/tests))), n tests before"
+    seen: ClassVar[str] = "the first test strongest, each later one weaker, then all alike"
+    reference: ClassVar[str] = "Fung 1993, Biomechanics, ch. 7.5, preconditioning"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """Share scaled by the peak force; most is lost within the first few tests."""
+        return cls(scales.positive(scales.force), lognormal(1.5, 2.0))
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        """Weaken by the tests before."""
+        lost = -self.share * jnp.expm1(-motion.tests_before / self.tests)
+        return below.force(motion) * (1.0 - lost)
+
+    @classmethod
+    def blind(cls, protocol: Protocol) -> str | None:
+        """It needs another test."""
+        return None if protocol.tests > 1 else "there is only one test"

@@ -1,0 +1,68 @@
+"""The load cell's own after-effect."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Self
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.effects.spans import resolved_times
+from qlvbayes.laws.elastic.linear import Linear
+from qlvbayes.laws.hereditary import Relaxing, hereditary_force, hereditary_step
+from qlvbayes.laws.layered import Law, State
+from qlvbayes.laws.motion import Line, Motion
+from qlvbayes.laws.relaxation.prony import Prony
+from qlvbayes.laws.scales import Scales
+from qlvbayes.priors import LogUniform
+
+
+class LoadCellCreep(AbstractEffect):
+    r"""F = F_below + share y, with dy/dt = (F_below - y)/time.
+
+    share: of a load that the cell adds in the end, zero or more; time: by which it does (s). The
+    cell is at rest under the first force of a record, :math:`y(0) = F_{below}(0)`.
+    """
+
+    share: Any
+    time: Any
+    name: ClassVar[str] = "load_cell_creep"
+    level: ClassVar[Level] = Level.SENSOR
+    rank: ClassVar[int] = 4
+    units: ClassVar[dict[str, str]] = {"share": "fraction", "time": "time"}
+    null: ClassVar[dict[str, float]] = {"share": 0.0}
+    law: ClassVar[str] = "F += share y, dy/dt = (F - y)/time"
+    seen: ClassVar[str] = "force creeps up under load, and stays for a while when it is gone"
+    reference: ClassVar[str] = "ISO 376:2011, creep of a force transducer"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """Share scaled by the peak force; its time from a few samples to twice a phase."""
+        return cls(scales.positive(0.7 * scales.force), LogUniform(*resolved_times(scales)))
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        """Creep towards the load."""
+        load = below.force(motion)
+        ahead = hereditary_force(*self._mode, motion.time, load - load[0])
+        return load + self.share * (load - ahead)
+
+    def begin(self, below: Law, displacement: Array) -> State:
+        """Beside the law's state the first load, under which the cell is at rest."""
+        inner = below.begin(displacement)
+        still = jnp.zeros_like(displacement)
+        load = below.step(inner, Line(still, displacement, still))[1]
+        return inner, Relaxing(load, jnp.zeros(1))
+
+    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
+        """Creep towards the load."""
+        inner, own = state
+        inner, load = below.step(inner, line)
+        own, ahead = hereditary_step(*self._mode, own, line.duration, load)
+        return (inner, own), load + self.share * (load - ahead)
+
+    @property
+    def _mode(self) -> tuple[Linear, Prony]:
+        """F - y: a linear law with one mode that relaxes to nothing."""
+        rate = jnp.reshape(1.0 / self.time, (1,))
+        return Linear(jnp.ones(())), Prony(jnp.array([0.0, 1.0]), rate)

@@ -1,0 +1,75 @@
+"""Structure that motion breaks and rest heals."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Self
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.effects.spans import resolved_times
+from qlvbayes.laws.elastic.linear import Linear
+from qlvbayes.laws.hereditary import Relaxing, hereditary_force, hereditary_step
+from qlvbayes.laws.layered import Law, State
+from qlvbayes.laws.motion import Line, Motion
+from qlvbayes.laws.relaxation.prony import Prony
+from qlvbayes.laws.scales import Scales, lognormal
+from qlvbayes.priors import LogUniform
+
+
+class Thixotropy(AbstractEffect):
+    r"""F = F_below (1 - share y), with dy/dt = |v| (1 - y)/way - y/time, y = 0 at first.
+
+    share: of the force that is lost where all structure is broken, zero or more; time: by which it
+    heals at rest (s); way: over which motion breaks it (mm). In :math:`\xi = t/time + s/way`, with
+    s the way travelled, y is one relaxing mode driven by s/way.
+    """
+
+    share: Any
+    time: Any
+    way: Any
+    name: ClassVar[str] = "thixotropy"
+    level: ClassVar[Level] = Level.SCALING
+    rank: ClassVar[int] = 3
+    units: ClassVar[dict[str, str]] = {"share": "fraction", "time": "time", "way": "displacement"}
+    null: ClassVar[dict[str, float]] = {"share": 0.0}
+    law: ClassVar[str] = "F -> F (1 - share y), dy/dt = |v| (1 - y)/way - y/time"
+    seen: ClassVar[str] = "weaker after motion, and a force that rises again in holds"
+    reference: ClassVar[str] = "Moore 1959; Barnes 1997, doi:10.1016/S0377-0257(97)00004-9"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        """Share scaled by the peak force; healing from a few samples to twice a phase."""
+        low, high = resolved_times(scales)
+        return cls(
+            scales.positive(0.7 * scales.force),
+            LogUniform(low, high),
+            lognormal(0.5 * scales.depth, 3.0),
+        )
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        """Weaken by what is broken."""
+        travel = jnp.abs(jnp.diff(motion.displacement, prepend=motion.displacement[:1]))
+        moved = jnp.cumsum(travel) / self.way
+        passed = (motion.time - motion.time[0]) / self.time + moved
+        return below.force(motion) * (1.0 - self.share * hereditary_force(*_mode(), passed, moved))
+
+    def begin(self, below: Law, displacement: Array) -> State:
+        """Beside the law's state the depth, and what is broken: nothing."""
+        nothing = Relaxing(jnp.zeros_like(displacement), jnp.zeros(1))
+        return below.begin(displacement), displacement, nothing
+
+    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
+        """Weaken by what is broken."""
+        inner, depth, own = state
+        inner, force = below.step(inner, line)
+        moved = jnp.abs(line.displacement - depth) / self.way
+        passed = line.duration / self.time + moved
+        own, broken = hereditary_step(*_mode(), own, passed, own.depth + moved)
+        return (inner, line.displacement, own), force * (1.0 - self.share * broken)
+
+
+def _mode() -> tuple[Linear, Prony]:
+    """One mode of rate 1, all of which relaxes."""
+    return Linear(jnp.ones(())), Prony(jnp.array([0.0, 1.0]), jnp.ones(1))
