@@ -52,13 +52,14 @@ class Motion(eqx.Module):
         start: ArrayLike = 0.0,
         ago: Array | None = None,
         bow: Array | None = None,
-        number: ArrayLike = 0.0,
+        number: ArrayLike | None = None,
     ) -> None:
         self.time, self.displacement = time, displacement
         self.velocity, self.acceleration = velocity, acceleration
         self.start = jnp.asarray(start, dtype=float)
         self.ago, self.bow = ago, bow
-        self.number = jnp.asarray(number, dtype=float)
+        first = jnp.zeros_like(self.start)
+        self.number = first if number is None else jnp.asarray(number, dtype=float)
 
     @property
     def clock(self) -> Array:

@@ -215,16 +215,16 @@ def _by_length(record: Record) -> list[Tests]:
 
 
 def _alike(leaves: Leaves, structure: Any) -> tuple[bool, ...]:
-    """Which leaves of a motion are the same for all sets: (T, N), or (T,) of its beginning."""
-    beginning = _place_of_start(structure)
-    return tuple(leaf.ndim == (1 if k == beginning else 2) for k, leaf in enumerate(leaves))
+    """Which leaves of a motion are the same for all sets: (T, N), or (T,) of a test as a whole."""
+    whole = _of_whole_tests(structure)
+    return tuple(leaf.ndim == (1 if k in whole else 2) for k, leaf in enumerate(leaves))
 
 
 @cache
-def _place_of_start(structure: Any) -> int:
-    """Of a motion's beginning on the pad's clock, among its leaves."""
-    places: Motion = jax.tree.unflatten(structure, list(range(structure.num_leaves)))
-    return int(places.start)
+def _of_whole_tests(structure: Any) -> tuple[int, int]:
+    """Indices among a motion's leaves of its beginning on the pad's clock and of its number."""
+    indices: Motion = jax.tree.unflatten(structure, list(range(structure.num_leaves)))
+    return int(indices.start), int(indices.number)
 
 
 def _replaced(leaves: Leaves, new: Any, question: Question) -> Leaves:
