@@ -156,6 +156,13 @@ def test_adhesion_shows_only_where_the_platen_retracts():
     assert "adhesion" not in _not_seen(full)
 
 
+def test_holds_at_one_depth_cannot_show_a_strength_that_changes_with_depth():
+    """A press and a hold at full depth; the paper's tests also hold half of it on the way back."""
+    for protocol, at_one in ((lambda rate: paper_protocol(rate)[:2], True), (paper_protocol, False)):
+        experiment = measured(protocol=protocol, rates=(1.0, 100.0))
+        assert protocol_of(experiment, bonded=False).one_depth is at_one
+
+
 def _not_seen(experiment):
     """Effects that the tests cannot show, and why; no search is run for it."""
     search = search_of(experiment, kinds=OF_UNLOADING)

@@ -487,9 +487,18 @@ def test_slopes_are_those_of_differences(kind):
 def test_what_a_protocol_cannot_show():
     full = Protocol(unloads=True, returns=True, tests=6, bonded=False, curved=True)
     assert [kind.name for kind in EFFECTS if kind.blind(full)] == []
-    poor = Protocol(unloads=False, returns=False, tests=1, bonded=True, curved=False)
+    poor = Protocol(
+        unloads=False, returns=False, tests=1, bonded=True, curved=False, one_depth=True
+    )
     blind = {kind.name for kind in EFFECTS if kind.blind(poor)}
-    assert blind == {"stress_softening", "permanent_set", "adhesion", "inertia"}
+    turning = {"stress_softening", "permanent_set", "backlash"}
+    assert blind == {
+        *turning,
+        "adhesion",
+        "inertia",
+        "conditioning",
+        "strain_dependent_strength",
+    }
     assert Inertia.blind(poor) == "no acceleration is resolved"
     assert StressSoftening.blind(poor) == "no test unloads"
 

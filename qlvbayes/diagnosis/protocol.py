@@ -21,7 +21,22 @@ def protocol_of(
         bonded=bonded,
         curved=any(trial.trajectory.acceleration_resolved for trial in experiment.trials),
         timed=any(trial.trajectory.velocity_resolved for trial in experiment.trials),
+        one_depth=_holds_at_one_depth(experiment, nearly),
     )
+
+
+def _holds_at_one_depth(experiment: Experiment, nearly: float) -> bool:
+    """Whether tests rest in contact at a depth, and none of them at another one."""
+    ends = [
+        float(trial.trajectory.displacement(np.array([phase.stop]))[0])
+        for trial in experiment.trials
+        if trial.control == "displacement"
+        for phase in trial.phases
+        if phase.kind in ("hold", "recovery")
+    ]
+    apart = nearly * experiment.scales.depth
+    pressed = [depth for depth in ends if depth > apart]
+    return bool(pressed) and max(pressed) - min(pressed) < apart
 
 
 def _unloads(experiment: Experiment, trial: Trial, nearly: float) -> bool:

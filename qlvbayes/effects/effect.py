@@ -35,7 +35,7 @@ class Protocol:
 
     unloads: a test moves back; returns: a test moves back to (nearly) zero depth; tests: how many;
     bonded: whether the specimen is fixed to the platen; timed, curved: whether the displacement
-    records give velocity and acceleration.
+    records give velocity and acceleration; one_depth: whether there are holds, all at one depth.
     """
 
     unloads: bool
@@ -44,6 +44,7 @@ class Protocol:
     bonded: bool
     curved: bool
     timed: bool = True
+    one_depth: bool = False
 
 
 class AbstractEffect(eqx.Module):

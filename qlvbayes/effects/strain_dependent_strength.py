@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Self
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
 from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
@@ -46,3 +46,8 @@ class StrainDependentStrength(AbstractEffect):
     def _mixed(self, below: Law, force: Array, depth: Array) -> Array:
         share = -jnp.expm1(-self.beta * depth)
         return force + share * (below.elastic.force(depth) - force)
+
+    @classmethod
+    def blind(cls, protocol: Protocol) -> str | None:
+        """It needs holds at two depths: at one alone the relaxation's constants do what it does."""
+        return "all holds are at one depth" if protocol.one_depth else None

@@ -19,7 +19,7 @@ from qlvbayes.priors import LogUniform
 
 
 class Thixotropy(AbstractEffect):
-    r"""F = F_below (1 - share y), with dy/dt = |v| (1 - y)/way - y/time, y = 0 at first.
+    r"""F = F_below (1 - share y), with dy/dt = (1 - y) speed/way - y/time, y = 0 at first.
 
     share: of the force that is lost where all structure is broken, zero or more; time: by which it
     heals at rest (s); way: over which motion breaks it (mm). In :math:`\xi = t/time + s/way`, with

@@ -190,6 +190,8 @@ def _warnings(found: Forecast, side: Side) -> Iterator[str]:
     for effect in found.effects:
         if effect in _CLOCK:
             yield f"{effect} goes with the clock: this is as in the pad's first test"
+    if "conditioning" in found.effects:
+        yield "conditioning goes with the number of tests: this is as in the pad's first test"
     if "inertia" in found.effects:
         yield "inertia is left out: the corners of a program have no acceleration"
     if side.reach is None:
