@@ -74,11 +74,11 @@ def _fails(pad: PadResults, remedies: dict) -> str:
     if check is None:
         return f"not checked yet: {remedies['check']}"
     worst = check.worst
-    said = "nowhere beyond noise" if worst is None else _worst(worst, check, pad)
+    said = "fails nowhere by more than noise" if worst is None else _worst(worst, check, pad)
     plain = pad.plain.check if pad.plain else None
     if pad.final.effects and plain and (worst := plain.worst):
-        return f"{model_name(pad.final)} {said}; the plain model {_worst(worst, plain, pad)}."
-    return f"{said}."
+        return f"{model_name(pad.final)}, it {said}; the plain model {_worst(worst, plain, pad)}."
+    return f"it {said}."
 
 
 def _worst(cell: Cell, check: CheckResult, pad: PadResults) -> str:
