@@ -86,12 +86,14 @@ def _next(d: DiagnosisResult, work: Work) -> str:
     if d.verdict == "adequate" and not d.changed:
         return "use the constants; no effect has to be added."
     if d.verdict in ("adequate", "missing_effect"):
+        with_it = " with it" if len(d.effects) == 1 else " with them" if d.effects else ""
         return (
-            f"fit again by `{_command(d)}` (`qlvbayes study` has done so), and use its constants."
+            f"use the constants of a fit to all tests{with_it}. qlvbayes study leaves them; by "
+            f"hand: {_command(d)}"
         )
     if d.verdict == "ambiguous":
         if not d.suggestions:
-            return "a test that tells them apart; `qlvbayes design OUT --for cause` proposes one."
+            return "a test that tells them apart: qlvbayes design OUT --for cause proposes one."
         best = d.suggestions[0]
         return (
             f"this test would tell them apart: {best.test} (expected 2 ln Bayes factor "
@@ -113,7 +115,7 @@ def _next(d: DiagnosisResult, work: Work) -> str:
 def _command(d: DiagnosisResult) -> str:
     """That fits the hypothesis told to all tests."""
     usual, base = Choices(), d.base
-    words = ["qlvbayes fit FILE --all-tests"]
+    words = ["qlvbayes fit FILE -o OUT --all-tests"]
     words += [f"--elastic {base.elastic}"] * (base.elastic != usual.law)
     words += [f"--relaxation {base.relaxation}"] * (base.relaxation != usual.relaxing)
     added = (*d.stages[0].effects, *(d.forms.get(name, name) for name in d.effects))
