@@ -182,9 +182,10 @@ def _structure(d: DiagnosisResult, work: Work) -> str:
             f"depth ({d.base.elastic}) nothing is left but noise ({_p(last.p_value)})."
         )
     worst = last.worst
-    cells = list(dict.fromkeys(f"{NAMES[at.phase]} of {at.test}" for at in last.failing))
-    more = f" and {len(cells) - _MOST_CELLS} more" if len(cells) > _MOST_CELLS else ""
-    where = f", in the {joined(cells[:_MOST_CELLS])}{more}" if cells else ""
+    cells = list(dict.fromkeys(f"the {NAMES[at.phase]} of {at.test}" for at in last.failing))
+    if (more := len(cells) - _MOST_CELLS) > 0:
+        cells = [*cells[:_MOST_CELLS], f"{more} more"]
+    where = f", in {joined(cells)}" if cells else ""
     return (
         f"A systematic error remains beyond the noise floor of {_noise(d)} "
         f"({_p(last.p_value)}){where}. It is largest in the {NAMES[worst.phase]} of {worst.test}: "
