@@ -83,6 +83,8 @@ def _seen(d: DiagnosisResult, work: Work, effect: str) -> str:
 
 def _next(d: DiagnosisResult, work: Work) -> str:
     """The step that follows from the verdict."""
+    if d.verdict == "adequate" and d.probability_of("none") < _LIKELY:
+        return "another test, as qlvbayes design OUT --for cause proposes, would tell more."
     if d.verdict == "adequate" and not d.changed:
         return "use the constants; no effect has to be added."
     if d.verdict in ("adequate", "missing_effect"):
