@@ -14,6 +14,7 @@ from support.endtoend import (
     environment,
     keeps_check_contract,
     keeps_summary_contract,
+    one_line,
     qlvbayes,
     read_json,
     study,
@@ -281,6 +282,14 @@ def test_simulated_data_can_be_fitted(tmp_path):
     found = read_json(tmp_path / "B" / "summary.json")["parameters"]
     for name in CONSTANTS:
         assert found[name]["mean"] == pytest.approx(true_value(name), rel=0.01), name
+
+
+def test_a_study_without_a_file_offers_the_bundled_one():
+    status, out, err = call("study")
+    assert (status, out) == (2, "")
+    line = one_line(err)
+    assert line.startswith("no file given; type qlvbayes study FILE.csv -o OUT, or try")
+    assert "hidden.csv -o hidden" in line
 
 
 def test_help_of_the_command_names_its_subcommands():

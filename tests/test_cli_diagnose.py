@@ -114,7 +114,7 @@ def test_what_was_tried_travels_in_the_verdict(study):
 def test_study_ends_with_the_report(study, answer):
     folder, out = study
     report = folder.parent / "report.html"
-    assert f"report in {report}" in out
+    assert f"open {report} in a browser" in out
     text = report.read_text(encoding="utf-8")
     assert answer["effects"][0]["effect"] in text
     # priors actually used, from the fit; the command that repeats it, from the study
@@ -133,7 +133,7 @@ def test_study_refits_with_the_named_effect(study, answer):
     assert read_json(folder / "plain" / "summary.json")["effects"] == []
     for constant in answer["effects"][0]["parameters"]:
         assert f"{name}.{constant}" in after["parameters"]
-    assert f"pad C: missing_effect: {name}" in out
+    assert f"pad C: missing effect: {name}" in out
 
 
 def test_another_law_takes_what_was_said_of_the_old_ones_constants_away():

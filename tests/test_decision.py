@@ -125,8 +125,8 @@ def test_what_is_named_only_after_a_veto_says_how_likely_it_is_over_all():
     )  # fmt: skip
     (said,) = unlikely_over_all(outcome, decide(listed(weights)))
     assert "pad C: film is named" in said
-    assert "there with 100.0%" in said
-    assert "over all it is there with 0.0%" in said
+    assert "(probability > 99.9 %)" in said
+    assert "over all hypotheses its probability is < 0.1 %" in said
     assert not unlikely_over_all(outcome, decide(weights))
 
 

@@ -124,8 +124,12 @@ def test_the_words_say_verdict_place_and_size(drag, plain):
     said = " ".join(drag.paragraphs())
     assert "viscous_drag (eta = " in said
     assert "N s/mm" in said
-    assert "Where the plain model fails worst: the ramp of B-" in said
-    assert "Next of the list" in said
+    assert "The plain model fails worst in the ramp of B-" in said
+    assert "Of the effects that are not named" in said
+    first, following, *_ = drag.paragraphs()
+    assert first.startswith("Pad B: missing effect: viscous_drag (")
+    assert following.startswith("What to do next: ")
+    assert "--all-tests --add viscous_drag" in following
     assert "nothing is missing that these tests can show" in plain.paragraphs()[0]
 
 
@@ -141,8 +145,8 @@ def test_the_words_do_not_call_a_doubtful_nothing_sure(plain):
 def test_an_error_that_rose_is_not_said_to_fall(drag):
     first, *others = drag.result.stages
     nearer = changed(first, heldout_rmse=0.5 * others[-1].heldout_rmse)
-    assert "falls from" in drag.paragraphs()[0]
-    assert "falls from" not in said_otherwise(drag, stages=(nearer, *others)).paragraphs()[0]
+    assert "falls from" in drag.text()
+    assert "falls from" not in said_otherwise(drag, stages=(nearer, *others)).text()
 
 
 @pytest.mark.slow
@@ -182,7 +186,7 @@ def test_an_effect_that_hides_says_what_it_would_bend(plain):
 
 
 @pytest.mark.parametrize(
-    ("change", "words"), [(0.04, "4% too high"), (-1.58, "more than half too low")]
+    ("change", "words"), [(0.04, "4 % too high"), (-1.58, "more than half too low")]
 )
 @pytest.mark.slow
 def test_no_constant_is_said_to_fall_by_more_than_all_of_itself(plain, change, words):

@@ -1,37 +1,44 @@
-"""The README's figures agree with each other; with a fresh run they are compared by `quoted.py`."""
+"""Figures that pages quote agree with each other; `quoted.py` compares them with a fresh run."""
 
-from pathlib import Path
+import json
+import re
+import tarfile
 
 import pytest
-from quoted import BEFORE, FIT, Cell, cells, inconsistent, numbers_of
+from quoted import BEFORE, ERRORS, FIT, ROOT, TABLE, Cell, cells, inconsistent, numbers_of
 
 from qlvbayes.fitting.summary import Constant
 
-README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+PAPER = TABLE.read_text(encoding="utf-8")
+LIMITS = ERRORS.read_text(encoding="utf-8")
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+RELIABILITY = (ROOT / "docs" / "reliability.md").read_text(encoding="utf-8")
+EARLIER = (ROOT / "docs" / "earlier_runs.md").read_text(encoding="utf-8")
+ARCHIVE = ROOT / "validation" / "archive" / "superseded_runs.tar.xz"
 
 
 def test_every_constant_of_three_pads_is_quoted_by_three_methods():
-    found = cells(README)
+    found = cells(PAPER)
     assert len(found) == 3 * 7 * 3
     assert {cell.pad for cell in found} == {"A", "B", "C"}
 
 
 def test_marks_and_counts_follow_from_the_numbers():
-    assert list(inconsistent(README)) == []
+    assert list(inconsistent(PAPER)) == []
 
 
 def test_a_wrong_mark_and_a_wrong_count_are_told():
-    row = next(line for line in README.splitlines() if "**" in line and line.startswith("| A |"))
-    unmarked = README.replace(row, row.replace("**", ""))
+    row = next(line for line in PAPER.splitlines() if "**" in line and line.startswith("| A |"))
+    unmarked = PAPER.replace(row, row.replace("**", ""))
     assert len(list(inconsistent(unmarked))) == row.count("**") / 2
-    miscounted = README.replace("those of two-step 14", "those of two-step 13")
+    miscounted = PAPER.replace("those of two-step 14", "those of two-step 13")
     assert len(list(inconsistent(miscounted))) == 1
 
 
 def test_the_sentences_that_are_checked_are_there():
-    ratio, fit, squares, _ = numbers_of(FIT, README)
+    ratio, fit, squares, _ = numbers_of(FIT, LIMITS)
     assert ratio == pytest.approx(fit / squares, abs=0.01)
-    before, least = numbers_of(BEFORE, README)
+    before, least = numbers_of(BEFORE, LIMITS)
     assert before == pytest.approx(least, rel=0.05)  # the curve follows the readings
     with pytest.raises(ValueError, match="not there"):
         numbers_of(FIT, "nothing")
@@ -42,3 +49,62 @@ def test_an_interval_agrees_to_what_a_chain_leaves_open(shift, agrees):
     cell = Cell("A", "m", "emcee", 0.5, 0.5, 0.45, 0.55, marked=False)
     own = Constant("N/mm", 0.5, 0.03, 0.5 + shift, (0.45, 0.55 + shift), None, None)
     assert cell.agrees(own) == agrees
+
+
+def rates(name):
+    """Of a run of the wide population, as counted."""
+    return json.loads((ROOT / "docs" / f"wide_{name}.json").read_text(encoding="utf-8"))["rates"]
+
+
+def counted(rate):
+    """As a table has it."""
+    return f"{rate['hits']} of {rate['n']}"
+
+
+def test_the_readme_quotes_the_published_runs():
+    for name in ("bounds", "beam"):
+        run = rates(name)
+        least, most = run["right"]["bound95"], run["wrong"]["bound95"]
+        assert f"{counted(run['right'])} (at least {100 * least:.0f} %)" in README
+        assert f"{counted(run['wrong'])} (at most {100 * most:.0f} %)" in README
+    home = json.loads((ROOT / "docs" / "blind_studies.json").read_text(encoding="utf-8"))["rates"]
+    assert counted(home["single_right"]["seen"]) in README
+    assert counted(home["false_alarm"]["seen"]) in README
+
+
+def test_every_rate_of_the_page_on_reliability_is_that_of_its_run():
+    rows = dict(re.findall(r"^\| ([^|]+?) \| (.+?) \|$", RELIABILITY, re.M))
+    columns = {
+        "nothing hidden: called adequate": "none_adequate",
+        "one effect: named": "single_named",
+        "two effects: both named": "double_named",
+        "another form: its family's name": "form_kin",
+        "something outside the list, alone: left open": "outside_open",
+        "a listed effect beside something outside: named": "beside_named",
+    }
+    for words, key in columns.items():
+        found = [cell.partition(" (")[0] for cell in rows[words].split(" | ")]
+        assert found == [counted(rates(name)[key]) for name in ("bounds", "beam")]
+
+
+def test_superseded_runs_are_in_the_archive_with_the_figures_of_the_table():
+    rows = re.findall(r"^\| (\w+) \((\d+)\) \| (\d+) of (\d+) \| (.+) \|$", EARLIER, re.M)
+    files = dict(
+        re.findall(r"^\| (\w+) \(\d+\) .*`(wide_\w+)`, `registered/\w+.json` \|$", EARLIER, re.M)
+    )
+    assert len(rows) == len(files) == 11
+    with tarfile.open(ARCHIVE) as archive:
+
+        def read(member):
+            return json.loads(archive.extractfile(f"superseded_runs/{member}").read())
+
+        for name, seed, finished, registered, quoted in rows:
+            run = read(f"{files[name]}.json")
+            assert (run["seed"], run["studies"]) == (int(seed), int(finished))
+            promise = re.search(rf"`{files[name]}`, `(registered/\w+.json)`", EARLIER)[1]
+            assert read(promise)["seed"] == int(seed)
+            assert read(promise)["studies"] == int(registered)
+            seen, right, wrong, *_ = quoted.split(" | ")
+            assert right == counted(run["rates"]["right"])
+            assert wrong == counted(run["rates"]["wrong"])
+            assert int(seen) == run["rates"]["right"]["n"]

@@ -214,7 +214,7 @@ def test_constants_stand_with_interval_and_unit(page):
     assert "mN/mm N/mm 0.340 0.324 to 0.356" in words
     assert "viscous_drag.eta" in words
     # 0.37 without the effect against 0.34 with it
-    assert "m 9 % too high" in words
+    assert "m 9 % higher" in words
 
 
 def test_what_is_null_becomes_a_dash(out, page):
@@ -316,7 +316,7 @@ def test_a_check_without_a_diagnosis_says_where_the_fit_fails(tmp_path):
     words = Page(write_report(tmp_path)).words
     assert "The fit fails in 1 of 8 phases of its tests." in words
     assert "these are constants of a wrong model" in words
-    assert "the ramp of B-fast, by 0.047 N root mean square (4.7 times the noise)" in words
+    assert "the ramp of B-fast: 0.047 N root mean square (4.7 times the noise)" in words
 
 
 def test_a_diagnosis_alone_is_told(tmp_path):

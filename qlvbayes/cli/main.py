@@ -13,7 +13,7 @@ from pathlib import Path
 import typer
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.escaping import visible
+from qlvbayes.io.escaping import as_typed, visible
 
 INTERRUPTED = 130
 
@@ -67,7 +67,8 @@ def _description(module: str, function: str) -> str:
 def _bare() -> typer.Typer:
     """Without commands."""
     app = typer.Typer(
-        help="Viscoelastic constants of soft pads from force-displacement tests.",
+        help="Viscoelastic constants of soft pads from force-displacement tests.\n\n"
+        "Begin with: qlvbayes study FILE.csv -o OUT",
         no_args_is_help=True,
         add_completion=False,
         pretty_exceptions_enable=False,
@@ -80,6 +81,8 @@ def run() -> None:
     """Run the command; status 2 and one line for what the user can mend, never a traceback."""
     names = [word for word in sys.argv[1:2] if word in _COMMANDS]
     app = application(names) if names else overview()
+    if sys.argv[1:] == ["study"]:
+        _stop(f"no file given; type qlvbayes study FILE.csv -o OUT{_offer()}", 2)
     if os.environ.get("QLVBAYES_DEBUG"):
         app()
     try:
@@ -106,6 +109,13 @@ def run() -> None:
             "set QLVBAYES_DEBUG=1 for the traceback and report it",
             1,
         )
+
+
+def _offer() -> str:
+    """The bundled measurements, where they are there."""
+    file = Path(__file__).parents[2] / "data" / "hidden.csv"
+    command = as_typed("qlvbayes", "study", str(file), "-o", "hidden")
+    return f", or try a simulated pad: {command}" if file.exists() else ""
 
 
 def _plain(error: OSError) -> str:

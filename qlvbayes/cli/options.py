@@ -83,8 +83,8 @@ Fix = Annotated[
 References = Annotated[
     Path | None,
     typer.Option(
-        help="Values to show beside the constants: a CSV file pad,parameter,value,unit. "
-        "Default: paper_table1.csv beside FILE, if it is there.",
+        help="Values to show next to the constants: a CSV file pad,parameter,value,unit. "
+        "Default: paper_table1.csv next to FILE, if it is there.",
         show_default=False,
     ),
 ]

@@ -63,5 +63,6 @@ def study_command(
     )
     for found in (one.result for one in verdicts):
         named = ", ".join(found.group or found.effects)
-        out.print(f"pad {found.pad}: {found.verdict}{': ' + named if named else ''}")
-    out.print(f"results in {output}, report in {output / REPORT}")
+        verdict = found.verdict.replace("_", " ")
+        out.print(f"pad {found.pad}: {verdict}{': ' + named if named else ''}")
+    out.print(f"results in {output}; open {output / REPORT} in a browser")

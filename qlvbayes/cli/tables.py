@@ -12,7 +12,7 @@ from qlvbayes.comparison.contrast import Comparison, Contrast, with_interval, wr
 from qlvbayes.diagnosis.result import DiagnosisResult, Estimate, Laws, Ranked, Stage
 from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.summary import Constant, FitSummary
-from qlvbayes.io.wording import plain
+from qlvbayes.io.wording import percent, plain, to_noise
 
 _STYLES = {"greater": "bold", "less": "bold", "equal": "green", "cannot tell": "dim"}
 _MOST = 8  # hypotheses shown
@@ -27,7 +27,7 @@ def significant(value: float, sd: float) -> str:
 
 def constants_table(summary: FitSummary) -> Table:
     """One pad: every constant with its interval and diagnostics."""
-    title = f"pad {summary.pad}, {summary.sampler}"
+    title = f"pad {summary.pad}: constants, by {summary.sampler}"
     table = Table(title=title, title_justify="left", title_style="bold")
     table.add_column("constant")
     table.add_column("unit")
@@ -39,7 +39,7 @@ def constants_table(summary: FitSummary) -> Table:
             "" if c.unit == "1" else c.unit,
             significant(c.median, c.sd),
             significant(c.mean, c.sd),
-            "fixed" if c.fixed else f"{c.sd:.2g}",
+            "fixed" if c.fixed else significant(c.sd, c.sd),
             _interval(c),
             "" if c.r_hat is None else f"{c.r_hat:.3f}",
             "" if c.ess_bulk is None else f"{c.ess_bulk:.0f}",
@@ -77,12 +77,6 @@ def _cell(c: Constant | None) -> str:
     return f"{significant(c.median, c.sd)} ({low} to {high})"
 
 
-def _error(value: float, noise: float, sign: str = "") -> str:
-    """To a hundredth of the noise's first digit; '2.3e-08' where that takes too many decimals."""
-    places = max(0, 2 - floor(log10(noise))) if noise > 0.0 else 4
-    return f"{value:{sign}.{places}f}" if places <= 6 else f"{value:{sign}.2g}"
-
-
 def check_table(check: CheckResult, force_unit: str, speed_unit: str) -> Table:
     """One pad: every cell of test and phase against the noise floor, failing ones marked."""
     title = f"pad {check.pad}: prediction errors, noise floor {plain(check.noise)} {force_unit}"
@@ -90,11 +84,11 @@ def check_table(check: CheckResult, force_unit: str, speed_unit: str) -> Table:
     for name in ("test", "role", "phase"):
         table.add_column(name, no_wrap=True, overflow="fold")
     for name in (
-        f"rate {speed_unit}",
-        "n",
-        f"RMSE {force_unit}",
+        f"speed ({speed_unit})",
+        "samples",
+        f"RMSE ({force_unit})",
         "RMSE/noise",
-        f"bias {force_unit}",
+        f"bias ({force_unit})",
         "in 90 % band",
     ):
         table.add_column(name, justify="right")
@@ -106,13 +100,13 @@ def check_table(check: CheckResult, force_unit: str, speed_unit: str) -> Table:
         before = c.test
         table.add_row(
             c.test,
-            c.role,
+            "fitted" if c.role == "fit" else "predicted",
             c.phase,
             "" if c.rate is None else plain(c.rate),
             str(c.n),
-            _error(c.rmse, check.noise),
+            to_noise(c.rmse, check.noise),
             f"{c.rmse / check.noise:.2f}",
-            _error(c.bias, check.noise, "+"),
+            to_noise(c.bias, check.noise, "+"),
             f"{100 * c.coverage90:.0f} %",
             Text("fails", style="bold red") if c.fails else "",
         )
@@ -158,14 +152,19 @@ def steps_table(found: DiagnosisResult, unit: str) -> Table:
     title = f"pad {found.pad}: error after each step, noise floor {plain(found.noise)} {unit}"
     table = Table(title=title, title_justify="left", title_style="bold")
     table.add_column("model")
-    for name in (f"RMSE {unit}", f"held-out RMSE {unit}", "held-out/noise", "log evidence"):
+    for name in (
+        f"RMSE ({unit})",
+        f"RMSE on tests left out ({unit})",
+        "over noise",
+        "log evidence",
+    ):
         table.add_column(name, justify="right")
-    table.add_column("cells that fail", justify="right")
+    table.add_column("phases that fail", justify="right")
     for stage in found.stages:
         table.add_row(
             _model(stage, found.stages[0].base),
-            plain(stage.rmse, 4),
-            "one test" if stage.heldout_rmse is None else plain(stage.heldout_rmse, 4),
+            to_noise(stage.rmse, found.noise),
+            "one test" if stage.heldout_rmse is None else to_noise(stage.heldout_rmse, found.noise),
             "" if stage.heldout_rmse is None else f"{stage.heldout_rmse / found.noise:.2f}",
             _one_digit(stage.log_evidence),
             str(len(stage.failing)),
@@ -175,26 +174,27 @@ def steps_table(found: DiagnosisResult, unit: str) -> Table:
 
 def ranking_table(found: DiagnosisResult, unit: str) -> Table:
     """What the plain model may lack, likeliest first, over all base laws and companions."""
-    table = Table(title="what the plain model may lack", title_justify="left", title_style="bold")
+    title = f"pad {found.pad}: what the plain model may lack"
+    table = Table(title=title, title_justify="left", title_style="bold")
     table.add_column("effect", no_wrap=True)
-    for name in ("probability", "log Bayes factor", f"RMSE {unit}"):
+    for name in ("probability", "log Bayes factor", f"RMSE ({unit})"):
         table.add_column(name, justify="right")
     table.add_column("constants")
     for ranked in found.ranking[:_MOST]:
         name = "nothing" if ranked.effect == "none" else ranked.effect
-        table.add_row(name, f"{ranked.inclusion:.3f}", *_figures(ranked))
+        table.add_row(name, percent(ranked.inclusion), *_figures(ranked, found.noise))
     return table
 
 
 def _model(stage: Stage, chosen: Laws) -> str:
     """Its laws, where they are not those chosen, and its effects."""
-    return " + ".join((", ".join(stage.base.others(chosen)) or "QLV", *stage.effects))
+    return " + ".join((", ".join(stage.base.others(chosen)) or "plain model", *stage.effects))
 
 
-def _figures(ranked: Ranked) -> tuple[str, str, str]:
+def _figures(ranked: Ranked, noise: float) -> tuple[str, str, str]:
     return (
         _one_digit(ranked.log_bayes_factor),
-        plain(ranked.rmse, 4),
+        to_noise(ranked.rmse, noise),
         ", ".join(_constant(name, e) for name, e in ranked.parameters.items()),
     )
 
@@ -204,4 +204,4 @@ def _constant(name: str, e: Estimate) -> str:
 
 
 def _one_digit(value: float | None) -> str:
-    return "n/a" if value is None else f"{value:.1f}"
+    return "n/a" if value is None else f"{round(value, 1) + 0.0:.1f}"

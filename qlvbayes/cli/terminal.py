@@ -15,7 +15,7 @@ from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.data import Measurements, read_measurements
 from qlvbayes.io.wording import plain
 from qlvbayes.model.choices import Choices
-from qlvbayes.model.parameters import described, fields_of
+from qlvbayes.model.parameters import NOT_SAMPLED, described, fields_of
 from qlvbayes.pipeline.watcher import Watcher
 from qlvbayes.preprocess.experiment import Experiment
 
@@ -60,11 +60,15 @@ class Terminal(Watcher):
         floor, unit = experiment.floor, experiment.units.force
         lines = [
             f"pad {experiment.pad}: fitting {tests}",
-            f"  noise floor {floor.total:.3g} {unit}: white {floor.white:.3g}, "
-            f"correlated {floor.ou:.3g} over {floor.memory:.2g} s",
+            f"  noise measured at rest: {floor.total:.3g} {unit} (white {floor.white:.3g}, "
+            f"correlated {floor.ou:.3g} {unit} over {floor.memory:.2g} s)",
+            "  priors:",
         ]
-        for part in choices.build(experiment.scales):
-            lines += [f"  {name} ~ {text}" for name, text in described(fields_of(part)).items()]
+        parts = choices.build(experiment.scales)
+        priors = {k: text for part in parts for k, text in described(fields_of(part)).items()}
+        free = [f"    {name} ~ {text}" for name, text in priors.items() if text != NOT_SAMPLED]
+        others = [name for name, text in priors.items() if text == NOT_SAMPLED]
+        lines += free + [f"    {NOT_SAMPLED}: {', '.join(others)}"] * bool(others)
         out.print("\n".join(lines))
 
     def fitted(self, summary: FitSummary) -> None:

@@ -20,13 +20,13 @@ class Estimate(Part, frozen=True):
     sd: float
 
     def __str__(self) -> str:
-        """``0.001672 +- 0.000090 N s/mm``: both to the sd's second digit, at most six decimals."""
+        """``0.001672 ± 0.000090 N s/mm``: both to the sd's second digit, at most six decimals."""
         places = 1 - math.floor(math.log10(self.sd)) if self.sd > 0.0 else 3
         unit = "" if self.unit == "1" else f" {self.unit}"
         if places > 6:
-            return f"{self.mean:.3g} +- {self.sd:.1g}{unit}"
+            return f"{self.mean:.3g} ± {self.sd:.1g}{unit}"
         places = max(places, 0)
-        return f"{self.mean:.{places}f} +- {self.sd:.{places}f}{unit}"
+        return f"{self.mean:.{places}f} ± {self.sd:.{places}f}{unit}"
 
 
 class Laws(Part, frozen=True):

@@ -65,6 +65,9 @@ def unit_kinds(posterior: Posterior) -> list[str]:
     return [field.unit for field in all_fields(posterior) for _ in field.names]
 
 
+NOT_SAMPLED = "not sampled"  # what the noise measured at rest fixes, or the likelihood sums over
+
+
 def described(fields: Iterable[Field]) -> dict[str, str]:
     """The prior of each field as it is written on the command line, or the value it is fixed at."""
     return {field.name: _described(field.value) for field in fields}
@@ -73,4 +76,4 @@ def described(fields: Iterable[Field]) -> dict[str, str]:
 def _described(value: Any) -> str:
     if is_prior(value):
         return value.describe()
-    return "not sampled" if np.isnan(value).any() else f"fixed at {value}"
+    return NOT_SAMPLED if np.isnan(value).any() else f"fixed at {value}"

@@ -197,8 +197,8 @@ def _notes(figure: Figure, diagnosis: DiagnosisResult, tight: bool) -> None:
     used = diagnosis.settings
     named = f"; an effect is named from {used.thresholds.named:g} on" if used else ""
     lines = [
-        f"Sorted by probability, which counts all base laws and all companions{named}. Dotted: "
-        f"{exp(_ODDS):.0f} to 1 for the effect."
+        f"Sorted by probability, summed over all laws and all other effects{named}. Dotted: "
+        f"odds of {exp(_ODDS):.0f} to 1 for the effect."
     ]
     if _refused(diagnosis):
         lines += [

@@ -129,6 +129,6 @@ def _legend(figure: Figure, columns: int) -> None:
     ways = [Line2D([], [], color=colours()[k], linestyle=LINES[k]) for k in (False, True)]
     figure.legend(
         [Line2D([], [], markersize=5.0, **dot), *ways, Patch(color="0.6", alpha=0.4, linewidth=0)],
-        ["measured", "model's mean, way in", "way back", "90 % predictive band"],
+        ["measured", "model, loading", "model, unloading", "90 % predictive band"],
         loc="outside upper center", ncols=columns,
     )  # fmt: skip

@@ -84,6 +84,7 @@ def _signed(bias: float, error: float) -> str:
     """To a tenth of the error that it is part of."""
     digits = max(1 - floor(log10(error)), 0) if error > 0.0 else 0
     text = f"{bias:+.{digits}f}" if digits < 6 else f"{bias:+.1e}"
+    text = text.replace("-", "+") if float(text) == 0.0 else text
     return text.replace("-", "\N{MINUS SIGN}")
 
 
@@ -109,7 +110,7 @@ def _key(figure: Figure, units: UnitSystem, *, empty: int, tight: bool) -> None:
     lines = [
         "upper number: RMSE / noise floor",
         f"lower number: {quantity('bias, measured − predicted', units.force)}",
-        f"frame and cross: fails,{gap}error beyond noise and posterior spread",
+        f"frame and cross: fails,{gap}error beyond noise and the spread of the posterior",
     ]
     lines += ["hatched: no samples"] if empty else []
     figure.supxlabel("\n".join(lines), x=0.01, ha="left")

@@ -102,8 +102,8 @@ def _p_value(p: float) -> str:
 def _key(figure: Figure, *, empty: bool, tight: bool) -> None:
     first = ["number: RMSE of measured − predicted / noise floor"]
     first += ["hatched: no samples"] if empty else []
-    second = "frame and cross: smooth structure beyond noise, which a small RMSE may hide"
-    third = "adequacy p: probability that noise alone would look as structured"
+    second = "frame and cross: systematic error beyond noise, which a small RMSE may hide"
+    third = "adequacy p: probability that noise alone would look as systematic"
     lines = ["; ".join(first), second, third]
     text = "\n".join(fill(line, _KEY_TIGHT) for line in lines) if tight else "\n".join(lines)
     figure.supxlabel(text, x=0.01, ha="left")

@@ -68,11 +68,11 @@ def carried_notices(
     if not seen:
         return ()
     most = max(seen, key=lambda one: one.share)
-    others = f"; {len(seen) - 1} more began so, with less" if len(seen) > 1 else ""
+    others = f"; {len(seen) - 1} more tests began so, with less" if len(seen) > 1 else ""
     return (
         f"pad {experiment.pad}: test {most.test} began {most.pause:.3g} s after {most.before} with "
         f"{_percent(most.share)} of the largest force of {most.before} still relaxing, which the "
-        f"model carries along{others}",
+        f"model takes into account{others}",
     )
 
 

@@ -57,8 +57,9 @@ def answers(results: Results, compared: Sequence[Comparing], remedies: dict) -> 
 
 
 def split_first(text: str) -> tuple[str, str]:
-    """The first sentence, and the rest; no line breaks before a per cent sign."""
-    text = text.replace(" %", f"{NBSP}%")
+    """The first sentence, and the rest; no line breaks within a share."""
+    for sign in (" %", "> 99.9", "< 0.1"):
+        text = text.replace(sign, sign.replace(" ", NBSP))
     head, stop, rest = text.partition(". ")
     return (f"{head}.", rest) if stop else (text, "")
 
@@ -74,11 +75,14 @@ def _fails(pad: PadResults, remedies: dict) -> str:
     if check is None:
         return f"not checked yet: {remedies['check']}"
     worst = check.worst
-    said = "nowhere beyond noise" if worst is None else _worst(worst, check, pad)
+    said = "fails nowhere by more than noise" if worst is None else _worst(worst, check, pad)
     plain = pad.plain.check if pad.plain else None
     if pad.final.effects and plain and (worst := plain.worst):
-        return f"{model_name(pad.final)} {said}; the plain model {_worst(worst, plain, pad)}."
-    return f"{said}."
+        return (
+            f"the model {model_name(pad.final)} {said}; the plain model "
+            f"{_worst(worst, plain, pad)}."
+        )
+    return f"the model {said}."
 
 
 def _worst(cell: Cell, check: CheckResult, pad: PadResults) -> str:

@@ -124,7 +124,7 @@ def _undiagnosed(pad: PadResults) -> str:
         return "Fitted, but neither checked nor diagnosed."
     fails = len(check.failing)
     if not fails:
-        return "Not diagnosed. The fit leaves no structure in any phase of any test."
+        return "Not diagnosed. The fit is off by more than noise in no phase of any test."
     return f"Not diagnosed. The fit fails in {fails} of {len(check.cells)} phases of its tests."
 
 
@@ -186,7 +186,7 @@ def _other_laws(pad: PadResults) -> list[str]:
 
 
 def _notices(pad: PadResults) -> list[str]:
-    """About the measurements, and structure that is sure but small."""
+    """About the measurements, and a systematic error that is certain but small."""
     parts = (pad.final.summary, pad.final.check, pad.diagnosis)
     told = dict.fromkeys(text for part in parts if part for text in part.notices)
     said = [text.removeprefix(f"pad {pad.name}: ") for text in told]
@@ -203,6 +203,6 @@ def _small(pad: PadResults) -> list[str]:
         return []
     size = with_unit(number(left.rms, 2), pad.force_unit)
     return [
-        f"Structure that is sure but small is left: {percent(left.share_of_peak)} of the peak "
-        f"force ({size}) in the {left.phase} of {left.test}."
+        f"A systematic error is left that is certain but small: {percent(left.share_of_peak)} of "
+        f"the peak force ({size}) in the {left.phase} of {left.test}."
     ]

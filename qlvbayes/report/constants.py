@@ -18,11 +18,11 @@ from qlvbayes.report.numbers import DASH, NBSP, number, to_sd, with_unit
 
 _INDEXED = re.compile(r"([cv])\[(\d+)\]")
 _MEANINGS = {
-    "noise.white": "noise of single samples",
-    "noise.ou": "noise that lasts from sample to sample",
-    "noise.tau": "how long it lasts",
-    "noise.factor": "noise over the one measured at rest",
-    "noise.remainder": "size of what the model misses",
+    "noise.white": "white noise, one standard deviation",
+    "noise.ou": "correlated noise, one standard deviation",
+    "noise.tau": "correlation time of that noise",
+    "noise.factor": "noise in the fit over noise measured at rest",
+    "noise.remainder": "what the model misses, one standard deviation",
     "noise.scale": "width of the noise",
     "noise.nu": "degrees of freedom: the fewer, the more outliers",
 }
@@ -121,12 +121,12 @@ def shifts_of(pad: PadResults) -> Shifts | None:
     added = [e for e in pad.final.effects if e not in pad.plain.effects]
     top = sorted(names, key=lambda n: -abs(changes[n]))[:2]
     said = [
-        f"{n} {100.0 * abs(changes[n]):.0f}{NBSP}% too {'high' if changes[n] > 0 else 'low'}"
+        f"{n} {100.0 * abs(changes[n]):.0f}{NBSP}% {'higher' if changes[n] > 0 else 'lower'}"
         for n in top
         if abs(changes[n]) > _TOLD
     ]
-    words = f"Left out, {joined(added)} would have made {joined(said)}" if said else ""
-    few = ": the plain model was fitted to fewer tests, so that part of this is chance"
+    words = f"The model without {joined(added)} has {joined(said)}" if said else ""
+    few = ". It was fitted to fewer tests, so that a part of this may be chance"
     fewer = pad.plain.facts.get("all_tests") != pad.final.facts.get("all_tests")
     return Shifts(pad.name, joined(added), rows, f"{words}{few * fewer}." if words else "")
 
@@ -139,10 +139,11 @@ def _in_words(name: str, parameters: dict[str, Constant]) -> str:
         middle, low, high = (f"{100.0 * x:.1f}" for x in (c.median, *c.hdi90))
         return f"{middle}{NBSP}% of the force never relaxes ({low} to {high}{NBSP}%)"
     if name == "v[1]" and c.median > 0.0:
-        return f"the quickest part relaxes within {number(1.0 / c.median, 2)}{NBSP}s (1/v[1])"
+        time = f"{number(1.0 / c.median, 2)}{NBSP}s"
+        return f"the quickest relaxation has a time constant of {time} (1/v[1])"
     low, high = (to_sd(x, c.sd) for x in c.hdi90)
     text = with_unit(to_sd(c.median, c.sd), c.unit)
-    return f"{name} = {text} (90 % sure that it lies within {low} to {high})"
+    return f"{name} = {text} (with 90 % probability {low} to {high})"
 
 
 def _parameters(model: Model) -> dict[str, Constant]:
@@ -177,7 +178,11 @@ def _meaning(name: str, meanings: dict[str, str]) -> str:
         return f"share that relaxes at v[{index}]" if index else "share that never relaxes"
     if match:
         return f"rate at which c[{match[2]}] relaxes"
-    return meanings.get(name) or seen(name.partition(".")[0])
+    if name in meanings:
+        return meanings[name]
+    effect = name.partition(".")[0]
+    what = seen(effect)
+    return f"of {effect}: {what}" if what else ""
 
 
 def _place(name: str) -> tuple[int, str, int]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from qlvbayes.diagnosis.result import Laws, Ranked, Stage
 from qlvbayes.report.boxes import seen, verdict_line
 from qlvbayes.report.collect import PadResults
-from qlvbayes.report.numbers import number, percent, with_unit
+from qlvbayes.report.numbers import number, percent, to_sd, with_unit
 
 _MOST = 8  # hypotheses shown
 
@@ -96,7 +96,7 @@ def _model(stage: Stage, chosen: Laws) -> str:
 
 def _hypothesis(ranked: Ranked, named: set[str]) -> Hypothesis:
     constants = [
-        with_unit(f"{name} = {number(e.mean)} ± {number(e.sd, 1)}", e.unit)
+        with_unit(f"{name} = {to_sd(e.mean, e.sd)} ± {to_sd(e.sd, e.sd)}", e.unit)
         for name, e in ranked.parameters.items()
     ]
     none = ranked.effect == "none"

@@ -103,10 +103,10 @@ def failing_of(pad: PadResults) -> Failing | None:
 
 
 def where(cell: residuals.Cell, noise: float, unit: str) -> str:
-    """'the ramp of C-100, by 0.049 N (4.7 times the noise)'."""
+    """'the ramp of C-100: 0.049 N root mean square (4.7 times the noise)'."""
     return (
-        f"the {NAMES.get(cell.phase, cell.phase)} of {cell.test}, by "
-        f"{with_unit(number(cell.rmse, 2), unit)} root mean square "
+        f"the {NAMES.get(cell.phase, cell.phase)} of {cell.test}: "
+        f"{with_unit(number(cell.rmse, 2, zeros=True), unit)} root mean square "
         f"({number(cell.rmse / noise, 2)} times the noise)"
     )
 
@@ -127,14 +127,14 @@ def _words(name: str, check: CheckResult, pad: PadResults) -> str:
     if worst is None:
         largest = max(cells, key=lambda cell: cell.rmse)
         return (
-            f"{head} no phase of any test shows structure beyond noise ({basis}). The largest "
-            f"error is in {where(largest, noise, pad.force_unit)}."
+            f"{head} no phase of any test is off by more than noise ({basis}). The largest error "
+            f"is in {where(largest, noise, pad.force_unit)}."
         )
-    bias = with_unit(number(abs(worst.bias), 2), pad.force_unit)
+    bias = with_unit(number(abs(worst.bias), 2, zeros=True), pad.force_unit)
     side = "above" if worst.bias > 0.0 else "below"
     return (
-        f"{head} fails in {len(check.failing)} of {len(cells)} phases of tests ({basis}). Worst is "
-        f"{where(worst, noise, pad.force_unit)}; the measured force lies {bias} "
+        f"{head} fails in {len(check.failing)} of {len(cells)} phases of tests ({basis}). It is "
+        f"worst in {where(worst, noise, pad.force_unit)}, where the measured force lies {bias} "
         f"{side} the model on average."
     )
 

@@ -46,12 +46,12 @@ _SAID = {
     ),
     "hysteresis": (
         "Force against displacement of every test of {of}, measured and predicted.",
-        "The area between the way in and the way back is the energy lost. Where the loops of "
-        "dots and line part, the model loses too much or too little.",
+        "The area between loading and unloading is the energy lost. Where the loops of dots and "
+        "line differ, the model loses too much or too little.",
     ),
     "residual_map": (
         "Prediction error over noise floor of {of}, by test and phase.",
-        "1 is noise; marked cells hold structure beyond it.",
+        "1 is noise; in marked cells the error is more than noise.",
     ),
     "residuals_before_after": (
         "Error over noise floor of {of} by test and phase, for the plain model and for the last.",
@@ -60,13 +60,13 @@ _SAID = {
     ),
     "forces_before_after": (
         "Residuals of {of} against time before and after the effects were added.",
-        "Does the miss stay in the hold or end with the motion? Does it grow with speed, with "
-        "depth, with the clock?",
+        "Does the error stay in the hold or end with the motion? Does it grow with speed, with "
+        "depth, with time?",
     ),
     "evidence": (
         "Evidence for each hypothesis about what {of} lacks.",
-        "The longer the bar, the better a hypothesis explains the tests than the plain model does; "
-        "the axis is logarithmic where bars differ much.",
+        "A bar to the right: the tests are better explained with this effect in the model than "
+        "without it; to the left: worse. The axis is logarithmic where bars differ much.",
     ),
     "prediction": (
         "What {of} is predicted to do in a programme of the user's own.",

@@ -17,20 +17,20 @@ from qlvbayes.report.numbers import DASH, number, percent, with_unit
 
 _THRESHOLDS = {
     "complete": "the prior probability that no (further) effect is missing is {}",
-    "usual": "that the elastic law, and likewise the relaxation, is the one chosen is {}",
+    "usual": "that the elastic law is the one chosen it is {}, as for the relaxation",
     "named": "an effect is named when it is in the model with probability {} over all hypotheses",
     "covered": "a group holds the effect with probability {}",
-    "tolerance": "effects and structure below {:.2g} of the peak force do not matter",
-    "false_alarms": "a right model is found to leave structure with probability {}",
+    "tolerance": "effects and systematic errors below {:.2g} of the peak force do not matter",
+    "false_alarms": "a right model is found to fail with probability {}",
     "breadth": "hypotheses are looked for with {}",
-    "discrepancy": "what else may be missing has, beforehand, {}",
+    "discrepancy": "the prior of what else may be missing has {}",
     "narrowest": "the prior of an effect's size is fitted to the motion within factors of {}",
     "widest": "and {}",
     "group": "a group has at most {} effects",
-    "unlisted": "something that no list holds is taken to be there from a probability of {} on",
-    "returned": "a test has come back where it is below {:.2g} of the depth or the peak force",
-    "cells": "structure is looked for with {}",
-    "imitation": "an effect is told from an imitation with {}",
+    "unlisted": "something outside the list is taken to be there from a probability of {} on",
+    "returned": "a test has retracted where it is below {:.2g} of the depth or the peak force",
+    "cells": "systematic errors are looked for with {}",
+    "imitation": "an effect is distinguished from an imitation with {}",
     "rise": "no effect is named that raises the error on tests left out by more than {:.2g} of it",
 }
 

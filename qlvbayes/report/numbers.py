@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from math import floor, isfinite, log10
 
+from qlvbayes.io import wording
+
 DASH = "–"
 NBSP = "\u00a0"  # between a number and its unit, where no line may break
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-_CERTAIN = 0.999
 
 
 def number(value: float | None, digits: int = 3, *, zeros: bool = False) -> str:
@@ -35,14 +36,10 @@ def to_sd(value: float | None, sd: float | None) -> str:
 
 
 def percent(share: float | None) -> str:
-    """A probability, never rounded to certainty."""
+    """A probability, never rounded to certainty; no line breaks in it."""
     if share is None or not isfinite(share):
         return DASH
-    if share > _CERTAIN:
-        return f">{NBSP}99.9{NBSP}%"
-    if share < 1.0 - _CERTAIN:
-        return f"<{NBSP}0.1{NBSP}%"
-    return f"{100.0 * share:.3g}{NBSP}%"
+    return wording.percent(share).replace(" ", NBSP)
 
 
 def with_unit(text: str, unit: str) -> str:

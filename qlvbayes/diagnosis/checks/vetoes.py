@@ -27,8 +27,8 @@ from qlvbayes.diagnosis.search import Tell
 from qlvbayes.diagnosis.weighed import Weighed
 
 RISES = "tests left out are predicted worse with it"
-VARIES = "its strength would have to vary between tests or phases: something else imitates it"
-IMITATES = "it takes less of the error than what no effect of the list explains, and may imitate it"
+VARIES = "its strength would have to vary between tests or phases: something else looks like it"
+IMITATES = "it explains less of the error than what no effect explains, and may be a part of that"
 
 
 def decided(outcome: Outcome, tell: Tell) -> tuple[Decision, tuple[tuple[str, str], ...]]:

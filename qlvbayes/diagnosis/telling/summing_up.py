@@ -27,6 +27,7 @@ from qlvbayes.diagnosis.telling.verdict import Diagnosis
 from qlvbayes.diagnosis.telling.work import Work
 from qlvbayes.diagnosis.weighed import Weighed
 from qlvbayes.effects.effect import AbstractEffect
+from qlvbayes.io.wording import percent
 from qlvbayes.laws.unresolved import unresolved_times
 from qlvbayes.preprocess.carried import carried_notices, clock_notices
 from qlvbayes.preprocess.experiment import Experiment
@@ -138,9 +139,9 @@ def _suggestions(outcome: Outcome, decision: Decision) -> tuple[Suggestion, ...]
 def unlikely_over_all(outcome: Outcome, decision: Decision) -> list[str]:
     """Effects that are named only after a veto: over all hypotheses they are not as likely."""
     return [
-        f"pad {outcome.experiment.pad}: {name} is named among the hypotheses that the vetoes leave "
-        f"(there with {decision.inclusion[name]:.1%}); over all it is there with "
-        f"{outcome.inclusion(name):.1%}"
+        f"pad {outcome.experiment.pad}: {name} is named after other effects were refused "
+        f"(probability {percent(decision.inclusion[name])}); over all hypotheses its "
+        f"probability is {percent(outcome.inclusion(name))}"
         for name in decision.effects
         if outcome.inclusion(name) < outcome.search.settings.named
     ]
@@ -150,9 +151,13 @@ def _not_counted(outcome: Outcome) -> list[str]:
     """How many hypotheses take no part in the decision, or predict no number somewhere."""
     every, said = f"of {len(outcome.weights)} hypotheses", []
     if count := sum(not weight.counts for weight in outcome.weights):
-        said.append(f"{count} {every} left out of the decision: their evidence is no number")
+        said.append(
+            f"{count} {every} left out of the decision: their evidence is not a finite number"
+        )
     if count := len(outcome.unpredicted):
-        said.append(f"{count} {every} predict no number at some samples, taken as no force there")
+        said.append(
+            f"{count} {every} predict no finite force at some samples, which counts as zero force"
+        )
     return [f"pad {outcome.experiment.pad}: {text}" for text in said]
 
 
@@ -171,7 +176,7 @@ def _notices(experiment: Experiment, search: Search, told: Weighed) -> tuple[str
     said = [f"pad {experiment.pad}: {text}" for text in (*experiment.floor.notices, *times)]
     if search.ended_early:
         said.append(
-            f"pad {experiment.pad}: the search ended after {len(search.modes)} hypotheses, as very "
-            "many are alike: the probabilities are those among them"
+            f"pad {experiment.pad}: the search ended after {len(search.modes)} hypotheses, because "
+            "very many fit alike: probabilities are those among these hypotheses"
         )
     return (*carried, *clock, *said)

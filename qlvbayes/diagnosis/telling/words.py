@@ -1,11 +1,12 @@
-"""The verdict in plain language: where, what, how sure, why not another, and what to test next."""
+"""The verdict in plain language: what to do next, where, what, how sure, and why not another."""
 
 from __future__ import annotations
 
 from qlvbayes.diagnosis.result import DiagnosisResult, ParameterBias
 from qlvbayes.diagnosis.telling.work import Work
 from qlvbayes.io.units import UnitSystem
-from qlvbayes.io.wording import joined, plain
+from qlvbayes.io.wording import joined, percent, plain, to_noise
+from qlvbayes.model.choices import Choices
 from qlvbayes.preprocess.phases import NAMES
 
 _MOST_BIASES = 3
@@ -15,119 +16,183 @@ _HANDFUL = 10  # block means: what half of the evidence rests on, below which it
 _SURE = 0.95  # probability of a base law, from which it goes unsaid
 _LIKELY = 0.5  # probability of nothing, from which the text says so without ifs
 _LITTLE = 0.01  # probability of all explanations that are not listed, up to which they go unsaid
-_NOTHING = "nothing is missing that these tests can show"
-_MAYBE = "nothing is named, although something may be missing"
 
 
 def paragraphs(d: DiagnosisResult, work: Work) -> list[str]:
-    """A few short paragraphs, the verdict first."""
-    verdict = {
-        "adequate": _adequate,
-        "missing_effect": _missing,
-        "ambiguous": _ambiguous,
-        "partly_explained": _partly,
-        "unexplained": _unexplained,
+    """A few short paragraphs: the verdict in a line, what to do next, and what that rests on."""
+    grounds = {
+        "adequate": _of_adequate,
+        "missing_effect": _of_missing,
+        "ambiguous": _of_ambiguous,
+        "partly_explained": _of_partly,
+        "unexplained": _of_unexplained,
     }[d.verdict]
-    text = [verdict(d, work), *_base(d)]
+    text = [
+        f"Pad {d.pad}: {_verdict(d, work)}",
+        f"What to do next: {_next(d, work)}",
+        *(f"{_upper(one)}." for one in d.notices),
+        grounds(d, work),
+    ]
     if d.verdict != "adequate":
-        text.insert(1, _where(d))
-        text += _runner_up(d)
-    text += _few_readings(d)
-    text += _not_ruled_out(d)
-    text += _refused(d)
-    text += _honest(d)
-    text += _next_test(d)
-    text += _unseen(d)
-    text += _bent(d)
-    return text + [f"{_upper(one)}." for one in d.notices]
+        text += [_where(d), *_runner_up(d)]
+    return [
+        *text,
+        *_base(d),
+        *_few_readings(d),
+        *_not_ruled_out(d),
+        *_refused(d),
+        *_honest(d),
+        *_unseen(d),
+        *_bent(d),
+    ]
 
 
-def _adequate(d: DiagnosisResult, work: Work) -> str:
-    unit, stage = d.units.force, d.stages[-1]
-    none = d.probability_of("none")
+def _verdict(d: DiagnosisResult, work: Work) -> str:
+    """In one line."""
+    if d.verdict == "adequate":
+        none = percent(d.probability_of("none"))
+        if d.probability_of("none") < _LIKELY:
+            return (
+                "nothing is named, although something may be missing (probability that nothing "
+                f"is: {none})."
+            )
+        return f"nothing is missing that these tests can show (probability {none})."
+    if d.verdict == "ambiguous":
+        besides = f" besides {joined(list(d.effects[:-1]))}" if d.effects[:-1] else ""
+        return (
+            f"something is missing{besides}, and these tests cannot tell which of "
+            f"{joined(_with_probability(d, d.group), 'or')} it is."
+        )
+    if d.verdict == "unexplained":
+        return "unexplained: something is missing that no effect of the list explains."
+    named = joined([_seen(d, work, effect) for effect in d.effects])
+    many = len(d.effects) > 1
+    if d.verdict == "missing_effect":
+        return f"missing effect{'s' * many}: {named}."
+    return (
+        f"partly explained: {named} {'are' if many else 'is'} missing, and something else that no "
+        "effect of the list explains."
+    )
+
+
+def _seen(d: DiagnosisResult, work: Work, effect: str) -> str:
+    """An effect, what one sees of it, and how sure it is."""
+    kind = work.search.density.space.effects[d.forms.get(effect, effect)]
+    return f"{effect} ({kind.seen}; probability {percent(d.probability_of(effect))})"
+
+
+def _next(d: DiagnosisResult, work: Work) -> str:
+    """The step that follows from the verdict."""
+    if d.verdict == "adequate" and d.probability_of("none") < _LIKELY:
+        return "another test, as qlvbayes design OUT --for cause proposes, would tell more."
+    if d.verdict == "adequate" and not d.changed:
+        return "use the constants; no effect has to be added."
+    if d.verdict in ("adequate", "missing_effect"):
+        with_it = " with it" if len(d.effects) == 1 else " with them" if d.effects else ""
+        return (
+            f"use the constants of a fit to all tests{with_it}. qlvbayes study leaves them; by "
+            f"hand: {_command(d)}"
+        )
+    if d.verdict == "ambiguous":
+        if not d.suggestions:
+            return "a test that tells them apart: qlvbayes design OUT --for cause proposes one."
+        best = d.suggestions[0]
+        return (
+            f"this test would tell them apart: {best.test} (expected 2 ln Bayes factor "
+            f"{best.evidence:.0f}; 10 is very strong evidence)."
+        )
+    if _is_free_elasticity(d, work):
+        return (
+            "take --elastic spline, or a law of your own (--laws-file), as no listed elastic law "
+            "fits these tests."
+        )
+    worst = d.stages[-1].worst
+    return (
+        f"look at the {NAMES[worst.phase]} of {worst.test} in the figure forces_before_after. "
+        "Its cause may be the rig, the record, or an effect that is not on the list "
+        "(--effects-file). Until it is known, the constants are those of a wrong model."
+    )
+
+
+def _command(d: DiagnosisResult) -> str:
+    """That fits the hypothesis told to all tests."""
+    usual, base = Choices(), d.base
+    words = ["qlvbayes fit FILE -o OUT --all-tests"]
+    words += [f"--elastic {base.elastic}"] * (base.elastic != usual.law)
+    words += [f"--relaxation {base.relaxation}"] * (base.relaxation != usual.relaxing)
+    added = (*d.stages[0].effects, *(d.forms.get(name, name) for name in d.effects))
+    return " ".join([*words, *(f"--add {name}" for name in added)])
+
+
+def _of_adequate(d: DiagnosisResult, work: Work) -> str:
     hidden = {unseen.effect for unseen in d.not_identifiable}
     best = next((r for r in d.ranking if r.effect not in {"none", *hidden}), None)
     text = (
-        f"Pad {d.pad}: {_NOTHING if none >= _LIKELY else _MAYBE}. The model leaves "
-        f"{plain(stage.rmse)} {unit}, the noise floor is {plain(d.noise)} {unit}"
-        f"{_left(d, work, 'no phase of any test shows structure', '; ')}"
+        f"The model leaves an error of {_error(d, d.stages[-1].rmse)}; the noise floor is "
+        f"{_noise(d)}{_left(d, work, '; ')}"
     )
     if best is not None:
         text += (
-            f" Probability that nothing of the list is missing: {_percent(none)}; "
-            f"of the effects that they could show, {best.effect} is the likeliest "
-            f"({_percent(best.inclusion)})."
+            f" Of the effects that these tests could show, {best.effect} is the likeliest "
+            f"({percent(best.inclusion)})."
         )
     return text
 
 
-def _missing(d: DiagnosisResult, work: Work) -> str:
+def _of_missing(d: DiagnosisResult, work: Work) -> str:
+    return f"Constants: {_named(d)}. {_change(d)}{_left(d, work, ', and ')}"
+
+
+def _named(d: DiagnosisResult) -> str:
+    """Effects with their values."""
+    return joined([_with_value(d, effect) for effect in d.effects])
+
+
+def _of_ambiguous(d: DiagnosisResult, work: Work) -> str:
+    constants = [f"{name} = {e}" for name, e in d.constants.items()]
     return (
-        f"Pad {d.pad}: missing {'effect' if len(d.effects) == 1 else 'effects'}: {_named(d, work)} "
-        f"{_sureness(d)} {_change(d)}"
-        f"{_left(d, work, 'no phase of any test shows structure any more', ', and ')}"
-    )
-
-
-def _named(d: DiagnosisResult, work: Work) -> str:
-    """Effects with their values, and what one sees of them."""
-    effects = work.search.density.space.effects
-    named = joined([_with_value(d, effect) for effect in d.effects])
-    seen = " ".join(f"{_upper(effects[d.forms.get(e, e)].seen)}." for e in d.effects)
-    return f"{named}. {seen}"
-
-
-def _ambiguous(d: DiagnosisResult, work: Work) -> str:
-    before, constants = d.effects[:-1], [f"{name} = {e}" for name, e in d.constants.items()]
-    besides = f" besides {joined(list(before))}" if before else ""
-    return (
-        f"Pad {d.pad}: something is missing{besides}, and these tests cannot tell which of "
-        f"{joined(_with_probability(d, d.group), 'or')} it is. {_change(d, 'With the first')}."
-        f"{'' if _is_sound(d, work) else f' {_small(d, work)}'} "
+        f"{_change(d, 'With the first')}.{'' if _is_sound(d, work) else f' {_small(d, work)}'} "
         f"Averaged over all that the tests do not rule out, {joined(constants)}."
     )
 
 
-def _partly(d: DiagnosisResult, work: Work) -> str:
+def _of_partly(d: DiagnosisResult, work: Work) -> str:
     """Some of it has a name."""
     share = d.remainder.share_of_error if d.remainder else None
     taken = f" They take {_share(1.0 - share)} of the error." if share is not None else ""
     taken = taken.replace("They take", "It takes") if len(d.effects) == 1 else taken
-    what = "An effect is" if len(d.effects) == 1 else "Effects are"
-    return (
-        f"Pad {d.pad}: partly explained. {what} missing: {_named(d, work)} {_sureness(d)} "
-        f"{_change(d)}.{taken} Something is there too that no effect of the list explains: "
-        f"{_structure(d, work)}"
-    )
+    return f"Constants: {_named(d)}. {_change(d)}.{taken} {_structure(d, work)}"
 
 
-def _unexplained(d: DiagnosisResult, work: Work) -> str:
+def _of_unexplained(d: DiagnosisResult, work: Work) -> str:
     listed = [name for name in d.tried if name not in work.search.families.outside]
     tried = f" The best that the list offers, {joined(listed)}, is not enough." if listed else ""
-    return (
-        f"Pad {d.pad}: unexplained.{tried} {_upper(_structure(d, work))} No effect is named: "
-        "take the constants as those of a model that is wrong."
-    )
+    return f"No effect is named.{tried} {_structure(d, work)}"
+
+
+def _is_free_elasticity(d: DiagnosisResult, work: Work) -> bool:
+    """Whether a free curve of stiffness over depth, and no listed law, leaves noise alone."""
+    return d.base.elastic not in work.search.listed and _is_sound(d, work)
 
 
 def _structure(d: DiagnosisResult, work: Work) -> str:
-    """Where structure is left, and how large it is."""
-    unit, last = d.units.force, d.stages[-1]
-    if d.base.elastic not in work.search.listed and _is_sound(d, work):
+    """Where a systematic error is left, and how large it is."""
+    last = d.stages[-1]
+    if _is_free_elasticity(d, work):
         return (
-            f"the elasticity is that of no law of the list. With a free curve of stiffness over "
+            "The elasticity is that of no law of the list. With a free curve of stiffness over "
             f"depth ({d.base.elastic}) nothing is left but noise ({_p(last.p_value)})."
         )
     worst = last.worst
-    cells = list(dict.fromkeys(f"{NAMES[at.phase]} of {at.test}" for at in last.failing))
-    more = f" and {len(cells) - _MOST_CELLS} more" if len(cells) > _MOST_CELLS else ""
-    where = f", in the {joined(cells[:_MOST_CELLS])}{more}" if cells else ""
-    sign = "above" if worst.bias > 0.0 else "below"
+    cells = list(dict.fromkeys(f"the {NAMES[at.phase]} of {at.test}" for at in last.failing))
+    if (more := len(cells) - _MOST_CELLS) > 0:
+        cells = [*cells[:_MOST_CELLS], f"{more} more"]
+    where = f", in {joined(cells)}" if cells else ""
     return (
-        f"structure remains beyond the noise floor of {plain(d.noise)} {unit} "
-        f"({_p(last.p_value)}){where}. The largest error left is {plain(worst.rmse)} {unit} in the "
-        f"{NAMES[worst.phase]} of {worst.test}, where the measured force lies "
-        f"{plain(abs(worst.bias))} {unit} {sign} the model on average.{_size(d, work)}"
+        f"A systematic error remains beyond the noise floor of {_noise(d)} "
+        f"({_p(last.p_value)}){where}. It is largest in the {NAMES[worst.phase]} of {worst.test}: "
+        f"{_error(d, worst.rmse)} root mean square, where the measured force lies "
+        f"{_offset(d, worst.bias)} the model on average.{_size(d, work)}"
     )
 
 
@@ -137,67 +202,67 @@ def _base(d: DiagnosisResult) -> list[str]:
     others = [base for base in d.bases if base.pair != d.base.pair]
     if d.base.pair == chosen.pair and d.base.probability >= _SURE:
         return []
-    said = f"Base laws: {d.base} ({_percent(d.base.probability)})"
+    said = f"The likeliest laws are {d.base} ({percent(d.base.probability)})"
     if d.base.pair != chosen.pair:
-        said += f" in the place of {chosen}"
-    rest = [f"{base} ({_percent(base.probability)})" for base in others[:2]]
-    return [f"{said}; else {joined(rest, 'or')}." if rest else f"{said}."]
+        said += f" instead of {chosen}"
+    rest = [f"{base} ({percent(base.probability)})" for base in others[:2]]
+    return [f"{said}; next come {joined(rest)}." if rest else f"{said}."]
 
 
 def _with_probability(d: DiagnosisResult, names: tuple[str, ...]) -> list[str]:
-    return [f"{name} ({_percent(d.probability_of(name))})" for name in names]
+    return [f"{name} ({percent(d.probability_of(name))})" for name in names]
 
 
 def _change(d: DiagnosisResult, with_it: str = "With it") -> str:
     """What laws and effects do to the error on tests left out."""
+    with_it = "With them" if with_it == "With it" and len(d.effects) > 1 else with_it
     first, last = d.stages[0].heldout_rmse, d.stages[-1].heldout_rmse
-    unit = d.units.force
     if first is None or last is None:
         first, last = d.stages[0].rmse, d.stages[-1].rmse
         return (
-            f"{with_it} the fitted error goes from {plain(first)} to {plain(last)} {unit} (noise "
-            f"floor {plain(d.noise)} {unit}; one test alone leaves none out)"
+            f"{with_it} the fitted error goes from {_error(d, first)} to {_error(d, last)} (noise "
+            f"floor {_noise(d)}; there is no other test to predict)"
         )
     verb = "falls" if last < first else "goes"
     return (
-        f"{with_it} the error on tests left out {verb} from {plain(first)} to {plain(last)} {unit} "
-        f"(noise floor {plain(d.noise)} {unit})"
+        f"{with_it} the error on tests left out {verb} from {_error(d, first)} to "
+        f"{_error(d, last)} (noise floor {_noise(d)})"
     )
 
 
-def _left(d: DiagnosisResult, work: Work, nothing: str, joint: str) -> str:
-    """The end of a sentence on the last model: no structure, or little, with its size and place."""
+def _left(d: DiagnosisResult, work: Work, joint: str) -> str:
+    """The end of a sentence on the last model: noise alone, or little, with its size and place."""
     last = d.stages[-1]
     if _is_sound(d, work):
-        return f"{joint}{nothing} ({_p(last.p_value)})."
+        return f"{joint}no phase of any test is off by more than noise ({_p(last.p_value)})."
     if not last.testable and not (d.remainder and d.remainder.small):
         return (
             f". What is left is largest, {_measure(d, work)}; it may be correlated noise, which no "
-            "hold of these tests shows: that is not testable."
+            "hold of these tests shows, so that this cannot be tested."
         )
     return f". {_small(d, work)}"
 
 
 def _small(d: DiagnosisResult, work: Work) -> str:
-    """Structure that is sure but does not matter."""
+    """A systematic error that is certain but does not matter."""
     p = _p(d.stages[-1].p_value)
     if d.remainder is not None and d.remainder.excess == d.remainder.rms == 0.0:
-        return f"There is structure that is sure but too small to be measured ({p})."
+        return f"A systematic error is certain but too small to be measured ({p})."
     return (
-        f"There is structure that is sure but small: {_measure(d, work)} ({p}). "
-        f"The tolerance is {_share(d.tolerance or 0.0)} of the peak."
+        f"A systematic error is left that is certain but small: {_measure(d, work)} ({p}). "
+        f"The tolerance is {_share(d.tolerance or 0.0)} of the peak force."
     )
 
 
 def _size(d: DiagnosisResult, work: Work) -> str:
-    """How large structure that matters is."""
+    """How large an error that matters is."""
     if d.remainder is None or d.remainder.rms == 0.0:
         return ""
-    return f" Without the noise, what is left is largest, {_measure(d, work)}."
+    return f" Without the noise it amounts to {_measure(d, work)}."
 
 
 def _measure(d: DiagnosisResult, work: Work) -> str:
-    """The structured part where it is largest, else what all samples hold beyond the noise."""
+    """The systematic part where it is largest, else what all samples hold beyond the noise."""
     left, unit = d.remainder, d.units.force
     if left is None:
         return ""
@@ -224,24 +289,30 @@ def _p(value: float) -> str:
     return f"p = {value:.2g}" if value > 1e-12 else "p below 1e-12"
 
 
+def _noise(d: DiagnosisResult) -> str:
+    return f"{plain(d.noise)} {d.units.force}"
+
+
+def _error(d: DiagnosisResult, value: float) -> str:
+    """With the digits that the noise allows."""
+    return f"{to_noise(value, d.noise)} {d.units.force}"
+
+
+def _offset(d: DiagnosisResult, bias: float) -> str:
+    return f"{_error(d, abs(bias))} {'above' if bias > 0.0 else 'below'}"
+
+
 def _where(d: DiagnosisResult) -> str:
-    units, worst = d.units, d.stages[0].worst
-    sign = "above" if worst.bias > 0.0 else "below"
+    worst = d.stages[0].worst
     return (
-        f"Where the plain model fails worst: the {NAMES[worst.phase]} of {worst.test} "
-        f"({_rate(worst.rate, units)}), by {plain(worst.rmse)} {units.force} root mean square; the "
-        f"measured force lies {plain(abs(worst.bias))} {units.force} {sign} the model on average."
+        f"The plain model fails worst in the {NAMES[worst.phase]} of {worst.test} "
+        f"({_rate(worst.rate, d.units)}): {_error(d, worst.rmse)} root mean square, where the "
+        f"measured force lies {_offset(d, worst.bias)} the model on average."
     )
 
 
 def _rate(rate: float | None, units: UnitSystem) -> str:
     return "no rate" if rate is None else f"{plain(rate)} {units.speed}"
-
-
-def _sureness(d: DiagnosisResult) -> str:
-    """Inclusion probabilities."""
-    said = [f"{_percent(d.probability_of(name))}" for name in d.effects]
-    return f"Probability that {'it is' if len(said) == 1 else 'each is'} there: {joined(said)}."
 
 
 def _few_readings(d: DiagnosisResult) -> list[str]:
@@ -252,23 +323,25 @@ def _few_readings(d: DiagnosisResult) -> list[str]:
         if one.effect in {*d.tried, *d.group} and one.half and one.half.blocks < _HANDFUL
     ]
     return [
-        f"Half of the evidence for {effect} lies in {half.blocks} of {half.of} block means, the "
-        f"most of it in the {NAMES[half.phase]} of {half.test} at {half.time:.4g} s: look at these "
-        "readings before you believe the name."
+        f"Half of the evidence for {effect} lies in {half.blocks} of {half.of} averages of "
+        f"neighbouring readings, the most of it in the {NAMES[half.phase]} of {half.test} at "
+        f"{half.time:.4g} s: look at these readings before you believe the name."
         for effect, half in few
     ]
 
 
 def _runner_up(d: DiagnosisResult) -> list[str]:
-    """The likeliest effect that is not named."""
-    taken = {*d.tried, *d.group, "none"}
+    """The likeliest effect that is not named, of those that the tests could show."""
+    taken = {*d.tried, *d.group, "none", *(one.effect for one in d.not_identifiable)}
     rival = next((r for r in d.ranking if r.effect not in taken), None)
     if rival is None:
         return []
+    without, with_it = (_error(d, rmse) for rmse in (d.stages[-1].rmse, rival.rmse))
+    same = f"leave the error at {without}"
+    change = same if without == with_it else f"change the error from {without} to {with_it}"
     return [
-        f"Next of the list: {rival.effect}, there with a probability of "
-        f"{_percent(rival.inclusion)}; with it the model leaves {plain(rival.rmse)} "
-        f"{d.units.force}, without {plain(d.stages[-1].rmse)} {d.units.force}."
+        f"Of the effects that are not named, {rival.effect} is the likeliest "
+        f"({percent(rival.inclusion)}); to add it would {change}."
     ]
 
 
@@ -287,28 +360,24 @@ def _not_ruled_out(d: DiagnosisResult) -> list[str]:
     others = [one for one in d.not_ruled_out if set(one.effects) not in own]
     if not others or d.verdict in ("adequate", "unexplained"):
         return []
-    said = [f"{joined(list(o.effects)) or 'nothing'} ({_percent(o.probability)})" for o in others]
+    said = [f"{joined(list(o.effects)) or 'nothing'} ({percent(o.probability)})" for o in others]
     rest = 1.0 - sum(one.probability for one in d.not_ruled_out)
     if rest > _LITTLE:
-        said.append(f"others ({_percent(rest)} together)")
-    return [f"The tests do not rule out {joined(said, 'or')} either; the constants allow for it."]
+        said.append(f"others ({percent(rest)} together)")
+    return [
+        f"The tests do not rule out {joined(said, 'or')} either; the constants are averaged over "
+        "all of these."
+    ]
 
 
 def _honest(d: DiagnosisResult) -> list[str]:
     if d.verdict not in ("partly_explained", "unexplained") or d.discrepancy == 0.0:
         return []
     return [
-        f"A discrepancy smooth over time, depth and rate, of typically "
-        f"{plain(d.discrepancy, 2)} {d.units.force}, keeps predictions honest (discrepancy.csv): "
-        "an alarm, not an explanation."
+        "What is left was described by a smooth function of time, depth and speed (discrepancy.csv)"
+        f", of typically {plain(d.discrepancy, 2)} {d.units.force}. It widens the predictions and "
+        "explains nothing."
     ]
-
-
-def _next_test(d: DiagnosisResult) -> list[str]:
-    if not d.suggestions:
-        return []
-    best = d.suggestions[0]
-    return [f"To tell them apart: {best.test} (expected 2 ln Bayes factor {best.evidence:.0f})."]
 
 
 def _unseen(d: DiagnosisResult) -> list[str]:
@@ -330,17 +399,18 @@ def _bent(d: DiagnosisResult) -> list[str]:
 
 
 def _bias(bias: ParameterBias) -> str:
-    top = sorted(bias.changes.items(), key=lambda item: -abs(item[1]))[:2]
-    said = joined([f"{name} would be {_off(x)}" for name, x in top])
+    (first, change), *others = sorted(bias.changes.items(), key=lambda item: -abs(item[1]))[:2]
+    said = joined([f"{first} would be {_off(change)}", *(f"{n} {_off(x)}" for n, x in others)])
+    constant = bias.amplitude.partition(".")[2]
     return (
-        f"Were there {bias.effect} ({bias.amplitude} = {bias.size:.2g}), {said}, and these tests "
+        f"If {bias.effect} were there ({constant} = {bias.size:.2g}), {said}, and these tests "
         "would not show it."
     )
 
 
 def _off(change: float) -> str:
     """A relative change in words."""
-    by = "more than half" if abs(change) > _LINEAR else f"{abs(change):.0%}"
+    by = "more than half" if abs(change) > _LINEAR else f"{100.0 * abs(change):.0f} %"
     return f"{by} too {'high' if change > 0.0 else 'low'}"
 
 
@@ -350,9 +420,3 @@ def _with_value(d: DiagnosisResult, effect: str) -> str:
     values = ", ".join(f"{name.partition('.')[2]} = {e}" for name, e in own.items())
     said = effect if form == effect else f"{effect} by the law of {form}"
     return f"{said} ({values})" if values else said
-
-
-def _percent(share: float) -> str:
-    if share > 0.999:
-        return "above 99.9 %"
-    return "below 0.1 %" if share < 0.001 else f"{100.0 * share:.3g} %"

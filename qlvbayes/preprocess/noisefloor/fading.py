@@ -71,8 +71,8 @@ def with_fading_sd(
             until = float(test.time[np.argmax(every < np.sqrt(begins * ends))])
             said.append(
                 f"the noise of test {test.name} dies away: its sd is {begins:.3g} at first and "
-                f"{ends:.3g} at the end, most of it before {until:.3g} s; each reading counts by "
-                "its own sd"
+                f"{ends:.3g} at the end, most of it before {until:.3g} s; each reading is "
+                "weighted by its own sd"
             )
     return found, tuple(said)
 

@@ -138,8 +138,8 @@ def _without_dwells(
         floor = replace(floor, ou=floor.white, dwells=None)
         about += ", and correlated noise of the same size is taken to be there"
     notice = (
-        f"no hold or recovery shows the noise: {about}; whether structure that looks like "
-        "correlated noise is some is not testable"
+        f"no hold or recovery shows the noise: {about}; a systematic error that looks like "
+        "correlated noise cannot be told from it (not testable)"
     )
     return replace(floor, testable=False, notices=(notice,))
 
@@ -153,8 +153,8 @@ def _at_least(floor: NoiseFloor, step: float, least: float) -> NoiseFloor:
     if floor.total >= least:
         return floor
     notice = (
-        f"next to no noise is seen ({floor.total:.2g}): a floor of {least:.2g} is taken, as the "
-        "motion between the readings is known no better"
+        f"next to no noise is seen ({floor.total:.2g}): a noise floor of {least:.2g} is used, "
+        "because the motion between the readings is not known better than that"
     )
     return replace(
         floor, white=least / np.sqrt(2.0), ou=least / np.sqrt(2.0), growth=0.0, smooth=False,
