@@ -220,7 +220,10 @@ def _of_length(signal: Array, scale: Scale, length: int, mask: NDArray[np.bool_]
     for k in range(1, length + 1):
         value = signal[k : k + low.size]
         beyond = np.minimum(beyond, np.maximum(value - high, low - value))
-    likely = beyond > np.maximum(_LEAST * scale.span, high - low)
+    # of most candidates their own noise alone disposes: one by one they would take seconds
+    noise = scale.deviation[1 + length // 2 :][: low.size]
+    least = np.maximum(_LEAST * scale.span, _BEYOND * np.sqrt(length) * noise)
+    likely = beyond > np.maximum(least, high - low)
     found: list[Run] = []
     for at in (np.flatnonzero(likely) + 1).tolist():
         run = (at, at + length)
