@@ -119,9 +119,7 @@ def read_measurements(path: str | Path) -> Measurements:
         except InputError as error:
             dialect = error
         if (found := _machine_file(file, dialect)) is not None:
-            return Measurements(
-                _converted(found), found.units, str(path), digest(file), found.notices
-            )
+            return measurements_of(found, str(path), digest(file))
         if isinstance(dialect, InputError):
             raise dialect
         pads = _pads(file, dialect, read_table(file, dialect))
@@ -129,8 +127,13 @@ def read_measurements(path: str | Path) -> Measurements:
     return Measurements(pads, dialect.columns.units, str(path), sha256, _notices(dialect))
 
 
+def measurements_of(conversion: Conversion, source: str, sha256: str) -> Measurements:
+    """What machine files hold; without their clock the tests of a pad follow one another."""
+    pads = _converted(conversion)
+    return Measurements(pads, conversion.units, source, sha256, conversion.notices)
+
+
 def _converted(conversion: Conversion) -> tuple[Pad, ...]:
-    """Pads of a machine's file; without its clock the tests of one follow one another."""
     tests: dict[str, list[Test]] = {}
     for found in conversion.tests:
         of_pad = tests.setdefault(found.pad, [])
