@@ -94,11 +94,13 @@ def look_command(
         looks.append(look)
         if not as_json:
             show_look(look, figures)
-    if as_json:
+    if as_json and looks:
         text = [look.to_json() for look in looks]
         print(text[0] if len(text) == 1 else f"[{','.join(text)}]")
-    if found.refused is not None:
-        raise found.refused
+    for error in found.refused[:-1]:
+        err.print(f"notice: left out: {error}")
+    if found.refused:
+        raise found.refused[-1]
 
 
 @dataclass(frozen=True)
@@ -112,35 +114,37 @@ class _Read:
 
 @dataclass(frozen=True)
 class _Found:
-    """All that could be read, and why the first file that could not be was refused."""
+    """All that could be read, and why other files were refused."""
 
     studies: tuple[_Read, ...]
-    refused: InputError | None
+    refused: tuple[InputError, ...]
 
 
 def _read(files: Sequence[Path], said: Said, formats_file: Path | None) -> _Found:
     """Tidy files one by one, machine files together, as ``convert`` does.
 
-    A single machine file that leaves nothing open is read as every command reads it.
+    One that cannot be read does not lose the others. A single machine file that leaves nothing open
+    is read as every command reads it.
     """
     tidy = [file for file in files if _is_tidy(file)]
     machine = [file for file in files if file not in tidy]
     found: list[_Read] = []
-    refused: InputError | None = None
+    refused: list[InputError] = []
     with waiting("reading"):
         for file in tidy:
             try:
                 found.append(_as_it_is(file))
             except InputError as error:
-                refused = refused or error
-    if machine:
+                refused.append(error)
+    while machine:
         try:
             found.append(_of_machines(machine, said, formats_file))
+            break
         except InputError as error:
-            refused = refused or error
-    if refused is not None and not found:
-        raise refused
-    return _Found(tuple(found), refused)
+            refused.append(error)
+            left = [file for file in machine if str(file) != str(error.file)]
+            machine = left if len(left) < len(machine) else []
+    return _Found(tuple(found), tuple(refused))
 
 
 def _is_tidy(file: Path) -> bool:
@@ -188,12 +192,12 @@ def _typed(said: Said, formats_file: Path | None) -> list[str]:
 
 def show_look(look: FirstLook, figures: Sequence[Path]) -> None:
     """Tables and lines of a first look."""
-    for notice in look.notices:
-        err.print(f"notice: {notice}")
+    if look.notices:
+        out.print("as read:", *(f"  {text}" for text in look.notices), sep="\n", soft_wrap=True)
     for pad, figure in zip(look.pads, figures, strict=True):
         out.print(_tests(pad, look.units))
         for line in lines_of(pad, look.units):
-            out.print(f"  {line}", soft_wrap=not out.is_terminal)
+            out.print(f"  {line}", soft_wrap=True)
         for notice in pad.notices:
             out.print(f"  {notice.removeprefix(f'pad {pad.pad}: ')}", soft_wrap=True)
         out.print(f"  picture: {figure}")
@@ -202,7 +206,9 @@ def show_look(look: FirstLook, figures: Sequence[Path]) -> None:
         out.print(_shown("the pads, side by side", look.between))
     cautions = [caution for pad in look.pads for caution in pad.cautions]
     if cautions:
-        out.print("see to this first:", *(f"  {text}" for text in cautions), sep="\n")
+        out.print(
+            "see to this first:", *(f"  {text}" for text in cautions), sep="\n", soft_wrap=True
+        )
     if look.next:
         out.print("next:", *(f"  {command}" for command in look.next), sep="\n", soft_wrap=True)
 

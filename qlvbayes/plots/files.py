@@ -39,7 +39,7 @@ def save_figure(
     """Write ``path``.pdf (fonts embedded) and ``path``.png (200 dpi); return the latter.
 
     drawn: what a function of this package returned, or a figure; kinds: of file, both by default.
-    Each file goes to a temporary name that is then renamed. Raises OSError where nothing can be written.
+    Each goes to a temporary name that is then renamed. Raises OSError where nothing can be written.
     """
     figure = figure_of(drawn)
     with style(), warnings.catch_warnings(), _laid_out(figure):

@@ -30,6 +30,7 @@ from qlvbayes.plots.style import (
     title_look,
 )
 from qlvbayes.preprocess.experiment import Experiment, Trial
+from qlvbayes.preprocess.firstlook.looking import ROUNDED
 from qlvbayes.preprocess.firstlook.words import span
 from qlvbayes.preprocess.phases import MOVING, NAMES, Phase
 
@@ -146,7 +147,8 @@ def _draw(panels: Sequence[Axes], trial: Trial, units: UnitSystem) -> None:
         _margins(panel, values)
     times = axis.times()
     panels[1].plot(axis(times), path.displacement(times), color=colours()[0], gid="motion")
-    _residual(panels[2], path.resolution * factor)
+    shows = np.max(np.abs(left)) > ROUNDED * path.resolution
+    _residual(panels[2], path.resolution * factor if shows else 0.0)
     _left_out(panels, trial, axis)
     _ring(panels[2], trial, axis, factor)
     for panel in panels:
@@ -283,7 +285,7 @@ def _head(figure: Figure, experiment: Experiment, trials: Sequence[Trial], heigh
     if any(phase.kind == "unload" for trial in trials for phase in trial.phases):
         handles.append(Patch(color=colours()[1], alpha=0.2, linewidth=0))
         labels.append("moving back")
-    if any(trial.trajectory.resolution > 0.0 for trial in trials):
+    if any(line.get_gid() == "step" for panel in figure.axes for line in panel.lines):
         handles.append(Line2D([], [], color=GREY, linestyle="--", linewidth=0.6))
         labels.append("step of the encoder")
     if any(trial.left_out is not None for trial in trials):

@@ -109,7 +109,8 @@ def _hold(experiment: Experiment, trial: Trial, phase: Phase) -> Hold | None:
     if trial.control == "force":
         held, answer, largest, of_answer = answer, held, of_answer, largest
     level = float(np.median(held))
-    if abs(level) < _LOADED * largest:
+    pressed = abs(level) if experiment.units.dimensionless else level
+    if pressed < _LOADED * largest:  # before contact, or back at zero
         return None
     time = trial.test.time[inside]
     duration = float(time[-1] - time[0])
@@ -121,6 +122,14 @@ def _hold(experiment: Experiment, trial: Trial, phase: Phase) -> Hold | None:
     if at_middle.size and at_end.size and of_answer > 0.0:
         change = float(np.mean(at_end) - np.mean(at_middle)) / of_answer
     return Hold(level, phase.stop - phase.start, change)
+
+
+def noise_of(experiment: Experiment) -> float:
+    """Sd of the median reading: the floor's own, or with sds that differ that of the middle one."""
+    sds = [t.test.force_sd for t in experiment.trials if t.test.force_sd is not None]
+    if not sds:
+        return experiment.floor.total
+    return experiment.floor.total * float(np.median(np.concatenate(sds))) / experiment.sd_scale
 
 
 def unloads(experiment: Experiment, nearly: float = NEARLY) -> bool:

@@ -9,7 +9,7 @@ from qlvbayes.io.formats.sampling import sampling_of
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain
 from qlvbayes.preprocess.experiment import Experiment, Trial
-from qlvbayes.preprocess.firstlook.facts import facts_of, move_of, rows
+from qlvbayes.preprocess.firstlook.facts import facts_of, move_of, noise_of, rows
 from qlvbayes.preprocess.firstlook.result import (
     ContactSeen,
     MotionSeen,
@@ -22,13 +22,17 @@ from qlvbayes.preprocess.firstlook.shown import shown_by
 from qlvbayes.preprocess.past import carried_tests
 from qlvbayes.preprocess.pulling import pull_notices
 
+ROUNDED = 0.1
+"""Of a step of the encoder: where no reading is farther from the motion, it was none."""
 _SURE = 4.0  # standard errors, from which on contact is not at the file's zero,
 _TOE = 0.1  # and of the depth: a force that begins softly rises out of the noise as late
 _OFF = 0.02  # of the peak force, below which a force at rest does no harm,
 _NOISY = 3.0  # and times the noise
 _AT_ZERO = 0.01  # of the depth, within which the platen has not left the file's zero
 _RESTS = 5  # readings there, that show the force at rest
-_DEAD = 6.0  # times the noise, below which a test's force has not answered
+_FALLEN = 0.1  # of the largest force, by which it may fall within a movement in
+_FEWEST = 6  # readings of a movement that tell such a fall
+_DEAD = 6.0  # times the noise, below which a test's force has not answered, or not fallen
 
 
 def look_at(experiment: Experiment, *, bonded: bool) -> PadSeen:
@@ -41,7 +45,14 @@ def look_at(experiment: Experiment, *, bonded: bool) -> PadSeen:
     return PadSeen(
         experiment.pad,
         experiment.fluid,
-        NoiseSeen(floor.total, floor.white, floor.ou, floor.memory, testable=floor.testable),
+        NoiseSeen(
+            floor.total,
+            floor.white,
+            floor.ou,
+            floor.memory,
+            testable=floor.testable,
+            by_reading=any(trial.test.force_sd is not None for trial in experiment.trials),
+        ),
         tests,
         shown_by(experiment, facts_of(experiment), bonded=bonded),
         (*_cautions(experiment, tests), *pull_notices(experiment, bonded=bonded)),
@@ -69,7 +80,7 @@ def _test(experiment: Experiment, place: int) -> TestSeen:
         after=tuple(experiment.trials[k].name for k in before),
         rate=trial.rate if np.isfinite(trial.rate) else None,
         reached=_reached(trial),
-        depth=float(np.max(np.abs(test.displacement))),
+        depth=_depth(trial, experiment.units),
         peak=float(np.max(np.abs(test.force))),
         phases=tuple(_phases(trial)),
         motion=_motion(trial, experiment.units),
@@ -77,6 +88,12 @@ def _test(experiment: Experiment, place: int) -> TestSeen:
         at_rest=_at_rest(experiment, trial),
         left_out=trial.left_out.count if trial.left_out is not None else 0,
     )
+
+
+def _depth(trial: Trial, units: UnitSystem) -> float:
+    """The largest: of a pad that is pressed, whatever way the platen came from."""
+    way = trial.test.displacement
+    return float(np.max(np.abs(way) if units.dimensionless else way))
 
 
 def _reached(trial: Trial) -> float | None:
@@ -105,6 +122,7 @@ def _motion(trial: Trial, units: UnitSystem) -> MotionSeen:
         float(np.sqrt(np.mean(left**2))),
         float(abs(left[worst])),
         float(test.time[worst]),
+        bool(abs(left[worst]) > ROUNDED * path.resolution > 0.0),
         None if off is None else off.notice(trial.name, units.displacement),
     )
 
@@ -148,8 +166,8 @@ def _peak_time(trial: Trial) -> float:
 
 def _cautions(experiment: Experiment, tests: tuple[TestSeen, ...]) -> list[str]:
     """What is to be seen to before a fit, a sentence each."""
-    units, noise, told = experiment.units, experiment.floor.total, []
-    for test in tests:
+    units, noise, told = experiment.units, noise_of(experiment), []
+    for test, trial in zip(tests, experiment.trials, strict=True):
         name = f"pad {experiment.pad}, test {test.test}"
         if test.peak < _DEAD * noise:
             told.append(
@@ -158,7 +176,10 @@ def _cautions(experiment: Experiment, tests: tuple[TestSeen, ...]) -> list[str]:
                 "cell was connected, or leave the test out"
             )
             continue
-        told += [f"{name}: {text}" for text in _of_contact(test, units)]
+        told += [
+            f"{name}: {text}"
+            for text in (*_of_contact(test, units), *_fall(trial, experiment.floor.white, units))
+        ]
     return told
 
 
@@ -167,8 +188,8 @@ def _of_contact(test: TestSeen, units: UnitSystem) -> list[str]:
     if contact is not None and contact.place > max(_SURE * contact.sd, _TOE * test.depth):
         told.append(
             f"the force begins to rise at {plain(contact.place)} +- {plain(contact.sd, 2)} "
-            f"{units.displacement}, and depth counts from the file's zero: shift the displacement, "
-            "or let the fit find it by --add contact_offset"
+            f"{units.displacement}, and depth counts from zero: shift the displacement, or let the "
+            "fit find it by --add contact_offset"
         )
     if test.at_rest is not None:
         told.append(
@@ -176,3 +197,30 @@ def _of_contact(test: TestSeen, units: UnitSystem) -> list[str]:
             "it off, or let the fit find it by --add force_offset"
         )
     return told
+
+
+def _fall(trial: Trial, noise: float, units: UnitSystem) -> list[str]:
+    """A force that falls while the platen moves in, which no relaxation makes at an even speed."""
+    test = trial.test
+    if trial.control == "force":
+        return []
+    sds = np.full(test.time.size, noise) if test.force_sd is None else test.force_sd
+    for phase in trial.phases:
+        inside = rows(trial, phase)
+        if phase.kind != "ramp" or inside.size < _FEWEST:
+            continue
+        runs = np.stack([test.force[inside[k : inside.size - 2 + k]] for k in range(3)])
+        force = np.median(runs, axis=0)  # of three: one reading is no fall
+        below = np.maximum.accumulate(force) - force
+        clear = max(_FALLEN * float(np.max(np.abs(test.force))), _DEAD * float(sds[inside].max()))
+        if not np.any(below > clear):
+            continue
+        top = int(np.argmax(force[: int(np.argmax(below > clear)) + 1]))
+        place = plain(float(test.displacement[inside[top + 1]]))
+        unit = "" if units.dimensionless else f" {units.displacement}"
+        return [
+            f"the {units.force_name} falls by up to {plain(float(below.max()), 2)} {units.force} "
+            f"from {place}{unit} on while the platen moves in, as where a specimen tears, slips or "
+            "yields, of which the model knows nothing: keep the readings before it"
+        ]
+    return []

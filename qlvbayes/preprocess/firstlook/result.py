@@ -32,7 +32,8 @@ class MotionSeen(
 ):
     """How far the fitted motion is from the readings of displacement.
 
-    step: of the encoder, 0 where none shows; rms, largest: of readings less motion; at: where (s)
+    step: of the encoder, 0 where none shows; step_shows: whether readings are off by as much as it
+    makes them; rms, largest: of readings less motion; at: where (s)
     it is largest; departure: in words, where that is more than scatter and resolution explain.
     """
 
@@ -40,6 +41,7 @@ class MotionSeen(
     rms: float
     largest: float
     at: float
+    step_shows: bool
     departure: str | None
 
 
@@ -113,7 +115,8 @@ class NoiseSeen(
 ):
     """Noise of the force at rest: sd of a reading, its white and its correlated part.
 
-    testable: whether structure can be told from correlated noise.
+    testable: whether structure can be told from correlated noise; by_reading: whether each reading
+    has a sd of its own, of whose root mean square these are.
     """
 
     total: float
@@ -121,6 +124,7 @@ class NoiseSeen(
     correlated: float
     tau: float
     testable: bool
+    by_reading: bool
 
 
 class Shown(Part, frozen=True):

@@ -17,7 +17,7 @@ import numpy as np
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import joined, plain
 from qlvbayes.preprocess.experiment import Experiment
-from qlvbayes.preprocess.firstlook.facts import Facts, returns, unloads
+from qlvbayes.preprocess.firstlook.facts import Facts, noise_of, returns, unloads
 from qlvbayes.preprocess.firstlook.result import PadSeen, Shown
 from qlvbayes.preprocess.firstlook.words import span
 
@@ -58,12 +58,13 @@ def _stiffness(experiment: Experiment, facts: Facts) -> Shown:
     about, constants = "stiffness and its growth with depth", ("m", "b")
     readings = sum(move.readings for move in facts.moves if move.kind == "ramp")
     levels = apart([hold.level for hold in facts.holds], _DEEPER)
-    noise = experiment.floor.total
+    noise, units = noise_of(experiment), experiment.units
     ratio = experiment.peak / noise if noise > 0.0 else np.inf
-    units = experiment.units
     deep = f"{plain(experiment.depth)} {units.displacement}".removesuffix(" 1")
-    clear = f"up to {deep}; the largest {units.force_name} is {plain(ratio, 2)} times the noise"
-    if ratio < _CLEAR:
+    clear = f"up to {deep}"
+    if experiment.floor.testable:  # else nobody knows the noise so well
+        clear += f"; the largest {units.force_name} is {plain(ratio, 2)} times the noise"
+    if experiment.floor.testable and ratio < _CLEAR:
         return Shown(
             about, "hardly", clear, "press deeper, or use a load cell of a smaller range", constants
         )

@@ -11,6 +11,7 @@ from qlvbayes.preprocess.phases import KINDS, NAMES
 
 _EACH = 6  # phases that are told one by one
 _SLOWER = 0.1  # of its declared speed, by which a test may miss it
+_AGREES = 2.0  # standard errors from zero depth
 _NAMED = 3  # tests that are named
 _MANY = {"ramp": "ramps", "hold": "holds", "unload": "unloadings", "recovery": "recoveries"}
 
@@ -49,6 +50,11 @@ def lines_of(pad: PadSeen, units: UnitSystem) -> list[str]:
 
 def _noise(pad: PadSeen, units: UnitSystem) -> list[str]:
     noise, peak = pad.noise, max(test.peak for test in pad.tests)
+    if pad.noise.by_reading:
+        return [
+            f"noise of the {units.force_name}: {plain(noise.total)} {units.force}, root mean "
+            "square of sds that differ from reading to reading"
+        ]
     kinds = f"{plain(noise.white, 2)} of it independent from reading to reading"
     if noise.correlated > 0.0:
         kinds += f", {plain(noise.correlated, 2)} correlated over {span(noise.tau)}"
@@ -73,8 +79,8 @@ def _speeds(pad: PadSeen, units: UnitSystem) -> list[str]:
 def _motion(pad: PadSeen, units: UnitSystem) -> list[str]:
     name, unit = units.displacement_name, _unit(units.displacement)
     worst = max(pad.tests, key=lambda test: test.motion.largest)
-    steps = sorted({float(plain(t.motion.step, 2)) for t in pad.tests if t.motion.step > 0.0})
-    of = f" (the encoder's step is {joined([plain(step) for step in steps])}{unit})"
+    steps = sorted({float(plain(t.motion.step, 2)) for t in pad.tests if t.motion.step_shows})
+    of = f" (the encoder's step is {joined([plain(step) for step in steps], 'or')}{unit})"
     told = [
         f"motion: readings of {name} within {plain(worst.motion.largest, 2)}{unit} of it"
         f"{of if steps else ''}"
@@ -88,17 +94,28 @@ def _contact(pad: PadSeen, units: UnitSystem) -> list[str]:
         return []
     found = [(test.test, test.contact) for test in pad.tests if test.contact is not None]
     if not found:
-        return ["contact: no test shows an approach, so depth counts from the file's zero"]
-    named = [
-        f"{plain(seen.place, 2)} +- {plain(seen.sd, 1)} {units.displacement} (test {name})"
-        for name, seen in found[:_NAMED]
+        return ["contact: no test shows an approach, so that depth counts from the zero as it is"]
+    off = [
+        f"{plain(seen.place, 2)} +- {plain(seen.sd, 1)} {units.displacement} in test {name}"
+        for name, seen in found
+        if abs(seen.place) > _AGREES * seen.sd
     ]
-    if len(found) > _NAMED:
-        named.append(f"{len(found) - _NAMED} more in look.json")
-    return [
-        f"contact: the {units.force_name} rises out of its noise at {joined(named)}; depth counts "
-        "from the file's zero"
-    ]
+    agree, most = len(found) - len(off), max(seen.sd for _, seen in found)
+    told = []
+    if agree:
+        those = "the test that shows" if len(found) == 1 else f"{agree} of {len(found)} that show"
+        told.append(
+            f"where the {units.force_name} rises agrees with the zero of depth in {those} an "
+            f"approach (errors up to {plain(most, 1)} {units.displacement})"
+        )
+    if len(off) > _NAMED:
+        off = [*off[:_NAMED], f"others ({len(off) - _NAMED} more in look.json)"]
+    if off:
+        told.append(
+            f"the {units.force_name} rises out of its noise at {joined(off)}, where a soft "
+            "beginning may look alike"
+        )
+    return [f"contact: {'; '.join(told)}"]
 
 
 def _clock(pad: PadSeen) -> list[str]:
