@@ -37,23 +37,44 @@ from qlvbayes.preprocess.phases import MOVING, NAMES, Phase
 _HEIGHTS = (20.0, 14.0, 12.0)  # mm, of force, displacement and residual
 _ABOVE, _BELOW, _LEFT, _RIGHT, _APART = 8.0, 9.0, 17.0, 5.0, 2.0  # mm about them
 _LABELLED = 10.0  # mm left of a panel, where the lower line of its label is
-_HEAD = 13.0  # mm, title and legend of the figure
+_MOVED = {  # tints, by whether force is prescribed in all tests, and in any
+    (False, False): ("moving in", "moving back"),
+    (True, True): ("load rising", "load falling"),
+    (False, True): ("moving in, or load rising", "moving back, or load falling"),
+}
+_HEAD = 12.0  # mm, title and legend of the figure
 _MOST = 12  # tests that are drawn
 _FEW_PHASES = 6  # up to which each has the same width; more are drawn in linear time
-_DECADES = 1e-3  # of a dwell: from there on its time is logarithmic
-_BINS = 300  # of a phase, or 1200 of a record in linear time, of each of which the extremes are
-_ALL_BINS = 1200  # drawn
+_EARLIEST, _LATEST = 1e-3, 0.1  # of a dwell: from its first reading on, and there at the
+# earliest and latest, its time is logarithmic
+_BINS, _ALL_BINS = 300, 1200
+"""Of a phase, and of a record in linear time: of each the extremes of dense readings are drawn."""
 _NAME = 34  # characters of a test's name
 _FINER = {"mm": ("µm", 1e3), "um": ("nm", 1e3), "m": ("mm", 1e3), "1": ("10⁻³", 1e3)}
 _SMALL = 0.1  # of a unit: below, residuals are in the finer one
+_EXACT = 1e-6  # of the stroke: smaller residuals are rounding of the computer's
 
 
 @dataclass(frozen=True)
 class _Axis:
-    """Where times of a test stand: each phase as wide as the others, or all in linear time."""
+    """Where times of a test stand: each phase as wide as the others, or all in linear time.
+
+    early: of each phase the share from where on the time of a dwell is logarithmic.
+    """
 
     phases: tuple[Phase, ...]
     even: bool
+    early: np.ndarray
+
+    @classmethod
+    def of(cls, trial: Trial) -> _Axis:
+        """For the readings of a test."""
+        time, early = trial.test.time, []
+        for phase in trial.phases:
+            first = min(int(np.searchsorted(time, phase.start, side="right")), time.size - 1)
+            share = (float(time[first]) - phase.start) / (phase.stop - phase.start)
+            early.append(min(max(share, _EARLIEST), _LATEST))
+        return cls(trial.phases, len(trial.phases) <= _FEW_PHASES, np.array(early))
 
     def __call__(self, time: np.ndarray) -> np.ndarray:
         """Places (n,) of times (n,) in s."""
@@ -64,7 +85,8 @@ class _Axis:
         length = np.array([phase.stop - phase.start for phase in self.phases])[own]
         share = np.clip((time - starts[own]) / length, 0.0, 1.0)
         moving = np.array([phase.kind in MOVING for phase in self.phases])[own]
-        late = np.log1p(share / _DECADES) / np.log1p(1.0 / _DECADES)
+        early = self.early[own]
+        late = np.log1p(share / early) / np.log1p(1.0 / early)
         return np.asarray(own + np.where(moving, share, late))
 
     @property
@@ -76,15 +98,12 @@ class _Axis:
         """Times (s) close enough for a curve."""
         if not self.even:
             return np.linspace(self.ends[0], self.ends[-1], 4 * _ALL_BINS)
-        shares = np.linspace(0.0, 1.0, _BINS)
-        late = _DECADES * np.expm1(shares * np.log1p(1.0 / _DECADES))
-        return np.concatenate(
-            [
-                phase.start
-                + (phase.stop - phase.start) * (shares if phase.kind in MOVING else late)
-                for phase in self.phases
-            ]
-        )
+        shares, found = np.linspace(0.0, 1.0, _BINS), []
+        for phase, early in zip(self.phases, self.early, strict=True):
+            late = early * np.expm1(shares * np.log1p(1.0 / early))
+            part = shares if phase.kind in MOVING else late
+            found.append(phase.start + (phase.stop - phase.start) * part)
+        return np.concatenate(found)
 
 
 def plot_look(experiment: Experiment, *, width: float = DOUBLE) -> list[Axes]:
@@ -133,31 +152,29 @@ def _chosen(experiment: Experiment) -> list[Trial]:
 
 def _draw(panels: Sequence[Axes], trial: Trial, units: UnitSystem) -> None:
     test, path = trial.test, trial.trajectory
-    axis = _Axis(trial.phases, len(trial.phases) <= _FEW_PHASES)
+    axis = _Axis.of(trial)
     left = test.displacement - path.displacement(test.time)
-    unit, factor = units.displacement, 1.0
-    if unit in _FINER and np.max(np.abs(left)) < _SMALL:
-        unit, factor = _FINER[unit]
-    elif units.dimensionless:
-        unit = ""
-    dots: dict[str, Any] = {"color": BLACK, "markersize": 1.8, "markeredgewidth": 0.0}
+    unit, factor = _scale(left, units.displacement, _SMALL)
+    way_unit, way = _scale(test.displacement, units.displacement, _SMALL**2)
     places = axis(test.time)
-    for panel, values in zip(panels, (test.force, test.displacement, factor * left), strict=True):
-        panel.plot(*_thinned(places, values, axis), ".", **dots, gid="readings")
-        _margins(panel, values)
+    for panel, values in zip(
+        panels, (test.force, way * test.displacement, factor * left), strict=True
+    ):
+        _readings(panel, places, values, axis)
     times = axis.times()
-    panels[1].plot(axis(times), path.displacement(times), color=colours()[0], gid="motion")
+    panels[1].plot(axis(times), way * path.displacement(times), color=colours()[0], gid="motion")
     shows = np.max(np.abs(left)) > ROUNDED * path.resolution
-    _residual(panels[2], path.resolution * factor if shows else 0.0)
-    _left_out(panels, trial, axis)
+    exact = _EXACT * factor * float(np.ptp(test.displacement))
+    _residual(panels[2], path.resolution * factor if shows else 0.0, exact)
+    _left_out(panels, trial, axis, way)
     _ring(panels[2], trial, axis, factor)
     for panel in panels:
         _mark(panel, axis, last=panel is panels[-1])
     _name_phases(panels[0], axis)
     for panel, name, of in (
         (panels[0], units.force_name, units.force),
-        (panels[1], units.displacement_name, units.displacement),
-        (panels[2], "residual", unit or "1"),
+        (panels[1], units.displacement_name, way_unit),
+        (panels[2], "residual", unit),
     ):
         panel.set_ylabel(quantity(name, of).replace(" (", "\n("), fontsize=6.2)
         panel.yaxis.set_major_locator(MaxNLocator(3 if panel is panels[0] else 2))
@@ -184,41 +201,49 @@ def _title(trial: Trial, units: UnitSystem) -> str:
     return ", ".join(words)
 
 
-def _thinned(places: np.ndarray, values: np.ndarray, axis: _Axis) -> tuple[np.ndarray, np.ndarray]:
-    """Least and largest of each of some hundred bins; all where there are no more."""
+def _scale(values: np.ndarray, unit: str, small: float) -> tuple[str, float]:
+    """The unit to draw in and its factor: the finer one for small values."""
+    if unit in _FINER and np.max(np.abs(values)) < small:
+        return _FINER[unit]
+    return unit, 1.0
+
+
+def _readings(panel: Axes, places: np.ndarray, values: np.ndarray, axis: _Axis) -> None:
+    """Dots; of a dense record a band from the least to the largest of each of some hundred bins."""
     bins = _BINS * len(axis.phases) if axis.even else _ALL_BINS
-    if places.size <= 2 * bins:
-        return places, values
-    edges = np.linspace(places[0], places[-1], bins + 1)[:-1]
-    first = np.unique(np.searchsorted(places, edges))
-    low, high = np.minimum.reduceat(values, first), np.maximum.reduceat(values, first)
-    at = places[first]
-    return np.concatenate([at, at]), np.concatenate([low, high])
-
-
-def _margins(panel: Axes, values: np.ndarray) -> None:
+    line = "None"
     low, high = float(np.min(values)), float(np.max(values))
+    if places.size > 2 * bins:
+        first = np.unique(
+            np.searchsorted(places, np.linspace(places[0], places[-1], bins + 1)[:-1])
+        )
+        ends = np.minimum.reduceat(values, first), np.maximum.reduceat(values, first)
+        places, values, line = np.repeat(places[first], 2), np.column_stack(ends).ravel(), "-"
+    panel.plot(
+        places, values, marker=".", linestyle=line, linewidth=0.5, color=BLACK, markersize=1.8,
+        markeredgewidth=0.0, gid="readings",
+    )  # fmt: skip
     spare = 0.08 * (high - low) or 0.5 * abs(high) or 1.0
     panel.set_ylim(low - spare, high + spare)
 
 
-def _residual(panel: Axes, step: float) -> None:
-    """Zero, and the encoder's step to either side."""
+def _residual(panel: Axes, step: float, exact: float) -> None:
+    """Zero, and the encoder's step to either side; exact: what is nothing but rounding."""
     panel.axhline(0.0, color=colours()[0], linewidth=0.6)
     for side in (-step, step) if step > 0.0 else ():
         panel.axhline(side, color=GREY, linewidth=0.5, linestyle="--", gid="step")
     low, high = panel.get_ylim()
-    most = max(-low, high, 1.3 * step)
+    most = max(-low, high, 1.3 * step, exact)
     panel.set_ylim(-most, most)
 
 
-def _left_out(panels: Sequence[Axes], trial: Trial, axis: _Axis) -> None:
+def _left_out(panels: Sequence[Axes], trial: Trial, axis: _Axis, way: float) -> None:
     """Grey crosses; those beyond an axis stand at its edge."""
     bad = trial.left_out
     if bad is None:
         return
     places = axis(bad.time)
-    for panel, values in ((panels[0], bad.force), (panels[1], bad.displacement)):
+    for panel, values in ((panels[0], bad.force), (panels[1], way * bad.displacement)):
         panel.plot(
             places, np.clip(values, *panel.get_ylim()), "x", color=GREY, markersize=4.5,
             markeredgewidth=0.9, clip_on=False, zorder=4, gid=LABEL,
@@ -281,10 +306,12 @@ def _head(figure: Figure, experiment: Experiment, trials: Sequence[Trial], heigh
         Line2D([], [], color=colours()[0]),
         Patch(color=colours()[0], alpha=0.2, linewidth=0),
     ]
-    labels = ["readings", "motion taken from them", "moving in"]
+    loaded = {trial.control == "force" for trial in trials}
+    rising, falling = _MOVED[min(loaded), max(loaded)]
+    labels = ["readings", "motion taken from them", rising]
     if any(phase.kind == "unload" for trial in trials for phase in trial.phases):
         handles.append(Patch(color=colours()[1], alpha=0.2, linewidth=0))
-        labels.append("moving back")
+        labels.append(falling)
     if any(line.get_gid() == "step" for panel in figure.axes for line in panel.lines):
         handles.append(Line2D([], [], color=GREY, linestyle="--", linewidth=0.6))
         labels.append("step of the encoder")

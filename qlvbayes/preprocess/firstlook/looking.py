@@ -215,8 +215,8 @@ def _fall(trial: Trial, noise: float, units: UnitSystem) -> list[str]:
         clear = max(_FALLEN * float(np.max(np.abs(test.force))), _DEAD * float(sds[inside].max()))
         if not np.any(below > clear):
             continue
-        top = int(np.argmax(force[: int(np.argmax(below > clear)) + 1]))
-        place = plain(float(test.displacement[inside[top + 1]]))
+        top = int(np.argmax(test.force[inside[: int(np.argmax(below > clear)) + 2]]))
+        place = plain(float(test.displacement[inside[top]]))
         unit = "" if units.dimensionless else f" {units.displacement}"
         return [
             f"the {units.force_name} falls by up to {plain(float(below.max()), 2)} {units.force} "

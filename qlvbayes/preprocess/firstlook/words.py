@@ -18,7 +18,7 @@ _MANY = {"ramp": "ramps", "hold": "holds", "unload": "unloadings", "recovery": "
 
 def span(seconds: float) -> str:
     """'16 ms', '0.8 s', '30 s', with two digits."""
-    return f"{plain(1e3 * seconds, 2)} ms" if seconds < 0.1 else f"{plain(seconds, 2)} s"
+    return f"{plain(1e3 * seconds, 2)} ms" if seconds < 0.0995 else f"{plain(seconds, 2)} s"
 
 
 def phases_in_words(phases: Sequence[PhaseSeen]) -> str:
