@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from qlvbayes.pipeline.run import run_study
     from qlvbayes.pipeline.specimen import Specimen, Study, read_study
     from qlvbayes.preprocess.experiment import Experiment
+    from qlvbayes.preprocess.firstlook.result import FirstLook
     from qlvbayes.report.page import write_report
     from qlvbayes.use import exports
     from qlvbayes.use.exports.write import export
@@ -62,6 +63,7 @@ _HOMES = {
     "Diagnosis": "diagnosis.telling.verdict.Diagnosis",
     "DiagnosisResult": "diagnosis.result.DiagnosisResult",
     "Experiment": "preprocess.experiment.Experiment",
+    "FirstLook": "preprocess.firstlook.result.FirstLook",
     "Fit": "fitting.fit.Fit",
     "FitSummary": "fitting.summary.FitSummary",
     "Hypotheses": "use.prescribed.hypotheses.Hypotheses",
@@ -103,6 +105,7 @@ __all__ = [
     "Diagnosis",
     "DiagnosisResult",
     "Experiment",
+    "FirstLook",
     "Fit",
     "FitSummary",
     "Hypotheses",

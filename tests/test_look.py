@@ -200,7 +200,7 @@ def test_a_dead_load_cell_a_late_contact_a_tare_and_a_tear_are_told(tmp_path, pl
         "dead": (time, depth, quiet),
         "late": (time, depth, force_of(time, np.maximum(depth - 0.3, 0.0), 4)),
         "tare": (time, depth, force + 0.2),
-        "torn": (time, depth, np.where((depth > 0.8) & (time < 1.49), 0.3 * force, force)),
+        "torn": (time, depth, np.where((depth > 0.79) & (time < 1.49), 0.3 * force, force)),
         "good": (time, depth, force),
     }
     cautions = seen(tmp_path, tests)[0].cautions
@@ -208,7 +208,7 @@ def test_a_dead_load_cell_a_late_contact_a_tare_and_a_tear_are_told(tmp_path, pl
     assert "never leaves its noise" in said["dead"][0]
     assert "contact_offset" in said["late"][0]
     assert "0.2 N" in said["tare"][0]
-    assert "from 0.8 mm on" in said["torn"][0]
+    assert "from 0.78 mm on" in said["torn"][0]
     assert not said["good"]
     assert not plain[0].cautions
 
