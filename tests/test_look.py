@@ -132,8 +132,8 @@ def test_relaxation_is_shown_up_to_the_longest_hold(tmp_path):
     short, long = (
         answers(seen(tmp_path, {"a": pressed((1.0, 2.0, hold))})[0])["c"] for hold in (6.0, 60.0)
     )
-    assert "to 6 s (the longest hold): up to 2 times" in short.reason
-    assert "to 60 s (the longest hold): up to 3 times" in long.reason
+    assert "to 6 s (the longest hold): up to 2 relaxation times" in short.reason
+    assert "to 60 s (the longest hold): up to 3 relaxation times" in long.reason
 
 
 def test_without_a_hold_one_press_shows_no_relaxation(tmp_path):

@@ -76,10 +76,11 @@ def look_command(
 ) -> None:
     """Look at measurements before anything is fitted: what is in them, and what they can show.
 
-    Tells of each test its phases, speeds, sampling and noise, of each pad where contact is, which
-    readings are left out, and which parts of the model its tests show: yes, hardly (something else
-    looks alike) or no, with the test that would. Leaves OUT/look.json and a picture
-    OUT/look_<pad>.png of readings, motion and what the motion leaves. Fits nothing.
+    Tells of each test its phases, speeds and sampling; of each pad the noise, where contact is,
+    which readings are left out, and which parts of the model its tests show: yes, hardly (something
+    else looks alike in these tests) or no, with the fact behind it and the test that would show it.
+    Leaves OUT/look.json and for each pad the picture OUT/look_<pad>.png: readings, the motion taken
+    from them, and what is left between both.
     """
     said = Said(sign, contact, units, area, tuple(split_names(pad)), tuple(split_names(test)))
     found = _read(files, said, formats_file)
@@ -128,6 +129,9 @@ def _read(files: Sequence[Path], said: Said, formats_file: Path | None) -> _Foun
     """
     tidy = [file for file in files if _is_tidy(file)]
     machine = [file for file in files if file not in tidy]
+    if tidy and not machine and (options := _typed(said, formats_file)):
+        what = f"{options[0]} is for files as machines write them, and this one is tidy"
+        raise InputError(what, file=tidy[0], remedy="leave it out")
     found: list[_Read] = []
     refused: list[InputError] = []
     with waiting("reading"):
@@ -206,9 +210,7 @@ def show_look(look: FirstLook, figures: Sequence[Path]) -> None:
         out.print(_shown("the pads, side by side", look.between))
     cautions = [caution for pad in look.pads for caution in pad.cautions]
     if cautions:
-        out.print(
-            "see to this first:", *(f"  {text}" for text in cautions), sep="\n", soft_wrap=True
-        )
+        out.print("before a fit:", *(f"  {text}" for text in cautions), sep="\n", soft_wrap=True)
     if look.next:
         out.print("next:", *(f"  {command}" for command in look.next), sep="\n", soft_wrap=True)
 
@@ -243,10 +245,10 @@ def _tests(pad: PadSeen, units: UnitSystem) -> Table:
 
 def _shown(title: str, shown: Sequence[Shown]) -> Table:
     table = Table(title=title, title_justify="left", title_style="bold")
-    for name in ("part of the model", "shown", "by", "what would show it"):
+    for name in ("part of the model", "shown", "because", "what would show it"):
         table.add_column(name)
     for one in shown:
-        names = ", ".join((*one.constants, *one.effects))
+        names = ", ".join(name for name in (*one.constants, *one.effects) if name != one.about)
         table.add_row(
             f"{one.about} ({names})" if names else one.about,
             Text(one.answer, style=_STYLES[one.answer]),

@@ -165,7 +165,7 @@ def _peak_time(trial: Trial) -> float:
 
 
 def _cautions(experiment: Experiment, tests: tuple[TestSeen, ...]) -> list[str]:
-    """What is to be seen to before a fit, a sentence each."""
+    """What to mend or to decide before a fit, a sentence each."""
     units, noise, told = experiment.units, noise_of(experiment), []
     for test, trial in zip(tests, experiment.trials, strict=True):
         name = f"pad {experiment.pad}, test {test.test}"
@@ -221,6 +221,6 @@ def _fall(trial: Trial, noise: float, units: UnitSystem) -> list[str]:
         return [
             f"the {units.force_name} falls by up to {plain(float(below.max()), 2)} {units.force} "
             f"from {place}{unit} on while the platen moves in, as where a specimen tears, slips or "
-            "yields, of which the model knows nothing: keep the readings before it"
+            "yields, which no part of the model describes: fit the readings before it alone"
         ]
     return []

@@ -143,7 +143,7 @@ class Shown(Part, frozen=True):
 
 
 class PadSeen(Part, frozen=True):
-    """One pad: its tests, its noise, what its tests show, and what is to be seen to first."""
+    """One pad: its tests, its noise, what its tests show, and what to mend before a fit."""
 
     pad: str
     fluid: str | None

@@ -91,8 +91,8 @@ def _relaxation(experiment: Experiment, facts: Facts) -> Shown:
         remedy = "hold longer, or press faster"
         return Shown(about, "hardly", f"{window}: hardly any range", remedy, constants)
     modes = max(1, floor(log10(longest / shortest)))
-    many = "one time" if modes == 1 else f"up to {modes} times"
-    reason = f"{window}: {many}, one a decade"
+    many = "one relaxation time" if modes == 1 else f"up to {modes} relaxation times"
+    reason = f"{window}: {many}, about one a decade"
     change = _still_changing(facts)
     if abs(change) < _STILL:
         return Shown(about, "yes", reason, "", constants)
@@ -138,10 +138,10 @@ def _speed(experiment: Experiment, facts: Facts) -> Shown:
         return Shown(about, "no", reason, "record more often", effects=OF_SPEED)
     speeds = apart(facts.speeds, _FASTER)
     if not speeds:
-        reason = "no test prescribes the displacement, so that the specimen sets the speed"
+        reason = "no test prescribes the displacement: the specimen sets the speed"
         return Shown(about, "hardly", reason, "press at two speeds", effects=OF_SPEED)
     if len(speeds) == 1:
-        reason = f"one speed, {_per(speeds[0], unit)}: it looks like quick relaxation"
+        reason = f"one speed, {_per(speeds[0], unit)}, at which it looks like quick relaxation"
         remedy = f"press at another speed, {plain(_FASTER)} times as fast or more"
         return Shown(about, "hardly", reason, remedy, effects=OF_SPEED)
     low, high = _per(min(facts.speeds), unit), _per(max(facts.speeds), unit)
@@ -184,7 +184,8 @@ def _retraction(experiment: Experiment, *, bonded: bool) -> Shown:
     if bonded:
         return Shown(about, "no", "the specimen is fixed to the platen", effects=OF_RETRACTION)
     if returns(experiment):
-        return Shown(about, "yes", "the platen comes back to zero", effects=OF_RETRACTION)
+        reason = "a test comes back to zero depth or to no force"
+        return Shown(about, "yes", reason, effects=OF_RETRACTION)
     reason, remedy = "no test retracts to zero depth", "move back all the way"
     return Shown(about, "no", reason, remedy, effects=OF_RETRACTION)
 
@@ -201,7 +202,7 @@ def _clock(experiment: Experiment) -> Shown:
     about, effects = "a change from test to test", OF_THE_CLOCK
     count = len(experiment.trials)
     if count == 1:
-        reason = "one test: it looks like slow relaxation"
+        reason = "one test, in which it looks like slow relaxation"
         return Shown(about, "hardly", reason, "repeat the first test last", effects=effects)
     if all(trial.test.start_known for trial in experiment.trials):
         return Shown(about, "yes", f"{count} tests, and the clock between them", effects=effects)
@@ -211,7 +212,7 @@ def _clock(experiment: Experiment) -> Shown:
 
 
 def _validation(experiment: Experiment, facts: Facts) -> Shown:
-    about = "whether the model predicts what it has not seen"
+    about = "prediction of unseen tests"
     fitted, others = len(experiment.with_role("fit")), len(experiment.with_role("validate"))
     if fitted and others:
         plural = "s" if others > 1 else ""

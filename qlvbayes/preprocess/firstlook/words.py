@@ -55,13 +55,13 @@ def _noise(pad: PadSeen, units: UnitSystem) -> list[str]:
             f"noise of the {units.force_name}: {plain(noise.total)} {units.force}, root mean "
             "square of sds that differ from reading to reading"
         ]
-    kinds = f"{plain(noise.white, 2)} of it independent from reading to reading"
+    share = f" ({100.0 * noise.total / peak:.2g} % of the largest)" if peak > 0.0 else ""
+    parts = f"white {plain(noise.white, 2)}"
     if noise.correlated > 0.0:
-        kinds += f", {plain(noise.correlated, 2)} correlated over {span(noise.tau)}"
-    share = f"{100.0 * noise.total / peak:.2g} % of the largest {units.force_name}" if peak else ""
+        parts += f", correlated {plain(noise.correlated, 2)} over {span(noise.tau)}"
     return [
-        f"noise of the {units.force_name}: {plain(noise.total)} {units.force} a reading, {share}; "
-        f"{kinds}"
+        f"noise of the {units.force_name}: {plain(noise.total)} {units.force} a reading{share}: "
+        f"{parts}"
     ]
 
 
@@ -82,8 +82,8 @@ def _motion(pad: PadSeen, units: UnitSystem) -> list[str]:
     steps = sorted({float(plain(t.motion.step, 2)) for t in pad.tests if t.motion.step_shows})
     of = f" (the encoder's step is {joined([plain(step) for step in steps], 'or')}{unit})"
     told = [
-        f"motion: readings of {name} within {plain(worst.motion.largest, 2)}{unit} of it"
-        f"{of if steps else ''}"
+        f"motion: fitted to the {name} within {plain(worst.motion.largest, 2)}{unit} of every "
+        f"reading{of if steps else ''}"
     ]
     return told + [test.motion.departure for test in pad.tests if test.motion.departure]
 
@@ -103,10 +103,11 @@ def _contact(pad: PadSeen, units: UnitSystem) -> list[str]:
     agree, most = len(found) - len(off), max(seen.sd for _, seen in found)
     told = []
     if agree:
-        those = "the test that shows" if len(found) == 1 else f"{agree} of {len(found)} that show"
+        those = "the one test that shows" if len(found) == 1 else f"{agree} of {len(found)} tests"
         told.append(
-            f"where the {units.force_name} rises agrees with the zero of depth in {those} an "
-            f"approach (errors up to {plain(most, 1)} {units.displacement})"
+            f"the rise of the {units.force_name} agrees with zero depth in {those} "
+            f"{'' if len(found) == 1 else 'that show '}an approach (errors up to {plain(most, 1)} "
+            f"{units.displacement})"
         )
     if len(off) > _NAMED:
         off = [*off[:_NAMED], f"others ({len(off) - _NAMED} more in look.json)"]
@@ -129,8 +130,8 @@ def _clock(pad: PadSeen) -> list[str]:
     carried = [test.test for test in pad.tests if test.after]
     if carried:
         told.append(
-            f"rest: {_tests(carried)} begin{'s' if len(carried) == 1 else ''} before the test "
-            "before has been recovered from, which a fit takes into account"
+            f"rest: {_tests(carried)} begin{'s' if len(carried) == 1 else ''} while the specimen "
+            "still recovers from an earlier test, which a fit takes into account"
         )
     return told
 
