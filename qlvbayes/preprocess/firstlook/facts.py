@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from qlvbayes.io.data import Control
 from qlvbayes.io.formats.sampling import sampling_of
 from qlvbayes.preprocess.experiment import Experiment, Trial
 from qlvbayes.preprocess.phases import MOVING, Phase
@@ -32,9 +33,11 @@ class Move:
 class Hold:
     """A dwell under load: where (displacement, or force where that is prescribed), how long (s).
 
-    change: of the answering force, or displacement, in its second half, over the pad's largest.
+    control: which of both is prescribed; change: of the other in its second half, over the pad's
+    largest.
     """
 
+    control: Control
     level: float
     duration: float
     change: float
@@ -42,14 +45,13 @@ class Hold:
 
 @dataclass(frozen=True)
 class Facts:
-    """All movements, and all dwells under load with readings enough; speeds of a prescribed motion.
+    """All movements, and all dwells under load with readings enough.
 
     interval: shortest usual time (s) between readings of a test; loads: ramps of all tests.
     """
 
     moves: tuple[Move, ...]
     holds: tuple[Hold, ...]
-    speeds: tuple[float, ...]
     interval: float
     loads: int
 
@@ -57,6 +59,21 @@ class Facts:
     def longest_hold(self) -> float:
         """Duration (s), 0 where there is none."""
         return max((hold.duration for hold in self.holds), default=0.0)
+
+    @property
+    def speeds(self) -> list[float]:
+        """Of all movements."""
+        return [move.speed for move in self.moves]
+
+    @property
+    def held(self) -> Control:
+        """What is held: the displacement, or the force where no hold is of that."""
+        return "force" if all(hold.control == "force" for hold in self.holds) else "displacement"
+
+    @property
+    def levels(self) -> list[float]:
+        """Where that is held."""
+        return [hold.level for hold in self.holds if hold.control == self.held]
 
     @property
     def durations(self) -> tuple[float, float]:
@@ -69,18 +86,14 @@ def facts_of(experiment: Experiment) -> Facts:
     """Read off the phases of all tests."""
     moves: list[Move] = []
     holds: list[Hold] = []
-    speeds: list[float] = []
     for trial in experiment.trials:
-        own = [move_of(trial, phase) for phase in trial.phases if phase.kind in MOVING]
-        moves += own
-        if trial.control == "displacement":
-            speeds += [move.speed for move in own]
+        moves += [move_of(trial, phase) for phase in trial.phases if phase.kind in MOVING]
         found = (_hold(experiment, trial, phase) for phase in trial.phases)
         holds += [hold for hold in found if hold is not None]
     # of an uneven record the short ones, which are where it changes quickly
     intervals = [sampling_of(trial.test.time).low for trial in experiment.trials]
     loads = sum(move.kind == "ramp" for move in moves)
-    return Facts(tuple(moves), tuple(holds), tuple(speeds), min(intervals), loads)
+    return Facts(tuple(moves), tuple(holds), min(intervals), loads)
 
 
 def move_of(trial: Trial, phase: Phase) -> Move:
@@ -121,7 +134,7 @@ def _hold(experiment: Experiment, trial: Trial, phase: Phase) -> Hold | None:
     change = 0.0
     if at_middle.size and at_end.size and of_answer > 0.0:
         change = float(np.mean(at_end) - np.mean(at_middle)) / of_answer
-    return Hold(level, phase.stop - phase.start, change)
+    return Hold(trial.control, level, phase.stop - phase.start, change)
 
 
 def noise_of(experiment: Experiment) -> float:

@@ -17,7 +17,7 @@ import numpy as np
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import joined, plain
 from qlvbayes.preprocess.experiment import Experiment
-from qlvbayes.preprocess.firstlook.facts import Facts, noise_of, returns, unloads
+from qlvbayes.preprocess.firstlook.facts import Facts, Hold, noise_of, returns, unloads
 from qlvbayes.preprocess.firstlook.result import PadSeen, Shown
 from qlvbayes.preprocess.firstlook.words import span
 
@@ -57,7 +57,7 @@ def shown_by(experiment: Experiment, facts: Facts, *, bonded: bool) -> tuple[Sho
 def _stiffness(experiment: Experiment, facts: Facts) -> Shown:
     about, constants = "stiffness and its growth with depth", ("m", "b")
     readings = sum(move.readings for move in facts.moves if move.kind == "ramp")
-    levels = apart([hold.level for hold in facts.holds], _DEEPER)
+    levels = apart(facts.levels, _DEEPER)
     noise, units = noise_of(experiment), experiment.units
     ratio = experiment.peak / noise if noise > 0.0 else np.inf
     deep = f"{plain(experiment.depth)} {units.displacement}".removesuffix(" 1")
@@ -93,15 +93,14 @@ def _relaxation(experiment: Experiment, facts: Facts) -> Shown:
     modes = max(1, floor(log10(longest / shortest)))
     many = "one relaxation time" if modes == 1 else f"up to {modes} relaxation times"
     reason = f"{window}: {many}, about one a decade"
-    change = _still_changing(facts)
-    if abs(change) < _STILL:
+    moving = _still_changing(facts)
+    if abs(moving.change) < _STILL:
         return Shown(about, "yes", reason, "", constants)
-    held = all(trial.control == "force" for trial in experiment.trials)
     units = experiment.units
-    name = f"the {units.displacement_name if held else units.force_name}"
+    name = units.displacement_name if moving.control == "force" else units.force_name
     reason += (
-        f"; in the second half of the longest hold {name} still changes by "
-        f"{100.0 * abs(change):.2g} % of the largest"
+        f"; in the second half of the longest hold the {name} still changes by "
+        f"{100.0 * abs(moving.change):.2g} % of the largest"
     )
     return Shown(about, "yes", reason, "slower relaxation needs a longer hold", constants)
 
@@ -125,10 +124,10 @@ def _without_holds(facts: Facts, about: str, constants: tuple[str, ...]) -> Show
     return Shown(about, "no", reason, remedy, constants)
 
 
-def _still_changing(facts: Facts) -> float:
-    """The largest change in the second half of holds as long as the longest one, signed."""
-    long = [hold.change for hold in facts.holds if _ALIKE * hold.duration > facts.longest_hold]
-    return max(long, key=abs)
+def _still_changing(facts: Facts) -> Hold:
+    """The hold, as long as the longest one or nearly, in whose second half most changes."""
+    long = [hold for hold in facts.holds if _ALIKE * hold.duration > facts.longest_hold]
+    return max(long, key=lambda hold: abs(hold.change))
 
 
 def _speed(experiment: Experiment, facts: Facts) -> Shown:
@@ -138,13 +137,13 @@ def _speed(experiment: Experiment, facts: Facts) -> Shown:
         return Shown(about, "no", reason, "record more often", effects=OF_SPEED)
     speeds = apart(facts.speeds, _FASTER)
     if not speeds:
-        reason = "no test prescribes the displacement: the specimen sets the speed"
+        reason = "no test moves from one place to another"
         return Shown(about, "hardly", reason, "press at two speeds", effects=OF_SPEED)
     if len(speeds) == 1:
         reason = f"one speed, {_per(speeds[0], unit)}, at which it looks like quick relaxation"
         remedy = f"press at another speed, {plain(_FASTER)} times as fast or more"
         return Shown(about, "hardly", reason, remedy, effects=OF_SPEED)
-    low, high = _per(min(facts.speeds), unit), _per(max(facts.speeds), unit)
+    low, high = _per(speeds[0], unit), _per(max(facts.speeds), unit)
     return Shown(about, "yes", f"speeds from {low} to {high}", effects=OF_SPEED)
 
 
@@ -154,18 +153,18 @@ def _per(speed: float, unit: str) -> str:
 
 def _depth(experiment: Experiment, facts: Facts) -> Shown:
     about = "relaxation that changes with depth"
-    levels = apart([hold.level for hold in facts.holds], _DEEPER)
+    levels = apart(facts.levels, _DEEPER)
     if len(levels) < 2:
-        where = f"one depth, {_levels(experiment, levels)}" if levels else "no depth"
+        what = "force" if facts.held == "force" else "depth"
+        where = f"one {what}, {_levels(experiment, facts, levels)}" if levels else "no depth"
         reason = f"holds at {where}: only the movements could show it"
         return Shown(about, "hardly", reason, "hold at two depths or more", effects=OF_DEPTH)
-    return Shown(about, "yes", f"holds at {_levels(experiment, levels)}", effects=OF_DEPTH)
+    return Shown(about, "yes", f"holds at {_levels(experiment, facts, levels)}", effects=OF_DEPTH)
 
 
-def _levels(experiment: Experiment, levels: Sequence[float]) -> str:
+def _levels(experiment: Experiment, facts: Facts, levels: Sequence[float]) -> str:
     units = experiment.units
-    forces = all(trial.control == "force" for trial in experiment.trials)
-    unit = units.force if forces else units.displacement
+    unit = units.force if facts.held == "force" else units.displacement
     named = [plain(level) for level in levels]
     if len(named) > _NAMED:
         named = [*named[: _NAMED - 1], f"{len(named) - _NAMED + 1} more"]
