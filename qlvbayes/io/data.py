@@ -128,12 +128,13 @@ def read_measurements(path: str | Path) -> Measurements:
 
 
 def measurements_of(conversion: Conversion, source: str, sha256: str) -> Measurements:
-    """What machine files hold; without their clock the tests of a pad follow one another."""
+    """What machine files hold, with where they came from."""
     pads = _converted(conversion)
     return Measurements(pads, conversion.units, source, sha256, conversion.notices)
 
 
 def _converted(conversion: Conversion) -> tuple[Pad, ...]:
+    """Pads of a machine's file; without its clock the tests of one follow one another."""
     tests: dict[str, list[Test]] = {}
     for found in conversion.tests:
         of_pad = tests.setdefault(found.pad, [])

@@ -20,6 +20,7 @@ def look_into(
     pads: Sequence[Pad],
     *,
     bonded: bool | None = None,
+    effects: tuple[str, ...] = (),
     keep_all_readings: bool = False,
     files: Sequence[str] = (),
     next_commands: Sequence[str] = (),
@@ -27,13 +28,13 @@ def look_into(
     """Look at some pads; leave ``look.json`` and a picture ``look_<pad>.png`` of each in a folder.
 
     bonded: whether specimens are fixed to the platen, by default where the file holds strain and
-    stress; files: those that were read, by default the study's own; next_commands: what to type
+    stress; effects: those that the model has already; files: those that were read, by default the study's own; next_commands: what to type
     then. Returns what was found and the pictures' paths. Raises InputError where a test cannot be
     used or nothing can be written.
     """
     fixed = study.units.bonded_default if bonded is None else bonded
     experiments = [prepare(pad, keep_all_readings=keep_all_readings) for pad in pads]
-    found = tuple(look_at(experiment, bonded=fixed) for experiment in experiments)
+    found = tuple(look_at(experiment, bonded=fixed, effects=effects) for experiment in experiments)
     look = FirstLook(
         source=tuple(files or (study.source,)),
         units=study.units,

@@ -87,8 +87,9 @@ def run_study(
     known = references_of(study, None if references is None else Path(references))
     with watcher.doing("looking"):
         look, figures = look_into(
-            out, study, wanted, bonded=choices.bonded, keep_all_readings=choices.keep_all_readings
-        )
+            out, study, wanted, bonded=choices.bonded, effects=choices.effects,
+            keep_all_readings=choices.keep_all_readings,
+        )  # fmt: skip
     watcher.looked(look, figures)
     steps = _Steps(study, out, choices, settings, thresholds, watcher)
     first = [steps.plain(pad) for pad in wanted]

@@ -35,10 +35,11 @@ _FEWEST = 6  # readings of a movement that tell such a fall
 _DEAD = 6.0  # times the noise, below which a test's force has not answered, or not fallen
 
 
-def look_at(experiment: Experiment, *, bonded: bool) -> PadSeen:
+def look_at(experiment: Experiment, *, bonded: bool, effects: tuple[str, ...] = ()) -> PadSeen:
     """Tell what was found in a pad's tests, and what of the model they can show.
 
-    bonded: whether the specimen is fixed to the platen, which then can show no adhesion.
+    bonded: whether the specimen is fixed to the platen, which then can show no adhesion; effects:
+    those that a model has already: with adhesion a specimen may pull.
     """
     floor = experiment.floor
     tests = tuple(_test(experiment, place) for place in range(len(experiment.trials)))
@@ -55,7 +56,7 @@ def look_at(experiment: Experiment, *, bonded: bool) -> PadSeen:
         ),
         tests,
         shown_by(experiment, facts_of(experiment), bonded=bonded),
-        (*_cautions(experiment, tests), *pull_notices(experiment, bonded=bonded)),
+        (*_cautions(experiment, tests), *pull_notices(experiment, bonded=bonded, effects=effects)),
         (*experiment.notices, *(f"pad {experiment.pad}: {text}" for text in floor.notices)),
     )
 
@@ -132,11 +133,9 @@ def _contact(trial: Trial) -> ContactSeen | None:
     if trial.control == "force":
         return None
     found = find_contact(trial.test.displacement, trial.test.force)
-    return (
-        None
-        if found is None
-        else ContactSeen(found.place, found.sd, found.force, float(found.force_sd))
-    )
+    if found is None or not np.all(np.isfinite([found.place, found.sd, found.force_sd])):
+        return None
+    return ContactSeen(found.place, found.sd, found.force, float(found.force_sd))
 
 
 def _at_rest(experiment: Experiment, trial: Trial) -> float | None:
