@@ -28,9 +28,9 @@ def look_into(
     """Look at some pads; leave ``look.json`` and a picture ``look_<pad>.png`` of each in a folder.
 
     bonded: whether specimens are fixed to the platen, by default where the file holds strain and
-    stress; effects: those that the model has already; files: those that were read, by default the study's own; next_commands: what to type
-    then. Returns what was found and the pictures' paths. Raises InputError where a test cannot be
-    used or nothing can be written.
+    stress; effects: those that the model has already; files: those that were read, by default the
+    study's own; next_commands: what to type then. Returns what was found and the pictures' paths.
+    Raises InputError where a test cannot be used or nothing can be written.
     """
     fixed = study.units.bonded_default if bonded is None else bonded
     experiments = [prepare(pad, keep_all_readings=keep_all_readings) for pad in pads]
