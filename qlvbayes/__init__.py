@@ -1,6 +1,7 @@
 """Constants of soft pads from force-displacement tests, and which physical effect is missing.
 
-Importing it switches JAX to float64. What it offers by name is imported when it is first used.
+Importing it switches JAX to float64: at once where JAX is loaded, else as soon as it is, so that
+what needs no JAX does not wait for it. What it offers by name is imported when it is first used.
 
 >>> import qlvbayes as q
 >>> study = q.read_study("data/pads.csv")
@@ -10,10 +11,12 @@ Importing it switches JAX to float64. What it offers by name is imported when it
 
 from __future__ import annotations
 
+import sys
 from importlib import import_module
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
-
-from qlvbayes.io.runtime import configure as _configure
 
 if TYPE_CHECKING:
     from qlvbayes import effects, laws, plots, priors
@@ -40,6 +43,7 @@ if TYPE_CHECKING:
     from qlvbayes.pipeline.run import run_study
     from qlvbayes.pipeline.specimen import Specimen, Study, read_study
     from qlvbayes.preprocess.experiment import Experiment
+    from qlvbayes.preprocess.firstlook.result import FirstLook
     from qlvbayes.report.page import write_report
     from qlvbayes.use import exports
     from qlvbayes.use.exports.write import export
@@ -59,6 +63,7 @@ _HOMES = {
     "Diagnosis": "diagnosis.telling.verdict.Diagnosis",
     "DiagnosisResult": "diagnosis.result.DiagnosisResult",
     "Experiment": "preprocess.experiment.Experiment",
+    "FirstLook": "preprocess.firstlook.result.FirstLook",
     "Fit": "fitting.fit.Fit",
     "FitSummary": "fitting.summary.FitSummary",
     "Hypotheses": "use.prescribed.hypotheses.Hypotheses",
@@ -100,6 +105,7 @@ __all__ = [
     "Diagnosis",
     "DiagnosisResult",
     "Experiment",
+    "FirstLook",
     "Fit",
     "FitSummary",
     "Hypotheses",
@@ -130,7 +136,36 @@ __all__ = [
     "write_report",
 ]
 
-_configure()
+
+class _Configuring(MetaPathFinder):
+    """Finds JAX where the finders after it do, and configures it once it is loaded."""
+
+    def find_spec(self, name: str, path: Any, target: Any = None) -> ModuleSpec | None:
+        """JAX's own, whose loader then does both."""
+        if name != "jax":
+            return None
+        found = (one.find_spec(name, path, target) for one in sys.meta_path if one is not self)
+        spec = next((spec for spec in found if spec is not None), None)
+        if spec is not None and spec.loader is not None:
+            load = spec.loader.exec_module
+
+            def load_and_configure(module: ModuleType) -> None:
+                load(module)
+                if self in sys.meta_path:
+                    sys.meta_path.remove(self)
+                _configure()
+
+            spec.loader.exec_module = load_and_configure  # type: ignore[method-assign]
+        return spec
+
+
+def _configure() -> None:
+    from qlvbayes.io.runtime import configure
+
+    configure()
+
+
+_configure() if "jax" in sys.modules else sys.meta_path.insert(0, _Configuring())
 
 
 def __getattr__(name: str) -> Any:

@@ -162,7 +162,8 @@ def test_adhesion_shows_only_where_the_platen_retracts():
 
 def test_holds_at_one_depth_cannot_show_a_strength_that_changes_with_depth():
     """A press and a hold at full depth; the paper's tests also hold half of it on the way back."""
-    for protocol, at_one in ((lambda rate: paper_protocol(rate)[:2], True), (paper_protocol, False)):
+    for steps, at_one in ((2, True), (None, False)):
+        protocol = lambda rate, steps=steps: paper_protocol(rate)[:steps]  # noqa: E731
         experiment = measured(protocol=protocol, rates=(1.0, 100.0))
         assert protocol_of(experiment, bonded=False).one_depth is at_one
 

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from qlvbayes.cli.console import err, out, waiting
-from qlvbayes.cli.options import AsJson, Style, split_names
+from qlvbayes.cli.plainoptions import AsJson, Style, split_names
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.answers import FILE, SIGNS, Answers, UnsureError
 from qlvbayes.io.formats.catalogue import FORMATS, own_formats
@@ -19,43 +19,51 @@ from qlvbayes.io.formats.conversion import Conversion, convert, told
 from qlvbayes.io.formats.format import AbstractFormat
 from qlvbayes.io.formats.tidy import write_tidy
 
+Files = Annotated[list[Path], typer.Argument(help="Files as machines write them.")]
+PadName = Annotated[str, typer.Option(help="Pad's name: one for all files, or one a file.")]
+TestNames = Annotated[str, typer.Option(help="Names of the tests, as 'slow,fast'.")]
+Sign = Annotated[
+    str | None,
+    typer.Option(
+        help=f"What to turn over so that pressing is positive: {', '.join(SIGNS)}.",
+        show_default=False,
+    ),
+]
+ContactPlace = Annotated[
+    str | None,
+    typer.Option(
+        help=f"Displacement at contact in the tidy file's unit, or '{FILE}': its own zero.",
+        show_default=False,
+    ),
+]
+UnitsSaid = Annotated[
+    str | None,
+    typer.Option(
+        help="Units of time, displacement, force where the files tell none: s,mm,N.",
+        show_default=False,
+    ),
+]
+Area = Annotated[
+    float | None,
+    typer.Option(
+        help="Area (mm2), where strain meets force or displacement stress.", show_default=False
+    ),
+]
+FormatsFile = Annotated[
+    Path | None, typer.Option(help="A Python file with formats of your own.", show_default=False)
+]
+
 
 def convert_command(
-    files: Annotated[list[Path], typer.Argument(help="Files as machines write them.")],
+    files: Files,
     output: Annotated[Path, typer.Option("-o", "--output", help="A .csv or .csv.gz file.")],
-    pad: Annotated[str, typer.Option(help="Pad's name: one for all files, or one a file.")] = "",
-    test: Annotated[str, typer.Option(help="Names of the tests, as 'slow,fast'.")] = "",
-    sign: Annotated[
-        str | None,
-        typer.Option(
-            help=f"What to turn over so that pressing is positive: {', '.join(SIGNS)}.",
-            show_default=False,
-        ),
-    ] = None,
-    contact: Annotated[
-        str | None,
-        typer.Option(
-            help=f"Displacement at contact in the tidy file's unit, or '{FILE}': its own zero.",
-            show_default=False,
-        ),
-    ] = None,
-    units: Annotated[
-        str | None,
-        typer.Option(
-            help="Units of time, displacement, force where the files tell none: s,mm,N.",
-            show_default=False,
-        ),
-    ] = None,
-    area: Annotated[
-        float | None,
-        typer.Option(
-            help="Area (mm2), where strain meets force or displacement stress.", show_default=False
-        ),
-    ] = None,
-    formats_file: Annotated[
-        Path | None,
-        typer.Option(help="A Python file with formats of your own.", show_default=False),
-    ] = None,
+    pad: PadName = "",
+    test: TestNames = "",
+    sign: Sign = None,
+    contact: ContactPlace = None,
+    units: UnitsSaid = None,
+    area: Area = None,
+    formats_file: FormatsFile = None,
     style: Style = None,
     as_json: AsJson = False,
 ) -> None:
@@ -69,8 +77,8 @@ def convert_command(
         remedy = "choose another name with -o"
         raise InputError("this file would be written over", file=output, remedy=remedy)
     kinds = FORMATS if formats_file is None else (*FORMATS, *own_formats(formats_file))
-    said = _Said(sign, contact, units, area, tuple(split_names(pad)), tuple(split_names(test)))
-    found = _converted(files, said, kinds)
+    said = Said(sign, contact, units, area, tuple(split_names(pad)), tuple(split_names(test)))
+    found = converted(files, said, kinds)
     write_tidy(found, output)
     picture = _picture(found, output)
     if as_json:
@@ -82,7 +90,7 @@ def convert_command(
 
 
 @dataclass(frozen=True)
-class _Said:
+class Said:
     """The options as they were typed, or answered."""
 
     sign: str | None
@@ -93,12 +101,11 @@ class _Said:
     tests: tuple[str, ...]
 
     def answers(self) -> Answers:
+        """As the files are read with them; InputError where one cannot be used."""
         return Answers.of(self.sign, self.contact, self.units, self.area, self.pads, self.tests)
 
 
-def _converted(
-    files: list[Path], said: _Said, kinds: tuple[type[AbstractFormat], ...]
-) -> Conversion:
+def converted(files: list[Path], said: Said, kinds: tuple[type[AbstractFormat], ...]) -> Conversion:
     """Convert; on a terminal ask for what is missing, as often as needed."""
     while True:
         try:

@@ -18,6 +18,7 @@ from qlvbayes.io.escaping import as_typed, visible
 INTERRUPTED = 130
 
 _COMMANDS = {
+    "look": "look.look_command",
     "study": "study.study_command",
     "fit": "fit.fit",
     "check": "check.check",

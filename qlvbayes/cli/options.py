@@ -11,19 +11,30 @@ from typing import Annotated, Any, get_type_hints
 
 import typer
 
+from qlvbayes.cli.plainoptions import (
+    AsJson,
+    KeepAllReadings,
+    Pads,
+    Style,
+    among,
+    chosen_pads,
+    split_names,
+)
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.effects.catalogue import find
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.data import Measurements, Pad
+from qlvbayes.io.data import Measurements
 from qlvbayes.laws.catalogue import LAWS, names
 from qlvbayes.laws.relaxation.prony import MOST, Prony
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import NOISES
 
+# of plainoptions.py, for the commands that take them from here
+__all__ = ["AsJson", "Pads", "Style", "among", "chosen_pads", "split_names"]
+
 File = Annotated[Path, typer.Argument(help="Measurements: a tidy .csv or .csv.gz file.")]
 Fitted = Annotated[Path, typer.Argument(help="The folder that 'fit' wrote.")]
 Out = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")]
-Pads = Annotated[str, typer.Option(help="Only these pads, as 'B,C'.")]
 Elastic = Annotated[
     str, typer.Option(help=f"Elastic law, one of {', '.join(names(LAWS.elastic))}.")
 ]
@@ -65,14 +76,6 @@ Rested = Annotated[
         help="Take every test to begin with a pad at rest: carry nothing over from the one before.",
     ),
 ]
-KeepAllReadings = Annotated[
-    bool,
-    typer.Option(
-        "--keep-all-readings",
-        help="Keep readings that their neighbours and the other channel contradict: lost ones, "
-        "spikes, a stuck or clipped channel. Default: they are left out and named.",
-    ),
-]
 Noise = Annotated[str, typer.Option(help=f"One of {', '.join(NOISES)}.")]
 Prior = Annotated[
     list[str] | None, typer.Option(help="A prior, as 'v[1]=lognormal(1.8,0.5)'; repeatable.")
@@ -88,33 +91,12 @@ References = Annotated[
         show_default=False,
     ),
 ]
-
-
-def _use_style(context: typer.Context, file: Path | None) -> Path | None:
-    """Draw everything that the command draws in the user's own look."""
-    if file is not None:
-        # here, so that commands do not wait for matplotlib
-        from qlvbayes.plots.style import using
-
-        context.with_resource(using(file))
-    return file
-
-
-Style = Annotated[
-    Path | None,
-    typer.Option(
-        callback=_use_style,
-        help="A Matplotlib style file (.mplstyle) for the figures, over the package's own.",
-        show_default=False,
-    ),
-]
 Tolerance = Annotated[
     str,
     typer.Option(
         help="Share of the peak force below which structure does not matter, as '1%' or '0.01'."
     ),
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Seed = Annotated[int, typer.Option(min=0, help="Makes a run repeat.")]
 
 
@@ -226,22 +208,6 @@ def relaxation_of(relaxation: str | None, modes: int | None) -> tuple[str, int]:
     return name, int(number)
 
 
-def split_names(text: str) -> list[str]:
-    """``A, B`` as a list."""
-    return [name.strip() for name in text.split(",") if name.strip()]
-
-
-def among(text: str, known: Collection[str]) -> list[str]:
-    """``A, B`` as a list of names, of which a known one may have commas itself."""
-    parts, found = text.split(","), []
-    while parts:
-        ends = range(len(parts), 1, -1)
-        end = next((k for k in ends if ",".join(parts[:k]).strip() in known), 1)
-        found.append(",".join(parts[:end]).strip())
-        parts = parts[end:]
-    return [name for name in found if name]
-
-
 def known_names(names: str, known: Collection[str], folder: Path, what: str = "fit") -> list[str]:
     """The names in ``A, B``; InputError where a folder has no fit (or ``what``) of one."""
     for name in (found := among(names, known)):
@@ -250,9 +216,3 @@ def known_names(names: str, known: Collection[str], folder: Path, what: str = "f
                 f"no {what} of pad '{name}'", file=folder, remedy=f"name of {', '.join(known)}"
             )
     return found
-
-
-def chosen_pads(study: Measurements, names: str) -> list[Pad]:
-    """The named pads, or all; InputError on an unknown name."""
-    known = [pad.name for pad in study.pads]
-    return [study.pad(name) for name in among(names, known)] or list(study.pads)

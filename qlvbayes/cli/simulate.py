@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from qlvbayes.cli.console import command_line, out, waiting
-from qlvbayes.cli.options import split_names
+from qlvbayes.cli.plainoptions import split_names
 from qlvbayes.io.checks import InputError
 from qlvbayes.simulate import (
     NOISES,

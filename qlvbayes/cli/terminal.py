@@ -6,7 +6,10 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 
+from msgspec.structs import replace
+
 from qlvbayes.cli.console import counting, err, out, waiting
+from qlvbayes.cli.look import show_look
 from qlvbayes.cli.tables import check_table, constants_table, ranking_table, steps_table
 from qlvbayes.diagnosis.telling.verdict import Diagnosis
 from qlvbayes.fitting.checked import CheckedPad
@@ -18,6 +21,7 @@ from qlvbayes.model.choices import Choices
 from qlvbayes.model.parameters import NOT_SAMPLED, described, fields_of
 from qlvbayes.pipeline.watcher import Watcher
 from qlvbayes.preprocess.experiment import Experiment
+from qlvbayes.preprocess.firstlook import FirstLook
 
 
 class Terminal(Watcher):
@@ -48,6 +52,11 @@ class Terminal(Watcher):
         if text not in self._noticed:
             self._noticed.add(text)
             err.print(f"notice: {text}")
+
+    def looked(self, look: FirstLook, figures: Sequence[Path]) -> None:
+        """What is in the tests, before anything is fitted."""
+        if not self.quiet:
+            show_look(replace(look, notices=()), figures)
 
     def starting(self, experiment: Experiment, choices: Choices) -> None:
         """What is fitted, the noise floor, and the priors."""

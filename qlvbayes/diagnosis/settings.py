@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from qlvbayes.inference.errors.features import UNDECIDED, DiscrepancyPrior
 from qlvbayes.io.checks import InputError
 from qlvbayes.laws.scales import TOLERANCE
+from qlvbayes.preprocess.firstlook.facts import NEARLY
 
 _MOST_TOLERANCE = 0.5  # of the peak force, from which it is not a tolerance but a mistake
 
@@ -123,7 +124,7 @@ class Settings:
     widest: float = 5.0
     group: int = 3
     unlisted: float = 0.5
-    returned: float = 0.02
+    returned: float = NEARLY
     cells: CellTests = CellTests()
     imitation: Imitation = Imitation()
 

@@ -119,14 +119,18 @@ def read_measurements(path: str | Path) -> Measurements:
         except InputError as error:
             dialect = error
         if (found := _machine_file(file, dialect)) is not None:
-            return Measurements(
-                _converted(found), found.units, str(path), digest(file), found.notices
-            )
+            return measurements_of(found, str(path), digest(file))
         if isinstance(dialect, InputError):
             raise dialect
         pads = _pads(file, dialect, read_table(file, dialect))
         sha256 = digest(file)
     return Measurements(pads, dialect.columns.units, str(path), sha256, _notices(dialect))
+
+
+def measurements_of(conversion: Conversion, source: str, sha256: str) -> Measurements:
+    """What machine files hold, with where they came from."""
+    pads = _converted(conversion)
+    return Measurements(pads, conversion.units, source, sha256, conversion.notices)
 
 
 def _converted(conversion: Conversion) -> tuple[Pad, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import unicodedata
 from pathlib import Path
 
@@ -13,10 +14,11 @@ from qlvbayes.io.escaping import prints
 _IN_RESULTS = (
     *(f"constants.{kind}" for kind in ("csv", "tex", "png", "pdf")),
     *(f"forces_at_rates.{kind}" for kind in ("png", "pdf")),
-    *("compare", "report.html", "run.json"),
+    *("compare", "report.html", "run.json", "look.json"),
     *("bench.json", "data.csv", "data.csv.gz", "-"),  # of the bench, which calls all pads '-'
 )
 """What stands beside the pads' folders in a folder of results."""
+_PICTURE = re.compile(r"look_.*\.png")  # of a pad's first look
 _LONGEST = 120  # bytes of a name, so that two fit into the 255 of a comparison's folder
 
 
@@ -31,7 +33,7 @@ def folder_fault(name: str) -> tuple[str, str] | None:
         return "has a character that does not print", "write it without"
     if len(name.encode()) > _LONGEST:
         return f"is longer than {_LONGEST} bytes", "write a shorter one: a folder is so named"
-    if same_folder(name) in _IN_RESULTS:
+    if same_folder(name) in _IN_RESULTS or _PICTURE.fullmatch(same_folder(name)):
         return "is that of a file of results", "write another one: results go to a folder so named"
     return None
 

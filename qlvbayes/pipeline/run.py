@@ -22,6 +22,7 @@ from qlvbayes.pipeline.comparing import compare_into, fluid_pairs, pad_pairs
 from qlvbayes.pipeline.diagnosing import diagnose_into
 from qlvbayes.pipeline.drawing import draw_constants, draw_forces_at_rates, references_of
 from qlvbayes.pipeline.fitting import fit_into
+from qlvbayes.pipeline.looking import look_into
 from qlvbayes.pipeline.watcher import Watcher
 from qlvbayes.report.page import write_report
 
@@ -42,7 +43,8 @@ def run_study(
 ) -> list[Diagnosis]:
     """Do everything for the named pads (all by default); return their verdicts.
 
-    Leaves in ``out``: per pad the plain model's fit and check in ``<pad>/plain``, the diagnosis
+    Leaves in ``out``: the first look at the tests, before anything is fitted (``look.json``,
+    ``look_<pad>.png``); per pad the plain model's fit and check in ``<pad>/plain``, the diagnosis
     and, with the laws and effects that it names, the fit and its check in ``<pad>``: to all tests
     of all pads where something new is named in one, so that comparing them is fair; else they are
     those of the plain model. Comparisons of the pads, or of the fluids in
@@ -83,6 +85,12 @@ def run_study(
     choices = choices or Choices(bonded=study.units.bonded_default)
     wanted = [study.pad(name) for name in pads] or list(study.pads)
     known = references_of(study, None if references is None else Path(references))
+    with watcher.doing("looking"):
+        look, figures = look_into(
+            out, study, wanted, bonded=choices.bonded, effects=choices.effects,
+            keep_all_readings=choices.keep_all_readings,
+        )  # fmt: skip
+    watcher.looked(look, figures)
     steps = _Steps(study, out, choices, settings, thresholds, watcher)
     first = [steps.plain(pad) for pad in wanted]
     new = any(told.choices != choices for told in first)

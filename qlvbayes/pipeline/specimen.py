@@ -18,6 +18,7 @@ from qlvbayes.fitting.fit import Fit, fit_pad
 from qlvbayes.io.data import Measurements, Pad, read_measurements
 from qlvbayes.model.choices import Choices
 from qlvbayes.preprocess.experiment import Experiment, prepare
+from qlvbayes.preprocess.firstlook import PadSeen, look_at
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +43,25 @@ class Specimen:
         Without readings that are bad; choices that keep all make the tests ready anew.
         """
         return prepare(self.pad)
+
+    def look(self, *, bonded: bool | None = None) -> PadSeen:
+        """Tell what is in the tests and what of the model they can show; nothing is fitted.
+
+        ``plots.plot_look`` draws ``experiment``.
+
+        Parameters
+        ----------
+        bonded
+            Whether the specimen is fixed to the platen, by default where the tests hold strain and
+            stress.
+
+        Raises
+        ------
+        InputError
+            A test cannot be used.
+        """
+        fixed = self.pad.units.bonded_default if bonded is None else bonded
+        return look_at(self.experiment, bonded=fixed)
 
     def fit(
         self,

@@ -14,6 +14,7 @@ from qlvbayes.fitting.ensemble import Progress
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.model.choices import Choices
 from qlvbayes.preprocess.experiment import Experiment
+from qlvbayes.preprocess.firstlook import FirstLook
 
 
 class Watcher:
@@ -32,6 +33,9 @@ class Watcher:
 
     def notice(self, text: str) -> None:
         """Something that the user should know."""
+
+    def looked(self, look: FirstLook, figures: Sequence[Path]) -> None:
+        """The tests have been looked at, and nothing is fitted yet."""
 
     def starting(self, experiment: Experiment, choices: Choices) -> None:
         """A pad is about to be fitted."""

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from qlvbayes.plots.forces_at_rates import plot_forces_at_rates
     from qlvbayes.plots.forces_before_after import plot_forces_before_after
     from qlvbayes.plots.hysteresis import plot_hysteresis
+    from qlvbayes.plots.look import plot_look
     from qlvbayes.plots.pairs import plot_pairs
     from qlvbayes.plots.prediction import plot_prediction
     from qlvbayes.plots.programme import plot_programme
@@ -41,6 +42,7 @@ __all__ = [
     "plot_forces_at_rates",
     "plot_forces_before_after",
     "plot_hysteresis",
+    "plot_look",
     "plot_pairs",
     "plot_prediction",
     "plot_programme",

@@ -33,16 +33,18 @@ def figure_of(drawn: Axes | Sequence[Axes] | Figure) -> Figure:
     return figure
 
 
-def save_figure(drawn: Axes | Sequence[Axes] | Figure, path: Path) -> Path:
+def save_figure(
+    drawn: Axes | Sequence[Axes] | Figure, path: Path, kinds: Sequence[str] = tuple(_METADATA)
+) -> Path:
     """Write ``path``.pdf (fonts embedded) and ``path``.png (200 dpi); return the latter.
 
-    drawn: what a function of this package returned, or a figure. Each file goes to a temporary name
-    that is then renamed. Raises OSError where nothing can be written.
+    drawn: what a function of this package returned, or a figure; kinds: of file, both by default.
+    Each goes to a temporary name that is then renamed. Raises OSError where nothing can be written.
     """
     figure = figure_of(drawn)
     with style(), warnings.catch_warnings(), _laid_out(figure):
         warnings.filterwarnings("ignore", "Glyph .* missing")  # it is drawn as a box
-        for suffix in _METADATA:
+        for suffix in kinds:
             _write(figure, path, suffix)
     return path.with_name(f"{path.name}.png")
 

@@ -4,30 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from qlvbayes.io.data import Control, Pad, Test
 from qlvbayes.io.units import UnitSystem
-from qlvbayes.laws.scales import Scales
 from qlvbayes.preprocess.badreadings import (
     BadReadings,
     left_out_notice,
     smooth_readings,
     sound_tests,
 )
-from qlvbayes.preprocess.batching import batch
 from qlvbayes.preprocess.encoder import encoder_steps
 from qlvbayes.preprocess.loadcontrol import control_of, crept_path, force_phases, with_both_errors
 from qlvbayes.preprocess.noisefloor import NoiseFloor, measure
 from qlvbayes.preprocess.noisefloor.fading import with_fading_sd
 from qlvbayes.preprocess.past import Past, past_of
 from qlvbayes.preprocess.phases import Phase, find_phases, loading_rate, phase_index
-from qlvbayes.preprocess.record import Record
-from qlvbayes.preprocess.reduction import Care, reduce_test
 from qlvbayes.preprocess.segments import known_scatter
 from qlvbayes.preprocess.stiffness import largest_stiffness
 from qlvbayes.preprocess.trajectory import Trajectory, smooth
+
+if TYPE_CHECKING:  # records and priors are JAX's, which takes longer to load than a first look does
+    from qlvbayes.laws.scales import Scales
+    from qlvbayes.preprocess.record import Record
+    from qlvbayes.preprocess.reduction import Care
 
 FIT_RATE = 20.0  # mm/s (or 1/s of a strain), the paper's identification test
 _CHORD_SHARE = 0.1  # of the noise, that the grid's straight lines may add
@@ -87,6 +89,8 @@ class Experiment:
 
         Straight lines may make a tenth of what the noise changes by between two readings.
         """
+        from qlvbayes.preprocess.reduction import Care
+
         floor, scales = self.floor, self.scales
         change = np.sqrt(2.0 * -np.expm1(-scales.shortest / floor.memory))
         sudden = float(np.hypot(floor.white, floor.ou * change))
@@ -131,14 +135,26 @@ class Experiment:
         return float(np.sqrt(np.mean(np.concatenate(squares)))) if squares else 1.0
 
     @property
+    def peak(self) -> float:
+        """Largest magnitude of the force."""
+        return max(float(np.max(np.abs(trial.test.force))) for trial in self.trials)
+
+    @property
+    def depth(self) -> float:
+        """Largest magnitude of the displacement."""
+        return max(float(np.max(np.abs(trial.test.displacement))) for trial in self.trials)
+
+    @property
     def scales(self) -> Scales:
         """The sizes that default priors are scaled to."""
+        from qlvbayes.laws.scales import Scales
+
         tests = [trial.test for trial in self.trials]
         paths = [trial.trajectory for trial in self.trials]
         floor = self.floor
         return Scales(
-            force=max(float(np.max(np.abs(t.force))) for t in tests),
-            depth=max(float(np.max(np.abs(t.displacement))) for t in tests),
+            force=self.peak,
+            depth=self.depth,
             shortest=min(float(np.median(np.diff(t.time)[:200])) for t in tests),
             longest=self.longest,
             white=floor.white,
@@ -163,6 +179,9 @@ class Experiment:
 
     def record(self, trials: Sequence[Trial]) -> Record:
         """Block averages of some trials, as one batch."""
+        from qlvbayes.preprocess.batching import batch
+        from qlvbayes.preprocess.reduction import reduce_test
+
         return batch(
             [
                 reduce_test(

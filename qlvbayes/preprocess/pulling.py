@@ -26,7 +26,7 @@ def pull_of(experiment: Experiment) -> Pull | None:
     """The strongest pull, if it is below zero by more than 5 % of the peak and 6 noise floors."""
     trial = min(experiment.trials, key=lambda one: float(np.min(one.test.force)))
     lowest = int(np.argmin(trial.test.force))
-    force, peak = float(trial.test.force[lowest]), experiment.scales.force
+    force, peak = float(trial.test.force[lowest]), experiment.peak
     if force >= -max(_CLEAR * peak, _BEYOND * experiment.floor.total):
         return None
     return Pull(trial.name, float(trial.test.time[lowest]), force, -force / peak)

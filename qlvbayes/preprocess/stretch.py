@@ -397,7 +397,9 @@ def _unseen(
 
 def _unread(t: Array, times: Array) -> Array:
     """Those of evenly spaced times between the first reading and the last that have none near."""
-    near = np.min(np.abs(times[:, None] - t), axis=1) <= abs(times[1] - times[0])
+    after = np.clip(np.searchsorted(t, times), 1, t.size - 1)
+    gap = np.minimum(np.abs(times - t[after - 1]), np.abs(times - t[after]))
+    near = gap <= abs(times[1] - times[0])
     return times[~near & (times > t[0]) & (times < t[-1])]
 
 

@@ -214,15 +214,20 @@ def _of_length(signal: Array, scale: Scale, length: int, mask: NDArray[np.bool_]
     """Outlying runs of a length that do not overlap and hold none known."""
     if signal.size < length + 2:
         return []
-    before, after = signal[: -length - 1], signal[length + 1 :]
+    # most readings are too near the one before them to begin a run: the others are few
+    places = np.flatnonzero(np.abs(np.diff(signal[:-length])) > _LEAST * scale.span)
+    before, after = signal[places], signal[places + length + 1]
     low, high = np.minimum(before, after), np.maximum(before, after)
     beyond = np.full(low.size, np.inf)
     for k in range(1, length + 1):
-        value = signal[k : k + low.size]
+        value = signal[places + k]
         beyond = np.minimum(beyond, np.maximum(value - high, low - value))
-    likely = beyond > np.maximum(_LEAST * scale.span, high - low)
+    # of most of these their own noise disposes: one by one they would take seconds
+    noise = scale.deviation[places + 1 + length // 2]
+    least = np.maximum(_LEAST * scale.span, _BEYOND * np.sqrt(length) * noise)
+    likely = beyond > np.maximum(least, high - low)
     found: list[Run] = []
-    for at in (np.flatnonzero(likely) + 1).tolist():
+    for at in (places[likely] + 1).tolist():
         run = (at, at + length)
         if not mask[at : at + length].any() and _beyond(signal, scale, run):
             found.append(run)

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
-from scipy.stats import theilslopes
 
 from qlvbayes.preprocess.noisefloor.dwells import Dwell, Record, dwell_of, pressed
 from qlvbayes.preprocess.phases import MOVING, Phase
@@ -60,6 +59,8 @@ def _turns(phases: Sequence[Phase]) -> Array | None:
     ]
     if len(pairs) < _FEWEST_CYCLES:
         return None
+    from scipy.stats import theilslopes  # here, as it takes longer to load than a first look takes
+
     number, times = np.arange(len(pairs)), np.array(pairs)
     lines = [theilslopes(column, number)[:2] for column in times.T]
     clock = np.column_stack([at + slope * np.arange(len(pairs) + 1) for slope, at in lines])

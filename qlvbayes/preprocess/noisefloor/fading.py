@@ -13,8 +13,9 @@ testing machine had told it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,12 +104,19 @@ def _levels(test: Test, phases: Sequence[Phase]) -> tuple[Array, Array] | None:
     count = e.size // _WINDOW
     if count < _FEWEST:
         return None
-    windows = np.array_split(np.arange(e.size), count)
-    level = np.array([np.median(np.abs(e[own])) for own in windows]) / _MEDIAN
-    middle = np.array([place[own].mean() for own in windows])
+    size, longer = divmod(e.size, count)
+    cut = longer * (size + 1)  # the first windows have one reading more
+    level = _by_window(np.median, np.abs(e), cut, size) / _MEDIAN
+    middle = _by_window(np.mean, place, cut, size)
     if not np.all(level > 0.0):  # a force that repeats itself, by its digits or its steps
         return None
     return middle, level / np.sqrt(_VARIANCE)
+
+
+def _by_window(what: Callable[..., Any], values: NDArray[Any], cut: int, size: int) -> Array:
+    """(W,) of windows of ``size`` readings, of one more up to a cut."""
+    parts = values[:cut].reshape(-1, size + 1), values[cut:].reshape(-1, size)
+    return np.concatenate([what(part, axis=1) for part in parts])
 
 
 def _deviations(test: Test, phases: Sequence[Phase]) -> tuple[Array, NDArray[np.intp]]:

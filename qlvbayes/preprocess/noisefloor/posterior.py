@@ -9,8 +9,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
-from scipy.stats import chi2, norm, qmc
-from scipy.stats import t as student
 
 from qlvbayes.preprocess.noisefloor.pool import Pool
 
@@ -104,6 +102,9 @@ class Dwells:
 
     def _chosen(self, count: int, weights: Array) -> tuple[list[Noise], NDArray[np.intp]]:
         """Noises at places drawn by their weights, and which places those are."""
+        # here and below, as it takes longer to load than a first look takes
+        from scipy.stats import chi2
+
         places, variances, _ = self._sample
         shares = (np.arange(count) + 0.5) / count
         chosen = np.searchsorted(np.cumsum(weights), shares * weights.sum())
@@ -142,6 +143,8 @@ class Dwells:
 
     def _proposed(self) -> tuple[Array, Array]:
         """Places (n, 2) about the mode and all over the prior, and the density of both there."""
+        from scipy.stats import norm, qmc
+
         mode, root = np.array([self.ratio, self.tau]), self._spread()
         near = mode + student_t(qmc.Sobol(3, seed=0).random(_POINTS)) @ root.T
         z = norm.ppf(qmc.Sobol(2, seed=0).random(_PRIOR_POINTS))
@@ -184,6 +187,9 @@ class Dwells:
 
 def student_t(uniform: Array) -> Array:
     """(n, 2) draws of a bivariate Student-t from uniform ones (n, 3)."""
+    from scipy.stats import chi2
+    from scipy.stats import t as student
+
     clipped = np.clip(uniform, 1e-4, 1.0 - 1e-4)
     normal = student.ppf(clipped[:, :2], 1e9)
     return np.asarray(normal * np.sqrt(_HEAVY / chi2.ppf(clipped[:, 2:], _HEAVY)))

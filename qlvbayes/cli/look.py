@@ -1,0 +1,258 @@
+"""``qlvbayes look``: what is in the files, before anything is fitted."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+from rich.text import Text
+
+from qlvbayes.cli.console import err, out, waiting
+from qlvbayes.cli.convert import (
+    Area,
+    ContactPlace,
+    FormatsFile,
+    PadName,
+    Said,
+    Sign,
+    TestNames,
+    UnitsSaid,
+    converted,
+)
+from qlvbayes.cli.plainoptions import (
+    AsJson,
+    KeepAllReadings,
+    Pads,
+    Style,
+    chosen_pads,
+    split_names,
+)
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.data import Measurements, measurements_of, read_measurements
+from qlvbayes.io.escaping import as_typed
+from qlvbayes.io.formats.catalogue import FORMATS, own_formats
+from qlvbayes.io.reading.csvtext import digest
+from qlvbayes.io.reading.dialect import sniff
+from qlvbayes.io.units import UnitSystem
+from qlvbayes.io.wording import plain
+from qlvbayes.pipeline.looking import look_into
+from qlvbayes.preprocess.firstlook import FirstLook, PadSeen, Shown
+from qlvbayes.preprocess.firstlook.words import lines_of, phases_in_words
+
+_STYLES = {"yes": "green", "hardly": "yellow", "no": "red"}
+
+
+def look_command(
+    files: Annotated[
+        list[Path], typer.Argument(help="Measurements: tidy .csv, or as machines write them.")
+    ],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="Folder for look.json and the pictures.")
+    ] = Path("look"),
+    pads: Pads = "",
+    pad: PadName = "",
+    test: TestNames = "",
+    sign: Sign = None,
+    contact: ContactPlace = None,
+    units: UnitsSaid = None,
+    area: Area = None,
+    formats_file: FormatsFile = None,
+    bonded: Annotated[
+        bool | None,
+        typer.Option(
+            "--bonded/--loose",
+            help="Whether the specimen is fixed to the platen and can pull. Default: loose for "
+            "displacement and force, bonded for strain and stress.",
+        ),
+    ] = None,
+    keep_all_readings: KeepAllReadings = False,
+    style: Style = None,
+    as_json: AsJson = False,
+) -> None:
+    """Look at measurements before anything is fitted: what is in them, and what they can show.
+
+    Tells of each test its phases, speeds and sampling; of each pad the noise, where contact is,
+    which readings are left out, and which parts of the model its tests show: yes, hardly (something
+    else looks alike in these tests) or no, with the fact behind it and the test that would show it.
+    Leaves OUT/look.json and for each pad the picture OUT/look_<pad>.png: readings, the motion taken
+    from them, and what is left between both.
+    """
+    said = Said(sign, contact, units, area, tuple(split_names(pad)), tuple(split_names(test)))
+    found = _read(files, said, formats_file)
+    looks: list[FirstLook] = []
+    for one in found.studies:
+        folder = output if len(found.studies) == 1 else output / Path(one.files[0]).stem
+        with waiting("looking"):
+            look, figures = look_into(
+                folder, one.study, chosen_pads(one.study, pads), bonded=bonded,
+                keep_all_readings=keep_all_readings, files=one.files, next_commands=one.next,
+            )  # fmt: skip
+        looks.append(look)
+        if not as_json:
+            show_look(look, figures)
+    if as_json and looks:
+        text = [look.to_json() for look in looks]
+        print(text[0] if len(text) == 1 else f"[{','.join(text)}]")
+    for error in found.refused[:-1]:
+        err.print(f"notice: left out: {error}")
+    if found.refused:
+        raise found.refused[-1]
+
+
+@dataclass(frozen=True)
+class _Read:
+    """Measurements, the files they came from, and what to type next."""
+
+    study: Measurements
+    files: tuple[str, ...]
+    next: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Found:
+    """All that could be read, and why other files were refused."""
+
+    studies: tuple[_Read, ...]
+    refused: tuple[InputError, ...]
+
+
+def _read(files: Sequence[Path], said: Said, formats_file: Path | None) -> _Found:
+    """Tidy files one by one, machine files together, as ``convert`` does.
+
+    One that cannot be read does not lose the others. A single machine file that leaves nothing open
+    is read as every command reads it.
+    """
+    tidy = [file for file in files if _is_tidy(file)]
+    machine = [file for file in files if file not in tidy]
+    if tidy and not machine and (options := _typed(said, formats_file)):
+        what = f"{options[0]} is for files as machines write them, and this one is tidy"
+        raise InputError(what, file=tidy[0], remedy="leave it out")
+    found: list[_Read] = []
+    refused: list[InputError] = []
+    with waiting("reading"):
+        for file in tidy:
+            try:
+                found.append(_as_it_is(file))
+            except InputError as error:
+                refused.append(error)
+    while machine:
+        try:
+            found.append(_of_machines(machine, said, formats_file))
+            break
+        except InputError as error:
+            refused.append(error)
+            left = [file for file in machine if str(file) != str(error.file)]
+            machine = left if len(left) < len(machine) else []
+    return _Found(tuple(found), tuple(refused))
+
+
+def _is_tidy(file: Path) -> bool:
+    try:
+        return not sniff(file).columns.ignored
+    except InputError:
+        return False
+
+
+def _as_it_is(file: Path) -> _Read:
+    typed = as_typed("qlvbayes", "study", str(file), "-o", f"{file.name.partition('.')[0]}_results")
+    return _Read(read_measurements(file), (str(file),), (typed,))
+
+
+def _of_machines(files: Sequence[Path], said: Said, formats_file: Path | None) -> _Read:
+    if len(files) == 1 and formats_file is None and said == Said(None, None, None, None, (), ()):
+        return _as_it_is(files[0])
+    kinds = FORMATS if formats_file is None else (*FORMATS, *own_formats(formats_file))
+    conversion = converted(list(files), said, kinds)
+    digests = "".join(digest(file) for file in files)
+    sha256 = hashlib.sha256(digests.encode()).hexdigest()
+    names = tuple(map(str, files))
+    study = measurements_of(conversion, names[0], sha256)
+    answers = _typed(said, formats_file)
+    commands = (
+        as_typed("qlvbayes", "convert", *names, *answers, "-o", "tidy.csv"),
+        as_typed("qlvbayes", "study", "tidy.csv", "-o", "results"),
+    )
+    return _Read(study, names, commands)
+
+
+def _typed(said: Said, formats_file: Path | None) -> list[str]:
+    """The options as they are typed to ``convert``."""
+    given = {
+        "--sign": said.sign,
+        "--contact": said.contact,
+        "--units": said.units,
+        "--area": None if said.area is None else plain(said.area, 6),
+        "--pad": ",".join(said.pads) or None,
+        "--test": ",".join(said.tests) or None,
+        "--formats-file": None if formats_file is None else str(formats_file),
+    }
+    return [word for option, value in given.items() if value for word in (option, value)]
+
+
+def show_look(look: FirstLook, figures: Sequence[Path]) -> None:
+    """Tables and lines of a first look."""
+    if look.notices:
+        out.print("as read:", *(f"  {text}" for text in look.notices), sep="\n", soft_wrap=True)
+    for pad, figure in zip(look.pads, figures, strict=True):
+        out.print(_tests(pad, look.units))
+        for line in lines_of(pad, look.units):
+            out.print(f"  {line}", soft_wrap=True)
+        for notice in pad.notices:
+            out.print(f"  {notice.removeprefix(f'pad {pad.pad}: ')}", soft_wrap=True)
+        out.print(f"  picture: {figure}")
+        out.print(_shown(f"pad {pad.pad}: what these tests show", pad.shown))
+    if look.between:
+        out.print(_shown("the pads, side by side", look.between))
+    cautions = [caution for pad in look.pads for caution in pad.cautions]
+    if cautions:
+        out.print("before a fit:", *(f"  {text}" for text in cautions), sep="\n", soft_wrap=True)
+    if look.next:
+        out.print("next:", *(f"  {command}" for command in look.next), sep="\n", soft_wrap=True)
+
+
+def _tests(pad: PadSeen, units: UnitSystem) -> Table:
+    fluid = f", {pad.fluid}" if pad.fluid else ""
+    title = f"pad {pad.pad}{fluid}: {len(pad.tests)} test{'' if len(pad.tests) == 1 else 's'}"
+    table = Table(title=title, title_justify="left", title_style="bold")
+    depth = units.displacement_name if units.dimensionless else f"depth {units.displacement}"
+    table.add_column("test", overflow="fold")
+    table.add_column("role")
+    for name in (f"speed {units.speed}", depth, f"{units.force_name} {units.force}"):
+        table.add_column(name, justify="right")
+    table.add_column("what the platen does")
+    table.add_column("readings, interval")
+    left = any(test.left_out for test in pad.tests)
+    if left:
+        table.add_column("left out", justify="right")
+    for test in pad.tests:
+        table.add_row(
+            test.test,
+            test.role,
+            "" if test.rate is None else plain(test.rate),
+            plain(test.depth),
+            plain(test.peak),
+            phases_in_words(test.phases),
+            test.sampling.replace(" rows", "").replace(" a row", ""),
+            *([str(test.left_out) if test.left_out else ""] if left else []),
+        )
+    return table
+
+
+def _shown(title: str, shown: Sequence[Shown]) -> Table:
+    table = Table(title=title, title_justify="left", title_style="bold")
+    for name in ("part of the model", "shown", "because", "what would show it"):
+        table.add_column(name)
+    for one in shown:
+        names = ", ".join(name for name in (*one.constants, *one.effects) if name != one.about)
+        table.add_row(
+            f"{one.about} ({names})" if names else one.about,
+            Text(one.answer, style=_STYLES[one.answer]),
+            one.reason,
+            one.remedy,
+        )
+    return table

@@ -1,0 +1,155 @@
+"""What a first look finds, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from qlvbayes.io.units import UnitSystem
+from qlvbayes.io.wording import joined, plain
+from qlvbayes.preprocess.firstlook.result import PadSeen, PhaseSeen
+from qlvbayes.preprocess.phases import KINDS, NAMES
+
+_EACH = 6  # phases that are told one by one
+_SLOWER = 0.1  # of its declared speed, by which a test may miss it
+_AGREES = 2.0  # standard errors from zero depth
+_NAMED = 3  # tests that are named
+_MANY = {"ramp": "ramps", "hold": "holds", "unload": "unloadings", "recovery": "recoveries"}
+
+
+def span(seconds: float) -> str:
+    """'16 ms', '0.8 s', '30 s', with two digits."""
+    return f"{plain(1e3 * seconds, 2)} ms" if seconds < 0.0995 else f"{plain(seconds, 2)} s"
+
+
+def phases_in_words(phases: Sequence[PhaseSeen]) -> str:
+    """'ramp 16 ms, hold 30 s'; of many phases how many of each kind, and how long they are."""
+    if len(phases) <= _EACH:
+        return ", ".join(f"{NAMES[p.phase]} {span(p.stop - p.start)}" for p in phases)
+    told = []
+    for kind in KINDS:
+        lengths = [phase.stop - phase.start for phase in phases if phase.phase == kind]
+        if not lengths:
+            continue
+        low, high = span(min(lengths)), span(max(lengths))
+        name = NAMES[kind] if len(lengths) == 1 else _MANY[kind]
+        told.append(f"{len(lengths)} {name} of {low if low == high else f'{low} to {high}'}")
+    return joined(told)
+
+
+def lines_of(pad: PadSeen, units: UnitSystem) -> list[str]:
+    """What was found in a pad's readings, a line each."""
+    return [
+        *_noise(pad, units),
+        *_speeds(pad, units),
+        *_motion(pad, units),
+        *_contact(pad, units),
+        *_clock(pad),
+        *_control(pad, units),
+    ]
+
+
+def _noise(pad: PadSeen, units: UnitSystem) -> list[str]:
+    noise, peak = pad.noise, max(test.peak for test in pad.tests)
+    if pad.noise.by_reading:
+        return [
+            f"noise of the {units.force_name}: {plain(noise.total)} {units.force}, root mean "
+            "square of sds that differ from reading to reading"
+        ]
+    share = f" ({100.0 * noise.total / peak:.2g} % of the largest)" if peak > 0.0 else ""
+    parts = f"white {plain(noise.white, 2)}"
+    if noise.correlated > 0.0:
+        parts += f", correlated {plain(noise.correlated, 2)} over {span(noise.tau)}"
+    return [
+        f"noise of the {units.force_name}: {plain(noise.total)} {units.force} a reading{share}: "
+        f"{parts}"
+    ]
+
+
+def _speeds(pad: PadSeen, units: UnitSystem) -> list[str]:
+    """Where a test does not reach the speed that the file declares."""
+    off = [
+        f"test {test.test} declares {plain(test.rate)} and reaches {plain(test.reached)}"
+        for test in pad.tests
+        if test.rate and test.reached and abs(test.reached / test.rate - 1.0) > _SLOWER
+    ]
+    more = [f"{len(off) - _NAMED} more in look.json"] if len(off) > _NAMED else []
+    return [f"speed: {joined([*off[:_NAMED], *more])} {units.speed}"] if off else []
+
+
+def _motion(pad: PadSeen, units: UnitSystem) -> list[str]:
+    name, unit = units.displacement_name, _unit(units.displacement)
+    worst = max(pad.tests, key=lambda test: test.motion.largest)
+    steps = sorted({float(plain(t.motion.step, 2)) for t in pad.tests if t.motion.step_shows})
+    of = f" (the encoder's step is {joined([plain(step) for step in steps], 'or')}{unit})"
+    told = [
+        f"motion: fitted to the {name} within {plain(worst.motion.largest, 2)}{unit} of every "
+        f"reading{of if steps else ''}"
+    ]
+    return told + [test.motion.departure for test in pad.tests if test.motion.departure]
+
+
+def _contact(pad: PadSeen, units: UnitSystem) -> list[str]:
+    """Of tests of displacement and force; a strip in strain has no contact."""
+    if units.dimensionless:
+        return []
+    found = [(test.test, test.contact) for test in pad.tests if test.contact is not None]
+    if not found:
+        return ["contact: no test shows an approach, so that depth counts from the zero as it is"]
+    off = [
+        f"{plain(seen.place, 2)} +- {plain(seen.sd, 1)} {units.displacement} in test {name}"
+        for name, seen in found
+        if abs(seen.place) > _AGREES * seen.sd
+    ]
+    agree, most = len(found) - len(off), max(seen.sd for _, seen in found)
+    told = []
+    if agree:
+        those = "the one test that shows" if len(found) == 1 else f"{agree} of {len(found)} tests"
+        told.append(
+            f"the rise of the {units.force_name} agrees with zero depth in {those} "
+            f"{'' if len(found) == 1 else 'that show '}an approach (errors up to {plain(most, 1)} "
+            f"{units.displacement})"
+        )
+    if len(off) > _NAMED:
+        off = [*off[:_NAMED], f"others ({len(off) - _NAMED} more in look.json)"]
+    if off:
+        told.append(
+            f"the {units.force_name} rises out of its noise at {joined(off)}, where a soft "
+            "beginning may look alike"
+        )
+    return [f"contact: {'; '.join(told)}"]
+
+
+def _clock(pad: PadSeen) -> list[str]:
+    told = []
+    off = max(pad.tests, key=lambda test: test.clock_sd / test.interval)
+    if off.clock_sd > 0.0:
+        told.append(
+            f"clock: stamps of test {off.test} are off by {span(off.clock_sd)} (sd), of intervals "
+            f"of {span(off.interval)}"
+        )
+    carried = [test.test for test in pad.tests if test.after]
+    if carried:
+        told.append(
+            f"rest: {_tests(carried)} begin{'s' if len(carried) == 1 else ''} while the specimen "
+            "still recovers from an earlier test, which a fit takes into account"
+        )
+    return told
+
+
+def _control(pad: PadSeen, units: UnitSystem) -> list[str]:
+    """Where it is not the displacement of all tests, found."""
+    force = [test.test for test in pad.tests if test.control == "force"]
+    if not force:
+        return []
+    rest = len(pad.tests) - len(force)
+    others = f"; the {units.displacement_name} in the others" if rest else ""
+    return [f"control: the {units.force_name} is prescribed in {_tests(force)}{others}"]
+
+
+def _tests(names: Sequence[str]) -> str:
+    named = [*names[:_NAMED], *([f"{len(names) - _NAMED} more"] if len(names) > _NAMED else [])]
+    return f"test{'' if len(names) == 1 else 's'} {joined(named)}"
+
+
+def _unit(unit: str) -> str:
+    return "" if unit == "1" else f" {unit}"
