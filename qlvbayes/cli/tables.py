@@ -177,12 +177,13 @@ def ranking_table(found: DiagnosisResult, unit: str) -> Table:
     title = f"pad {found.pad}: what the plain model may lack"
     table = Table(title=title, title_justify="left", title_style="bold")
     table.add_column("effect", no_wrap=True)
-    for name in ("probability", "log Bayes factor", f"RMSE ({unit})"):
+    for name in ("probability", "certainty", "log Bayes factor", f"RMSE ({unit})"):
         table.add_column(name, justify="right")
     table.add_column("constants")
     for ranked in found.ranking[:_MOST]:
         name = "nothing" if ranked.effect == "none" else ranked.effect
-        table.add_row(name, percent(ranked.inclusion), *_figures(ranked, found.noise))
+        sure = "" if ranked.certainty is None else percent(ranked.certainty)
+        table.add_row(name, percent(ranked.inclusion), sure, *_figures(ranked, found.noise))
     return table
 
 

@@ -154,7 +154,8 @@ class Ranked(Part, frozen=True, rename={"rmse": "rmse_N", "half": "half_of_evide
     log_bayes_factor: log posterior odds of being in less the log prior odds, None where nothing
     else was seen; rmse: of all samples (N) by the likeliest hypothesis with it; parameters: its
     constants there; inclusion_error: what the errors of the evidences make of the inclusion; half:
-    in how many readings half of its evidence lies, of effects that the verdict names or groups.
+    in how many readings half of its evidence lies, of effects that the verdict names or groups;
+    certainty: how often an effect with such evidence was there in blind studies (`certainty`).
     """
 
     effect: str
@@ -165,6 +166,7 @@ class Ranked(Part, frozen=True, rename={"rmse": "rmse_N", "half": "half_of_evide
     parameters: dict[str, Estimate]
     inclusion_error: float = 0.0
     half: Decisive | None = None
+    certainty: float | None = None
 
 
 class Unseen(Part, frozen=True):

@@ -57,10 +57,19 @@ def names_kin(case: Case) -> bool:
 
 def names_wrongly(case: Case) -> bool:
     """Something that is not hidden is named without a rival."""
-    allowed = set().union(*(set(kin) for kin in case["kin"].values()))
+    return case["verdict"] in _SURE and not _told(case) <= _allowed(case)
+
+
+def true_names(case: Case) -> set[str]:
+    """Effects that are there: hidden, of a hidden form's physics, or true besides."""
+    return _allowed(case) | _true_besides(case)
+
+
+def _allowed(case: Case) -> set[str]:
+    """What is hidden may be called by."""
     if case["kind"] in ("single", "double"):
-        allowed = set(case["names"])
-    return case["verdict"] in _SURE and not _told(case) <= allowed
+        return set(case["names"])
+    return set().union(*(set(kin) for kin in case["kin"].values()))
 
 
 def is_unexplained(case: Case) -> bool:

@@ -31,6 +31,7 @@ class Hypothesis:
     effect: str
     seen: str
     probability: str
+    certainty: str
     bayes: str
     rmse: str
     constants: str
@@ -104,6 +105,7 @@ def _hypothesis(ranked: Ranked, named: set[str]) -> Hypothesis:
         "nothing" if none else ranked.effect,
         "" if none else seen(ranked.effect),
         percent(ranked.inclusion),
+        "" if ranked.certainty is None else percent(ranked.certainty),
         number(ranked.log_bayes_factor),
         number(ranked.rmse, zeros=True),
         ", ".join(constants),

@@ -7,8 +7,10 @@ from dataclasses import replace
 
 import jax.numpy as jnp
 import numpy as np
+from msgspec import structs
 from numpy.typing import NDArray
 
+from qlvbayes.diagnosis.certainty import certainty
 from qlvbayes.diagnosis.checks.outcome import LEAST, Outcome
 from qlvbayes.diagnosis.checks.sensitivity import (
     coincident,
@@ -21,7 +23,16 @@ from qlvbayes.diagnosis.checks.vetoes import decided
 from qlvbayes.diagnosis.decision import Decision
 from qlvbayes.diagnosis.nexttest.suggest import suggest
 from qlvbayes.diagnosis.protocol import protocol_of
-from qlvbayes.diagnosis.result import Base, Checked, DiagnosisResult, Refused, Suggestion, Worst
+from qlvbayes.diagnosis.result import (
+    Base,
+    Checked,
+    DiagnosisResult,
+    Ranked,
+    Refused,
+    Stage,
+    Suggestion,
+    Worst,
+)
 from qlvbayes.diagnosis.search import Search, Tell
 from qlvbayes.diagnosis.telling.verdict import Diagnosis
 from qlvbayes.diagnosis.telling.work import Work
@@ -73,7 +84,7 @@ def summed_up(
         constants=outcome.constants(told),
         heldout_of_all=outcome.heldout_of_all(),
         stages=stages,
-        ranking=outcome.ranking(),
+        ranking=_with_certainty(outcome.ranking(), stages, experiment.floor.total),
         not_identifiable=(
             *unseen(added, search, protocol),
             *unmeasured(candidates, protocol),
@@ -95,6 +106,21 @@ def summed_up(
     )
     adequacies = tuple(outcome.tested(one) for one in path)
     return Diagnosis(result, Work(experiment, search, outcome.samples, path, adequacies))
+
+
+def _with_certainty(
+    ranking: Sequence[Ranked], stages: Sequence[Stage], noise: float
+) -> tuple[Ranked, ...]:
+    """Each effect with how often one with such evidence was there in blind studies."""
+    return tuple(
+        structs.replace(
+            one,
+            certainty=None
+            if one.effect == "none"
+            else certainty(one.effect, one.inclusion, one.log_bayes_factor, stages, noise),
+        )
+        for one in ranking
+    )
 
 
 def _forms(search: Search, told: Weighed, decision: Decision) -> dict[str, str]:

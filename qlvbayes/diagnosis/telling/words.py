@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from qlvbayes.diagnosis.certainty import calibration
 from qlvbayes.diagnosis.result import DiagnosisResult, ParameterBias
 from qlvbayes.diagnosis.telling.work import Work
 from qlvbayes.io.units import UnitSystem
@@ -32,6 +33,7 @@ def paragraphs(d: DiagnosisResult, work: Work) -> list[str]:
         f"What to do next: {_next(d, work)}",
         *(f"{_upper(one)}." for one in d.notices),
         grounds(d, work),
+        *_certain(d),
     ]
     if d.verdict != "adequate":
         text += [_where(d), *_runner_up(d)]
@@ -135,6 +137,28 @@ def _of_adequate(d: DiagnosisResult, work: Work) -> str:
         text += (
             f" Of the effects that these tests could show, {best.effect} is the likeliest "
             f"({percent(best.inclusion)})."
+        )
+    return text
+
+
+def _certain(d: DiagnosisResult) -> list[str]:
+    """How often names with such evidence were right in blind studies."""
+    known = {one.effect: one.certainty for one in d.ranking}
+    names = [name for name in dict.fromkeys((*d.effects, *d.group)) if name in known]
+    rated = [(name, one) for name in names if (one := known[name]) is not None]
+    text, learnt = [], calibration()
+    if rated:
+        said = joined([f"{name} {percent(one)}" for name, one in rated])
+        bins = sorted({learnt.bin_of(one) for _, one in rated}, reverse=True)
+        counts = joined([f"{k} of {n} with {low:.0%} to {high:.0%}" for low, high, n, k in bins])
+        text.append(
+            f"Certainty by experience: {said}. In {learnt.studies} blind studies on other rigs, "
+            f"of effects with such a certainty {counts} were there."
+        )
+    if new := [name for name in names if known[name] is None]:
+        text.append(
+            f"No blind study had evidence like that for {joined(new)}: the probability is that of "
+            "the compared hypotheses alone."
         )
     return text
 

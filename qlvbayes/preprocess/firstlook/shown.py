@@ -171,10 +171,10 @@ def _depth(experiment: Experiment, facts: Facts) -> tuple[Shown, ...]:
     where = f"one {what}, {_levels(experiment, facts, levels)}" if levels else "no depth"
     reason, remedy = f"holds at {where}", "hold at two depths or more"
     moving = f"{reason}: only the movements could show it"
-    answer, why = ("no", reason) if at_one_depth(experiment) else ("hardly", moving)
+    one = at_one_depth(experiment)
     return (
         Shown(speed, "hardly", moving, remedy, effects=rates),
-        Shown(share, answer, why, remedy, effects=strengths),
+        Shown(share, "no" if one else "hardly", reason if one else moving, remedy, (), strengths),
     )
 
 

@@ -336,7 +336,8 @@ def _trial(
 ) -> _Trial:
     stretch = depth / _STROKE
     own = constants or replace(TABLE_1["B"], b=TABLE_1["B"].b / stretch)
-    platens, clock = [], 0.0
+    platens: list[Platen] = []
+    clock = 0.0
     for rate in (*(r for r in PAPER_RATES if r < top_speed), top_speed):
         program = tuple(_scaled(step, stretch) for step in protocol(rate))
         platens.append(Platen(program, start_s=clock, number=len(platens)))

@@ -1,0 +1,227 @@
+"""Learns how often an effect with such evidence is there, from registered blind studies.
+
+`certainty.py RUN RUN ... -o docs/certainty.md` reads docs/wide_RUN.json, learns the weights of
+`qlvbayes/diagnosis/certainty.py`, writes them with their provenance to certainty.json beside it,
+and a page with what they are worth on studies that they were not learnt from.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shlex
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from page import Origin
+from scipy.stats import beta
+
+import qlvbayes.diagnosis.certainty as package
+from qlvbayes.diagnosis.certainty import FEATURES, LEAST, features
+from qlvbayes.evaluation.counting import true_names
+from qlvbayes.io.files import write_json, write_whole
+
+ROOT = Path(__file__).resolve().parents[1]
+Array = NDArray[np.float64]
+
+FOLDS = 10
+"""Parts of the studies, each of which is left out once."""
+EDGES = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 1.0)
+"""Of the bins of certainty: fifths, the last one halved where names are given."""
+_RIDGE = 1.0  # penalty on a weight of a standardised feature: as one more study each way
+_STEPS = 50  # of Newton's method, which ends in under ten
+
+_HEAD = """# Validation: does certainty keep its word?
+
+The posterior over hypotheses takes what is missing to be one of them. `certainty` in
+`diagnosis.json` corrects it by what happened in {studies} registered blind studies ({runs}), in
+which {names} effects had a probability of {least:.0%} or more: it is a logistic regression on four
+features of a diagnosis that is finished ({features}). A name counts as right by the rules of the
+count of those runs. Here each study's names have the certainty that the other nine tenths of the
+studies give.
+
+| | |
+|---|---|
+| command | `{command}` |
+| date, commit | {date}, {commit} |
+| machine | {machine} |
+
+| certainty | names | there | 95 % bounds | mean certainty |
+|---|---|---|---|---|
+{table}
+
+Mean log loss of a name, in nats: **{loss:.3f}**; of the posterior probability itself
+{stated:.3f}, of one share for all {share:.3f}. Learnt on the first run alone and tried on the
+last: {later:.3f} there, and {sure} of {most} names with a certainty of 0.9 or more were there.
+
+These studies were diagnosed by two versions of the program before the present one, whose list has
+five more effects. Until a run of the present version is counted, that is what certainty means. A
+feature outside of the range seen in the studies has no certainty.
+
+| feature | lowest | highest | weight |
+|---|---|---|---|
+{weights}
+"""
+
+
+@dataclass(frozen=True)
+class Name:
+    """An effect that a study's diagnosis took to be likely, and whether it is there."""
+
+    run: str
+    study: int
+    x: Array
+    stated: float
+    there: bool
+
+
+def names_of(run: str, cases: Sequence[dict[str, Any]]) -> Iterator[Name]:
+    """Every effect of a probability of `LEAST` or more, in studies whose answer can be seen."""
+    for case in cases:
+        if not case.get("seen") or not case.get("stages"):
+            continue
+        there = true_names(case)
+        steps = [SimpleNamespace(**stage) for stage in case["stages"]]
+        for effect, stated in case["probabilities"].items():
+            factor = case["log_bayes_factors"].get(effect)
+            if effect == "none" or stated < LEAST or factor is None:
+                continue
+            x = features(effect, factor, steps, case["floor"])
+            yield Name(run, case["index"], x, stated, effect in there)
+
+
+def learnt(x: Array, there: Array) -> Array:
+    """Weights (5,) by penalised likelihood, the constant first; x (n, 4), there (n,)."""
+    mean, sd = x.mean(axis=0), x.std(axis=0)
+    design = np.column_stack([np.ones(len(x)), (x - mean) / sd])
+    penalty = _RIDGE * np.diag([0.0, *np.ones(x.shape[1])])
+    weights = np.zeros(design.shape[1])
+    for _ in range(_STEPS):
+        share = _logistic(design @ weights)
+        slope = design.T @ (share - there) + penalty @ weights
+        curvature = (design.T * (share * (1.0 - share))) @ design + penalty
+        weights = weights - np.linalg.solve(curvature, slope)
+    return np.concatenate([[weights[0] - weights[1:] @ (mean / sd)], weights[1:] / sd])
+
+
+def _logistic(log_odds: Array) -> Array:
+    return 1.0 / (1.0 + np.exp(-log_odds))
+
+
+def given(weights: Array, x: Array) -> Array:
+    """Certainties (n,) at features (n, 4)."""
+    return _logistic(weights[0] + x @ weights[1:])
+
+
+def left_out(names: Sequence[Name]) -> Array:
+    """Certainty (n,) of every name by the studies of the other folds."""
+    x, there = _columns(names)
+    studies = sorted({(name.run, name.study) for name in names})
+    order = np.random.default_rng(0).permutation(len(studies))
+    fold = {study: int(order[k]) % FOLDS for k, study in enumerate(studies)}
+    folds = np.array([fold[name.run, name.study] for name in names])
+    found = np.zeros(len(names))
+    for k in range(FOLDS):
+        found[folds == k] = given(learnt(x[folds != k], there[folds != k]), x[folds == k])
+    return found
+
+
+def _columns(names: Sequence[Name]) -> tuple[Array, Array]:
+    return np.array([name.x for name in names]), np.array([float(name.there) for name in names])
+
+
+def loss(certainties: Array, there: Array) -> float:
+    """Mean log loss (nats); what is stated as sure counts as sure to a thousandth."""
+    some = np.clip(certainties, 1e-3, 1.0 - 1e-3)
+    return float(-np.mean(there * np.log(some) + (1.0 - there) * np.log(1.0 - some)))
+
+
+def bins(certainties: Array, there: Array) -> list[tuple[float, float, int, int, float]]:
+    """Of each bin its ends, how many names, how many there, and the mean certainty."""
+    found = []
+    for low, high in pairwise(EDGES):
+        inside = (certainties >= low) & ((certainties < high) | (high == 1.0))
+        if inside.any():
+            count, right = int(inside.sum()), int(there[inside].sum())
+            found.append((low, high, count, right, float(certainties[inside].mean())))
+    return found
+
+
+def _bounds(right: int, count: int) -> str:
+    """Clopper and Pearson's, two-sided."""
+    low = beta.ppf(0.025, right, count - right + 1) if right else 0.0
+    high = beta.ppf(0.975, right + 1, count - right) if right < count else 1.0
+    return f"{low:.0%} to {high:.0%}"
+
+
+def page(names: Sequence[Name], weights: Array, command: str) -> str:
+    """The page."""
+    x, there = _columns(names)
+    found = left_out(names)
+    runs = list(dict.fromkeys(name.run for name in names))
+    first, last = (np.array([name.run == run for name in names]) for run in (runs[0], runs[-1]))
+    later = given(learnt(x[first], there[first]), x[last])
+    surest = later >= EDGES[-2]
+    origin = Origin.now(command, ROOT)
+    rows = [
+        f"| {low:.1f} to {high:.1f} | {count} | {right} ({right / count:.0%}) | "
+        f"{_bounds(right, count)} | {mean:.2f} |"
+        for low, high, count, right, mean in bins(found, there)
+    ]
+    about = zip(FEATURES, x.min(axis=0), x.max(axis=0), weights[1:], strict=True)
+    return _HEAD.format(
+        studies=len({(name.run, name.study) for name in names}),
+        runs=", ".join(f"[{run}](wide_{run}.md)" for run in runs),
+        names=len(names),
+        least=LEAST,
+        features=", ".join(f"`{name}`" for name in FEATURES),
+        command=command,
+        date=origin.date,
+        commit=origin.commit,
+        machine=origin.machine,
+        table="\n".join(rows),
+        loss=loss(found, there),
+        stated=loss(np.array([name.stated for name in names]), there),
+        share=loss(np.full(len(names), there.mean()), there),
+        later=loss(later, there[last]),
+        sure=int(there[last][surest].sum()),
+        most=int(surest.sum()),
+        weights="\n".join(f"| {n} | {a:.2f} | {b:.2f} | {w:.2f} |" for n, a, b, w in about),
+    )
+
+
+def main() -> int:
+    """Learn, write the weights and the page."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("runs", nargs="+", help="registered runs, in the order of their dates")
+    parser.add_argument("-o", "--output", type=Path, default=ROOT / "docs" / "certainty.md")
+    chosen = parser.parse_args()
+    names: list[Name] = []
+    for run in chosen.runs:
+        cases = json.loads((ROOT / "docs" / f"wide_{run}.json").read_text(encoding="utf-8"))
+        names += names_of(run, cases["cases"])
+    x, there = _columns(names)
+    weights = learnt(x, there)
+    known = {
+        "weights": weights.tolist(),
+        "low": x.min(axis=0).tolist(),
+        "high": x.max(axis=0).tolist(),
+        "names": len(names),
+        "studies": len({(name.run, name.study) for name in names}),
+        "runs": chosen.runs,
+        "bins": [row[:4] for row in bins(left_out(names), there)],
+    }
+    write_json(Path(str(package.__file__)).with_suffix(".json"), known)
+    write_whole(chosen.output, page(names, weights, shlex.join(sys.argv)).encode())
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
