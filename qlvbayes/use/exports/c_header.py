@@ -40,7 +40,7 @@ def c_files(pad: ExportedPad, target: type[AbstractTarget]) -> dict[str, bytes]:
         "constants": pad.constants,
         "modes": pad.times.size,
         "functions": functions_of(law, language),
-        "library": sorted(needs(law) | library_of(pad.pieces)),
+        "library": sorted(needs(law) | library_of(pad.pieces) | {"fmin"}),
         "units": pad.units,
         **layered(pad, language),
         "middle": rows_of(pad.middle)[0],

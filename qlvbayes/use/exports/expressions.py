@@ -69,7 +69,20 @@ _SINGLES: dict[str, Callable[..., Any]] = {
     "not": operator.not_,
 }
 _CONDITIONS = ("lt", "le", "gt", "ge", "eq", "ne", "and", "or", "not")
-_MOVES = ("broadcast_in_dim", "reshape", "squeeze", "concatenate", "slice", "transpose", "rev")
+_MOVES = (
+    "broadcast_in_dim",
+    "concatenate",
+    "expand_dims",
+    "reshape",
+    "rev",
+    "slice",
+    "split",
+    "squeeze",
+    "stack",
+    "tile",
+    "transpose",
+    "unstack",
+)
 _INSIDE = ("jaxpr", "call_jaxpr", "fun_jaxpr")  # where an instruction has a program of its own
 _REDUCTIONS = {"reduce_sum": "add", "reduce_max": "max", "reduce_min": "min"}
 
@@ -132,7 +145,7 @@ class Expressions:
         if name in _PAIRS or name in _SINGLES or name in _ELEMENTWISE:
             return [self._elementwise(name, params, given)]
         if name in _MOVES:
-            return [_moved(line.primitive, params, given)]
+            return _moved(line.primitive, params, given)
         if name in _REDUCTIONS:
             return [self._reduced(_REDUCTIONS[name], given[0], params["axes"])]
         if name == "dot_general":
@@ -261,7 +274,7 @@ def _array(values: list[Expression], shape: tuple[int, ...]) -> Nodes:
     return found.reshape(shape)
 
 
-def _moved(primitive: Any, params: dict, given: list[Nodes]) -> Nodes:
+def _moved(primitive: Any, params: dict, given: list[Nodes]) -> list[Nodes]:
     """Elements at their new places: the instruction is run on their numbers."""
     every = [x for array in given for x in array.ravel()]
     ends = np.cumsum([array.size for array in given])
@@ -269,5 +282,6 @@ def _moved(primitive: Any, params: dict, given: list[Nodes]) -> Nodes:
         np.arange(end - array.size, end).reshape(array.shape)
         for array, end in zip(given, ends, strict=True)
     ]
-    found = np.asarray(primitive.bind(*map(jax.numpy.asarray, places), **params))
-    return _array([every[k] for k in found.ravel()], found.shape)
+    found = primitive.bind(*map(jax.numpy.asarray, places), **params)
+    results = map(np.asarray, found if primitive.multiple_results else [found])
+    return [_array([every[k] for k in x.ravel()], x.shape) for x in results]
