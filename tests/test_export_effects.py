@@ -1,4 +1,4 @@
-"""Effects in other languages: the force of the whole model, and the way back, from the same steps."""
+"""Effects in other languages: the force of the whole model, and the way back."""
 
 import re
 import subprocess

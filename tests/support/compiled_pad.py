@@ -61,7 +61,7 @@ class CompiledPad:
         subprocess.run([GCC, *flags, "-o", self.program, source, "-lm"], check=True)
 
     def force(self, time, displacement, draw=-1, first=None):
-        """(n,) forces, and whether the pad is touched; first: where it begins, or at the motion's."""
+        """(n,) forces, and whether the pad is touched; first: where it begins."""
         return self._run(0, draw, time, displacement, displacement[0] if first is None else first)
 
     def displacement(self, time, force, draw=-1):

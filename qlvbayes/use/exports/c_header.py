@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from qlvbayes.effects.channel_lag import LINES
 from qlvbayes.io.checks import InputError
 from qlvbayes.use.exports.card import card, in_comment, template
 from qlvbayes.use.exports.formulas import FORMULAS, Formulas
@@ -214,6 +215,11 @@ class C(Language):
             unused = [f"(void){x};" for x in names if not _stands_in(x, " ".join(body))]
             text += [head, "{", *(f"    {line}" for line in (*unused, *body)), "}", ""]
         return "\n".join(text)
+
+    def late(self, piece: Piece, below: str) -> str:
+        """From a template."""
+        names = {"p": self.prefix, "P": self.prefix.upper(), "delay": piece.constants[0]}
+        return template("late.h.j2", piece=piece, below=below, most=LINES, **names)
 
 
 def _stands_in(name: str, text: str) -> bool:

@@ -20,7 +20,7 @@ Nodes = np.ndarray
 """An array of `Expression`, of the shape that the program's array has."""
 
 
-class Untranslatable(Exception):
+class TranslationError(Exception):
     """What a program does that no expression does; the text says it."""
 
 
@@ -114,11 +114,11 @@ class Expressions:
     def of(self, program: core.ClosedJaxpr, inputs: Sequence[Expression]) -> list[Expression]:
         """What the program makes of single numbers: the elements of all its results, in order.
 
-        Raises Untranslatable naming an instruction that has no expression.
+        Raises TranslationError naming an instruction that has no expression.
         """
-        arrays, rest = [], iter(inputs)
-        for shape in (variable.aval.shape for variable in program.jaxpr.invars):
-            arrays.append(_array([next(rest) for _ in range(math.prod(shape))], shape))
+        rest = iter(inputs)
+        shapes = [variable.aval.shape for variable in program.jaxpr.invars]
+        arrays = [_array([next(rest) for _ in range(math.prod(x))], x) for x in shapes]
         return [x for found in self._run(program, arrays) for x in found.ravel()]
 
     def _run(self, program: Any, inputs: Sequence[Nodes]) -> list[Nodes]:
@@ -149,8 +149,8 @@ class Expressions:
         if name in _REDUCTIONS:
             return [self._reduced(_REDUCTIONS[name], given[0], params["axes"])]
         if name == "dot_general":
-            return [self._product(*given, params["dimension_numbers"])]
-        raise Untranslatable(f"its step uses {name}, which has no form in other languages")
+            return [self._product(given[0], given[1], params["dimension_numbers"])]
+        raise TranslationError(f"its step uses {name}, which has no form in other languages")
 
     def _elementwise(self, name: str, params: dict, given: list[Nodes]) -> Nodes:
         if name in ("integer_pow",):
@@ -216,7 +216,7 @@ class Expressions:
     def _product(self, left: Nodes, right: Nodes, numbers: Any) -> Nodes:
         (on_left, on_right), batch = numbers
         if any(batch):
-            raise Untranslatable("its step multiplies stacks of matrices")
+            raise TranslationError("its step multiplies stacks of matrices")
         rows = np.moveaxis(left, on_left, range(len(on_left)))
         columns = np.moveaxis(right, on_right, range(len(on_right)))
         inner = rows.shape[: len(on_left)]

@@ -176,7 +176,10 @@ def layers_code(pieces: Sequence[Piece], language: Language) -> str:
     """The functions of all layers, the innermost first."""
     texts, below = [], MATERIAL
     for piece in pieces:
-        begin, step = (Lines(language, piece, below, work) for work in (piece.begin, piece.step))
-        texts.append(language.layer(piece, below, begin.text, step.text))
+        if piece.late:
+            texts.append(language.late(piece, below))
+        else:
+            begin, step = (Lines(language, piece, below, x).text for x in (piece.begin, piece.step))
+            texts.append(language.layer(piece, below, begin, step))
         below = piece.name
     return "\n".join(texts)

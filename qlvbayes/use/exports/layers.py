@@ -18,13 +18,14 @@ import numpy as np
 from jax.core import ShapedArray
 from jax.extend import core
 
+from qlvbayes.effects.channel_lag import ChannelLag
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.laws.layered import Contact, Layer
 from qlvbayes.laws.motion import Line
 from qlvbayes.model.model import Model
 from qlvbayes.model.parameters import fields_of
 from qlvbayes.model.stepping import without_steps
-from qlvbayes.use.exports.expressions import Expression, Expressions, Untranslatable
+from qlvbayes.use.exports.expressions import Expression, Expressions, TranslationError
 
 LINE = ("h", "to", "speed", "clear")
 """A line's duration (s), end, speed, and how far it then is off the specimen."""
@@ -36,7 +37,7 @@ _LENGTH = "displacement"
 
 @dataclass(frozen=True, eq=False)
 class Work:
-    """What a layer does: states of the law beneath, its own memory, and the force (None at first)."""
+    """What a layer does: states of the law beneath, its own memory, and a force (None at first)."""
 
     states: tuple[Expression, ...]
     memory: tuple[Expression, ...]
@@ -80,7 +81,8 @@ class Piece:
 
     name: part of an identifier; said: the law in one line; columns: names of the layer's numbers in
     a posterior; touch: which of its memory says that the specimen is touched, None where it does
-    not; inverts: as of the effect.
+    not; inverts: as of the effect; late: whether it reads what was there a while ago, for which
+    languages have a queue of lines of their own, in place of ``begin`` and ``step``.
     """
 
     name: str
@@ -90,6 +92,7 @@ class Piece:
     step: Work
     touch: int | None = None
     inverts: bool = True
+    late: bool = False
 
     @property
     def constants(self) -> tuple[str, ...]:
@@ -120,7 +123,7 @@ def carried(model: Model) -> tuple[tuple[Piece, ...], dict[str, str]]:
             continue
         try:
             found.append(piece_of(layer))
-        except Untranslatable as reason:
+        except TranslationError as reason:
             lost[name] = str(reason)
     return tuple(found), lost
 
@@ -136,11 +139,15 @@ def changed(effect: AbstractEffect, model: Model) -> Any:
 
 
 def piece_of(layer: Layer) -> Piece:
-    """A layer's begin and step as expressions; Untranslatable where there is no form of them."""
+    """A layer's begin and step as expressions; TranslationError where there is no form of them."""
     make = Expressions(_CALLS)
     if not isinstance(layer, AbstractEffect):
         return _contact(make)
     columns = tuple(name for field in fields_of(layer) for name in field.names)
+    if isinstance(layer, ChannelLag):
+        before = make.named("state", 0)
+        begin, step = Work((before,), (), None), Work((before,), (), before)
+        return Piece(layer.name, layer.law, columns, begin, step, inverts=False, late=True)
     constants = [make.named("constant_of", _identifier(name)) for name in columns]
     begin, step = _traced(layer, make, constants)
     if touches := layer.level == Level.CONTACT:
@@ -195,7 +202,7 @@ def _traced(layer: Layer, make: Expressions, constants: list[Expression]) -> tup
 
     begun, kept = jax.make_jaxpr(begins, return_shape=True)(sizes, number)
     if (count := sum(np.prod(x.shape, dtype=int) for x in kept)) > _MOST:
-        raise Untranslatable(f"it remembers {count} numbers, more than are written out")
+        raise TranslationError(f"it remembers {count} numbers, more than are written out")
     stepped = jax.make_jaxpr(goes_on)(sizes, kept, [number] * len(LINE))
     parts = list(_named(kept, make))
     line = [make.named("line", name) for name in LINE]
@@ -268,7 +275,7 @@ class _Elastic:
         return _STIFFNESS.bind(_number(depth))[0]
 
     def __getattr__(self, name: str) -> Any:
-        raise Untranslatable(f"its step asks for the elastic law's {name}")
+        raise TranslationError(f"its step asks for the elastic law's {name}")
 
 
 class _Beneath:
@@ -284,7 +291,7 @@ class _Beneath:
         return tuple(_STEP.bind(state, *map(_number, parts)))
 
     def __getattr__(self, name: str) -> Any:
-        raise Untranslatable(f"its step asks for the {name} of the law beneath it")
+        raise TranslationError(f"its step asks for the {name} of the law beneath it")
 
 
 def _number(value: Any) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from qlvbayes.effects.channel_lag import LINES
 from qlvbayes.use.exports.c_header import formulas_of, layered, rows_of
 from qlvbayes.use.exports.card import ONE_DRAW, card, template
 from qlvbayes.use.exports.layers import LINE, Piece
@@ -131,3 +132,8 @@ class M(Language):
             "",
         ]
         return "\n".join(text)
+
+    def late(self, piece: Piece, below: str) -> str:
+        """From a template."""
+        delay = piece.constants[0]
+        return template("late.m.j2", piece=piece, below=below, delay=delay, most=LINES)

@@ -65,9 +65,9 @@ class ExportedPad:
 
     identifier: the name as C, XML and MATLAB take one, ``pad_B``, of this pad alone in its folder
     of results; middle: that draw; table: draws evenly out of all; intervals: of the pad's
-    constants; folder: of its results; date: of the export, as 2026-01-31; model: of the middle draw,
-    with what goes along of the effects; pieces: its layers, for other languages; left_out: effects
-    that do not go along, each with the reason.
+    constants; folder: of its results; date: of the export, as 2026-01-31; model: with the numbers
+    of the middle draw and what goes along of the effects; pieces: its layers, for other languages;
+    left_out: effects that do not go along, each with the reason.
     """
 
     name: str
@@ -146,7 +146,7 @@ def read_pad(out: Path, name: str, *, draws: int, date: str) -> ExportedPad:
     middle = jax.tree.map(lambda x: jax.numpy.asarray(x[0]), drawn)
     pieces, left_out = carried(middle)
     own = [names.index(name) for piece in pieces for name in piece.columns]
-    every = _numbers(drawn, values[np.ix_(chosen, own)])
+    every = _numbers(drawn, values[chosen][:, own])
     return ExportedPad(
         name=saved.pad,
         identifier=identifier(saved.pad, [other.name for other in out.iterdir()]),

@@ -107,6 +107,10 @@ class Language(ABC):
     def layer(self, piece: Piece, below: str, begin: list[str], step: list[str]) -> str:
         """Both functions of a layer, from their statements."""
 
+    @abstractmethod
+    def late(self, piece: Piece, below: str) -> str:
+        """Both functions of a late channel, which keeps the lines that are on their way."""
+
 
 def functions_of(law: Formulas, language: Language) -> str:
     """The law's functions, called elastic_force, stiffness, step and slope, and all they call."""
