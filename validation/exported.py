@@ -158,7 +158,9 @@ def plugin(folder: Path, name: str) -> None:
 
 def of_octave(folder: Path, name: str, step: np.ndarray, depth: np.ndarray) -> np.ndarray:
     """By the MATLAB function in GNU Octave."""
-    numbers = "\n".join(f"{h!r} {d!r} {len(step)}" for h, d in zip(step.tolist(), depth.tolist()))
+    numbers = "\n".join(
+        f"{h!r} {d!r} {len(step)}" for h, d in zip(step.tolist(), depth.tolist(), strict=True)
+    )
     script = folder / "run.m"
     script.write_text(f"cd('{folder}');\nrows = [{numbers}];\n" + _OCTAVE.replace("NAME", name))
     return _read(["octave-cli", "--norc", "--quiet", str(script)], "")

@@ -92,7 +92,7 @@ def _touch(pieces: Sequence[Piece], language: Language) -> str | None:
 
 
 def rows_of(draws: Draws) -> list[tuple[list[str], list[str], list[str]]]:
-    """Constants of law and effects, fractions and rates of each draw, in digits that lose nothing."""
+    """Constants of law and effects, fractions and rates of each draw, in all their digits."""
 
     def digits(values: np.ndarray) -> list[str]:
         return [repr(float(x)) for x in values]

@@ -24,7 +24,8 @@ _FAITHFUL = 1e-6  # that may be left out if all of them together are no farther 
 def read_table(path: Path, units: UnitSystem) -> Program:
     """Columns time_s and displacement_mm, or time_s and force_N, or other units of the same.
 
-    Time does not decrease; two rows of one time are a jump. Semicolons mean decimal commas. Raises InputError with file and line.
+    Time does not decrease; two rows of one time are a jump. Semicolons mean decimal commas. Raises
+    InputError with file and line.
     """
     lines = b"".join(blocks(path)).decode("utf-8-sig").splitlines()
     if not lines:
