@@ -13,7 +13,6 @@ from qlvbayes.model.choices import Choices
 from qlvbayes.use.exports.mujoco import MuJoCo
 from qlvbayes.use.exports.reduction import pressing
 
-
 WITH = ("viscous_drag", "friction", "stress_softening", "frame_compliance")
 
 

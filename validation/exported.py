@@ -3,9 +3,9 @@
     python validation/exported.py data/hidden.csv -o docs/exports.md
 
 The record is diagnosed, fitted as it is and with the effects that were named (the commands
-themselves: one test is fitted, the others are not), and both fits are exported to C, FMU, MuJoCo and MATLAB. Each export
-is run along the motion of every test, and its force is set against the measured one. Fits are kept
-in build/exported. What a machine lacks (gcc, FMPy, MuJoCo, GNU Octave) is left out, and said.
+themselves: one test is fitted, the others are not), and both fits are exported to C, FMU, MuJoCo
+and MATLAB. Each export is run along the motion of every test, and its force is set against the
+measured one. Fits are kept in build/exported. What a machine lacks (gcc, FMPy, MuJoCo, GNU Octave) is left out, and said.
 """
 
 from __future__ import annotations
@@ -35,14 +35,15 @@ PICTURE = ROOT / "docs" / "pictures" / "exports_effect.png"
 _FINE = 8  # straight lines in each stretch of the motion between two of its knots
 _HEADING = "## What an effect is worth\n"
 _SECTION = """{heading}
-`{record}` is one pad's six tests with an effect that its reader is not told ({origin}). `qlvbayes
+`{record}` is one pad's six tests with an effect that is not said ({origin}). `qlvbayes
 diagnose` names {named}. Exported without and with it, and run along the motion of each test, this
-is how far the force is from the record's (root mean square over the largest force; the noise is
-{noise:.2%} of it):
+is how far the force is from the record's (root mean square over the test's largest force), by the C header:
 
-| test | rate | without | with {named} |
-|---|---:|---:|---:|
+| test | rate | noise | without | with {named} |
+|---|---:|---:|---:|---:|
 {tests}
+
+and by each export, over all tests:
 
 | `--to` | without | with {named} | from the C header at most |
 |---|---:|---:|---:|
@@ -303,7 +304,8 @@ def main() -> None:
     rows, targets = [], []
     for i, trial in enumerate(every):
         errors = " | ".join(f"{trial.error(x[i]):.2%}" for x in headers)
-        rows.append(f"| {trial.name} | {trial.rate:.3g} mm/s | {errors} |")
+        noise = specimen.experiment.floor.total / np.max(trial.force)
+        rows.append(f"| {trial.name} | {trial.rate:.3g} mm/s | {noise:.2%} | {errors} |")
     for name in present:
         sides = [found[out, name] for out in outs]
         errors = [_rms([t.error(f) for t, f in zip(every, x, strict=True)]) for x in sides]
@@ -315,13 +317,11 @@ def main() -> None:
         targets.append(f"| `{name}` | {errors[0]:.2%} | {errors[1]:.2%} | {off:.0e} |")
     absent = [needed for name, (_, needed) in TARGETS.items() if name not in present]
     origin = Origin.now(f"python validation/exported.py {shlex.join(sys.argv[1:])}", ROOT)
-    peak = max(float(np.max(trial.force)) for trial in every)
     section = _SECTION.format(
         heading=_HEADING,
         record=given.record,
         origin="simulated" if "simulated" in given.record.open().readline() else "measured",
         named=" and ".join(f"`{name}`" for name in named),
-        noise=specimen.experiment.floor.total / peak,
         tests="\n".join(rows),
         targets="\n".join(targets),
         picture="pictures/" + PICTURE.name,
