@@ -148,6 +148,7 @@ def test_touch_is_that_of_the_specimen(compiled):
 
 
 OWN = """
+import jax
 import jax.numpy as jnp
 from typing import Any, ClassVar
 from qlvbayes.effects import AbstractEffect, Level
@@ -198,6 +199,17 @@ class Sorting(Ratchet):
     def step(self, below, state, line):
         state, force = super().step(below, state, line)
         return state, force + 0.0 * jnp.sort(jnp.stack([force, self.size]))[0]
+
+
+class Looping(Ratchet):
+    \"\"\"Its step loops.\"\"\"
+
+    name: ClassVar[str] = "looping"
+    rank: ClassVar[int] = 11
+
+    def step(self, below, state, line):
+        state, force = super().step(below, state, line)
+        return state, jax.lax.fori_loop(0, 3, lambda _, x: x + self.size, force)
 """
 
 
@@ -219,6 +231,7 @@ def test_a_users_own_effect_goes_along(compiled, tmp_path):
     [
         ("inertia", "straight lines have no acceleration but at their ends"),
         ("sorting", "its step uses sort, which has no form in other languages"),
+        ("looping", "its step uses scan, which has no form in other languages"),
     ],
 )
 def test_what_does_not_step_is_left_out_and_says_why(name, why, tmp_path):

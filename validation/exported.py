@@ -5,7 +5,8 @@
 The record is diagnosed, fitted as it is and with the effects that were named (the commands
 themselves: one test is fitted, the others are not), and both fits are exported to C, FMU, MuJoCo
 and MATLAB. Each export is run along the motion of every test, and its force is set against the
-measured one. Fits are kept in build/exported. What a machine lacks (gcc, FMPy, MuJoCo, GNU Octave) is left out, and said.
+measured one. Fits are kept in build/exported. What a machine lacks (FMPy, MuJoCo, GNU Octave) is
+left out, and said; gcc it must have.
 """
 
 from __future__ import annotations
@@ -20,8 +21,10 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -35,9 +38,9 @@ PICTURE = ROOT / "docs" / "pictures" / "exports_effect.png"
 _FINE = 8  # straight lines in each stretch of the motion between two of its knots
 _HEADING = "## What an effect is worth\n"
 _SECTION = """{heading}
-`{record}` is one pad's six tests with an effect that is not said ({origin}). `qlvbayes
-diagnose` names {named}. Exported without and with it, and run along the motion of each test, this
-is how far the force is from the record's (root mean square over the test's largest force), by the C header:
+`{record}` is one pad's six tests ({origin}). `qlvbayes diagnose` names {named}. Exported
+without and with it, and run along the motion of each test, this is how far the force of the C
+header is from the record's (root mean square over the test's largest force):
 
 | test | rate | noise | without | with {named} |
 |---|---:|---:|---:|---:|
@@ -126,35 +129,38 @@ def of_unit(folder: Path, name: str, step: np.ndarray, depth: np.ndarray) -> np.
 
 def of_plugin(folder: Path, name: str, step: np.ndarray, depth: np.ndarray) -> np.ndarray:
     """By MuJoCo with the plugin, on a mass so large that the joint goes as it is sent."""
-    # a process takes one plugin of a name, and this is one for each export
-    command = [sys.executable, __file__, "--plugin", str(folder), name]
-    return _read(command, _rows(step, depth))
-
-
-def plugin(folder: Path, name: str) -> None:
-    """In a process of its own: steps and displacements from stdin, forces to stdout."""
     import mujoco
 
-    home, made = Path(mujoco.__file__).parent, folder / f"{name}_plugin.so"
-    (library,) = home.glob("libmujoco.so*")
-    command = ["gcc", "-O2", "-shared", "-fPIC", f"-I{home / 'include'}"]
-    command += [str(folder / f"{name}_plugin.c"), str(library), f"-Wl,-rpath,{home}", "-lm"]
-    subprocess.run([*command, "-o", str(made)], check=True)
-    mujoco.mj_loadPluginLibrary(str(made))
-    model = mujoco.MjModel.from_xml_string(_WORLD.replace("NAME", name))
-    data = mujoco.MjData(model)
-    rows = np.loadtxt(sys.stdin)
-    before = 1e-3 * rows[0, 1]
-    data.qpos[0] = before
-    for h, place in rows * (1.0, 1e-3):
-        speed = (place - before) / h if h > 0.0 else 0.0
+    model, place = _world(folder, name), 1e-3 * depth
+    data, force = mujoco.MjData(model), []
+    travel = np.diff(place, prepend=place[0])
+    for h, way, end in zip(step.tolist(), travel.tolist(), place.tolist(), strict=True):
+        speed = way / h if h > 0.0 else 0.0
         if h > 0.0:
-            model.opt.timestep, data.qpos[0], data.qvel[0] = h, before, speed
+            model.opt.timestep, data.qpos[0], data.qvel[0] = h, end - way, speed
             mujoco.mj_step(model, data)
-        data.qpos[0], data.qvel[0] = place, speed
+        data.qpos[0], data.qvel[0] = end, speed
         mujoco.mj_forward(model, data)
-        print(repr(float(-data.qfrc_passive[0])))
-        before = place
+        force.append(-float(data.qfrc_passive[0]))
+    return np.array(force)
+
+
+@cache
+def _world(folder: Path, name: str) -> Any:
+    """MuJoCo's model of an export, whose plugin gets a name of its own: a process takes one each."""
+    import mujoco
+
+    own = f"{name}_{folder.parents[2].name}"
+    source = folder / f"{own}.c"
+    plugin = (folder / f"{name}_plugin.c").read_text()
+    source.write_text(plugin.replace(f"qlvbayes.{name}", f"qlvbayes.{own}"))
+    home, made = Path(mujoco.__file__).parent, folder / f"{own}.so"
+    (library,) = home.glob("libmujoco.so*")
+    command = ["gcc", "-O2", "-shared", "-fPIC", f"-I{home / 'include'}", str(source)]
+    command += [str(library), f"-Wl,-rpath,{home}", "-lm", "-o", str(made)]
+    subprocess.run(command, check=True)
+    mujoco.mj_loadPluginLibrary(str(made))
+    return mujoco.MjModel.from_xml_string(_WORLD.replace("NAME", own))
 
 
 def of_octave(folder: Path, name: str, step: np.ndarray, depth: np.ndarray) -> np.ndarray:
@@ -341,7 +347,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    if sys.argv[1:2] == ["--plugin"]:
-        plugin(Path(sys.argv[2]), sys.argv[3])
-    else:
-        main()
+    main()

@@ -209,7 +209,7 @@ class C(Language):
                 [*step, "return force;"],
             ),
         )
-        text = [f"/* {piece.name}: {in_comment([piece.said])[0]} */", *struct, ""]
+        text = [f"/* {piece.name}: {in_comment([' '.join(piece.said.split())])[0]} */", *struct, ""]
         for head, body in heads:
             names = ("k", "displacement") if body is begin else ("k", *LINE, "followed")
             unused = [f"(void){x};" for x in names if not _stands_in(x, " ".join(body))]

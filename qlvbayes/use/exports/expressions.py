@@ -7,6 +7,7 @@ expressions are one object, so that what is used twice is computed once.
 
 from __future__ import annotations
 
+import contextlib
 import math
 import operator
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -84,6 +85,7 @@ _MOVES = (
     "unstack",
 )
 _INSIDE = ("jaxpr", "call_jaxpr", "fun_jaxpr")  # where an instruction has a program of its own
+_LOOPS = ("scan", "while")
 _REDUCTIONS = {"reduce_sum": "add", "reduce_max": "max", "reduce_min": "min"}
 
 
@@ -108,7 +110,8 @@ class Expressions:
     def call(self, op: str, *args: Expression, value: Any = None) -> Expression:
         """``op`` of the arguments, worked out where they are constants."""
         if all(x.op == "constant" for x in args) and (known := _PAIRS | _SINGLES).get(op):
-            return self.constant(known[op](*(x.value for x in args)))
+            with contextlib.suppress(ArithmeticError, ValueError):  # what is none stays as it is
+                return self.constant(known[op](*(x.value for x in args)))
         return self._simpler(op, args) or self._node(op, args, value)
 
     def of(self, program: core.ClosedJaxpr, inputs: Sequence[Expression]) -> list[Expression]:
@@ -138,7 +141,7 @@ class Expressions:
 
     def _instruction(self, line: Any, given: list[Nodes]) -> list[Nodes]:
         name, params = line.primitive.name, line.params
-        if inside := [params[key] for key in _INSIDE if key in params and name != "while"]:
+        if name not in _LOOPS and (inside := [params[x] for x in _INSIDE if x in params]):
             return self._run(inside[0], given)
         if name in self._calls:
             return [_array([x], ()) for x in self._calls[name](self, *(x.item() for x in given))]

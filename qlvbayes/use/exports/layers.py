@@ -154,6 +154,7 @@ def piece_of(layer: Layer) -> Piece:
         begin, step = _with_touch(make, begin, step)
     touch = len(step.memory) - 1 if touches else None
     name = _identifier(layer.name)
+    name = f"{name}_effect" if name in ("contact", "material") else name
     return Piece(name, layer.law, columns, begin, step, touch, layer.inverts)
 
 

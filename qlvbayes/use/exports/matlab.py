@@ -121,7 +121,7 @@ class M(Language):
         given = f"k, state, {', '.join(LINE)}, followed"
         text = [
             f"function state = begin_{piece.name}_(k, displacement)",
-            f"  % {piece.name}: {piece.said}",
+            f"  % {piece.name}: {' '.join(piece.said.split())}",
             *(f"  {line}" for line in begin),
             *(["  state = struct();"] if not begin else []),
             "end",
