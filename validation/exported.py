@@ -147,7 +147,7 @@ def of_plugin(folder: Path, name: str, step: np.ndarray, depth: np.ndarray) -> n
 
 @cache
 def _world(folder: Path, name: str) -> Any:
-    """MuJoCo's model of an export, whose plugin gets a name of its own: a process takes one each."""
+    """MuJoCo's model of an export; a process takes one plugin of a name, so each gets its own."""
     import mujoco
 
     own = f"{name}_{folder.parents[2].name}"
