@@ -54,7 +54,7 @@ and by each export, over all tests:
 
 ![force of the fastest test, and the error of each]({picture})
 
-*Left: press and first hold of the fastest test. Right: each test's error.* Only {fitted} was
+*Left: what is left of the fastest test in press and first hold. Right: each test's error.* Only {fitted} was
 fitted. {absent}Made by `{command}` on {date} at {commit}.
 """
 
@@ -251,23 +251,30 @@ def forces(out: Path, pad: str, target: str, every: list[Trial]) -> list[np.ndar
     return [run(files[0].parent, name, np.diff(x.grid, prepend=x.grid[0]), x.depth) for x in every]
 
 
-def picture(every: list[Trial], without: list[np.ndarray], with_: list[np.ndarray]) -> Figure:
-    """The fastest test, and the error of each."""
+def picture(
+    every: list[Trial], without: list[np.ndarray], with_: list[np.ndarray], noise: float
+) -> Figure:
+    """What is left of the fastest test's force, and the error of each test."""
     figure = Figure(figsize=(6.7, 3.0), layout="constrained")
     left, right = figure.subplots(1, 2)
     last = every[-1]
     end = 4.0 * last.grid[np.argmax(last.depth > 0.99 * np.max(last.depth))]
-    seen, shown = last.time <= end, last.grid <= end
-    left.plot(last.time[seen], last.force[seen], ".", color="0.6", ms=4, label="measured")
-    left.plot(last.grid[shown], without[-1][shown], "--", color="#d55e00", label="without")
-    left.plot(last.grid[shown], with_[-1][shown], color="#0072b2", label="with the effect")
-    left.set(xlabel="time (s)", ylabel="force (N)", title=f"test {last.name}")
-    left.legend(frameon=False)
+    seen = last.time <= end
     rates = [x.rate for x in every]
-    for found, sign, colour in ((without, "o--", "#d55e00"), (with_, "o-", "#0072b2")):
+    sides = ((without, "o--", "#d55e00", "without"), (with_, "o-", "#0072b2", "with the effect"))
+    for found, sign, colour, label in sides:
+        off = (last.force - last.at_readings(found[-1]))[seen]
+        left.plot(last.time[seen], off, sign, color=colour, ms=2, lw=0.8, label=label)
         errors = [100.0 * x.error(f) for x, f in zip(every, found, strict=True)]
-        right.loglog(rates, errors, sign, color=colour, ms=4)
-    right.set(xlabel="rate (mm/s)", ylabel="error (% of the largest force)")
+        right.semilogx(rates, errors, sign, color=colour, ms=4)
+    left.axhspan(-noise, noise, color="0.9", lw=0.0, label="noise")
+    right.semilogx(
+        rates, [100.0 * noise / np.max(x.force) for x in every], ":", color="0.4", label="noise"
+    )
+    left.set(xlabel="time (s)", ylabel="measured less export (N)", title=f"test {last.name}")
+    left.legend(frameon=False)
+    right.set(xlabel="rate (mm/s)", ylabel="error (% of the largest force)", ylim=(0.0, None))
+    right.legend(frameon=False)
     for ax in (left, right):
         ax.spines[["top", "right"]].set_visible(False)
     return figure
@@ -337,7 +344,7 @@ def main() -> None:
         date=origin.date,
         commit=origin.commit,
     )
-    picture(every, *headers).savefig(PICTURE, dpi=200)
+    picture(every, *headers, specimen.experiment.floor.total).savefig(PICTURE, dpi=200)
     page = given.page.read_text(encoding="utf-8")
     older = re.compile(re.escape(_HEADING) + r".*?(?=^## |\Z)", re.DOTALL | re.MULTILINE)
     if not older.search(page):
