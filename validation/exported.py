@@ -54,8 +54,8 @@ and by each export, over all tests:
 
 ![force of the fastest test, and the error of each]({picture})
 
-*Left: what is left of the fastest test in press and first hold. Right: each test's error.* Only {fitted} was
-fitted. {absent}Made by `{command}` on {date} at {commit}.
+*Left: what is left of the fastest test in press and first hold. Right: each test's error.* Only
+{fitted} was fitted. {absent}Made by `{command}` on {date} at {commit}.
 """
 
 _DRIVER = """#include <stdio.h>
