@@ -328,3 +328,17 @@ def test_octave_has_the_force_and_the_displacement_too(ran, case):
     assert np.sum(touched) > 25
     if back[case]:
         assert np.max(np.abs(found - depth)[:left][touched]) <= EXACT
+
+
+@needs_gcc
+@pytest.mark.parametrize("options", [{"bonded": True}, {"law": "hertz"}, {"relaxation": "fung"}])
+def test_other_models_take_effects_too(compiled, options):
+    """Glued ones pull, and come back from it; a law may have no stiffness where it begins."""
+    _, program, model = compiled("viscous_drag", "friction", "force_offset", **options)
+    time, depth = retracting()
+    force, touched = program.force(time, depth)
+    assert off(force, whole(model, time, depth)) <= EXACT
+    assert (np.min(force) < 0.0) == options.get("bonded", False)
+    found, _ = program.displacement(time, force)
+    until = time.size if options.get("bonded") else np.flatnonzero(~touched & (time > 1.0))[0]
+    assert np.max(np.abs(found - depth)[:until][touched[:until]]) <= EXACT
