@@ -32,7 +32,11 @@ def card(pad: ExportedPad, target: type[AbstractTarget], extra: Iterable[str] = 
         + (f", from {pad.source}" if pad.source else ""),
         f"Elastic law: {type(pad.elastic).name}, {type(pad.elastic).law}",
         f"Relaxation: {_relaxation(pad)}",
-        *(f"Effect {piece.name}: {piece.said}" for piece in pad.pieces if target.steps),
+        *(
+            f"Effect {x.name}: {x.said}"
+            for x in pad.pieces
+            if target.steps and x.name in pad.effects
+        ),
         f"Units: {_units(pad)}",
         f"Tested: {_tested(pad)}",
         "Median and 90 % interval:",
@@ -41,8 +45,9 @@ def card(pad: ExportedPad, target: type[AbstractTarget], extra: Iterable[str] = 
     ]
     if not pad.converged:
         lines.append("Beware: the sampling had NOT CONVERGED")
-    lines.append("Not carried:")
-    lines += [f"  - {line}" for line in (*_effects(pad, target), *target.cannot, *extra)]
+    lost = (*_effects(pad, target), *target.cannot, *extra)
+    lines.append("Not carried:" if lost else "Not carried: nothing of the fitted model")
+    lines += [f"  - {line}" for line in lost]
     return [visible(" ".join(line.translate(_PLAIN).split("\n"))) for line in lines]
 
 
@@ -102,11 +107,9 @@ def _relaxation(pad: ExportedPad) -> str:
 
 
 def _effects(pad: ExportedPad, target: type[AbstractTarget]) -> list[str]:
-    lost = {**pad.left_out}
-    if not target.steps:
-        lost |= dict.fromkeys(pad.effects, target.without_steps)
-    if target.steps and pad.effects and pad.one_way:
-        back = [f"displacement from force: {pad.one_way}"]
-    else:
-        back = []
-    return [f"the added effect {name}: {why}" for name, why in lost.items()] + back
+    """Those that do not go along, each with the reason; and why there is no way back."""
+    lost = pad.left_out if target.steps else dict.fromkeys(pad.effects, target.without_steps)
+    found = [f"the added effect {name}: {why}" for name, why in {**pad.left_out, **lost}.items()]
+    if target.steps and pad.one_way:
+        found.append(f"displacement from force: {pad.one_way}")
+    return found
