@@ -77,7 +77,7 @@ def layered(pad: ExportedPad, language: Language) -> dict[str, object]:
         "layers": layers_code(pieces, language),
         "top": pieces[-1].name if pieces else MATERIAL,
         "touch": _touch(pieces, language),
-        "one_way": pad.one_way,
+        "one_way": in_comment([" ".join(pad.one_way.split())])[0],
     }
 
 
