@@ -21,13 +21,19 @@ from qlvbayes.use.exports.write import export
 REPEATS = 5  # of which the fastest counts, in processor time: what else runs here only adds
 PAD = TABLE_1["B"]
 PRONY = {"c": np.array(PAD.c), "v": np.array(PAD.v)}
+BARE = {"m": 0.34, "b": 1.165, **PRONY}
 MODELS = {
-    "exponential, 2 modes": {"m": 0.34, "b": 1.165, **PRONY},
+    "exponential, 2 modes": BARE,
     "linear, 2 modes": {"m": 0.34, **PRONY},
     "polynomial:3, 2 modes": {"m": 0.34, "k2": 0.15, "k3": 0.1, **PRONY},
     "toe, 2 modes": {"m": 0.34, "b": 1.165, "toe": 0.4, **PRONY},
     "hertz, 2 modes": {"m": 0.6, "n": 1.5, **PRONY},
     "exponential, power law": {"m": 0.34, "b": 1.165, "c0": 0.2, "alpha": 0.3, "tau": 0.05},
+    "exponential, 2 modes, viscous_drag": {**BARE, "viscous_drag.eta": 0.01},
+    "with friction, stress_softening and frame_compliance too": {
+        **{**BARE, "viscous_drag.eta": 0.01, "stress_softening.s": 0.15},
+        **{"friction.strength": 0.1, "friction.reach": 0.05, "frame_compliance.compliance": 0.05},
+    },
 }
 
 TIMED = """

@@ -1,17 +1,16 @@
 """The MATLAB function, run by GNU Octave: the force of the Python model, and the way back."""
 
-import shutil
 import subprocess
 
 import numpy as np
 import pytest
 from support.exported_pad import exported
 from support.lawmotions import LAWS, python_force, retracting
+from support.octave import OCTAVE
 
 from qlvbayes.model.choices import Choices
 from qlvbayes.use.exports.matlab import Matlab
 
-OCTAVE = shutil.which("octave-cli") or shutil.which("octave")
 pytestmark = pytest.mark.skipif(
     OCTAVE is None, reason="no GNU Octave here: the function is not run"
 )

@@ -73,8 +73,8 @@ def test_one_draw_is_the_mean_of_all():
 
 
 def test_what_cannot_be_done_is_told_in_one_line():
-    with pytest.raises(InputError, match="force_drift: no step by step form"):
-        Stepper(draws(**{"force_drift.rate": 1e-3}), DT)
+    with pytest.raises(InputError, match="inertia: straight lines have no acceleration"):
+        Stepper(draws(**{"inertia.mass": 1e-3}), DT)
     with pytest.raises(InputError, match="give a dt above 0"):
         Stepper(draws(), 0.0)
     stepper = Stepper(draws(), DT, draws=8)

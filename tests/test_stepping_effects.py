@@ -1,44 +1,26 @@
 """Effects go on step by step: the batch answer, and there and back through them all."""
 
-from dataclasses import fields
-
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from support.exported_pad import EFFECTS
 from support.stepped import DEPTH, DT, SHALLOW, TIME, batch, relative, solved, stepped
 
 from qlvbayes import InputError, Stepper, displacement_from_force
-from qlvbayes.effects.catalogue import EFFECTS, find
+from qlvbayes.effects.catalogue import EVERY, find
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.model.stepping import _ROUNDING, begin, step, without_steps
 
-# constants of a size that is seen in a pad of about 1.6 N
-CONSTANTS = {
-    "viscous_drag": (0.01,),
-    "power_law_drag": (0.05, 0.4),
-    "squeeze_film": (0.005, 2.5),
-    "fluid_pressure": (0.2, 0.5, 0.6),
-    "extra_relaxation_mode": (0.2, 1.3),
-    "strain_dependent_rate": (0.5,),
-    "strain_dependent_strength": (0.2,),
-    "stress_softening": (0.15,),
-    "thixotropy": (0.2, 0.7, 0.4),
-    "friction": (0.1, 0.05),
-    "second_contact": (0.3, 0.5),
-    "permanent_set": (0.05,),
-    "contact_offset": (0.1,),
-    "backlash": (0.03,),
-    "load_cell_creep": (0.05, 0.6),
-    "force_offset": (0.03,),
-    "channel_lag": (0.037,),  # between two steps
-}
-INVERTED = [name for name in CONSTANTS if find(name).inverts]
-REFUSED = [kind.name for kind in EFFECTS if kind.step is AbstractEffect.step]
+INVERTED = [name for name in EFFECTS if find(name).inverts]
+# forms nest where their listed effect does
+TOGETHER = [name for name in INVERTED if find(name).family() == name and name != "slow_change"]
+ONE_WAY = [name for name in EFFECTS if not find(name).inverts]
+REFUSED = ["conditioning", "inertia", "offsets_by_test", "spreading_lag"]
 
 
 def effect(name, *constants):
-    return find(name)(*map(jnp.asarray, constants or CONSTANTS[name]))
+    return find(name)(*map(jnp.asarray, constants or EFFECTS[name]))
 
 
 def unresolved(name):
@@ -48,15 +30,15 @@ def unresolved(name):
     """
     if name != "power_law_drag":
         return 0.0
-    k, n = CONSTANTS[name]
+    k, n = EFFECTS[name]
     return k * (2.0 * _ROUNDING * np.max(SHALLOW) / DT) ** n
 
 
 def test_every_effect_steps_or_is_refused():
-    assert sorted([*CONSTANTS, *REFUSED]) == sorted(kind.name for kind in EFFECTS)
+    assert sorted([*EFFECTS, *REFUSED]) == sorted(kind.name for kind in EVERY)
 
 
-@pytest.mark.parametrize("name", CONSTANTS)
+@pytest.mark.parametrize("name", EFFECTS)
 @pytest.mark.few(2)
 def test_steps_give_the_force_of_the_whole_motion(name, paper_model):
     model = paper_model("B") + effect(name)
@@ -92,14 +74,14 @@ def test_a_rest_before_contact_came_first(gap, paper_model):
 @pytest.mark.slow
 def test_all_together(paper_model):
     model = paper_model("B")
-    for name in INVERTED:
+    for name in TOGETHER:
         if name != "contact_offset":  # its rest of 1e5 s rounds a material's own time to 1e-11 s
             model = model + effect(name)
     force = stepped(model, DEPTH, DT)
     assert relative(force, batch(model, DEPTH)) < 1e-12
     close = 1e-8 + unresolved("power_law_drag") / float(np.max(force))
     assert relative(stepped(model, solved(model, force, DT), DT), force) < close
-    assert without_steps(model) == ()
+    assert without_steps(model) == {}
 
 
 @pytest.mark.slow
@@ -116,16 +98,17 @@ def test_a_load_below_the_readings_zero_lifts_the_platen(paper_model):
 @pytest.mark.parametrize("name", REFUSED)
 def test_the_others_are_refused_by_name(name, paper_model):
     kind = find(name)
-    model = paper_model("B") + kind(*(jnp.asarray(0.01) for _ in fields(kind)))
-    assert without_steps(model) == (name,)
-    with pytest.raises(InputError, match=f"{name} does not go step by step"):
+    model = paper_model("B") + kind(*[jnp.asarray(0.01)] * len(kind.units))
+    assert without_steps(model) == {name: kind.not_stepped}
+    assert kind.not_stepped != AbstractEffect.not_stepped
+    with pytest.raises(InputError, match=f"{name} does not go step by step: {kind.not_stepped}"):
         step(model, begin(model), 0.1, 0.01)
 
 
 @pytest.mark.slow
 def test_slopes_along_all_constants_are_those_of_differences(paper_model):
     model = paper_model("B")
-    for name in INVERTED:
+    for name in TOGETHER:
         model = model + effect(name)
     model = jax.tree.map(lambda x: jnp.asarray(x, float), model)
     load = np.clip(np.sin(TIME), 0.1, None)
@@ -155,9 +138,11 @@ def test_a_late_channel_reads_what_was_there_before(delay, paper_model):
         assert np.allclose(force, before, rtol=0.0, atol=1e-12)
 
 
-def test_a_late_reading_tells_no_displacement(paper_model):
-    with pytest.raises(InputError, match="channel_lag: what is read is the force of an earlier"):
-        displacement_from_force(late(paper_model("B")), TIME, np.ones_like(TIME))
+@pytest.mark.parametrize("name", ONE_WAY)
+def test_where_a_force_has_no_one_displacement_it_is_said(name, paper_model):
+    why = f"no displacement is found from a force: {name}: {find(name).not_inverted}"
+    with pytest.raises(InputError, match=why):
+        displacement_from_force(paper_model("B") + effect(name), TIME, np.ones_like(TIME))
 
 
 def test_a_stepper_keeps_what_is_on_its_way(paper_model):

@@ -38,8 +38,8 @@ def export_command(
     """Write a fitted pad for simulation and control, into OUT/<pad>/export/.
 
     c: a C99 header; fmu: an FMI 2.0 unit; mujoco, drake, matlab; abaqus, ansys, febio, comsol: a
-    material, of a homogeneous specimen; json: everything. Each says its units, its date, what was
-    tested, the 90 % intervals, and what it cannot carry.
+    material, of a homogeneous specimen; curves: tables; json: everything. Each says its units, its
+    date, what was tested, the 90 % intervals, and what it cannot carry.
     """
     names = split_names(to)
     if not names:

@@ -9,8 +9,8 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
-from qlvbayes.laws.layered import Law, touching
-from qlvbayes.laws.motion import Motion
+from qlvbayes.laws.layered import Law, State, line_at_depth, touching
+from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
 
 _GONE = 40.0  # strengths, at which e^-294 of the tension is left
@@ -29,6 +29,10 @@ class Adhesion(AbstractEffect):
     level: ClassVar[Level] = Level.CONTACT
     units: ClassVar[dict[str, str]] = {"strength": "force"}
     null: ClassVar[dict[str, float]] = {"strength": 0.0}
+    inverts: ClassVar[bool] = False
+    not_inverted: ClassVar[str] = (
+        "while the surface lets go, one tension is that of two displacements"
+    )
     law: ClassVar[str] = "tension up to strength on retraction, then release"
     seen: ClassVar[str] = "negative force when the platen retracts, then none"
     reference: ClassVar[str] = "Xu & Needleman 1993, doi:10.1088/0965-0393/1/2/003"
@@ -40,7 +44,18 @@ class Adhesion(AbstractEffect):
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Let tension through up to the strength."""
-        raw = below.force(touching(motion))
+        return self._carried(below.force(touching(motion)))
+
+    def begin(self, below: Law, displacement: Array) -> State:
+        """Of the specimen's depth."""
+        return below.begin(jnp.maximum(displacement, 0.0))
+
+    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
+        """Let tension through up to the strength."""
+        state, raw = below.step(state, line_at_depth(line, line.displacement))
+        return state, self._carried(raw)
+
+    def _carried(self, raw: Array) -> Array:
         gone = raw <= -_GONE * self.strength  # there the ratio, or its square, may be no number
         ratio = jnp.where(gone, 0.0, raw) / jnp.where(self.strength > 0.0, self.strength, 1.0)
         tension = jnp.where(gone, 0.0, raw * jnp.exp(-(ratio**2) / (2.0 * math.e)))

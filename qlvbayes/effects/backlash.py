@@ -28,7 +28,8 @@ class Backlash(AbstractEffect):
     rank: ClassVar[int] = 2
     units: ClassVar[dict[str, str]] = {"play": "displacement"}
     null: ClassVar[dict[str, float]] = {"play": 0.0}
-    inverts: ClassVar[bool] = False  # while the platen waits the drive may be anywhere in the play
+    inverts: ClassVar[bool] = False
+    not_inverted: ClassVar[str] = "while the platen waits the drive may be anywhere in the play"
     law: ClassVar[str] = "delta -> p, p' = 0 until delta leaves [p - play, p]"
     seen: ClassVar[str] = "after each turn of the drive the force waits before it follows"
     reference: ClassVar[str] = "Visintin 1994, doi:10.1007/978-3-662-11557-2, ch. III, play"

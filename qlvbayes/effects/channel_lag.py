@@ -50,6 +50,7 @@ class ChannelLag(AbstractEffect):
     null: ClassVar[dict[str, float]] = {"delay": 0.0}
     costly: ClassVar[bool] = True
     inverts: ClassVar[bool] = False
+    not_inverted: ClassVar[str] = "what is read is the force of an earlier moment"
     law: ClassVar[str] = "F(t) -> F(t - delay)"
     seen: ClassVar[str] = "force late against displacement, in proportion to speed"
     reference: ClassVar[str] = "Oppenheim & Schafer 2010, Discrete-Time Signal Processing, ch. 5"

@@ -27,6 +27,7 @@ class Conditioning(AbstractEffect):
     rank: ClassVar[int] = 4
     units: ClassVar[dict[str, str]] = {"share": "fraction", "tests": "count"}
     null: ClassVar[dict[str, float]] = {"share": 0.0}
+    not_stepped: ClassVar[str] = "it changes from test to test, and steps are of one test"
     law: ClassVar[str] = "F -> F (1 - share (1 - e^(-n/tests))), n tests before"
     seen: ClassVar[str] = "the first test strongest, each later one weaker, then all alike"
     reference: ClassVar[str] = "Fung 1993, Biomechanics, ch. 7.5, preconditioning"

@@ -351,7 +351,8 @@ def _check_steps(trial: _Trial) -> None:
     lines = Line(duration, motion.displacement[1:], speeds, jnp.zeros_like(duration))
     zero = jnp.zeros(1)
     velocity = jnp.concatenate([zero, speeds])
-    broken = replace(motion, velocity=velocity, acceleration=jnp.zeros_like(velocity))
+    still, zero_clock = jnp.zeros_like(velocity), -motion.time[0]
+    broken = replace(motion, velocity=velocity, acceleration=still, start=zero_clock)
     law = trial.law(jnp.asarray(trial.draws[0]))
     stepped = _stepped(law, motion.displacement[0], lines)
     whole = np.asarray(law.force(broken))[1:]

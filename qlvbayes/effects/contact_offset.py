@@ -47,14 +47,19 @@ class ContactOffset(AbstractEffect):
 
     def begin(self, below: Law, displacement: Array) -> State:
         """The law's own, after a long rest and a jump."""
-        zero = jnp.zeros_like(displacement)
-        state = below.begin(jnp.maximum(zero - self.gap, 0.0))
-        state, _ = self.step(below, state, Line(zero + _REST, zero, zero))
-        return self.step(below, state, Line(zero, displacement, zero))[0]
+        return begun_rested(self, below, jnp.zeros_like(displacement) - self.gap, displacement)
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
         """Shift the depth."""
         return below.step(state, line_at_depth(line, line.displacement - self.gap))
+
+
+def begun_rested(effect: AbstractEffect, below: Law, depth: Array, displacement: Array) -> State:
+    """The state after a long rest at zero displacement, where the specimen's depth is ``depth``."""
+    zero = jnp.zeros_like(displacement)
+    state = below.begin(jnp.maximum(depth, 0.0))
+    state, _ = effect.step(below, state, Line(zero + _REST, zero, zero))
+    return effect.step(below, state, Line(zero, displacement, zero))[0]
 
 
 def rested(motion: Motion) -> Motion:

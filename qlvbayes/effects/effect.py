@@ -59,7 +59,8 @@ class AbstractEffect(eqx.Module):
     whether it runs the law beneath it several times, or over more points; ``generalises``: name of
     the listed effect whose law lies inside, where the constants in ``reduces`` have these values
     (the others have the same names in both); ``outside``: whether it names nothing, but stands for
-    what no list holds; ``inverts``: whether the force after a step tells the displacement there.
+    what no list holds; ``not_stepped``: why it has no ``step``, where it has none; ``inverts``:
+    whether the force after a step tells the displacement there; ``not_inverted``: why it does not.
     """
 
     name: eqx.AbstractClassVar[str]
@@ -75,7 +76,9 @@ class AbstractEffect(eqx.Module):
     generalises: ClassVar[str | None] = None
     reduces: ClassVar[dict[str, float]] = {}
     outside: ClassVar[bool] = False
+    not_stepped: ClassVar[str] = "the effect does not say how it steps"
     inverts: ClassVar[bool] = True
+    not_inverted: ClassVar[str] = "the effect does not say which displacement has a force"
 
     @classmethod
     def family(cls) -> str:
@@ -103,10 +106,11 @@ class AbstractEffect(eqx.Module):
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
         """State and force (N) after a line, as ``force`` has it on a grid; may be left out.
 
-        Raises InputError where the effect does not say how.
+        Written in numbers and ``jnp``, it is also what the exports translate to C and to MATLAB.
+        The pad's clock is 0 where the steps begin. Raises InputError where there is no step.
         """
         raise InputError(
-            f"the effect {self.name} does not go step by step",
+            f"the effect {self.name} does not go step by step: {self.not_stepped}",
             remedy="leave it out of the model, or prescribe the displacement as a whole",
         )
 

@@ -7,14 +7,13 @@ from typing import Any, ClassVar, Self
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.effects.clocked import AbstractClocked
+from qlvbayes.effects.effect import Level
 from qlvbayes.effects.spans import duration
-from qlvbayes.laws.layered import Law
-from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.scales import Scales
 
 
-class FluidLeak(AbstractEffect):
+class FluidLeak(AbstractClocked):
     """F = F_below e^{-rate t}, t the clock since the pad's first test began.
 
     rate: share of the force lost per second (1/s), zero or more.
@@ -35,6 +34,6 @@ class FluidLeak(AbstractEffect):
         """Rate scaled by the peak force and the whole study's duration."""
         return cls(scales.positive(scales.force * duration(scales)))
 
-    def force(self, below: Law, motion: Motion) -> Array:
+    def at_clock(self, force: Array, clock: Array) -> Array:
         """Weaken with the clock."""
-        return below.force(motion) * jnp.exp(-self.rate * motion.clock)
+        return force * jnp.exp(-self.rate * clock)

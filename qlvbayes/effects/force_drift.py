@@ -6,14 +6,13 @@ from typing import Any, ClassVar, Self
 
 from jaxtyping import Array
 
-from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.effects.clocked import AbstractClocked
+from qlvbayes.effects.effect import Level
 from qlvbayes.effects.spans import duration
-from qlvbayes.laws.layered import Law
-from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.scales import Scales
 
 
-class ForceDrift(AbstractEffect):
+class ForceDrift(AbstractClocked):
     """F = F_below + rate t, t the clock since the pad's first test began.
 
     rate: drift of the cell's zero (N/s), of either sign.
@@ -34,6 +33,6 @@ class ForceDrift(AbstractEffect):
         """Rate scaled by the whole study's duration."""
         return cls(scales.signed(duration(scales)))
 
-    def force(self, below: Law, motion: Motion) -> Array:
+    def at_clock(self, force: Array, clock: Array) -> Array:
         """Shift the force with the clock."""
-        return below.force(motion) + self.rate * motion.clock
+        return force + self.rate * clock

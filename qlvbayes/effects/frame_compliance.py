@@ -10,8 +10,8 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level
-from qlvbayes.laws.layered import Law
-from qlvbayes.laws.motion import Motion
+from qlvbayes.laws.layered import Law, State
+from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
 
 _STEPS = 4  # of a Newton iteration whose slope is right to a few per cent
@@ -43,19 +43,66 @@ class FrameCompliance(AbstractEffect):
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Iterate F = below(displacement - compliance F)."""
-        return balanced(below, motion, lambda force: (self.compliance * force, self.compliance))
+        return balanced(below, motion, self._yielding)
+
+    def begin(self, below: Law, displacement: Array) -> State:
+        """A state of the law for each of Newton's steps."""
+        return balanced_begin(below, displacement, self._yielding)
+
+    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
+        """Iterate F = below(displacement - compliance F)."""
+        return balanced_step(below, state, line, self._yielding)
+
+    def _yielding(self, force: Array) -> tuple[Array, Array]:
+        return self.compliance * force, self.compliance
 
 
-def balanced(below: Law, motion: Motion, yielding: Callable[[Array], tuple[Array, Array]]) -> Array:
-    """Force (N,) of a pad in a frame; ``yielding`` gives its deflection and compliance at a force.
+Yielding = Callable[[Array], tuple[Array, Array]]
+"""Deflection and compliance of a frame at a force."""
+
+
+def balanced(below: Law, motion: Motion, yielding: Yielding) -> Array:
+    """Force (N,) of a pad in a frame.
 
     Newton's steps take the instantaneous elastic stiffness for the pad's own.
     """
     force = jnp.zeros_like(motion.time)
     for _ in range(_STEPS):  # no scan: the law beneath runs in pieces of its own
-        deflection, compliance = yielding(force)
-        depth = motion.displacement - deflection
-        slope = compliance * below.elastic.stiffness(depth)
+        depth, slope = _given_way(below, motion.displacement, force, yielding)
         answer = below.force(replace(motion, displacement=depth))
         force = (answer + slope * force) / (1.0 + slope)
     return force
+
+
+def balanced_begin(below: Law, displacement: Array, yielding: Yielding) -> tuple[State, ...]:
+    """A state of the law beneath for each of Newton's steps, each of which has its own motion."""
+    zero = jnp.zeros_like(displacement)
+    force, states = zero, []
+    for _ in range(_STEPS):
+        depth, slope = _given_way(below, displacement, force, yielding)
+        states.append(below.begin(depth))
+        _, answer = below.step(states[-1], Line(zero, depth, zero))
+        force = (answer + slope * force) / (1.0 + slope)
+    return tuple(states)
+
+
+def balanced_step(
+    below: Law, states: State, line: Line, yielding: Yielding
+) -> tuple[tuple[State, ...], Array]:
+    """States and force (N) of a pad in a frame after a line, by the steps of `balanced`."""
+    force, moved = jnp.zeros_like(line.displacement), []
+    for state in states:
+        depth, slope = _given_way(below, line.displacement, force, yielding)
+        state, answer = below.step(state, replace(line, displacement=depth))
+        moved.append(state)
+        force = (answer + slope * force) / (1.0 + slope)
+    return tuple(moved), force
+
+
+def _given_way(
+    below: Law, displacement: Array, force: Array, yielding: Yielding
+) -> tuple[Array, Array]:
+    """Depth once the frame has given way to a force, and its slope times the pad's stiffness."""
+    deflection, compliance = yielding(force)
+    depth = displacement - deflection
+    return depth, compliance * below.elastic.stiffness(depth)

@@ -45,15 +45,13 @@ class Friction(AbstractEffect):
 
     def begin(self, below: Law, displacement: Array) -> State:
         """Beside the law's state that of friction, none."""
-        return below.begin(displacement), Relaxing(displacement, jnp.zeros(1))
+        return below.begin(displacement), unslid(displacement)
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
         """Add the friction."""
         inner, own = state
         inner, force = below.step(inner, line)
-        way = jnp.abs(line.displacement - own.depth)
-        law, mode = _sliding(self.reach)
-        own, slid = hereditary_step(law, mode, own, way, line.displacement)
+        own, slid = slide_step(own, line, self.reach)
         return (inner, own), force + self.strength * slid
 
 
@@ -62,6 +60,17 @@ def slide(motion: Motion, reach: Array) -> Array:
     place = motion.alone.displacement
     way = jnp.cumsum(jnp.abs(jnp.diff(place, prepend=place[:1])))
     return hereditary_force(*_sliding(reach), way, place - place[0])
+
+
+def unslid(displacement: Array) -> Relaxing:
+    """What friction remembers at a motion's first point."""
+    return Relaxing(displacement, jnp.zeros(1))
+
+
+def slide_step(own: Relaxing, line: Line, reach: Array) -> tuple[Relaxing, Array]:
+    """Dahl's z after a line."""
+    way = jnp.abs(line.displacement - own.depth)
+    return hereditary_step(*_sliding(reach), own, way, line.displacement)
 
 
 def _sliding(reach: Array) -> tuple[Linear, Prony]:

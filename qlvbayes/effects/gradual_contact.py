@@ -8,10 +8,10 @@ from typing import Any, ClassVar, Self
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from qlvbayes.effects.contact_offset import BEFORE, ContactOffset, rested
+from qlvbayes.effects.contact_offset import BEFORE, ContactOffset, begun_rested, rested
 from qlvbayes.effects.effect import AbstractEffect, Level
-from qlvbayes.laws.layered import Law, at_depth
-from qlvbayes.laws.motion import Motion
+from qlvbayes.laws.layered import Law, State, at_depth, line_at_depth
+from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales, lognormal
 
 
@@ -44,16 +44,30 @@ class GradualContact(AbstractEffect):
     def force(self, below: Law, motion: Motion) -> Array:
         """Change the depth, and its rates with it."""
         known = rested(motion)
-        gradual = self.over > 0.0
-        over = jnp.where(gradual, self.over, 1.0)
-        missing = jnp.exp(-jnp.maximum(known.displacement, 0.0) / over)
-        missing = jnp.where(gradual, missing, 0.0)
-        pressed = known.displacement > 0.0
-        slope = jnp.where(pressed, self.gap / over * missing, 0.0)
+        depth, slope, over = self._made(known.displacement)
         changed = replace(
             known,
             velocity=known.velocity * (1.0 - slope),
             acceleration=known.acceleration * (1.0 - slope) + known.velocity**2 * slope / over,
         )
-        depth = known.displacement - self.gap * (1.0 - missing)
         return below.force(at_depth(changed, depth))[BEFORE:]
+
+    def begin(self, below: Law, displacement: Array) -> State:
+        """The law's own, after a long rest and a jump."""
+        depth, _, _ = self._made(jnp.zeros_like(displacement))
+        return begun_rested(self, below, depth, displacement)
+
+    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
+        """Change the depth, and its speed with it."""
+        depth, slope, _ = self._made(line.displacement)
+        changed = replace(line, velocity=line.velocity * (1.0 - slope))
+        return below.step(state, line_at_depth(changed, depth))
+
+    def _made(self, displacement: Array) -> tuple[Array, Array, Array]:
+        """Depth (may be below 0), by how much it goes slower than the platen, and ``over``."""
+        gradual = self.over > 0.0
+        over = jnp.where(gradual, self.over, 1.0)
+        missing = jnp.exp(-jnp.maximum(displacement, 0.0) / over)
+        missing = jnp.where(gradual, missing, 0.0)
+        slope = jnp.where(displacement > 0.0, self.gap / over * missing, 0.0)
+        return displacement - self.gap * (1.0 - missing), slope, over

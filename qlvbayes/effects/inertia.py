@@ -26,6 +26,9 @@ class Inertia(AbstractEffect):
     law: ClassVar[str] = "F += mass a"
     seen: ClassVar[str] = "pulses of the force while the platen speeds up or brakes"
     needs: ClassVar[str] = "acceleration"
+    not_stepped: ClassVar[str] = (
+        "straight lines have no acceleration but at their ends, where it has no bound"
+    )
     reference: ClassVar[str] = "Newton 1687, second law"
 
     @classmethod

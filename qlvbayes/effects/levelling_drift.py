@@ -6,11 +6,10 @@ from typing import Any, ClassVar, Self
 
 from jaxtyping import Array
 
-from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.effects.clocked import AbstractClocked
+from qlvbayes.effects.effect import Level
 from qlvbayes.effects.force_drift import ForceDrift
 from qlvbayes.effects.spans import duration
-from qlvbayes.laws.layered import Law
-from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.scales import Scales
 from qlvbayes.laws.smoothmath import exp_slope
 from qlvbayes.priors import HalfNormal
@@ -19,7 +18,7 @@ _LEVELS = 4.0  # times one over the study's duration, sd of the slowing: it may 
 _REACHED = 0.3  # of rate x duration is reached in the end at the median of that
 
 
-class LevellingDrift(AbstractEffect):
+class LevellingDrift(AbstractClocked):
     r"""F = F_below + rate (1 - e^{-slowing t})/slowing, t the pad's clock.
 
     rate: drift of the cell's zero at first (N/s), of either sign; slowing: how fast it dies out
@@ -45,7 +44,6 @@ class LevellingDrift(AbstractEffect):
         whole = duration(scales)
         return cls(scales.signed(_REACHED * whole), HalfNormal(_LEVELS / whole))
 
-    def force(self, below: Law, motion: Motion) -> Array:
+    def at_clock(self, force: Array, clock: Array) -> Array:
         """Shift the force with the clock."""
-        clock = motion.clock
-        return below.force(motion) + self.rate * clock * exp_slope(-self.slowing * clock)
+        return force + self.rate * clock * exp_slope(-self.slowing * clock)

@@ -6,11 +6,10 @@ from typing import Any, ClassVar, Self
 
 from jaxtyping import Array
 
-from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.effects.clocked import AbstractClocked
+from qlvbayes.effects.effect import Level
 from qlvbayes.effects.fluid_leak import FluidLeak
 from qlvbayes.effects.spans import duration
-from qlvbayes.laws.layered import Law
-from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.scales import Scales
 from qlvbayes.laws.smoothmath import exp_slope
 from qlvbayes.priors import HalfNormal
@@ -19,7 +18,7 @@ _LEVELS = 4.0  # times one over the study's duration, sd of the rate back: it ma
 _REACHED = 0.3  # of rate x duration is lost in the end at the median of that rate
 
 
-class LevellingLeak(AbstractEffect):
+class LevellingLeak(AbstractClocked):
     r"""F = F_below w, with dw/dt = -rate w + back (1 - w), w = 1 at first, t the pad's clock.
 
     rate: share of the force lost per second at first (1/s), zero or more; back: share of what was
@@ -46,8 +45,7 @@ class LevellingLeak(AbstractEffect):
         whole = duration(scales)
         return cls(scales.positive(_REACHED * scales.force * whole), HalfNormal(_LEVELS / whole))
 
-    def force(self, below: Law, motion: Motion) -> Array:
+    def at_clock(self, force: Array, clock: Array) -> Array:
         """Weaken with the clock."""
-        clock = motion.clock
         lost = self.rate * clock * exp_slope(-(self.rate + self.back) * clock)
-        return below.force(motion) * (1.0 - lost)
+        return force * (1.0 - lost)

@@ -37,6 +37,9 @@ class OffsetsByTest(AbstractEffect):
     }
     null: ClassVar[dict[str, float]] = {"size": 0.0}
     outside: ClassVar[bool] = True
+    not_stepped: ClassVar[str] = (
+        "its offset is that of one test of the study, and a step is of none"
+    )
     law: ClassVar[str] = "F += size (P1 + quadratic P2 + cubic P3)(start)"
     seen: ClassVar[str] = "all forces of a test shifted alike, each test by its own amount"
     reference: ClassVar[str] = "Abramowitz & Stegun 1964, ch. 22"

@@ -10,9 +10,9 @@ from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.effects.fluid_pressure import FluidPressure
-from qlvbayes.effects.history import material_time
-from qlvbayes.laws.layered import Law
-from qlvbayes.laws.motion import Motion
+from qlvbayes.effects.history import material_duration, material_time
+from qlvbayes.laws.layered import Law, State
+from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
 from qlvbayes.laws.smoothmath import exp_slope
 from qlvbayes.priors import Uniform
@@ -66,6 +66,19 @@ class PowerLawDrainage(AbstractEffect):
         pressed = _undrained(xi, own.displacement, self.tau, self.n, self.stroke)
         return below.force(motion) + self.k * pressed
 
+    def begin(self, below: Law, displacement: Array) -> State:
+        """Beside the law's state the depth, and no pressure."""
+        return below.begin(displacement), displacement, jnp.zeros_like(displacement)
+
+    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
+        """Add the pressure."""
+        inner, depth, q = state
+        inner, force = below.step(inner, line)
+        passed = material_duration(line.duration, depth, line.displacement, -self.a)
+        known = _balance(passed, line.displacement - depth, self.tau, self.n, self.stroke)
+        q = _drained(q, (passed, *known), self.tau, self.n, self.stroke)
+        return (inner, line.displacement, q), force + self.k * q
+
 
 def _undrained(xi: Array, depth: Array, tau: Array, n: Array, stroke: Array) -> Array:
     r"""Q (N,): dq/dxi = s - r(q), r = (q/tau) abs(q/stroke)^{n-1}, s = d depth/d xi in each step.
@@ -75,36 +88,46 @@ def _undrained(xi: Array, depth: Array, tau: Array, n: Array, stroke: Array) -> 
     that rho has at the step's beginning, this has a closed form: exact for n = 1, for n = 2 where
     q keeps its sign, and at rest for any n.
     """
-
-    def rate(q: Array) -> Array:
-        return jnp.maximum(jnp.abs(q) / stroke, _NONE) ** (n - 1.0) / tau
-
     step = jnp.diff(xi)
+
+    def advance(q: Array, point: tuple[Array, ...]) -> tuple[Array, Array]:
+        q = _drained(q, point, tau, n, stroke)
+        return q, q
+
+    points = (step, *_balance(step, jnp.diff(depth), tau, n, stroke))
+    _, q = jax.lax.scan(advance, jnp.zeros(()), points)
+    return jnp.concatenate([jnp.zeros(1), q])
+
+
+def _rate(q: Array, tau: Array, n: Array, stroke: Array) -> Array:
+    return jnp.maximum(jnp.abs(q) / stroke, _NONE) ** (n - 1.0) / tau
+
+
+def _balance(
+    step: Array, travel: Array, tau: Array, n: Array, stroke: Array
+) -> tuple[Array, Array, Array, Array]:
+    """Jump, s, q* and rho* of steps in xi: what does not depend on q."""
     lasting = step > 0.0
-    travel = jnp.diff(depth)
     source = jnp.where(lasting, travel / jnp.where(lasting, step, 1.0), 0.0)
     size = jnp.maximum(jnp.abs(source) * tau / stroke, _NONE**n)
     balance = jnp.where(source == 0.0, 0.0, jnp.sign(source) * stroke * size ** (1.0 / n))
-    settling = n * rate(balance)
+    return jnp.where(lasting, 0.0, travel), source, balance, n * _rate(balance, tau, n, stroke)
 
-    def advance(q: Array, point: tuple[Array, ...]) -> tuple[Array, Array]:
-        step, jump, source, balance, settling = point
-        q = q + jump
-        relative = rate(q)
-        gap = q - balance
-        near = jnp.abs(gap) <= _NEAR * (jnp.abs(q) + jnp.abs(balance))
-        secant = (relative * q - source) / jnp.where(near, 1.0, gap)
-        secant = jnp.where(near, n * rate(0.5 * (q + balance)), secant)
-        excess = secant - settling
-        curved = jnp.abs(excess) > _NEAR * secant
-        power = (n * relative - secant) / jnp.where(curved, excess, 1.0)
-        power = jnp.clip(jnp.where(curved, power, 1.0), *_POWERS)
-        grown = power * excess * step * exp_slope(-power * settling * step)
-        decay = settling * step + jnp.log1p(grown) / power
-        share = jnp.where(secant > 0.0, -jnp.expm1(-decay) / secant, step)
-        q = q + (source - relative * q) * share
-        return q, q
 
-    jumps = jnp.where(lasting, 0.0, travel)
-    _, q = jax.lax.scan(advance, jnp.zeros(()), (step, jumps, source, balance, settling))
-    return jnp.concatenate([jnp.zeros(1), q])
+def _drained(q: Array, point: tuple[Array, ...], tau: Array, n: Array, stroke: Array) -> Array:
+    """Q after a step."""
+    step, jump, source, balance, settling = point
+    q = q + jump
+    relative = _rate(q, tau, n, stroke)
+    gap = q - balance
+    near = jnp.abs(gap) <= _NEAR * (jnp.abs(q) + jnp.abs(balance))
+    secant = (relative * q - source) / jnp.where(near, 1.0, gap)
+    secant = jnp.where(near, n * _rate(0.5 * (q + balance), tau, n, stroke), secant)
+    excess = secant - settling
+    curved = jnp.abs(excess) > _NEAR * secant
+    power = (n * relative - secant) / jnp.where(curved, excess, 1.0)
+    power = jnp.clip(jnp.where(curved, power, 1.0), *_POWERS)
+    grown = power * excess * step * exp_slope(-power * settling * step)
+    decay = settling * step + jnp.log1p(grown) / power
+    share = jnp.where(secant > 0.0, -jnp.expm1(-decay) / secant, step)
+    return q + (source - relative * q) * share

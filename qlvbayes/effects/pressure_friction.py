@@ -8,9 +8,9 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level
-from qlvbayes.effects.friction import Friction, slide
-from qlvbayes.laws.layered import Law
-from qlvbayes.laws.motion import Motion
+from qlvbayes.effects.friction import Friction, slide, slide_step, unslid
+from qlvbayes.laws.layered import Law, State
+from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors import Uniform
 
@@ -55,6 +55,19 @@ class PressureFriction(AbstractEffect):
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Add the friction."""
-        force = below.force(motion)
+        return self._rubbed(below.force(motion), slide(motion, self.reach))
+
+    def begin(self, below: Law, displacement: Array) -> State:
+        """Beside the law's state that of friction, none."""
+        return below.begin(displacement), unslid(displacement)
+
+    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
+        """Add the friction."""
+        inner, own = state
+        inner, force = below.step(inner, line)
+        own, slid = slide_step(own, line, self.reach)
+        return (inner, own), self._rubbed(force, slid)
+
+    def _rubbed(self, force: Array, slid: Array) -> Array:
         grown = 1.0 + self.share * (jnp.maximum(force, 0.0) / self.pressed - 1.0)
-        return force + self.strength * grown * slide(motion, self.reach)
+        return force + self.strength * grown * slid

@@ -6,15 +6,14 @@ from typing import Any, ClassVar, Self
 
 from jaxtyping import Array
 
-from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.effects.clocked import AbstractClocked
+from qlvbayes.effects.effect import Level
 from qlvbayes.effects.spans import LARGEST, curve, duration
-from qlvbayes.laws.layered import Law
-from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import Normal
 
 
-class SlowChange(AbstractEffect):
+class SlowChange(AbstractClocked):
     """F = F_below (1 + size (P1 + quadratic P2 + cubic P3)), Legendre's polynomials over the clock.
 
     size: of the straight part (1), of either sign; quadratic, cubic: of the curved ones over it;
@@ -46,7 +45,7 @@ class SlowChange(AbstractEffect):
         curved = Normal(0.0, 1.0), Normal(0.0, 1.0)
         return cls(scales.signed(LARGEST * scales.force), *curved, duration(scales))
 
-    def force(self, below: Law, motion: Motion) -> Array:
+    def at_clock(self, force: Array, clock: Array) -> Array:
         """Change the scale with the clock."""
-        along = curve(motion.clock, self.quadratic, self.cubic, self.duration)
-        return below.force(motion) * (1.0 + self.size * along)
+        along = curve(clock, self.quadratic, self.cubic, self.duration)
+        return force * (1.0 + self.size * along)

@@ -36,6 +36,7 @@ class SpreadingLag(AbstractEffect):
     units: ClassVar[dict[str, str]] = {"delay": "time", "spread": "fraction"}
     null: ClassVar[dict[str, float]] = {"delay": 0.0}
     costly: ClassVar[bool] = True
+    not_stepped: ClassVar[str] = "its filter runs over points that the whole record lays down"
     generalises: ClassVar[str] = ChannelLag.name
     reduces: ClassVar[dict[str, float]] = {"spread": 0.0}
     law: ClassVar[str] = "F(t) -> F(t - (1 - spread) delay), filtered over spread delay"

@@ -9,9 +9,14 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level
-from qlvbayes.effects.frame_compliance import FrameCompliance, balanced
-from qlvbayes.laws.layered import Law
-from qlvbayes.laws.motion import Motion
+from qlvbayes.effects.frame_compliance import (
+    FrameCompliance,
+    balanced,
+    balanced_begin,
+    balanced_step,
+)
+from qlvbayes.laws.layered import Law, State
+from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales, lognormal
 
 
@@ -43,9 +48,16 @@ class StiffeningFrame(AbstractEffect):
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Iterate F = below(displacement - deflection)."""
+        return balanced(below, motion, self._yielding)
 
-        def yielding(force: Array) -> tuple[Array, Array]:
-            softness = 1.0 / (1.0 + jnp.abs(force) / self.stiff)
-            return self.compliance * softness * force, self.compliance * softness**2
+    def begin(self, below: Law, displacement: Array) -> State:
+        """A state of the law for each of Newton's steps."""
+        return balanced_begin(below, displacement, self._yielding)
 
-        return balanced(below, motion, yielding)
+    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
+        """Iterate F = below(displacement - deflection)."""
+        return balanced_step(below, state, line, self._yielding)
+
+    def _yielding(self, force: Array) -> tuple[Array, Array]:
+        softness = 1.0 / (1.0 + jnp.abs(force) / self.stiff)
+        return self.compliance * softness * force, self.compliance * softness**2

@@ -56,22 +56,24 @@ def displacement_from_force(model: Model, time: ArrayLike, force: ArrayLike) -> 
 def check_inverse(model: Model) -> None:
     """Raise InputError naming the effects with which no displacement is found from a force."""
     check_steps(model)
-    if names := without_inverse(model):
+    if why := without_inverse(model):
         raise InputError(
-            f"{' and '.join(names)}: what is read is the force of an earlier moment, so that no "
-            "displacement is found from a force",
+            f"no displacement is found from a force: {_in_words(why)}",
             remedy="leave the effect out, or prescribe the displacement",
         )
 
 
 def check_steps(model: Model) -> None:
     """Raise InputError naming the effects that do not go step by step."""
-    if names := without_steps(model):
+    if why := without_steps(model):
         raise InputError(
-            f"{' and '.join(names)}: no step by step form, so that no displacement is found from a "
-            "force",
+            f"no step by step form, hence no displacement from a force: {_in_words(why)}",
             remedy="leave the effect out, or prescribe the displacement",
         )
+
+
+def _in_words(why: dict[str, str]) -> str:
+    return "; ".join(f"{name}: {reason}" for name, reason in why.items())
 
 
 @jax.jit

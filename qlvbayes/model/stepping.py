@@ -89,15 +89,20 @@ def begin_at_force(model: Model, force: ArrayLike) -> tuple[State, Array]:
     return step_to_force(model, begin(model), force, 0.0)
 
 
-def without_steps(model: Model) -> tuple[str, ...]:
-    """Names of the model's effects that do not go step by step."""
-    return tuple(e.name for e in model.effects if type(e).step is AbstractEffect.step)
+def without_steps(model: Model) -> dict[str, str]:
+    """The model's effects that do not go step by step, each with the reason."""
+    return {e.name: e.not_stepped for e in model.effects if not steps(type(e))}
 
 
-def without_inverse(model: Model) -> tuple[str, ...]:
-    """Names of the effects with which no displacement is found from a force, step by step."""
-    lost = without_steps(model)
-    return tuple(e.name for e in model.effects if e.name in lost or not e.inverts)
+def without_inverse(model: Model) -> dict[str, str]:
+    """The effects with which no displacement is found from a force, each with the reason."""
+    one_way = {e.name: e.not_inverted for e in model.effects if not e.inverts}
+    return one_way | without_steps(model)
+
+
+def steps(kind: type[AbstractEffect]) -> bool:
+    """Whether the effect says how it goes step by step."""
+    return kind.step is not AbstractEffect.step
 
 
 def _along(law: Law, state: State, travel: Array, dt: ArrayLike) -> tuple[State, Array]:

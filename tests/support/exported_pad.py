@@ -2,11 +2,14 @@
 
 import json
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import xarray
 
+from qlvbayes.effects.catalogue import find
 from qlvbayes.model.choices import Choices
-from qlvbayes.model.drawn import described_model
+from qlvbayes.model.drawn import described_model, drawn_models
 from qlvbayes.model.parameters import fields_of
 from qlvbayes.simulate import TABLE_1
 from qlvbayes.use.exports.pad import read_pad
@@ -21,6 +24,37 @@ ELASTIC = {
     "toe": {"m": 0.34, "b": 1.165, "toe": 0.4},
     "hertz": {"m": 0.6, "n": 1.5},
     "spline": {f"k{j}": 0.3 + 0.2 * j for j in range(7)},
+}
+# constants of a size that is seen in a pad of about 1.6 N
+EFFECTS = {
+    "viscous_drag": (0.01,),
+    "power_law_drag": (0.05, 0.4),
+    "squeeze_film": (0.005, 2.5),
+    "fluid_pressure": (0.2, 0.5, 0.6),
+    "extra_relaxation_mode": (0.2, 1.3),
+    "strain_dependent_rate": (0.5,),
+    "strain_dependent_strength": (0.2,),
+    "stress_softening": (0.15,),
+    "friction": (0.1, 0.05),
+    "permanent_set": (0.05,),
+    "contact_offset": (0.1,),
+    "force_offset": (0.03,),
+    "channel_lag": (0.037,),  # between two steps of 0.01 s
+    "fluid_leak": (0.05,),
+    "levelling_leak": (0.2, 0.5),
+    "force_drift": (0.02,),
+    "levelling_drift": (0.1, 0.8),
+    "slow_change": (0.05, 0.7, -0.4, 10.0),
+    "adhesion": (0.08,),
+    "frame_compliance": (0.05,),
+    "stiffening_frame": (0.1, 1.0),
+    "pressure_friction": (0.1, 0.05, 0.6, 1.6),
+    "gradual_contact": (0.1, 0.15),
+    "power_law_drainage": (0.2, 0.5, 0.6, 2.0, 1.6),
+    "thixotropy": (0.2, 0.7, 0.4),
+    "second_contact": (0.3, 0.5),
+    "backlash": (0.03,),
+    "load_cell_creep": (0.05, 0.6),
 }
 RELAXATION = {
     "fung": {"c": 0.12, "tau1": 0.02, "tau2": 40.0},
@@ -37,14 +71,37 @@ def constants_of(choices):
         f"v[{k}]": x for k, x in enumerate(pad.v, 1)
     }
     found = ELASTIC[choices.law] | (RELAXATION.get(choices.relaxation) or prony)
-    return found | dict.fromkeys([f"{name}.eta" for name in choices.effects], 0.003)
+    for name in choices.effects:
+        kind = find(name, choices.kinds)
+        numbers = EFFECTS.get(name, (0.05,) * len(kind.units))
+        found |= dict(zip([f"{name}.{key}" for key in kind.units], numbers, strict=True))
+    return found
 
 
-def write_fit(out, choices=Choices(), *, pad="B", covered=TESTED, units=("mm", "N"), seed=0):  # noqa: B008
+def reference(choices):
+    """The model with these constants, as the package has it."""
+    model, values = described_model(choices), constants_of(choices)
+    total = sum(x for name, x in values.items() if name.startswith("c["))
+    if total:
+        values = {k: x / total if k.startswith("c[") else x for k, x in values.items()}
+    drawn = drawn_models(model, list(values), np.array([list(values.values())]))
+    return jax.tree.map(lambda x: jnp.asarray(x[0], dtype=float), drawn)
+
+
+def write_fit(
+    out,
+    choices=Choices(),  # noqa: B008
+    *,
+    pad="B",
+    covered=TESTED,
+    units=("mm", "N"),
+    seed=0,
+    spread=0.02,
+):
     """OUT/<pad>/posterior.nc with draws within 2 % of a pad like B; shares keep their sum."""
     rng = np.random.default_rng(seed)
     values = constants_of(choices)
-    draws = {name: x * np.exp(0.02 * rng.normal(size=(4, 50))) for name, x in values.items()}
+    draws = {name: x * np.exp(spread * rng.normal(size=(4, 50))) for name, x in values.items()}
     if shares := [name for name in draws if name.startswith("c[")]:
         total = sum(draws[name] for name in shares)
         draws |= {name: draws[name] / total for name in shares}

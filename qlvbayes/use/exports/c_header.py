@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from qlvbayes.effects.channel_lag import LINES
 from qlvbayes.io.checks import InputError
 from qlvbayes.use.exports.card import card, in_comment, template
 from qlvbayes.use.exports.formulas import FORMULAS, Formulas
+from qlvbayes.use.exports.layer_code import MATERIAL, layers_code, library_of
+from qlvbayes.use.exports.layers import LINE, Piece
 from qlvbayes.use.exports.pad import Draws, ExportedPad
 from qlvbayes.use.exports.target import AbstractTarget, Geometry
 from qlvbayes.use.exports.translation import Language, functions_of, needs
@@ -17,6 +22,7 @@ class CHeader(AbstractTarget):
 
     name = "c"
     what = "a C99 header, and the posterior's draws as a table beside it"
+    steps = True
 
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
         """``pad_B.h`` and ``pad_B_draws.h``."""
@@ -27,16 +33,17 @@ def c_files(pad: ExportedPad, target: type[AbstractTarget]) -> dict[str, bytes]:
     """The header and the table of draws, with the words of the target that holds them."""
     law = formulas_of(pad)
     name = pad.identifier
+    language = C(name)
     values = {
         "p": name,
         "P": name.upper(),
         "card": in_comment(card(pad, target)),
         "constants": pad.constants,
-        "loose": not pad.choices.bonded,
         "modes": pad.times.size,
-        "functions": functions_of(law, C(name)),
-        "library": needs(law),
+        "functions": functions_of(law, language),
+        "library": sorted(needs(law) | library_of(pad.pieces) | {"fmin"}),
         "units": pad.units,
+        **layered(pad, language),
         "middle": rows_of(pad.middle)[0],
         "draws": rows_of(pad.table),
     }
@@ -58,14 +65,40 @@ def formulas_of(pad: ExportedPad) -> Formulas:
     return FORMULAS[name]
 
 
+def layered(pad: ExportedPad, language: Language) -> dict[str, object]:
+    """What a template says of the layers: ``pieces`` is empty of a pad without effects.
+
+    Such a pad has contact only, whose header is written by hand, with slopes for Newton's method.
+    """
+    pieces = pad.pieces if pad.effects else ()
+    return {
+        "loose": not pad.choices.bonded,
+        "pieces": pieces,
+        "layers": layers_code(pieces, language),
+        "top": pieces[-1].name if pieces else MATERIAL,
+        "touch": _touch(pieces, language),
+        "one_way": in_comment([" ".join(pad.one_way.split())])[0],
+    }
+
+
+def _touch(pieces: Sequence[Piece], language: Language) -> str | None:
+    """Where it is remembered whether the specimen is touched."""
+    way = language.top
+    for piece in reversed(pieces):
+        if piece.touch is not None:
+            return language.within(way, language.memory(piece.touch))
+        way = language.within(way, language.beneath(piece.beneath - 1, piece.beneath))
+    return None
+
+
 def rows_of(draws: Draws) -> list[tuple[list[str], list[str], list[str]]]:
-    """Elastic constants, fractions and rates of each draw, in digits that lose nothing."""
+    """Constants of law and effects, fractions and rates of each draw, in all their digits."""
 
     def digits(values: np.ndarray) -> list[str]:
         return [repr(float(x)) for x in values]
 
-    rows = zip(draws.elastic, draws.fractions, draws.rates, strict=True)
-    return [(digits(e), digits(c), digits(v)) for e, c, v in rows]
+    rows = zip(draws.elastic, draws.effects, draws.fractions, draws.rates, strict=True)
+    return [([*digits(e), *digits(a)], digits(c), digits(v)) for e, a, c, v in rows]
 
 
 class C(Language):
@@ -107,6 +140,86 @@ class C(Language):
         lines += [f"    const {real} {key} = {text};" for key, text in body]
         head = f"static inline {real} {name}({', '.join(typed)})"
         return "\n".join([f"/* {told} */", head, "{", *lines, f"    return {result};", "}", ""])
+
+    def truth(self, value: bool) -> str:
+        """A number."""
+        return str(int(value))
+
+    def opposite(self, condition: str) -> str:
+        """By an exclamation mark."""
+        return f"(!{condition})"
+
+    top = "s->top"
+
+    def within(self, way: str, member: str) -> str:
+        """Of the state that lies there."""
+        return f"{way}.{member.removeprefix('s->')}"
+
+    def memory(self, place: int) -> str:
+        """In an array."""
+        return f"s->m[{place}]"
+
+    def beneath(self, place: int, count: int) -> str:
+        """A member of the layer's own struct."""
+        return "s->below" if count == 1 else f"s->below[{place}]"
+
+    def set(self, name: str, text: str, *, truth: bool) -> str:
+        """A constant."""
+        kind = "int" if truth else f"{self.prefix}_real"
+        return f"const {kind} {name} = {text};"
+
+    def remember(self, place: int, text: str) -> str:
+        """In an array."""
+        return f"s->m[{place}] = {text};"
+
+    def declared(self, below: str, name: str) -> str:
+        """A struct."""
+        return f"{self.prefix}_{below}_state {name};"
+
+    def copy(self, below: str, name: str, place: str) -> str:
+        """The whole struct."""
+        return f"{self.prefix}_{below}_state {name} = {place};"
+
+    def keep(self, place: str, name: str) -> str:
+        """The whole struct."""
+        return f"{place} = {name};"
+
+    def begin(self, below: str, place: str, displacement: str) -> str:
+        """In place."""
+        return f"{self.prefix}_begin_{below}(k, &{place}, {displacement});"
+
+    def step(self, below: str, name: str | None, place: str, line: list[str]) -> str:
+        """In place."""
+        call = f"{self.prefix}_step_{below}(k, &{place}, {', '.join(line)});"
+        return call if name is None else f"const {self.prefix}_real {name} = {call}"
+
+    def layer(self, piece: Piece, below: str, begin: list[str], step: list[str]) -> str:
+        """A struct and two functions."""
+        p, state = self.prefix, f"{self.prefix}_{piece.name}_state"
+        count = "" if piece.beneath == 1 else f"[{piece.beneath}]"
+        members = [f"    {p}_{below}_state below{count};"]
+        members += [f"    {p}_real m[{piece.memory}];"] if piece.memory else []
+        struct = ["typedef struct {", *members, f"}} {state};"]
+        given = f"const {p}_constants *k, {state} *s"
+        heads = (
+            (f"static inline void {p}_begin_{piece.name}({given}, {p}_real displacement)", begin),
+            (
+                f"static inline {p}_real {p}_step_{piece.name}({given}, {p}_real h, {p}_real to,\n"
+                f"    {p}_real speed, {p}_real clear, int followed)",
+                [*step, "return force;"],
+            ),
+        )
+        text = [f"/* {piece.name}: {in_comment([' '.join(piece.said.split())])[0]} */", *struct, ""]
+        for head, body in heads:
+            names = ("k", "displacement") if body is begin else ("k", *LINE, "followed")
+            unused = [f"(void){x};" for x in names if not _stands_in(x, " ".join(body))]
+            text += [head, "{", *(f"    {line}" for line in (*unused, *body)), "}", ""]
+        return "\n".join(text)
+
+    def late(self, piece: Piece, below: str) -> str:
+        """From a template."""
+        names = {"p": self.prefix, "P": self.prefix.upper(), "delay": piece.constants[0]}
+        return template("late.h.j2", piece=piece, below=below, most=LINES, **names)
 
 
 def _stands_in(name: str, text: str) -> bool:

@@ -31,7 +31,12 @@ def card(pad: ExportedPad, target: type[AbstractTarget], extra: Iterable[str] = 
         f"Pad {pad.name}, by qlvbayes {qlvbayes.__version__} on {pad.date}"
         + (f", from {pad.source}" if pad.source else ""),
         f"Elastic law: {type(pad.elastic).name}, {type(pad.elastic).law}",
-        f"Relaxation: {pad.choices.relaxing}, {type(pad.relaxation).law}",
+        f"Relaxation: {_relaxation(pad)}",
+        *(
+            f"Effect {x.name}: {x.said}"
+            for x in pad.pieces
+            if target.steps and x.name in pad.effects
+        ),
         f"Units: {_units(pad)}",
         f"Tested: {_tested(pad)}",
         "Median and 90 % interval:",
@@ -40,8 +45,9 @@ def card(pad: ExportedPad, target: type[AbstractTarget], extra: Iterable[str] = 
     ]
     if not pad.converged:
         lines.append("Beware: the sampling had NOT CONVERGED")
-    lines.append("Not carried:")
-    lines += [f"  - {line}" for line in (*_effects(pad), *target.cannot, *extra)]
+    lost = (*_effects(pad, target), *target.cannot, *extra)
+    lines.append("Not carried:" if lost else "Not carried: nothing of the fitted model")
+    lines += [f"  - {line}" for line in lost]
     return [visible(" ".join(line.translate(_PLAIN).split("\n"))) for line in lines]
 
 
@@ -92,10 +98,18 @@ def _tested(pad: ExportedPad) -> str:
     )
 
 
-def _effects(pad: ExportedPad) -> list[str]:
-    if not pad.choices.effects:
-        return ["an added effect (this fit has none)"]
-    return [
-        f"the added effect {name}: its part of the force is left out"
-        for name in pad.choices.effects
-    ]
+def _relaxation(pad: ExportedPad) -> str:
+    gone = {*pad.effects, *pad.left_out}
+    within = [name for name in pad.choices.effects if name not in gone]
+    if within:  # they are in the spectrum
+        return f"{pad.choices.relaxing} with {' and '.join(within)}"
+    return f"{pad.choices.relaxing}, {type(pad.relaxation).law}"
+
+
+def _effects(pad: ExportedPad, target: type[AbstractTarget]) -> list[str]:
+    """Those that do not go along, each with the reason; and why there is no way back."""
+    lost = pad.left_out if target.steps else dict.fromkeys(pad.effects, target.without_steps)
+    found = [f"the added effect {name}: {why}" for name, why in {**pad.left_out, **lost}.items()]
+    if target.steps and pad.one_way:
+        found.append(f"displacement from force: {pad.one_way}")
+    return found

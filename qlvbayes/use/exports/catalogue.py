@@ -7,6 +7,7 @@ from qlvbayes.use.exports.abaqus import Abaqus
 from qlvbayes.use.exports.ansys import Ansys
 from qlvbayes.use.exports.c_header import CHeader
 from qlvbayes.use.exports.comsol import Comsol
+from qlvbayes.use.exports.curves import Curves
 from qlvbayes.use.exports.drake import Drake
 from qlvbayes.use.exports.febio import FEBio
 from qlvbayes.use.exports.fmu import Fmu
@@ -25,6 +26,7 @@ TARGETS: tuple[type[AbstractTarget], ...] = (
     Ansys,
     FEBio,
     Comsol,
+    Curves,
     JsonFile,
 )
 """Every target."""

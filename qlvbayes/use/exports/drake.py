@@ -20,6 +20,7 @@ class Drake(AbstractTarget):
     """
 
     name = "drake"
+    without_steps = "only as far as one stiffness and one dissipation go along with it"
     what = "proximity properties: stiffness in N/m, dissipation in s/m, in SDFormat"
     cannot = (
         "relaxation: no memory, one stiffness for ramp and hold",

@@ -13,7 +13,7 @@ import zipfile
 from pathlib import Path
 
 import qlvbayes
-from qlvbayes.use.exports.c_header import c_files
+from qlvbayes.use.exports.c_header import C, c_files, layered
 from qlvbayes.use.exports.card import card, in_comment, template
 from qlvbayes.use.exports.pad import ExportedPad
 from qlvbayes.use.exports.target import AbstractTarget, Geometry
@@ -34,6 +34,7 @@ class Fmu(AbstractTarget):
 
     name = "fmu"
     what = "an FMI 2.0 co-simulation unit: C sources, and a linux64 binary where there is gcc"
+    steps = True
 
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
         """``pad_B.fmu``."""
@@ -46,6 +47,7 @@ class Fmu(AbstractTarget):
             "card": in_comment(card(pad, type(self))),
             "version": qlvbayes.__version__,
             "draws": len(pad.table),
+            **layered(pad, C(name)),
             "length_si": _si(pad.units.displacement),
             "force_si": _si(pad.units.force),
             "force_dimension": "stress" if pad.units.dimensionless else "force",

@@ -14,6 +14,7 @@ class JsonFile(AbstractTarget):
     """Laws, spectrum, intervals, tested range and draws; numbers lose no digit."""
 
     name = "json"
+    steps = True
     what = "laws, spectrum, intervals, tested range and draws, without loss"
 
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
@@ -43,9 +44,19 @@ class JsonFile(AbstractTarget):
 
 
 def _rows(pad: ExportedPad, draws: Draws) -> list[dict]:
-    """Each draw: elastic constants by name, shares c and rates v (1/s) of g = c_0 + sum c e^-vt."""
-    numbers = (x.tolist() for x in (draws.elastic, draws.fractions, draws.rates))
+    """Each draw: elastic constants by name, shares c and rates v (1/s) of g = c_0 + sum c e^-vt.
+
+    And constants of the effects that are not in the relaxation, by name.
+    """
+    elastic = type(pad.elastic).units
+    effects = [name for piece in pad.pieces for name in piece.columns]
+    numbers = (x.tolist() for x in (draws.elastic, draws.effects, draws.fractions, draws.rates))
     return [
-        {"elastic": dict(zip(pad.constants, e, strict=True)), "c": c, "v": v}
-        for e, c, v in zip(*numbers, strict=True)
+        {
+            "elastic": dict(zip(elastic, e, strict=True)),
+            "effects": dict(zip(effects, a, strict=True)),
+            "c": c,
+            "v": v,
+        }
+        for e, a, c, v in zip(*numbers, strict=True)
     ]

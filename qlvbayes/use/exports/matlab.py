@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from qlvbayes.use.exports.c_header import formulas_of, rows_of
+from qlvbayes.effects.channel_lag import LINES
+from qlvbayes.use.exports.c_header import formulas_of, layered, rows_of
 from qlvbayes.use.exports.card import ONE_DRAW, card, template
+from qlvbayes.use.exports.layers import LINE, Piece
 from qlvbayes.use.exports.pad import ExportedPad
 from qlvbayes.use.exports.target import AbstractTarget, Geometry
 from qlvbayes.use.exports.translation import Language, functions_of
@@ -14,6 +16,7 @@ class Matlab(AbstractTarget):
 
     name = "matlab"
     what = "a function for MATLAB and GNU Octave"
+    steps = True
     cannot = (ONE_DRAW,)
 
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
@@ -24,9 +27,9 @@ class Matlab(AbstractTarget):
             card=card(pad, type(self)),
             constants=pad.constants,
             middle=rows_of(pad.middle)[0],
-            loose=not pad.choices.bonded,
             functions=functions_of(formulas_of(pad), M()),
             units=pad.units,
+            **layered(pad, M()),
         )
         return {f"{pad.identifier}.m": text.encode()}
 
@@ -35,8 +38,8 @@ class M(Language):
     """MATLAB's language; both sides of a choice are evaluated, and one is taken."""
 
     def library(self, name: str) -> str:
-        """The same names but one."""
-        return "power" if name == "pow" else name
+        """The same names but few."""
+        return {"pow": "power", "fabs": "abs", "fmax": "max", "fmin": "min"}.get(name, name)
 
     def number(self, value: float) -> str:
         """As it stands."""
@@ -61,3 +64,76 @@ class M(Language):
         lines = [f"  {key} = {text};" for key, text in body]
         head = f"function result_ = {name}({', '.join(arguments)})"
         return "\n".join([head, f"  % {told}", *lines, f"  result_ = {result};", "end", ""])
+
+    def truth(self, value: bool) -> str:
+        """A word."""
+        return "true" if value else "false"
+
+    def opposite(self, condition: str) -> str:
+        """By a tilde."""
+        return f"(~{condition})"
+
+    top = "state.top"
+
+    def within(self, way: str, member: str) -> str:
+        """A field of a field."""
+        return f"{way}.{member.removeprefix('state.')}"
+
+    def memory(self, place: int) -> str:
+        """In an array."""
+        return f"state.m({place + 1})"
+
+    def beneath(self, place: int, count: int) -> str:
+        """A field of the layer's own structure."""
+        return "state.below" if count == 1 else f"state.below{{{place + 1}}}"
+
+    def set(self, name: str, text: str, *, truth: bool) -> str:
+        """As it stands."""
+        return f"{name} = {text};"
+
+    def remember(self, place: int, text: str) -> str:
+        """In an array."""
+        return f"state.m({place + 1}) = {text};"
+
+    def declared(self, below: str, name: str) -> str:
+        """An empty structure."""
+        return f"{name} = struct();"
+
+    def copy(self, below: str, name: str, place: str) -> str:
+        """Copies are made by assignment."""
+        return f"{name} = {place};"
+
+    def keep(self, place: str, name: str) -> str:
+        """Copies are made by assignment."""
+        return f"{place} = {name};"
+
+    def begin(self, below: str, place: str, displacement: str) -> str:
+        """The state is returned."""
+        return f"{place} = begin_{below}_(k, {displacement});"
+
+    def step(self, below: str, name: str | None, place: str, line: list[str]) -> str:
+        """The state is returned beside the force."""
+        call = f"step_{below}_(k, {place}, {', '.join(line)})"
+        return f"[{name or '~'}, {place}] = {call};"
+
+    def layer(self, piece: Piece, below: str, begin: list[str], step: list[str]) -> str:
+        """Two functions, local to the file."""
+        given = f"k, state, {', '.join(LINE)}, followed"
+        text = [
+            f"function state = begin_{piece.name}_(k, displacement)",
+            f"  % {piece.name}: {' '.join(piece.said.split())}",
+            *(f"  {line}" for line in begin),
+            *(["  state = struct();"] if not begin else []),
+            "end",
+            "",
+            f"function [force, state] = step_{piece.name}_({given})",
+            *(f"  {line}" for line in step),
+            "end",
+            "",
+        ]
+        return "\n".join(text)
+
+    def late(self, piece: Piece, below: str) -> str:
+        """From a template."""
+        delay = piece.constants[0]
+        return template("late.m.j2", piece=piece, below=below, delay=delay, most=LINES)

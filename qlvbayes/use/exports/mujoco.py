@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from qlvbayes.use.exports.c_header import c_files
+from qlvbayes.use.exports.c_header import C, c_files, layered
 from qlvbayes.use.exports.card import card, in_comment, template
 from qlvbayes.use.exports.pad import ExportedPad
 from qlvbayes.use.exports.reduction import SI, fitted, miss, pressing
@@ -21,8 +21,10 @@ class MuJoCo(AbstractTarget):
 
     name = "mujoco"
     what = "a joint with polynomial stiffness (SI units), and a plugin with memory in C"
+    steps = True
     cannot = (
-        "in the polynomial: relaxation, loss of contact, the posterior (the plugin has all three)",
+        "in the polynomial: relaxation, loss of contact, what effects remember, the posterior (the "
+        "plugin has all four)",
     )
 
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
@@ -42,6 +44,7 @@ class MuJoCo(AbstractTarget):
             "depth": float(max(x)),
             "length": SI.factor_to(pad.units, "displacement"),
             "newton": pad.units.factor_to(SI, "force"),
+            **layered(pad, C(pad.identifier)),
         }
         return {
             f"{pad.identifier}.xml": template("mujoco.xml.j2", **values).encode(),

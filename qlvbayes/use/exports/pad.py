@@ -5,8 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import equinox as eqx
@@ -19,11 +19,14 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
+from qlvbayes.laws.relaxation.spectrum import Spectrum
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.drawn import described_model, drawn_models
 from qlvbayes.model.model import Model
 from qlvbayes.model.parameters import fields_of
+from qlvbayes.model.stepping import without_inverse
 from qlvbayes.preprocess.covered import Covered
+from qlvbayes.use.exports.layers import Piece, carried, in_spectrum
 
 _LONGEST = 40  # characters of a name in an identifier: C and MATLAB tell 63 apart
 
@@ -43,12 +46,14 @@ class Interval:
 class Draws:
     """Constants of n draws: elastic (n, E) in the law's order, fractions (n, k + 1), rates (n, k).
 
-    The spectrum is g(t) = c_0 + sum c_i e^{-v_i t} (rates in 1/s), whatever the relaxation.
+    The spectrum is g(t) = c_0 + sum c_i e^{-v_i t} (rates in 1/s), whatever the relaxation, and
+    with what effects make of it; effects: (n, M) constants of the others, in the layers' order.
     """
 
     elastic: np.ndarray
     fractions: np.ndarray
     rates: np.ndarray
+    effects: np.ndarray
 
     def __len__(self) -> int:
         return len(self.elastic)
@@ -60,7 +65,9 @@ class ExportedPad:
 
     identifier: the name as C, XML and MATLAB take one, ``pad_B``, of this pad alone in its folder
     of results; middle: that draw; table: draws evenly out of all; intervals: of the pad's
-    constants; folder: of its results; date: of the export, as 2026-01-31.
+    constants; folder: of its results; date: of the export, as 2026-01-31; model: with the numbers
+    of the middle draw and what goes along of the effects; pieces: its layers, for other languages;
+    left_out: effects that do not go along, each with the reason.
     """
 
     name: str
@@ -73,16 +80,39 @@ class ExportedPad:
     source: str
     fitted: tuple[str, ...]
     converged: bool
-    elastic: AbstractElastic
-    relaxation: AbstractRelaxation
+    model: Model
+    pieces: tuple[Piece, ...]
+    left_out: dict[str, str]
     middle: Draws
     table: Draws
     intervals: tuple[Interval, ...]
 
     @property
+    def elastic(self) -> AbstractElastic:
+        """The elastic law of the middle draw."""
+        return self.model.elastic
+
+    @property
+    def relaxation(self) -> AbstractRelaxation:
+        """The relaxation of the middle draw, with what effects make of it."""
+        return self.model.relaxation
+
+    @property
     def constants(self) -> tuple[str, ...]:
-        """Names of the elastic law's constants."""
-        return tuple(type(self.elastic).units)
+        """Names of the elastic law's constants, then of the layers'."""
+        own = [name for piece in self.pieces for name in piece.constants]
+        return (*type(self.elastic).units, *own)
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Names of the effects that are layers of their own."""
+        return tuple(effect.name for effect in self.model.effects)
+
+    @property
+    def one_way(self) -> str:
+        """Why no displacement is found from a force, or nothing."""
+        why = without_inverse(self.model)
+        return "; ".join(f"{name}: {reason}" for name, reason in why.items())
 
     @property
     def fractions(self) -> np.ndarray:
@@ -107,15 +137,16 @@ def read_pad(out: Path, name: str, *, draws: int, date: str) -> ExportedPad:
     file = _file_of(out, name)
     saved = load(file)
     model = described_model(saved.choices)
-    plain = Model(model.elastic, model.relaxation, model.bonded)
-    names = [name for field in fields_of(plain) for name in field.names]
-    units = [saved.units.of(f.unit) for f in fields_of(plain) for _ in f.names]
+    names = [name for field in fields_of(model) for name in field.names]
+    units = [saved.units.of(f.unit) for f in fields_of(model) for _ in f.names]
     values = _columns(saved, names)
     places = np.linspace(0, len(values) - 1, min(draws, len(values))).astype(int)
     chosen = np.concatenate([[_closest(values)], places])
-    drawn = drawn_models(plain, names, values[chosen])
+    drawn = drawn_models(model, names, values[chosen])
     middle = jax.tree.map(lambda x: jax.numpy.asarray(x[0]), drawn)
-    every = _numbers(drawn)
+    pieces, left_out = carried(middle)
+    own = [names.index(name) for piece in pieces for name in piece.columns]
+    every = _numbers(drawn, values[chosen][:, own])
     return ExportedPad(
         name=saved.pad,
         identifier=identifier(saved.pad, [other.name for other in out.iterdir()]),
@@ -127,8 +158,9 @@ def read_pad(out: Path, name: str, *, draws: int, date: str) -> ExportedPad:
         source=saved.source,
         fitted=saved.fitted,
         converged=saved.converged,
-        elastic=middle.elastic,
-        relaxation=middle.relaxation,
+        model=_going_along(middle, left_out),
+        pieces=pieces,
+        left_out=left_out,
         middle=_part(every, slice(0, 1)),
         table=_part(every, slice(1, None)),
         intervals=_intervals(file.with_name("summary.json"), names, units, values),
@@ -174,15 +206,36 @@ def _closest(values: np.ndarray) -> int:
     return int(np.argmin(np.sum(off**2, axis=1)))
 
 
-def _numbers(drawn: Model) -> Draws:
-    """Of a model whose leaves have a leading axis."""
-    fractions, rates = eqx.filter_vmap(lambda law: law.spectrum())(drawn.relaxation)
+def _going_along(model: Model, left_out: Mapping[str, str]) -> Model:
+    """The model less what is left out, with the effects on the relaxation alone in its spectrum."""
+    for name in left_out:
+        model = model.without(name)
+    alone = [effect for effect in model.effects if in_spectrum(effect, model)]
+    if not alone:
+        return model
+    relaxation = Spectrum(*_spectrum(model))
+    for effect in alone:
+        model = model.without(effect.name)
+    return Model(model.elastic, relaxation, model.bonded, model.effects)
+
+
+def _spectrum(model: Model) -> tuple[jax.Array, jax.Array]:
+    """Fractions and rates, with what effects make of them."""
+    found = model.relaxation.spectrum()
+    for effect in model.effects:
+        found = effect.spectrum(*found) or found
+    return found
+
+
+def _numbers(drawn: Model, own: np.ndarray) -> Draws:
+    """Of a model whose leaves have a leading axis; own: (n, M) constants of the layers."""
+    fractions, rates = eqx.filter_vmap(_spectrum)(drawn)
     elastic = [getattr(drawn.elastic, key) for key in type(drawn.elastic).units]
-    return Draws(np.stack(elastic, axis=-1), np.asarray(fractions), np.asarray(rates))
+    return Draws(np.stack(elastic, axis=-1), np.asarray(fractions), np.asarray(rates), own)
 
 
 def _part(draws: Draws, places: slice) -> Draws:
-    return Draws(draws.elastic[places], draws.fractions[places], draws.rates[places])
+    return Draws(*(getattr(draws, field.name)[places] for field in fields(Draws)))
 
 
 def _intervals(

@@ -10,7 +10,7 @@ from scipy.optimize import nnls
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.units import unit_system
-from qlvbayes.laws.hereditary import hereditary_force
+from qlvbayes.laws.motion import Motion
 from qlvbayes.use.exports.pad import ExportedPad
 
 SI = unit_system("m", "N")
@@ -48,7 +48,7 @@ class Miss:
 
 
 def pressing(pad: ExportedPad) -> Pressing:
-    """The force of the middle draw over the tested range.
+    """The force of the middle draw, effects and all, over the tested range.
 
     Raises InputError where the pad has no displacement and force, or its tested range is unknown.
     """
@@ -77,9 +77,10 @@ def _pressed(pad: ExportedPad, rate: float) -> tuple[np.ndarray, ...]:
     hold = end + pad.covered.hold * np.linspace(0.0, 1.0, _RAMP + 1)[1:]
     time = np.concatenate([ramp, hold])
     depth = np.minimum(rate * time, pad.covered.depth)
-    force = hereditary_force(pad.elastic, pad.relaxation, jnp.asarray(time), jnp.asarray(depth))
     rising = time <= end
-    return depth, np.where(rising, rate, 0.0), np.asarray(force), rising
+    speed = np.where(rising, rate, 0.0)
+    motion = Motion(*map(jnp.asarray, (time, depth, speed, np.zeros_like(time))))
+    return depth, speed, np.asarray(pad.model.force(motion)), rising
 
 
 def fitted(columns: list[np.ndarray], force: np.ndarray) -> np.ndarray:

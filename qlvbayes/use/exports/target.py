@@ -21,12 +21,15 @@ class AbstractTarget(ABC):
     """One program, format or language that a pad goes into.
 
     name: after ``--to``; what: the files, in one line; cannot: what of the model does not go along,
-    each in one line, beside an added effect, which no target carries.
+    each in one line; steps: whether it goes along with effects that step; without_steps: what
+    becomes of them elsewhere.
     """
 
     name: ClassVar[str]
     what: ClassVar[str]
     cannot: ClassVar[tuple[str, ...]] = ()
+    steps: ClassVar[bool] = False
+    without_steps: ClassVar[str] = "its part of the force is left out"
 
     @abstractmethod
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:

@@ -6,9 +6,11 @@ import ast
 import inspect
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from typing import ClassVar
 
 from qlvbayes.use.exports import formulas
 from qlvbayes.use.exports.formulas import Formulas, Function
+from qlvbayes.use.exports.layers import Piece
 
 _OPERATORS: dict[type, str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}
 _COMPARISONS: dict[type, str] = {
@@ -26,7 +28,7 @@ class Language(ABC):
 
     @abstractmethod
     def library(self, name: str) -> str:
-        """``exp``, ``expm1`` or ``pow`` of the language's own library."""
+        """A function of C's library in the language's own."""
 
     @abstractmethod
     def number(self, value: float) -> str:
@@ -50,6 +52,65 @@ class Language(ABC):
     ) -> str:
         """A whole function: ``body`` has names and what they are set to."""
 
+    @abstractmethod
+    def truth(self, value: bool) -> str:
+        """True or false."""
+
+    @abstractmethod
+    def opposite(self, condition: str) -> str:
+        """Where a condition does not hold."""
+
+    top: ClassVar[str]
+    """The outermost layer's state, within the pad's."""
+
+    @abstractmethod
+    def within(self, way: str, member: str) -> str:
+        """What a layer writes for a member of its own, of the state that lies at ``way``."""
+
+    @abstractmethod
+    def memory(self, place: int) -> str:
+        """A number that the layer remembers."""
+
+    @abstractmethod
+    def beneath(self, place: int, count: int) -> str:
+        """A state of the layer beneath, of so many."""
+
+    @abstractmethod
+    def set(self, name: str, text: str, *, truth: bool) -> str:
+        """A statement that gives a number, or a condition, its name."""
+
+    @abstractmethod
+    def remember(self, place: int, text: str) -> str:
+        """A statement that sets what the layer remembers."""
+
+    @abstractmethod
+    def declared(self, below: str, name: str) -> str:
+        """A statement that makes room for a state of the layer beneath."""
+
+    @abstractmethod
+    def copy(self, below: str, name: str, place: str) -> str:
+        """A statement that copies a state of the layer beneath."""
+
+    @abstractmethod
+    def keep(self, place: str, name: str) -> str:
+        """A statement that puts a state where the layer keeps it."""
+
+    @abstractmethod
+    def begin(self, below: str, place: str, displacement: str) -> str:
+        """A statement with which the layer beneath begins."""
+
+    @abstractmethod
+    def step(self, below: str, name: str | None, place: str, line: list[str]) -> str:
+        """A statement with which the layer beneath goes along a line; its force gets the name."""
+
+    @abstractmethod
+    def layer(self, piece: Piece, below: str, begin: list[str], step: list[str]) -> str:
+        """Both functions of a layer, from their statements."""
+
+    @abstractmethod
+    def late(self, piece: Piece, below: str) -> str:
+        """Both functions of a late channel, which keeps the lines that are on their way."""
+
 
 def functions_of(law: Formulas, language: Language) -> str:
     """The law's functions, called elastic_force, stiffness, step and slope, and all they call."""
@@ -67,13 +128,13 @@ def functions_of(law: Formulas, language: Language) -> str:
     return "\n".join(texts)
 
 
-def needs(law: Formulas) -> tuple[str, ...]:
-    """Functions of the language's library that a step calls."""
+def needs(law: Formulas) -> set[str]:
+    """Functions of C's library that a step calls."""
     order: dict[str, Function] = {}
     for function in (law.force, law.stiffness, law.step, law.slope):
         _gather(function, order)
     calls = {name for function in order.values() for name in _calls(function)}
-    return tuple(name for name in _LIBRARY if name in calls or name == "exp")  # of every decay
+    return calls & set(_LIBRARY) | {"exp"}  # of every decay
 
 
 def _gather(function: Function, order: dict[str, Function]) -> None:

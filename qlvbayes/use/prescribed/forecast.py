@@ -116,7 +116,7 @@ def predict_program(
         models, averaged, warnings = _stepping(models, averaged)
     kept: np.ndarray | slice = slice(None)
     if given.quantity == "force":
-        kept = np.append(np.diff(given.time) > 0.0, True)
+        kept = np.append((np.diff(given.time) > 0.0) | (np.diff(given.value) != 0.0), True)
     answers = np.concatenate([_answers(model, given, kept) for model in models])
     effects = tuple(dict.fromkeys(e.name for model in models for e in model.effects))
     time, value = given.time[kept], given.value[kept]
@@ -205,14 +205,23 @@ def _beyond(found: Forecast, side: Side) -> Iterator[str]:
     assert reach is not None
     moved = program.quantity == "displacement"
     place = found.given if moved else found.median
-    speeds = np.abs(program.rate if moved else np.diff(place) / np.diff(found.time))
+    lasting = np.diff(found.time) > 0.0  # a jump has no speed
+    speeds = np.abs(
+        program.rate if moved else np.diff(place)[lasting] / np.diff(found.time)[lasting]
+    )
     depth, speed, rest = float(place.max()), float(speeds.max()), program.longest_rest
     if depth > _NEAR * reach.depth:
         yield (
             f"the depth reaches {depth:.3g} {_unit(units.displacement)}, beyond the "
             f"{reach.depth:.3g} that was tested"
         )
-    if not reach.slowest / _NEAR <= speed <= _NEAR * reach.fastest:
+    jumps = (np.diff(program.time) == 0.0) & (np.diff(program.value) != 0.0)
+    if np.any(jumps):
+        yield (
+            f"it jumps at {program.time[np.argmax(jumps)]:.3g} s, quicker than the "
+            f"{reach.fastest:.3g} {_unit(units.speed)} that were tested"
+        )
+    elif not reach.slowest / _NEAR <= speed <= _NEAR * reach.fastest:
         yield (
             f"the speed reaches {speed:.3g} {_unit(units.speed)}, outside the {reach.slowest:.3g} "
             f"to {reach.fastest:.3g} that were tested"

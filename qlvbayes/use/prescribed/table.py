@@ -24,7 +24,8 @@ _FAITHFUL = 1e-6  # that may be left out if all of them together are no farther 
 def read_table(path: Path, units: UnitSystem) -> Program:
     """Columns time_s and displacement_mm, or time_s and force_N, or other units of the same.
 
-    Time increases. Semicolons mean decimal commas. Raises InputError with file and line.
+    Time does not decrease; two rows of one time are a jump. Semicolons mean decimal commas. Raises
+    InputError with file and line.
     """
     lines = b"".join(blocks(path)).decode("utf-8-sig").splitlines()
     if not lines:
@@ -41,9 +42,9 @@ def read_table(path: Path, units: UnitSystem) -> Program:
     if len(rows) < 2:
         raise InputError(f"{len(rows)} rows", file=path, remedy=f"give 2 to {MOST}")
     time, value = (np.array(rows) * [factor for _, factor in places]).T
-    if np.any(stuck := np.diff(time) <= 0.0):
-        line = int(np.flatnonzero(stuck)[0]) + 3
-        raise InputError("time does not increase", file=path, line=line, remedy="sort the rows")
+    if np.any(back := np.diff(time) < 0.0):
+        line = int(np.flatnonzero(back)[0]) + 3
+        raise InputError("time runs back", file=path, line=line, remedy="sort the rows")
     if time.size > MOST:
         time, value = _corners(time, value)
     if time.size > MOST:
@@ -54,27 +55,33 @@ def read_table(path: Path, units: UnitSystem) -> Program:
         )
     quantity = _quantity(names)
     if quantity == "force":
-        finer = _crept(time)
-        time, value = finer, np.interp(finer, time, value)
-    slopes = np.diff(value) / np.diff(time)
+        between = _crept(time)
+        times = np.concatenate([time, between])
+        order = np.argsort(times, kind="stable")  # the two rows of a jump stay as they are
+        value = np.concatenate([value, np.interp(between, time, value)])[order]
+        time = times[order]
+    moving = np.diff(time) > 0.0
+    slopes = np.where(moving, np.diff(value) / np.where(moving, np.diff(time), 1.0), 0.0)
     return Program(path.name, quantity, time, value, np.append(slopes, 0.0))
 
 
 def _corners(time: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The rows between which it goes straight, as a rig's set-points do; all where it does not."""
     size = float(np.max(np.abs(value)))
-    share = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
+    width = time[2:] - time[:-2]
+    share = (time[1:-1] - time[:-2]) / np.where(width > 0.0, width, 1.0)
     off = np.abs(value[1:-1] - value[:-2] - share * (value[2:] - value[:-2]))
     kept = np.concatenate([[True], off > _STRAIGHT * size, [True]])
-    error = np.max(np.abs(np.interp(time, time[kept], value[kept]) - value))
+    once = ~np.isin(time, time[1:][np.diff(time) == 0.0])  # at a jump there is no one value
+    error = np.max(np.abs(np.interp(time, time[kept], value[kept]) - value), where=once, initial=0)
     return (time[kept], value[kept]) if error <= _FAITHFUL * size else (time, value)
 
 
 def _crept(time: np.ndarray) -> np.ndarray:
-    """Times with those of creep in long stretches, over which displacement is not straight."""
+    """Times of creep in long stretches, over which displacement is not straight."""
     width = np.diff(time)
     long = (width > _LONG * (time[-1] - time[0])) | (width.size <= _FEW)
-    between = [time]
+    between = [np.empty(0)]
     for k in np.flatnonzero(long):
         between += [hold(time[k], 0.0, width[k]).time[1:-1]]
         between += [np.linspace(time[k], time[k + 1], RAMP_POINTS)[1:-1]]

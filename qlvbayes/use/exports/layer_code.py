@@ -1,0 +1,185 @@
+"""Layers as functions of another language: one that begins and one that steps, for each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+from qlvbayes.use.exports.expressions import Expression
+from qlvbayes.use.exports.layers import Piece, Work
+from qlvbayes.use.exports.translation import Language
+
+_SIGNS = {
+    "add": "+",
+    "sub": "-",
+    "mul": "*",
+    "div": "/",
+    "lt": "<",
+    "le": "<=",
+    "gt": ">",
+    "ge": ">=",
+    "eq": "==",
+    "and": "&&",
+    "or": "||",
+}
+LIBRARY = {
+    "exp": "exp",
+    "expm1": "expm1",
+    "log": "log",
+    "log1p": "log1p",
+    "sqrt": "sqrt",
+    "tanh": "tanh",
+    "sin": "sin",
+    "cos": "cos",
+    "abs": "fabs",
+    "max": "fmax",
+    "min": "fmin",
+    "pow": "pow",
+}
+"""Functions of C's library, by what they do."""
+_INPUTS = ("constant", "constant_of", "memory", "line", "state", "force_beneath")
+_STATES = ("state", "begin_beneath", "step_beneath")
+
+
+def library_of(pieces: Iterable[Piece]) -> set[str]:
+    """Functions of C's library that the layers call."""
+    works = [work for piece in pieces for work in (piece.begin, piece.step)]
+    return {LIBRARY[x.op] for work in works for x in work.ordered if x.op in LIBRARY}
+
+
+@dataclass
+class Lines:
+    """A function's statements; the language writes them one by one."""
+
+    language: Language
+    piece: Piece
+    below: str
+    work: Work
+    text: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._named: dict[int, str] = {}
+        self._place: dict[int, str] = {}
+        self._slot = _slots(self.work)
+        for x in self.work.ordered:
+            self._note(x)
+        self._end()
+
+    def _note(self, x: Expression) -> None:
+        if x.op in _STATES:
+            self._state(x)
+        elif x.op not in _INPUTS and self.work.used[id(x)] > 1:
+            name = f"t{len(self._named) + 1}"
+            written = self._write(x)
+            self._named[id(x)] = name
+            self.text.append(self.language.set(name, written, truth=x.is_true_or_false))
+
+    def _state(self, x: Expression) -> None:
+        """A state of the law beneath: the layer's own, or one that passes."""
+        own = self.language.beneath
+        if x.op == "state":
+            self._place[id(x)] = own(int(x.value), self.piece.beneath)
+            return
+        if x.op == "begin_beneath":
+            place = self._kept(x)
+            self.text.append(self.language.begin(self.below, place, self._write(x.args[0])))
+        else:
+            before, *line = x.args
+            place = self._place[id(before)]
+            if self.work.used[id(before)] > 1:  # goes on from there more than once
+                copy = f"c{len(self._place) + 1}"
+                self.text.append(self.language.copy(self.below, copy, place))
+                place = copy
+            wanted = any(y.op == "force_beneath" and y.args[0] is x for y in self.work.ordered)
+            name = f"f{len(self._place) + 1}" if wanted else None
+            self._named[id(x)] = name or ""
+            followed = "followed" if self.work.force else self.language.truth(False)  # of a begin
+            words = [*(self._write(y) for y in line), followed]
+            self.text.append(self.language.step(self.below, name, place, words))
+        self._place[id(x)] = place
+
+    def _kept(self, x: Expression) -> str:
+        """Where a state that begins is kept."""
+        if (slot := self._slot.get(id(x))) is not None:
+            return self.language.beneath(slot, self.piece.beneath)
+        name = f"c{len(self._place) + 1}"
+        self.text.append(self.language.declared(self.below, name))
+        return name
+
+    def _end(self) -> None:
+        language, work = self.language, self.work
+        memory = []
+        for i, x in enumerate(work.memory):
+            if x.op != "memory" or x.value != i:
+                memory.append((i, self._write(x)))
+        if work.force is not None:
+            self.text.append(language.set("force", self._write(work.force), truth=False))
+        if len(memory) > 1:  # none is set before all are worked out
+            self.text += [language.set(f"m{i}", text, truth=False) for i, text in memory]
+            memory = [(i, f"m{i}") for i, _ in memory]
+        self.text += [language.remember(i, text) for i, text in memory]
+        for i, x in enumerate(work.states):
+            own = language.beneath(i, self.piece.beneath)
+            if self._place[id(x)] != own:
+                self.text.append(language.keep(own, self._place[id(x)]))
+
+    def _write(self, x: Expression) -> str:
+        """The expression in one line of text, or the name that it has."""
+        language = self.language
+        if (name := self._named.get(id(x))) is not None:
+            return name
+        if x.op == "force_beneath":
+            return self._named[id(x.args[0])]
+        if x.op == "constant":
+            if isinstance(x.value, bool):
+                return language.truth(x.value)
+            return language.number(float(x.value))
+        if x.op == "constant_of":
+            return language.constant(x.value)
+        if x.op == "memory":
+            return language.memory(x.value)
+        if x.op == "line":
+            return x.value
+        args = [self._write(y) for y in x.args]
+        if x.op in _SIGNS:
+            return f"({args[0]} {_SIGNS[x.op]} {args[1]})"
+        if x.op == "neg":
+            return f"(-{args[0]})"
+        if x.op == "not":
+            return language.opposite(args[0])
+        if x.op == "ne":
+            return language.opposite(f"({args[0]} == {args[1]})")
+        if x.op == "choose":
+            return language.either(*args)
+        if x.op in LIBRARY:
+            return f"{language.library(LIBRARY[x.op])}({', '.join(args)})"
+        return f"{language.own(x.op)}({', '.join(['k', *args])})"  # of the elastic law
+
+
+def _slots(work: Work) -> dict[int, int]:
+    """By the id of a state that ends up as the layer's own, and those it came from: which."""
+    found: dict[int, int] = {}
+    for slot, x in enumerate(work.states):
+        while x.op in _STATES and x.op != "state":
+            found[id(x)] = slot
+            if x.op == "begin_beneath":
+                break
+            x = x.args[0]
+    return found
+
+
+MATERIAL = "material"
+"""What lies beneath the innermost layer."""
+
+
+def layers_code(pieces: Sequence[Piece], language: Language) -> str:
+    """The functions of all layers, the innermost first."""
+    texts, below = [], MATERIAL
+    for piece in pieces:
+        if piece.late:
+            texts.append(language.late(piece, below))
+        else:
+            begin, step = (Lines(language, piece, below, x).text for x in (piece.begin, piece.step))
+            texts.append(language.layer(piece, below, begin, step))
+        below = piece.name
+    return "\n".join(texts)

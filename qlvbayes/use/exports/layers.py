@@ -1,0 +1,299 @@
+"""The layers of a model, from the steps that the effects themselves take, for other languages.
+
+An effect says in `begin` and `step` how it goes on line by line; these, and no description beside
+them, are translated: each is run once on expressions, with the law beneath it as two calls.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import ShapedArray
+from jax.extend import core
+
+from qlvbayes.effects.channel_lag import ChannelLag
+from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.laws.layered import Contact, Layer
+from qlvbayes.laws.motion import Line
+from qlvbayes.model.model import Model
+from qlvbayes.model.parameters import fields_of
+from qlvbayes.model.stepping import without_steps
+from qlvbayes.use.exports.expressions import Expression, Expressions, TranslationError
+
+LINE = ("h", "to", "speed", "clear")
+"""A line's duration (s), end, speed, and how far it then is off the specimen."""
+_MOST = 64  # numbers that a layer remembers, each written out
+
+_STATE = np.uint8  # stands for a state of the law beneath
+_LENGTH = "displacement"
+
+
+@dataclass(frozen=True, eq=False)
+class Work:
+    """What a layer does: states of the law beneath, its own memory, and a force (None at first)."""
+
+    states: tuple[Expression, ...]
+    memory: tuple[Expression, ...]
+    force: Expression | None
+
+    @property
+    def results(self) -> tuple[Expression, ...]:
+        """All that is worked out."""
+        return (*self.states, *self.memory, *((self.force,) if self.force else ()))
+
+    @cached_property
+    def used(self) -> dict[int, int]:
+        """How often each expression is used, by its id."""
+        count: dict[int, int] = {}
+        for x in self.ordered:
+            for arg in x.args:
+                count[id(arg)] = count.get(id(arg), 0) + 1
+        for x in self.results:
+            count[id(x)] = count.get(id(x), 0) + 1
+        return count
+
+    @cached_property
+    def ordered(self) -> tuple[Expression, ...]:
+        """Every expression after those that it is made of."""
+        found: dict[int, Expression] = {}
+
+        def visit(x: Expression) -> None:
+            if id(x) not in found:
+                for arg in x.args:
+                    visit(arg)
+                found[id(x)] = x
+
+        for x in self.results:
+            visit(x)
+        return tuple(found.values())
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """One layer, as a language writes it.
+
+    name: part of an identifier; said: the law in one line; columns: names of the layer's numbers in
+    a posterior; touch: which of its memory says that the specimen is touched, None where it does
+    not; inverts: as of the effect; late: whether it reads what was there a while ago, for which
+    languages have a queue of lines of their own, in place of ``begin`` and ``step``.
+    """
+
+    name: str
+    said: str
+    columns: tuple[str, ...]
+    begin: Work
+    step: Work
+    touch: int | None = None
+    inverts: bool = True
+    late: bool = False
+
+    @property
+    def constants(self) -> tuple[str, ...]:
+        """The columns' names as identifiers."""
+        return tuple(_identifier(name) for name in self.columns)
+
+    @property
+    def memory(self) -> int:
+        """How many numbers it remembers."""
+        return len(self.step.memory)
+
+    @property
+    def beneath(self) -> int:
+        """How many states of the layer beneath it keeps."""
+        return len(self.step.states)
+
+
+def carried(model: Model) -> tuple[tuple[Piece, ...], dict[str, str]]:
+    """The layers that can be written in other languages, innermost first, and why others cannot.
+
+    An effect that acts on the relaxation alone is in the spectrum already, and is neither.
+    """
+    lost = without_steps(model)
+    found: list[Piece] = []
+    for layer in model.law.layers:
+        name = getattr(layer, "name", "contact")
+        if name in lost or in_spectrum(layer, model):
+            continue
+        try:
+            found.append(piece_of(layer))
+        except TranslationError as reason:
+            lost[name] = str(reason)
+    return tuple(found), lost
+
+
+def in_spectrum(layer: Layer, model: Model) -> bool:
+    """Whether a layer only changes the relaxation."""
+    return isinstance(layer, AbstractEffect) and changed(layer, model) is not None
+
+
+def changed(effect: AbstractEffect, model: Model) -> Any:
+    """What an effect makes of the relaxation's fractions and rates; None where it does more."""
+    return jax.eval_shape(lambda law: effect.spectrum(*law.spectrum()), model.relaxation)
+
+
+def piece_of(layer: Layer) -> Piece:
+    """A layer's begin and step as expressions; TranslationError where there is no form of them."""
+    make = Expressions(_CALLS)
+    if not isinstance(layer, AbstractEffect):
+        return _contact(make)
+    columns = tuple(name for field in fields_of(layer) for name in field.names)
+    if isinstance(layer, ChannelLag):
+        before = make.named("state", 0)
+        begin, step = Work((before,), (), None), Work((before,), (), before)
+        return Piece(layer.name, layer.law, columns, begin, step, inverts=False, late=True)
+    constants = [make.named("constant_of", _identifier(name)) for name in columns]
+    begin, step = _traced(layer, make, constants)
+    if touches := layer.level == Level.CONTACT:
+        begin, step = _with_touch(make, begin, step)
+    touch = len(step.memory) - 1 if touches else None
+    name = _identifier(layer.name)
+    name = f"{name}_effect" if name in ("contact", "material") else name
+    return Piece(name, layer.law, columns, begin, step, touch, layer.inverts)
+
+
+def _contact(make: Expressions) -> Piece:
+    """Contact, with the force that it has where steps follow it beyond its loss."""
+    begin, plain = _with_touch(make, *_traced(Contact(), make, []))
+    _, followed = _traced(Contact(followed=True), make, [])
+    assert plain.force is not None
+    assert followed.force is not None
+    force = make.either(make.named("line", "followed"), followed.force, plain.force)
+    step = Work(plain.states, plain.memory, force)
+    said = "a loose specimen has no depth below 0, and its force is never negative"
+    return Piece("contact", said, (), begin, step, touch=0)
+
+
+def _with_touch(make: Expressions, begin: Work, step: Work) -> tuple[Work, Work]:
+    """With one number more in memory: 1 where the specimen is touched, else 0."""
+    assert step.force is not None
+    zero = make.constant(0.0)
+    pressed = make.call("gt", make.named("line", "to"), zero)
+    touched = make.call("and", pressed, make.call("ne", step.force, zero))
+    memory = (*step.memory, make.either(touched, make.constant(1.0), zero))
+    return (
+        Work(begin.states, (*begin.memory, zero), None),
+        Work(step.states, memory, step.force),
+    )
+
+
+def _traced(layer: Layer, make: Expressions, constants: list[Expression]) -> tuple[Work, Work]:
+    leaves, shape = jax.tree.flatten(layer)
+    sizes = [jax.ShapeDtypeStruct(np.shape(leaf), float) for leaf in leaves]
+    number = jax.ShapeDtypeStruct((), float)
+    state_shape = None
+
+    def begins(numbers, displacement):  # type: ignore[no-untyped-def]
+        nonlocal state_shape
+        state = jax.tree.unflatten(shape, numbers).begin(_Beneath(), displacement)
+        parts, state_shape = jax.tree.flatten(state)
+        return parts
+
+    def goes_on(numbers, parts, line):  # type: ignore[no-untyped-def]
+        state = jax.tree.unflatten(state_shape, parts)
+        given = Line(*line)
+        state, force = jax.tree.unflatten(shape, numbers).step(_Beneath(), state, given)
+        return jax.tree.leaves(state), force
+
+    begun, kept = jax.make_jaxpr(begins, return_shape=True)(sizes, number)
+    if (count := sum(np.prod(x.shape, dtype=int) for x in kept)) > _MOST:
+        raise TranslationError(f"it remembers {count} numbers, more than are written out")
+    stepped = jax.make_jaxpr(goes_on)(sizes, kept, [number] * len(LINE))
+    parts = list(_named(kept, make))
+    line = [make.named("line", name) for name in LINE]
+    first = make.of(begun, [*constants, make.named("line", _LENGTH)])
+    *after, force = make.of(stepped, [*constants, *parts, *line])
+    return Work(*_sorted(first, kept), None), Work(*_sorted(after, kept), force)
+
+
+def _named(kept: list[Any], make: Expressions) -> Iterator[Expression]:
+    """Inputs for what a layer keeps."""
+    states = memory = 0
+    for part in kept:
+        if part.dtype == _STATE:
+            yield make.named("state", states)
+            states += 1
+            continue
+        for _ in range(int(np.prod(part.shape, dtype=int))):
+            yield make.named("memory", memory)
+            memory += 1
+
+
+def _sorted(
+    found: list[Expression], kept: list[Any]
+) -> tuple[tuple[Expression, ...], tuple[Expression, ...]]:
+    """States of the law beneath, and numbers."""
+    is_state = [part.dtype == _STATE for part in kept for _ in range(int(np.prod(part.shape)))]
+    pairs = list(zip(found, is_state, strict=True))
+    return tuple(x for x, own in pairs if own), tuple(x for x, own in pairs if not own)
+
+
+def _identifier(name: str) -> str:
+    return re.sub(r"\W+", "_", name).strip("_")
+
+
+def _instruction(name: str, results: Callable[..., list[ShapedArray]]) -> core.Primitive:
+    made = core.Primitive(name)
+    made.multiple_results = True
+    made.def_abstract_eval(results)
+    return made
+
+
+_NUMBER = ShapedArray((), np.dtype(float))
+_A_STATE = ShapedArray((), np.dtype(_STATE))
+_BEGIN = _instruction("begin_beneath", lambda *_: [_A_STATE])
+_STEP = _instruction("step_beneath", lambda *_: [_A_STATE, _NUMBER])
+_FORCE = _instruction("elastic_force", lambda *_: [_NUMBER])
+_STIFFNESS = _instruction("stiffness", lambda *_: [_NUMBER])
+
+
+def _step_of(make: Expressions, state: Expression, *line: Expression) -> list[Expression]:
+    moved = make.call("step_beneath", state, *line)
+    return [moved, make.call("force_beneath", moved)]
+
+
+_CALLS = {
+    "begin_beneath": lambda make, depth: [make.call("begin_beneath", depth)],
+    "step_beneath": _step_of,
+    "elastic_force": lambda make, depth: [make.call("elastic_force", depth)],
+    "stiffness": lambda make, depth: [make.call("stiffness", depth)],
+}
+
+
+class _Elastic:
+    """The elastic law beneath a layer, at one depth."""
+
+    def force(self, depth: Any) -> Any:
+        return _FORCE.bind(_number(depth))[0]
+
+    def stiffness(self, depth: Any) -> Any:
+        return _STIFFNESS.bind(_number(depth))[0]
+
+    def __getattr__(self, name: str) -> Any:
+        raise TranslationError(f"its step asks for the elastic law's {name}")
+
+
+class _Beneath:
+    """The law beneath a layer, of which only calls are noted."""
+
+    elastic = _Elastic()
+
+    def begin(self, displacement: Any) -> Any:
+        return _BEGIN.bind(_number(displacement))[0]
+
+    def step(self, state: Any, line: Line) -> Any:
+        parts = line.duration, line.displacement, line.velocity, line.clear
+        return tuple(_STEP.bind(state, *map(_number, parts)))
+
+    def __getattr__(self, name: str) -> Any:
+        raise TranslationError(f"its step asks for the {name} of the law beneath it")
+
+
+def _number(value: Any) -> Any:
+    return jnp.asarray(value, dtype=float)

@@ -1,0 +1,111 @@
+"""The words of the field: each curve against its definition, not against its formula."""
+
+import io
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from support.exported_pad import TESTED, exported
+
+from qlvbayes.io.checks import InputError
+from qlvbayes.model.choices import Choices
+from qlvbayes.use.exports.curves import Curves
+from qlvbayes.use.exports.target import Geometry
+
+
+def tables(pad, specimen=None):
+    """Columns of both files by their names."""
+    found = []
+    for content in Curves().files(pad, specimen).values():
+        lines = [x for x in content.decode().splitlines() if not x.startswith("#")]
+        rows = np.loadtxt(io.StringIO("\n".join(lines[1:])), delimiter=",")
+        found.append(dict(zip(lines[0].split(","), rows.T, strict=True)))
+    return found
+
+
+@pytest.fixture(scope="module")
+def pad(tmp_path_factory):
+    return exported(tmp_path_factory.mktemp("curves"))
+
+
+def left(pad, time):
+    """G (T,) of the middle draw."""
+    return pad.fractions[0] + np.exp(-np.outer(time, 1.0 / pad.times)) @ pad.fractions[1:]
+
+
+def test_ranges_are_those_tested(pad):
+    relaxation, dynamic = tables(pad)
+    time, frequency = relaxation["time (s)"], dynamic["frequency (Hz)"]
+    assert (time[0], time[-1]) == pytest.approx((TESTED["quickest"], TESTED["hold"]))
+    assert 2.0 * np.pi * frequency[0] * TESTED["hold"] == pytest.approx(1.0)
+    assert 2.0 * np.pi * frequency[-1] * TESTED["quickest"] == pytest.approx(1.0)
+
+
+def test_relaxation_is_the_spectrums(pad):
+    relaxation, _ = tables(pad)
+    assert relaxation["share_left"] == pytest.approx(left(pad, relaxation["time (s)"]), rel=1e-12)
+
+
+@pytest.mark.parametrize("relaxation", ["prony", "power-law"])
+def test_creep_under_the_compliance_takes_one_unit_of_force(tmp_path, relaxation):
+    """The hereditary integral of J, by trapezoids on ever finer steps, is one."""
+    pad = exported(tmp_path, Choices(relaxation=relaxation))
+    found, _ = tables(pad)
+    at = found["time (s)"]
+    time = np.concatenate([[0.0], np.geomspace(1e-6, at[-1], 20_001)])
+    stiffness = pad.stiffness(0.0)
+    jump = 1.0 / stiffness
+    # between the table's rows J is smooth in the logarithm of time; before them it is the table's
+    from qlvbayes.use.exports.curves import crept
+
+    creep = crept(pad.middle, time)[0] / stiffness
+    assert np.interp(at, time, creep) == pytest.approx(found["creep_compliance (mm/N)"], rel=1e-6)
+    assert creep[0] == pytest.approx(jump)
+    middle = 0.5 * (time[1:] + time[:-1])
+    for end in (5000, 12_000, 20_001):
+        lasting = left(pad, time[end] - middle[:end])
+        force = stiffness * (
+            jump * left(pad, time[end : end + 1])[0] + lasting @ np.diff(creep)[:end]
+        )
+        assert force == pytest.approx(1.0, abs=2e-6)
+
+
+def test_storage_and_loss_are_the_transforms_of_relaxation(pad):
+    _, dynamic = tables(pad)
+    for row in (0, 30, 60):
+        omega = 2.0 * np.pi * dynamic["frequency (Hz)"][row]
+        rest = pad.fractions[0]
+
+        def fades(time):
+            return left(pad, np.array([time]))[0] - rest  # noqa: B023
+
+        sine, cosine = (
+            quad(fades, 0.0, np.inf, weight=kind, wvar=omega, limlst=500)[0]
+            for kind in ("sin", "cos")
+        )
+        stiffness = pad.stiffness(0.0)
+        storage, loss = dynamic["storage (N/mm)"][row], dynamic["loss (N/mm)"][row]
+        assert storage == pytest.approx(stiffness * (rest + omega * sine), rel=1e-6)
+        assert loss == pytest.approx(stiffness * omega * cosine, rel=1e-5)
+        assert dynamic["tan_delta"][row] == pytest.approx(loss / storage, rel=1e-12)
+
+
+def test_bands_hold_the_middle_and_are_those_of_the_draws(pad):
+    for table in tables(pad):
+        for name in table:
+            plain, _, unit = name.partition(" ")
+            tail = f" {unit}" if unit else ""
+            if f"{plain}_low{tail}" in table:
+                assert np.all(table[f"{plain}_low{tail}"] < table[name])
+                assert np.all(table[name] < table[f"{plain}_high{tail}"])
+
+
+def test_a_specimens_shape_makes_moduli_of_it(pad):
+    plain, block = tables(pad)[1], tables(pad, Geometry(height=10.0, area=200.0))[1]
+    assert block["storage (MPa)"] == pytest.approx(plain["storage (N/mm)"] * 10.0 / 200.0)
+    assert block["tan_delta"] == pytest.approx(plain["tan_delta"])
+
+
+def test_what_has_no_stiffness_at_first_contact_is_refused(tmp_path):
+    with pytest.raises(InputError, match="hertz has no stiffness at first contact"):
+        Curves().files(exported(tmp_path, Choices(law="hertz")), None)

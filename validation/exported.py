@@ -1,0 +1,357 @@
+"""What an effect is worth in other programs: a section of docs/exports.md and its picture.
+
+    python validation/exported.py data/hidden.csv -o docs/exports.md
+
+The record is diagnosed, fitted as it is and with the effects that were named (the commands
+themselves: one test is fitted, the others are not), and both fits are exported to C, FMU, MuJoCo
+and MATLAB. Each export is run along the motion of every test, and its force is set against the
+measured one. Fits are kept in build/exported. What a machine lacks (FMPy, MuJoCo, GNU Octave) is
+left out, and said; gcc it must have.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import json
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from page import Origin
+
+import qlvbayes as q
+from qlvbayes.io.files import write_whole
+
+ROOT = Path(__file__).resolve().parents[1]
+PICTURE = ROOT / "docs" / "pictures" / "exports_effect.png"
+_FINE = 8  # straight lines in each stretch of the motion between two of its knots
+_HEADING = "## What an effect is worth\n"
+_SECTION = """{heading}
+`{record}` is one pad's six tests ({origin}). `qlvbayes diagnose` names {named}. Exported
+without and with it, and run along the motion of each test, this is how far the force of the C
+header is from the record's (root mean square over the test's largest force):
+
+| test | rate | noise | without | with {named} |
+|---|---:|---:|---:|---:|
+{tests}
+
+and by each export, over all tests:
+
+| `--to` | without | with {named} | from the C header at most |
+|---|---:|---:|---:|
+{targets}
+
+![force of the fastest test, and the error of each]({picture})
+
+*Left: what is left of the fastest test in press and first hold. Right: each test's error.* Only
+{fitted} was fitted. {absent}Made by `{command}` on {date} at {commit}.
+"""
+
+_DRIVER = """#include <stdio.h>
+#include "NAME.h"
+int main(void) {
+    const NAME_constants k = UPPER_MEDIAN;
+    NAME_state s;
+    double h, d;
+    int first = 1;
+    while (scanf("%lf %lf", &h, &d) == 2) {
+        if (first) { NAME_begin(&k, &s, d); }
+        first = 0;
+        printf("%.17g\\n", NAME_force(&k, &s, h, d));
+    }
+    return 0;
+}
+"""
+_WORLD = """<mujoco><option gravity="0 0 0"/>
+<extension><plugin plugin="qlvbayes.NAME"/></extension>
+<worldbody><body><plugin plugin="qlvbayes.NAME"><config key="joint" value="press"/></plugin>
+<joint name="press" type="slide" axis="0 0 -1"/><geom type="sphere" size="0.01" mass="1e12"/>
+</body></worldbody></mujoco>"""
+_OCTAVE = """state = NAME('begin', rows(1, 2));
+force = zeros(rows(end, 3), 1);
+for i = 1:size(rows, 1)
+  [force(i), state] = NAME('force', rows(i, 2), rows(i, 1), state);
+end
+printf('%.17g\\n', force);
+"""
+
+Run = Callable[[Path, str, np.ndarray, np.ndarray], np.ndarray]
+"""Force (N,) of an export (its folder and name) along steps (s) to displacements, both (N,)."""
+
+
+def of_header(folder: Path, name: str, step: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    """By the C header, compiled."""
+    source = folder / "run.c"
+    source.write_text(_DRIVER.replace("NAME", name).replace("UPPER", name.upper()))
+    command = ["gcc", "-std=c99", "-O2", str(source), "-o", str(folder / "run"), "-lm"]
+    subprocess.run(command, check=True)
+    return _read([str(folder / "run")], _rows(step, depth))
+
+
+def of_unit(folder: Path, name: str, step: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    """By the FMU, its input's derivative set, so that the force is on time."""
+    import fmpy
+    from fmpy.fmi2 import FMU2Slave
+
+    path = str(folder / f"{name}.fmu")
+    read = fmpy.read_model_description(path)
+    unit = FMU2Slave(
+        guid=read.guid,
+        unzipDirectory=fmpy.extract(path),
+        modelIdentifier=read.coSimulation.modelIdentifier,
+    )
+    unit.instantiate()
+    unit.setupExperiment(startTime=0.0)
+    unit.enterInitializationMode()
+    unit.setReal([0], [depth[0]])
+    unit.exitInitializationMode()
+    force, time = unit.getReal([3]), 0.0
+    for h, start, stop in zip(step[1:], depth[:-1], depth[1:], strict=True):
+        unit.setReal([0], [start])
+        unit.setRealInputDerivatives([0], [1], [(stop - start) / h])
+        unit.doStep(time, h)
+        force += unit.getReal([3])
+        time += h
+    unit.freeInstance()
+    return np.array(force)
+
+
+def of_plugin(folder: Path, name: str, step: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    """By MuJoCo with the plugin, on a mass so large that the joint goes as it is sent."""
+    import mujoco
+
+    model, place = _world(folder, name), 1e-3 * depth
+    data, force = mujoco.MjData(model), []
+    travel = np.diff(place, prepend=place[0])
+    for h, way, end in zip(step.tolist(), travel.tolist(), place.tolist(), strict=True):
+        speed = way / h if h > 0.0 else 0.0
+        if h > 0.0:
+            model.opt.timestep, data.qpos[0], data.qvel[0] = h, end - way, speed
+            mujoco.mj_step(model, data)
+        data.qpos[0], data.qvel[0] = end, speed
+        mujoco.mj_forward(model, data)
+        force.append(-float(data.qfrc_passive[0]))
+    return np.array(force)
+
+
+@cache
+def _world(folder: Path, name: str) -> Any:
+    """MuJoCo's model of an export; a process takes one plugin of a name, so each gets its own."""
+    import mujoco
+
+    own = f"{name}_{folder.parents[2].name}"
+    source = folder / f"{own}.c"
+    plugin = (folder / f"{name}_plugin.c").read_text()
+    source.write_text(plugin.replace(f"qlvbayes.{name}", f"qlvbayes.{own}"))
+    home, made = Path(mujoco.__file__).parent, folder / f"{own}.so"
+    (library,) = home.glob("libmujoco.so*")
+    command = ["gcc", "-O2", "-shared", "-fPIC", f"-I{home / 'include'}", str(source)]
+    command += [str(library), f"-Wl,-rpath,{home}", "-lm", "-o", str(made)]
+    subprocess.run(command, check=True)
+    mujoco.mj_loadPluginLibrary(str(made))
+    return mujoco.MjModel.from_xml_string(_WORLD.replace("NAME", own))
+
+
+def of_octave(folder: Path, name: str, step: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    """By the MATLAB function in GNU Octave."""
+    numbers = "\n".join(
+        f"{h!r} {d!r} {len(step)}" for h, d in zip(step.tolist(), depth.tolist(), strict=True)
+    )
+    script = folder / "run.m"
+    script.write_text(f"cd('{folder}');\nrows = [{numbers}];\n" + _OCTAVE.replace("NAME", name))
+    return _read(["octave-cli", "--norc", "--quiet", str(script)], "")
+
+
+TARGETS: dict[str, tuple[Run, str]] = {
+    "c": (of_header, "gcc"),
+    "fmu": (of_unit, "fmpy"),
+    "mujoco": (of_plugin, "mujoco"),
+    "matlab": (of_octave, "octave-cli"),
+}
+"""What runs each export, and the program or package that it takes beside gcc."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A measured test, and the motion that exports are sent along, which holds its times."""
+
+    name: str
+    rate: float
+    time: np.ndarray
+    force: np.ndarray
+    grid: np.ndarray
+    depth: np.ndarray
+
+    def error(self, found: np.ndarray) -> float:
+        """Root mean square over the largest force; ``found`` on the grid."""
+        off = self.at_readings(found) - self.force
+        return float(np.sqrt(np.mean(off**2)) / np.max(self.force))
+
+    def at_readings(self, found: np.ndarray) -> np.ndarray:
+        """Of values on the grid, those at the readings."""
+        return found[np.searchsorted(self.grid, self.time)]
+
+
+def trials(pad: q.Specimen) -> list[Trial]:
+    """All tests of the pad, the slowest first."""
+    found = []
+    for trial in pad.experiment.trials:
+        time, path = np.asarray(trial.test.time), trial.trajectory
+        knots = np.unique(np.clip([time[0], *path.knots, time[-1]], time[0], time[-1]))
+        between = [np.linspace(a, b, _FINE, endpoint=False) for a, b in pairwise(knots)]
+        grid = np.unique(np.concatenate([time, *between]))
+        depth = np.asarray(path.displacement(grid))
+        force = np.asarray(trial.test.force)
+        found.append(Trial(trial.name, trial.rate, time, force, grid, depth))
+    return sorted(found, key=lambda x: x.rate)
+
+
+def command(*words: object) -> None:
+    """Of qlvbayes, in a process of its own."""
+    subprocess.run([sys.executable, "-m", "qlvbayes", *map(str, words)], check=True)
+
+
+def named_effects(record: Path, pad: str, kept: Path, seed: int) -> list[str]:
+    """What the diagnosis names."""
+    if not (kept / "diagnosis" / pad / "diagnosis.json").is_file():
+        command("diagnose", record, "-o", kept / "diagnosis", "--seed", seed)
+    return json.loads((kept / "diagnosis" / pad / "diagnosis.json").read_text())["effects"]
+
+
+def fitted(record: Path, pad: str, folder: Path, effects: list[str], seed: int) -> None:
+    """A fit with these effects."""
+    if not (folder / pad / "posterior.nc").is_file():
+        added = [word for name in effects for word in ("--add", name)]
+        command("fit", record, *added, "-o", folder, "--seed", seed)
+
+
+def lacking(needed: str) -> bool:
+    """Whether this machine has neither a program nor a package of that name."""
+    return shutil.which(needed) is None and importlib.util.find_spec(needed) is None
+
+
+def forces(out: Path, pad: str, target: str, every: list[Trial]) -> list[np.ndarray]:
+    """What an export makes of each test's motion."""
+    files = q.export(out, pad, target)
+    (name,) = {x.name.removesuffix(x.suffix) for x in files if x.suffix in (".h", ".fmu", ".m")} - {
+        x.stem for x in files if x.stem.endswith("_draws")
+    }
+    run = TARGETS[target][0]
+    return [run(files[0].parent, name, np.diff(x.grid, prepend=x.grid[0]), x.depth) for x in every]
+
+
+def picture(
+    every: list[Trial], without: list[np.ndarray], with_: list[np.ndarray], noise: float
+) -> Figure:
+    """What is left of the fastest test's force, and the error of each test."""
+    figure = Figure(figsize=(6.7, 3.0), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    last = every[-1]
+    end = 4.0 * last.grid[np.argmax(last.depth > 0.99 * np.max(last.depth))]
+    seen = last.time <= end
+    rates = [x.rate for x in every]
+    sides = ((without, "o--", "#d55e00", "without"), (with_, "o-", "#0072b2", "with the effect"))
+    for found, sign, colour, label in sides:
+        off = (last.force - last.at_readings(found[-1]))[seen]
+        left.plot(last.time[seen], off, sign, color=colour, ms=2, lw=0.8, label=label)
+        errors = [100.0 * x.error(f) for x, f in zip(every, found, strict=True)]
+        right.semilogx(rates, errors, sign, color=colour, ms=4)
+    left.axhspan(-noise, noise, color="0.9", lw=0.0, label="noise")
+    right.semilogx(
+        rates, [100.0 * noise / np.max(x.force) for x in every], ":", color="0.4", label="noise"
+    )
+    left.set(xlabel="time (s)", ylabel="measured less export (N)", title=f"test {last.name}")
+    left.legend(frameon=False)
+    right.set(xlabel="rate (mm/s)", ylabel="error (% of the largest force)", ylim=(0.0, None))
+    right.legend(frameon=False)
+    for ax in (left, right):
+        ax.spines[["top", "right"]].set_visible(False)
+    return figure
+
+
+def _rows(step: np.ndarray, depth: np.ndarray) -> str:
+    return "".join(f"{h!r} {d!r}\n" for h, d in zip(step.tolist(), depth.tolist(), strict=True))
+
+
+def _read(program: list[str], rows: str) -> np.ndarray:
+    done = subprocess.run(program, input=rows, capture_output=True, text=True, check=False)
+    if done.returncode:
+        sys.exit(f"{program[0]}: {done.stderr.strip()}")
+    return np.array(done.stdout.split(), dtype=float)
+
+
+def _rms(errors: list[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(errors))))
+
+
+def main() -> None:
+    """Run all, write the section and the picture."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("record", type=Path)
+    parser.add_argument("-o", "--page", type=Path, default=ROOT / "docs" / "exports.md")
+    parser.add_argument("--kept", type=Path, default=ROOT / "build" / "exported")
+    parser.add_argument("--seed", type=int, default=1)
+    given = parser.parse_args()
+    study = q.read_study(given.record)
+    (pad,) = list(study)
+    specimen = study[pad]
+    every = trials(specimen)
+    named = named_effects(given.record, pad, given.kept, given.seed)
+    outs = given.kept / "without", given.kept / "with"
+    for out, effects in zip(outs, ([], named), strict=True):
+        fitted(given.record, pad, out, effects, given.seed)
+    present = [name for name, (_, needed) in TARGETS.items() if not lacking(needed)]
+    found = {(out, name): forces(out, pad, name, every) for out in outs for name in present}
+    headers = [found[out, "c"] for out in outs]
+    rows, targets = [], []
+    for i, trial in enumerate(every):
+        errors = " | ".join(f"{trial.error(x[i]):.2%}" for x in headers)
+        noise = specimen.experiment.floor.total / np.max(trial.force)
+        rows.append(f"| {trial.name} | {trial.rate:.3g} mm/s | {noise:.2%} | {errors} |")
+    for name in present:
+        sides = [found[out, name] for out in outs]
+        errors = [_rms([t.error(f) for t, f in zip(every, x, strict=True)]) for x in sides]
+        off = max(
+            float(np.max(np.abs(f - h)) / np.max(h))
+            for side, header in zip(sides, headers, strict=True)
+            for f, h in zip(side, header, strict=True)
+        )
+        targets.append(f"| `{name}` | {errors[0]:.2%} | {errors[1]:.2%} | {off:.0e} |")
+    absent = [needed for name, (_, needed) in TARGETS.items() if name not in present]
+    origin = Origin.now(f"python validation/exported.py {shlex.join(sys.argv[1:])}", ROOT)
+    section = _SECTION.format(
+        heading=_HEADING,
+        record=given.record,
+        origin="simulated" if "simulated" in given.record.open().readline() else "measured",
+        named=" and ".join(f"`{name}`" for name in named),
+        tests="\n".join(rows),
+        targets="\n".join(targets),
+        picture="pictures/" + PICTURE.name,
+        fitted=" and ".join(x.name for x in specimen.experiment.with_role("fit")),
+        absent=f"Not on this machine: {', '.join(absent)}. " if absent else "",
+        command=origin.command,
+        date=origin.date,
+        commit=origin.commit,
+    )
+    picture(every, *headers, specimen.experiment.floor.total).savefig(PICTURE, dpi=200)
+    page = given.page.read_text(encoding="utf-8")
+    older = re.compile(re.escape(_HEADING) + r".*?(?=^## |\Z)", re.DOTALL | re.MULTILINE)
+    if not older.search(page):
+        sys.exit(f"{given.page} has no section {_HEADING!r}")
+    write_whole(given.page, older.sub(lambda _: section + "\n", page).encode())
+    print(section)
+
+
+if __name__ == "__main__":
+    main()
