@@ -150,10 +150,13 @@ def _certain(d: DiagnosisResult) -> list[str]:
     if rated:
         said = joined([f"{name} {percent(one)}" for name, one in rated])
         bins = sorted({learnt.bin_of(one) for _, one in rated}, reverse=True)
-        counts = joined([f"{k} of {n} with {low:.0%} to {high:.0%}" for low, high, n, k in bins])
+        counts = [
+            f"{100.0 * low:.0f} to {100.0 * high:.0f} % were there in {k} of {n} cases"
+            for low, high, n, k in bins
+        ]
         text.append(
             f"Certainty by experience: {said}. In {learnt.studies} blind studies on other rigs, "
-            f"of effects with such a certainty {counts} were there."
+            f"effects with a certainty of {joined(counts, 'and with')}."
         )
     if new := [name for name in names if known[name] is None]:
         text.append(
