@@ -82,7 +82,7 @@ class AbstractFormat(ABC):
 
     ``name`` is what messages call it; ``machine`` whose files these are; ``marks`` how they are
     recognised and ``reads`` what is read from them, each in one line; ``reference`` where the
-    layout is described.
+    layout is described; ``general`` whether it gives way to every other layout that fits.
     """
 
     name: ClassVar[str]
@@ -90,6 +90,7 @@ class AbstractFormat(ABC):
     marks: ClassVar[str]
     reads: ClassVar[str]
     reference: ClassVar[str]
+    general: ClassVar[bool] = False
 
     @staticmethod
     @abstractmethod
