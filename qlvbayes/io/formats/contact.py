@@ -17,7 +17,8 @@ _HIGHER = (0.5, 0.8)  # and up to which a press is, of which too few rows lie be
 _WANTED = 2  # levels, below which the higher ones are looked at
 _MIDDLE = 1  # the level whose answer is taken; the others tell how much the choice matters
 _POWERS = (1.0, 1.5, 2.0, 2.5, 3.0)  # of the depth, with which the force begins; one beyond 2.5
-_EXACT = 1e-20  # of the squared force: readings without noise leave no less
+_SINGULAR = 1e-10  # of what two columns could span together: less is rounding
+_EXACT = 1e-12  # of the squared force: readings without noise leave no less
 _CONSTANTS = 5.0  # that are fitted: force before contact, place, power, two of the rise
 _LEAST = 6  # rows before contact, below which there is no approach
 _FEW = 4  # rows beyond the contact that a rise of two constants needs
@@ -146,7 +147,7 @@ def _fitted(way: Floats, load: Floats, level: float) -> Contact | None:
         return None
     force = f[before]
     own = float(np.std(force)) / np.sqrt(max(_independent(force), 1.0))
-    rise = _rises(d, f, places[best : best + 1], _POWERS[best])[0]
+    rise = _rises(d, f, float(places[best]), _POWERS[best])
     free = max(_independent(f - rise) - _CONSTANTS, 1.0)
     least = max(float(misfits[best]), _EXACT * float(f @ f))
     heights = -0.5 * free * np.log(np.maximum(misfits, least) / least)
@@ -184,34 +185,57 @@ def _averaged(values: Floats) -> Floats:
     return values[:whole].reshape(-1, many).mean(axis=1)
 
 
-def _rises(d: Floats, f: Floats, places: Floats, power: float) -> Floats:
-    """The best F0 + a x^p + b x^(p+1) (places, rows) for each place of contact.
+def _rises(d: Floats, f: Floats, place: float, power: float) -> Floats:
+    """The best F0 + a x^p + b x^(p+1) (n,) of a place of contact."""
+    rise, further = _columns(d, np.array([place]), power)
+    _, a, b = _solved(rise, further, f, power, _reach(d, np.array([place])))
+    found = a[:, None] * rise + b[:, None] * further
+    return np.asarray((found - found.mean(axis=1, keepdims=True))[0] + f.mean())
+
+
+def _columns(d: Floats, places: Floats, power: float) -> tuple[Floats, Floats]:
+    """x^p and x^(p+1) (places, n); powers are halves, which need no logarithm."""
+    x = np.maximum(d - places[:, None], 0.0) / float(d[-1] - d.min())
+    whole, half = divmod(power, 1.0)
+    rise = x if whole == 1.0 else x * x if whole == 2.0 else x * x * x
+    rise = rise * np.sqrt(x) if half else rise
+    return rise, rise * x
+
+
+def _reach(d: Floats, places: Floats) -> Floats:
+    """The largest x (places,)."""
+    return np.asarray(np.maximum(d.max() - places, 0.0) / float(d[-1] - d.min()))
+
+
+def _solved(
+    rise: Floats, further: Floats, f: Floats, power: float, reach: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Least squared errors (places,), and a and b of x^p and x^(p+1).
 
     a >= 0, and b so that the force does not fall again; where the best of all is not so, that
     with b = 0.
     """
-    span = float(d[-1] - d.min())
-    x = np.maximum(d - places[:, None], 0.0) / span
-    rise = x**power
-    square = np.stack([np.ones_like(x), rise, rise * x], axis=-1)
-    curved, found = _solved(square, f)
-    straight, _ = _solved(square[..., :2], f)
-    slope = power * found[:, 1] + (power + 1.0) * found[:, 2] * x.max(axis=1)
-    rises = (found[:, 1] >= 0.0) & (slope >= 0.0)
-    return np.where(rises[:, None], curved, straight)
-
-
-def _solved(columns: Floats, f: Floats) -> tuple[Floats, Floats]:
-    """Least squares of ``f`` in columns (places, rows, k): values and coefficients."""
-    turned = np.swapaxes(columns, 1, 2)
-    inverse = np.linalg.pinv(turned @ columns, hermitian=True)
-    found = (inverse @ (turned @ f)[..., None])[..., 0]
-    return (columns @ found[..., None])[..., 0], found
+    count = len(f)
+    y = f - f.mean()
+    first, second = rise.sum(axis=1), further.sum(axis=1)
+    aa = np.einsum("pn,pn->p", rise, rise) - first * first / count
+    ab = np.einsum("pn,pn->p", rise, further) - first * second / count
+    bb = np.einsum("pn,pn->p", further, further) - second * second / count
+    ay, by, yy = rise @ y, further @ y, float(y @ y)
+    tiny = np.finfo(float).tiny
+    volume = np.maximum(aa * bb - ab * ab, tiny)
+    a, b = (bb * ay - ab * by) / volume, (aa * by - ab * ay) / volume
+    rises = (volume > _SINGULAR * aa * bb) & (a >= 0.0)
+    rises &= power * a + (power + 1.0) * b * reach >= 0.0
+    a = np.where(rises, a, np.maximum(ay / np.maximum(aa, tiny), 0.0))
+    b = np.where(rises, b, 0.0)
+    errors = yy - 2.0 * (a * ay + b * by) + a * a * aa + 2.0 * a * b * ab + b * b * bb
+    return np.maximum(errors, 0.0), a, b
 
 
 def _errors(d: Floats, f: Floats, places: Floats, power: float) -> Floats:
-    residual = f - _rises(d, f, places, power)
-    return np.einsum("pr,pr->p", residual, residual)
+    rise, further = _columns(d, places, power)
+    return _solved(rise, further, f, power, _reach(d, places))[0]
 
 
 def _width(d: Floats, f: Floats, power: float, place: float, allowed: float) -> float:
