@@ -95,7 +95,8 @@ def test_a_table_is_read_in_its_own_units(tmp_path):
     [
         ("time_s,displacement_mm\n0,0\n1,x\n", "line 3: displacement_mm is not a number"),
         ("time_s,displacement_mm\n0,0\n1\n", "line 3: displacement_mm is not a number"),
-        ("time_s,displacement_mm\n0,0\n1,1\n1,2\n", "line 4: time does not increase"),
+        ("time_s,displacement_mm\n0,0\n1,1\n0.5,2\n", "line 4: time falls"),
+        ("time_s,displacement_mm\n0,0\n1,1\n1,2\n1,3\n", "three rows have one time"),
         ("time_s,displacement_mm,force_N\n0,0,0\n", "give time_s and one of displacement_mm and f"),
         ("time_s,weight_kg\n0,0\n", "the columns are time_s, weight_kg; give time_s and one of"),
         ("time_s,force_N\n0,0\n", "1 rows; give 2 to"),

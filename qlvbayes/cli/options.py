@@ -19,6 +19,7 @@ from qlvbayes.laws.catalogue import LAWS, names
 from qlvbayes.laws.relaxation.prony import MOST, Prony
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import NOISES
+from qlvbayes.preprocess.cutting import refuse_unknown
 
 File = Annotated[Path, typer.Argument(help="Measurements: a tidy .csv or .csv.gz file.")]
 Fitted = Annotated[Path, typer.Argument(help="The folder that 'fit' wrote.")]
@@ -71,6 +72,14 @@ KeepAllReadings = Annotated[
         "--keep-all-readings",
         help="Keep readings that their neighbours and the other channel contradict: lost ones, "
         "spikes, a stuck or clipped channel. Default: they are left out and named.",
+    ),
+]
+Use = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="The part of a test that is used, as 'TEST:0..18mm' or 'TEST:0..12s': what lies "
+        "before and behind it is left out; repeatable.",
+        show_default=False,
     ),
 ]
 Noise = Annotated[str, typer.Option(help=f"One of {', '.join(NOISES)}.")]
@@ -129,6 +138,7 @@ class ModelOptions:
     bonded: Bonded = None
     rested: Rested = False
     keep_all_readings: KeepAllReadings = False
+    use: Use = None
     prior: Prior = None
     fix: Fix = None
     add: Add = None
@@ -152,7 +162,9 @@ class ModelOptions:
             effects_file=None if self.effects_file is None else str(self.effects_file.resolve()),
             rested=self.rested,
             keep_all_readings=self.keep_all_readings,
+            use=tuple(self.use or ()),
         )
+        refuse_unknown(study.pads, choices.use)
         for name in choices.effects:
             find(name, choices.kinds)
         return choices

@@ -15,7 +15,7 @@ class Program:
     """Points (N,) between which the prescribed quantity goes straight, from a specimen at rest.
 
     told: as it was given; time (s), never decreasing; value: displacement or force, in the units of
-    the fit; rate: its slope just after each point.
+    the fit; rate: its slope just after each point, 0 in a jump; jumps: their times (s).
     """
 
     told: str
@@ -23,6 +23,7 @@ class Program:
     time: np.ndarray
     value: np.ndarray
     rate: np.ndarray
+    jumps: tuple[float, ...] = ()
 
     @property
     def longest_rest(self) -> float:

@@ -15,6 +15,7 @@ from qlvbayes.io.reading.header import split_name
 from qlvbayes.io.units import SUFFIXES, UnitSystem, column_name
 from qlvbayes.use.prescribed.program import MOST, Program
 
+_INSTANT = 1e-6  # of the shortest step: how long a jump takes
 _LONG = 0.01  # of the program: stretches of a table that get points of their own,
 _FEW = 100  # and up to so many rows all of them do
 _STRAIGHT = 1e-8  # of the largest value: rows so near to the line between their neighbours,
@@ -24,7 +25,8 @@ _FAITHFUL = 1e-6  # that may be left out if all of them together are no farther 
 def read_table(path: Path, units: UnitSystem) -> Program:
     """Columns time_s and displacement_mm, or time_s and force_N, or other units of the same.
 
-    Time increases. Semicolons mean decimal commas. Raises InputError with file and line.
+    Time increases; two rows of one time are a jump, made within a millionth of the program's
+    shortest step, in which what goes with the speed makes no force. Semicolons mean decimal commas. Raises InputError with file and line.
     """
     lines = b"".join(blocks(path)).decode("utf-8-sig").splitlines()
     if not lines:
@@ -41,9 +43,7 @@ def read_table(path: Path, units: UnitSystem) -> Program:
     if len(rows) < 2:
         raise InputError(f"{len(rows)} rows", file=path, remedy=f"give 2 to {MOST}")
     time, value = (np.array(rows) * [factor for _, factor in places]).T
-    if np.any(stuck := np.diff(time) <= 0.0):
-        line = int(np.flatnonzero(stuck)[0]) + 3
-        raise InputError("time does not increase", file=path, line=line, remedy="sort the rows")
+    time, jumps = _with_jumps(time, path)
     if time.size > MOST:
         time, value = _corners(time, value)
     if time.size > MOST:
@@ -56,8 +56,32 @@ def read_table(path: Path, units: UnitSystem) -> Program:
     if quantity == "force":
         finer = _crept(time)
         time, value = finer, np.interp(finer, time, value)
-    slopes = np.diff(value) / np.diff(time)
-    return Program(path.name, quantity, time, value, np.append(slopes, 0.0))
+    slopes = np.append(np.diff(value) / np.diff(time), 0.0)
+    slopes[np.isin(time, jumps)] = 0.0  # in a jump nothing flows, and no speed is told of it
+    return Program(path.name, quantity, time, value, slopes, tuple(jumps.tolist()))
+
+
+def _with_jumps(time: np.ndarray, path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Times that increase, and those of jumps: the second row of a time comes an instant later.
+
+    Raises InputError where time falls, or three rows have one time.
+    """
+    steps = np.diff(time)
+    if (back := np.flatnonzero(steps < 0.0)).size:
+        line = int(back[0]) + 3
+        raise InputError("time falls", file=path, line=line, remedy="sort the rows by time")
+    same = np.flatnonzero(steps == 0.0)
+    if (thrice := same[1:][np.diff(same) == 1]).size or same.size == steps.size:
+        line = int(thrice[0] if thrice.size else same[0]) + 3
+        raise InputError(
+            "three rows have one time" if thrice.size else "time does not go on",
+            file=path,
+            line=line,
+            remedy="write a jump as two rows of one time, or give it a rise time",
+        )
+    moved = time.copy()
+    moved[same + 1] += _INSTANT * float(np.min(steps[steps > 0.0]))
+    return moved, time[same]
 
 
 def _corners(time: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
