@@ -55,7 +55,9 @@ def _test(found: Comparison) -> str:
     assert omnibus is not None
     p_value = f"p = {omnibus.p_value:.2g}" if omnibus.p_value >= 1e-4 else "p < 0.0001"
     level = 100 * omnibus.false_alarms
-    return f"{_TESTS[found.between, omnibus.over]}, {p_value}; equals fail it in {level:g} % of cases"
+    return (
+        f"{_TESTS[found.between, omnibus.over]}, {p_value}; equals fail it in {level:g} % of cases"
+    )
 
 
 def _most(found: Comparison, region: str) -> str:

@@ -27,7 +27,9 @@ class NamedTable(AbstractFormat):
     """
 
     name: ClassVar[str] = "table"
-    machine: ClassVar[str] = "a rheometer (Anton Paar RheoCompass), or any program with such a table"
+    machine: ClassVar[str] = (
+        "a rheometer (Anton Paar RheoCompass), or any program with such a table"
+    )
     marks: ClassVar[str] = "names of time, displacement or strain, force or stress, with units"
     reads: ClassVar[str] = "the three columns, units in brackets or in the row below, UTF-16 too"
     reference: ClassVar[str] = "Anton Paar RheoCompass, export of tables; ISO 6721-10 for the names"
@@ -81,7 +83,9 @@ def _header(lines: Lines) -> tuple[int, int, list[Named]] | None:
         below = next((k for k, cells in rows[number + 1 :][: _BLANK + 1] if any(cells)), None)
         if below is None:
             continue
-        columns = in_two_rows(names, cells_of(lines.texts[below], separator_of(lines.texts[number])))
+        columns = in_two_rows(
+            names, cells_of(lines.texts[below], separator_of(lines.texts[number]))
+        )
         if all(named and named.unit for named in measured(columns).values()):
             return number, below + 1, columns
     return None

@@ -26,7 +26,9 @@ class TestXpertExcel(AbstractFormat):
     __test__: ClassVar[bool] = False  # not one of pytest's
     name: ClassVar[str] = "testxpert-excel"
     machine: ClassVar[str] = "ZwickRoell testXpert, or another Excel workbook (needs openpyxl)"
-    marks: ClassVar[str] = "an Excel workbook (.xlsx); a sheet that names time, displacement and force"
+    marks: ClassVar[str] = (
+        "an Excel workbook (.xlsx); a sheet that names time, displacement and force"
+    )
     reads: ClassVar[str] = "every specimen's sheet (a test each), without the mean specimen's"
     reference: ClassVar[str] = "testXpert, export to Excel; ECMA-376"
 
