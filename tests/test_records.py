@@ -1,4 +1,4 @@
-"""Records of kinds that machines write and that once went wrong: our own of each, and those kept elsewhere."""
+"""Records of kinds on which something went wrong: our own of each, and those kept elsewhere."""
 
 import json
 from dataclasses import replace

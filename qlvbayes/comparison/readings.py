@@ -43,9 +43,9 @@ def readings(settings: Settings, units: UnitSystem) -> list[Reading]:
     the hold; peak force: largest in a ramp to the depth; relaxed force: after a step and the hold;
     half-relaxation time: in a hold after the fastest ramp, until half of what the force loses in it
     is lost; force after, share lost: in a time of such a hold for which every pad was held, of the
-    force when it began; lost energy: the loop of force over depth, to the depth and back at one speed; loss
-    tangent: lost over stored part of the response to oscillations of 1 % about the depth, after the
-    hold.
+    force when it began; lost energy: the loop of force over depth, to the depth and back at one
+    speed; loss tangent: lost over stored part of the response to oscillations of 1 % about the
+    depth, after the hold.
     """
     depth = f"{settings.depth:g} {units.displacement}"
     depth = f"strain {settings.depth:g}" if units.dimensionless else depth

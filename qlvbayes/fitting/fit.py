@@ -310,7 +310,10 @@ def _contact_notices(pad: str, trials: Sequence[Trial], units: UnitSystem) -> It
     if sds:
         listed = ", ".join(f"{name} {sd:.2g}" for name, sd in sds.items())
         unit = units.displacement
-        yield f"pad {pad}: where contact lies is uncertain, and the constants heed it (standard error in {unit}: {listed})"
+        yield (
+            f"pad {pad}: where contact lies is uncertain, and the constants heed it (standard "
+            f"error in {unit}: {listed})"
+        )
 
 
 def _length_troubles(fit: Fit) -> list[str]:

@@ -48,7 +48,8 @@ class Cut:
     def of_test(self, test: Test, pad: Pad) -> Test:
         """From where a test first reaches ``low`` to where it first goes beyond ``high``.
 
-        Time begins anew where the beginning is cut. Raises InputError where that is fewer than ten rows, or the unit is not one of the pad's.
+        Time begins anew where the beginning is cut. Raises InputError where fewer than ten rows are
+        left, or the unit is not one of the pad's.
         """
         if self.unit in SUFFIXES["time"]:
             scale = SUFFIXES["time"][self.unit]

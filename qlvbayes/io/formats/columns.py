@@ -62,6 +62,7 @@ _WORDS = {
         r"|cizallamiento|corte)",
     ),
 }
+_PRESSING = r"(compressive|compression) "  # names of what is positive in compression
 # Words of a strain that testing machines also write above a length: the unit tells.
 _BY_UNIT = {"displacement": (r"(compressive |axial |tensile )?(strain|dehnung|stauchung)",)}
 
@@ -160,4 +161,5 @@ def recording(
     taken = {named.place for named in picked.values()}
     unused = tuple(c.name for c in columns if c.place not in taken and c.name)
     time, way, load = channels
-    return Recording(time, way, load, name, began, None, dropped, unused)
+    pressing = all(re.match(_PRESSING, plain_name(one.name)) for one in (way, load))
+    return Recording(time, way, load, name, began, None, dropped, unused, pressing)

@@ -495,7 +495,7 @@ def _sign_told(signs: Signs, recording: Recording, answers: Answers) -> str:
     if answers.sign is not None:
         return f"sign {what}, as said"
     if recording.pressing:
-        return f"sign {what}: in this layout pressing is positive"
+        return f"sign {what}: this layout fixes it"
     return (
         f"sign {what} (the peak force lies {signs.travel:.0%} of the travel from the start, and "
         f"is {min(signs.swing, 999.0):.3g} times the swing to the other side; a pull looks alike)"

@@ -62,7 +62,8 @@ class Recording:
 
     ``way`` is displacement or strain, ``load`` force or stress. ``load_time`` is the load's own
     clock, where it has one; ``began`` the date of time zero (s since 1970), where the file says;
-    ``pressing`` says that in this layout pressing is positive in both, so that nothing is asked;
+    ``pressing`` says that this layout fixes the signs of both, so that nothing is asked: pressing
+    is positive, and shear goes with its force;
     ``dropped`` counts the rows that are no measurements, by reason; ``unused`` are other columns.
     """
 

@@ -26,9 +26,7 @@ class TestXpertExcel(AbstractFormat):
     __test__: ClassVar[bool] = False  # not one of pytest's
     name: ClassVar[str] = "testxpert-excel"
     machine: ClassVar[str] = "ZwickRoell testXpert, or another Excel workbook (needs openpyxl)"
-    marks: ClassVar[str] = (
-        "an Excel workbook (.xlsx); a sheet that names time, displacement and force"
-    )
+    marks: ClassVar[str] = "an Excel workbook (.xlsx); a sheet with time, displacement and force"
     reads: ClassVar[str] = "every specimen's sheet (a test each), without the mean specimen's"
     reference: ClassVar[str] = "testXpert, export to Excel; ECMA-376"
 
@@ -64,7 +62,7 @@ class TestXpertExcel(AbstractFormat):
             tests.append(_test(title, rows, header, path))
         if not tests:
             raise InputError(
-                f"no sheet names columns of time, displacement and force ({', '.join(sheets)[:80]})",
+                f"no sheet has time, displacement and force ({', '.join(sheets)[:80]})",
                 file=path,
                 remedy="export the curves of every sample, or save the sheet as CSV",
             )

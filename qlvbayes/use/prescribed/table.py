@@ -26,7 +26,8 @@ def read_table(path: Path, units: UnitSystem) -> Program:
     """Columns time_s and displacement_mm, or time_s and force_N, or other units of the same.
 
     Time increases; two rows of one time are a jump, made within a millionth of the program's
-    shortest step, in which what goes with the speed makes no force. Semicolons mean decimal commas. Raises InputError with file and line.
+    shortest step, in which what goes with the speed makes no force. Semicolons mean decimal commas.
+    Raises InputError with file and line.
     """
     lines = b"".join(blocks(path)).decode("utf-8-sig").splitlines()
     if not lines:
