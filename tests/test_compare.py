@@ -180,7 +180,7 @@ def test_without_a_shared_constant_there_is_no_verdict_but_there_are_quantities(
     found = compare(hertz, posterior(table_1("B"), rng), **PLACES)
     assert found.differ is None
     assert found.omnibus is None
-    assert len(found.contrasts) == 7
+    assert len(found.contrasts) == 9
     assert "no constant is shared" in " ".join(found.notices)
     assert paragraphs(found)[0].startswith("Cannot tell")
 

@@ -96,6 +96,7 @@ def test_a_table_is_read_in_its_own_units(tmp_path):
         ("time_s,displacement_mm\n0,0\n1,x\n", "line 3: displacement_mm is not a number"),
         ("time_s,displacement_mm\n0,0\n1\n", "line 3: displacement_mm is not a number"),
         ("time_s,displacement_mm\n0,0\n1,1\n0.9,2\n", "line 4: time runs back"),
+        ("time_s,displacement_mm\n0,0\n1,1\n1,2\n1,3\n", "three rows have one time"),
         ("time_s,displacement_mm,force_N\n0,0,0\n", "give time_s and one of displacement_mm and f"),
         ("time_s,weight_kg\n0,0\n", "the columns are time_s, weight_kg; give time_s and one of"),
         ("time_s,force_N\n0,0\n", "1 rows; give 2 to"),
@@ -246,7 +247,7 @@ def test_two_rows_of_one_time_are_a_jump(tmp_path):
     path.write_text("time_s,displacement_mm\n0,0\n1e-9,0.5\n2,0.5\n2.000000001,1\n4,1\n")
     ramped = predict_program(saved(), path, draws=20)
     assert np.allclose(jumped.answers, ramped.answers, rtol=1e-7, atol=1e-9)
-    assert "it jumps at 0 s, quicker than" in " ".join(jumped.warnings)
+    assert "it jumps at 0 s, and the quickest ramp" in " ".join(jumped.warnings)
 
 
 def test_a_load_that_is_put_on_at_once_creeps(tmp_path):

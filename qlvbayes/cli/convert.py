@@ -6,13 +6,14 @@ import json
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import typer
 
 from qlvbayes.cli.console import err, out, waiting
 from qlvbayes.cli.plainoptions import AsJson, Style, split_names
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.escaping import as_typed
 from qlvbayes.io.formats.answers import FILE, SIGNS, Answers, UnsureError
 from qlvbayes.io.formats.catalogue import FORMATS, own_formats
 from qlvbayes.io.formats.conversion import Conversion, convert, told
@@ -21,6 +22,14 @@ from qlvbayes.io.formats.tidy import write_tidy
 
 Files = Annotated[list[Path], typer.Argument(help="Files as machines write them.")]
 PadName = Annotated[str, typer.Option(help="Pad's name: one for all files, or one a file.")]
+PadFrom = Annotated[
+    str | None,
+    typer.Option(
+        help="A regular expression that finds the pad's name in each test's, as '^[A-Z]+' "
+        "finds AA in AA1: for files of several specimens.",
+        show_default=False,
+    ),
+]
 TestNames = Annotated[str, typer.Option(help="Names of the tests, as 'slow,fast'.")]
 Sign = Annotated[
     str | None,
@@ -58,6 +67,7 @@ def convert_command(
     files: Files,
     output: Annotated[Path, typer.Option("-o", "--output", help="A .csv or .csv.gz file.")],
     pad: PadName = "",
+    pad_from: PadFrom = None,
     test: TestNames = "",
     sign: Sign = None,
     contact: ContactPlace = None,
@@ -71,22 +81,42 @@ def convert_command(
 
     Layouts are told by the files' first bytes. Sign, zero, units, sampling, dropped rows and
     clocks are found, told with their numbers, and drawn in a picture beside the output. What a
-    file leaves open is asked on a terminal, and refused in a pipe.
+    file leaves open is asked on a terminal, and refused in a pipe. Of several files those that
+    cannot be used are left out and named last, with status 2.
     """
     if output.resolve() in [file.resolve() for file in files]:
         remedy = "choose another name with -o"
         raise InputError("this file would be written over", file=output, remedy=remedy)
     kinds = FORMATS if formats_file is None else (*FORMATS, *own_formats(formats_file))
-    said = Said(sign, contact, units, area, tuple(split_names(pad)), tuple(split_names(test)))
+    pads, tests = tuple(split_names(pad)), tuple(split_names(test))
+    said = Said(sign, contact, units, area, pads, tests, pad_from)
     found = converted(files, said, kinds)
     write_tidy(found, output)
     picture = _picture(found, output)
     if as_json:
         print(json.dumps([test.as_dict() for test in found.tests], allow_nan=False))
-        return
-    for one in found.tests:
-        out.print(*told(one), sep="\n  ")
-    out.print(f"wrote {output}, picture {picture}")
+    else:
+        for one in found.tests:
+            out.print(*told(one), sep="\n  ")
+        out.print(*found.remarks, sep="\n", end="\n" if found.remarks else "")
+        out.print(f"wrote {output}, picture {picture}")
+    if found.faults:
+        sys.stdout.flush()
+        _stop_without(found, files, pad)
+
+
+def _stop_without(found: Conversion, files: list[Path], pad: str) -> NoReturn:
+    """Name the files that were left out, and the command that goes on without them."""
+    bad = {str(fault.file): fault for fault in found.faults}
+    names = split_names(pad)
+    kept = ",".join(n for n, f in zip(names, files, strict=False) if str(f) not in bad)
+    words = [kept if len(names) > 1 and word == pad else word for word in sys.argv[1:]]
+    again = as_typed("qlvbayes", *(word for word in words if word not in bad))
+    for fault in found.faults:
+        err.print(f"qlvbayes: {fault}")
+    left = f"{len(bad)} of {len(files)} files {'is' if len(bad) == 1 else 'are'} left out"
+    err.print(f"qlvbayes: {left} ({', '.join(bad)}); without: {again}")
+    raise typer.Exit(2)
 
 
 @dataclass(frozen=True)
@@ -99,20 +129,28 @@ class Said:
     area: float | None
     pads: tuple[str, ...]
     tests: tuple[str, ...]
+    pad_from: str | None
 
     def answers(self) -> Answers:
         """As the files are read with them; InputError where one cannot be used."""
-        return Answers.of(self.sign, self.contact, self.units, self.area, self.pads, self.tests)
+        return Answers.of(
+            self.sign, self.contact, self.units, self.area, self.pads, self.tests, self.pad_from
+        )
 
 
 def converted(files: list[Path], said: Said, kinds: tuple[type[AbstractFormat], ...]) -> Conversion:
     """Convert; on a terminal ask for what is missing, as often as needed."""
+    asked = sys.stdin.isatty() and err.is_terminal
     while True:
         try:
             with waiting("reading"):
-                return convert(files, said.answers(), kinds)
+                found = convert(files, said.answers(), kinds, without_faulty=True)
+            open_ = (fault for fault in found.faults if asked and isinstance(fault, UnsureError))
+            if (unsure := next(open_, None)) is None:
+                return found
+            raise unsure
         except UnsureError as error:
-            if not (sys.stdin.isatty() and err.is_terminal):
+            if not asked:
                 raise
             err.print(str(error))
             kind = float if error.option == "area" else str

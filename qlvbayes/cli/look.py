@@ -17,6 +17,7 @@ from qlvbayes.cli.convert import (
     Area,
     ContactPlace,
     FormatsFile,
+    PadFrom,
     PadName,
     Said,
     Sign,
@@ -56,6 +57,7 @@ def look_command(
     ] = Path("look"),
     pads: Pads = "",
     pad: PadName = "",
+    pad_from: PadFrom = None,
     test: TestNames = "",
     sign: Sign = None,
     contact: ContactPlace = None,
@@ -82,7 +84,8 @@ def look_command(
     Leaves OUT/look.json and for each pad the picture OUT/look_<pad>.png: readings, the motion taken
     from them, and what is left between both.
     """
-    said = Said(sign, contact, units, area, tuple(split_names(pad)), tuple(split_names(test)))
+    names = tuple(split_names(pad)), tuple(split_names(test))
+    said = Said(sign, contact, units, area, *names, pad_from)
     found = _read(files, said, formats_file)
     looks: list[FirstLook] = []
     for one in found.studies:
@@ -142,7 +145,9 @@ def _read(files: Sequence[Path], said: Said, formats_file: Path | None) -> _Foun
                 refused.append(error)
     while machine:
         try:
-            found.append(_of_machines(machine, said, formats_file))
+            read, faults = _of_machines(machine, said, formats_file)
+            found.append(read)
+            refused += faults
             break
         except InputError as error:
             refused.append(error)
@@ -163,9 +168,13 @@ def _as_it_is(file: Path) -> _Read:
     return _Read(read_measurements(file), (str(file),), (typed,))
 
 
-def _of_machines(files: Sequence[Path], said: Said, formats_file: Path | None) -> _Read:
-    if len(files) == 1 and formats_file is None and said == Said(None, None, None, None, (), ()):
-        return _as_it_is(files[0])
+def _of_machines(
+    files: Sequence[Path], said: Said, formats_file: Path | None
+) -> tuple[_Read, tuple[InputError, ...]]:
+    """What could be read of some files, and why others could not."""
+    nothing = Said(None, None, None, None, (), (), None)
+    if len(files) == 1 and formats_file is None and said == nothing:
+        return _as_it_is(files[0]), ()
     kinds = FORMATS if formats_file is None else (*FORMATS, *own_formats(formats_file))
     conversion = converted(list(files), said, kinds)
     digests = "".join(digest(file) for file in files)
@@ -177,7 +186,7 @@ def _of_machines(files: Sequence[Path], said: Said, formats_file: Path | None) -
         as_typed("qlvbayes", "convert", *names, *answers, "-o", "tidy.csv"),
         as_typed("qlvbayes", "study", "tidy.csv", "-o", "results"),
     )
-    return _Read(study, names, commands)
+    return _Read(study, names, commands), conversion.faults
 
 
 def _typed(said: Said, formats_file: Path | None) -> list[str]:
@@ -188,6 +197,7 @@ def _typed(said: Said, formats_file: Path | None) -> list[str]:
         "--units": said.units,
         "--area": None if said.area is None else plain(said.area, 6),
         "--pad": ",".join(said.pads) or None,
+        "--pad-from": said.pad_from,
         "--test": ",".join(said.tests) or None,
         "--formats-file": None if formats_file is None else str(formats_file),
     }

@@ -28,6 +28,7 @@ from qlvbayes.laws.catalogue import LAWS, names
 from qlvbayes.laws.relaxation.prony import MOST, Prony
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import NOISES
+from qlvbayes.preprocess.cutting import refuse_unknown
 
 # of plainoptions.py, for the commands that take them from here
 __all__ = ["AsJson", "Pads", "Style", "among", "chosen_pads", "split_names"]
@@ -76,6 +77,14 @@ Rested = Annotated[
         help="Take every test to begin with a pad at rest: carry nothing over from the one before.",
     ),
 ]
+Use = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="The part of a test that is used, as 'TEST:0..18mm' or 'TEST:0..12s': what lies "
+        "before and behind it is left out; repeatable.",
+        show_default=False,
+    ),
+]
 Noise = Annotated[str, typer.Option(help=f"One of {', '.join(NOISES)}.")]
 Prior = Annotated[
     list[str] | None, typer.Option(help="A prior, as 'v[1]=lognormal(1.8,0.5)'; repeatable.")
@@ -111,6 +120,7 @@ class ModelOptions:
     bonded: Bonded = None
     rested: Rested = False
     keep_all_readings: KeepAllReadings = False
+    use: Use = None
     prior: Prior = None
     fix: Fix = None
     add: Add = None
@@ -134,7 +144,9 @@ class ModelOptions:
             effects_file=None if self.effects_file is None else str(self.effects_file.resolve()),
             rested=self.rested,
             keep_all_readings=self.keep_all_readings,
+            use=tuple(self.use or ()),
         )
+        refuse_unknown(study.pads, choices.use)
         for name in choices.effects:
             find(name, choices.kinds)
         return choices

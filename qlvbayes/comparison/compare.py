@@ -21,7 +21,7 @@ from qlvbayes.comparison.hierarchy import DRAWS, fluid_draws
 from qlvbayes.comparison.joint import joint_test, smallest_tail
 from qlvbayes.comparison.readings import Reading, readings
 from qlvbayes.comparison.settings import Settings, choose
-from qlvbayes.comparison.side import Side, Source, shared_constants, side_of
+from qlvbayes.comparison.side import Side, Source, shared_constants, side_of, unheld_times
 from qlvbayes.comparison.words import notices, paragraphs
 from qlvbayes.fitting.fit import Fit
 from qlvbayes.fitting.results import Saved
@@ -87,28 +87,32 @@ def compare(
     sides = [*groups[0], *groups[1]]
     settings = choose([side.reach for side in sides], depth, rates, frequencies)
     rng = np.random.default_rng(seed)
-    shared = shared_constants(sides)
+    apart = unheld_times(sides)
+    shared = [] if apart else shared_constants(sides)
     between = "fluids" if min(map(len, groups)) > 1 else "pads"
     if between == "pads" and len(sides) > 2:
         raise InputError(
             f"{labels[0]} and {labels[1]} have {len(groups[0])} and {len(groups[1])} specimens",
             remedy="give two or more of each, or compare pads",
         )
-    contrasts, lost = _contrasts(groups, shared, settings, region, between, rng)
-    constants = contrasts[: len(shared)]
-    omnibus = _omnibus(groups, constants, between)
+    contrasts, lost = _contrasts(groups, shared, settings, region, between, rng, apart)
+    tested = contrasts[: len(shared)]
+    if apart:
+        shown = {one.quantity for one in readings(settings, units) if one.shown}
+        tested = [c for c in contrasts if c.quantity in shown]
+    omnibus = _of_shown(tested) if apart else _omnibus(groups, tested, between)
     found = Comparison(
         names=labels,
         between=between,
         units=units,
         specimens=(len(groups[0]), len(groups[1])),
         region=float(region),
-        differ=_differ(omnibus, constants),
+        differ=_differ(omnibus, tested),
         omnibus=omnibus,
         by_chance=BY_CHANCE * len(contrasts),
         settings=settings.told,
         contrasts=tuple(contrasts),
-        notices=tuple(notices(groups, labels, settings, shared, contrasts, lost)),
+        notices=tuple(notices(groups, labels, settings, shared, contrasts, lost, apart)),
     )
     return replace(found, words=tuple(paragraphs(found)))
 
@@ -138,8 +142,12 @@ def _contrasts(
     region: float,
     between: str,
     rng: np.random.Generator,
+    apart: Sequence[str],
 ) -> tuple[list[Contrast], list[str]]:
-    """Every contrast, constants first; and the quantities that no model could give."""
+    """Every contrast, constants first; and the quantities that no model could give.
+
+    apart: times that some tests do not hold; what these do not show cannot be told then.
+    """
     units = groups[0][0].units
     every = [*shared, *readings(settings, units)]
     tables = [[_table(side, shared, settings) for side in group] for group in groups]
@@ -154,7 +162,10 @@ def _contrasts(
             one, other = fluid_draws(columns, rng)
         else:
             one, other = (group[0][rows[0]] for group, rows in zip(columns, pairs, strict=True))
-        found.append(contrast(reading, one, other, region))
+        one_of_all = contrast(reading, one, other, region)
+        if apart and not reading.shown:
+            one_of_all = replace(one_of_all, answer="cannot tell", extrapolated=True)
+        found.append(one_of_all)
     return found, lost
 
 
@@ -172,6 +183,16 @@ def _omnibus(
     names = [c.quantity for c in constants]
     first, second = ({k: group[0].constants[k] for k in names} for group in groups)
     return joint_test(first, second) if names else None
+
+
+def _of_shown(shown: Sequence[Contrast]) -> Omnibus | None:
+    """Of what all tests show; what is equal within the region speaks for no difference.
+
+    Models of tests that are unlike miss by more than their intervals say, but not by that much.
+    """
+    unequal = [c if c.answer != "equal" else replace(c, direction=0.5) for c in shown]
+    found = smallest_tail(unequal, DRAWS)
+    return None if found is None else replace(found, over="shown")
 
 
 def _differ(omnibus: Omnibus | None, constants: Sequence[Contrast]) -> bool | None:

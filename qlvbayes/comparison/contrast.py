@@ -53,13 +53,16 @@ class Omnibus(Part, frozen=True):
     statistic, freedom: chi-square and its degrees of freedom (None between fluids, where the
     smallest probability of a wrong direction is corrected for the number of constants); p_value:
     probability of so large a difference between equals; false_alarms: the level at which they are
-    called different, which is the share of equal pairs so called.
+    called different, which is the share of equal pairs so called; over: ``constants``, or
+    ``shown`` where the tests do not hold each other's relaxation times, and what all of them show
+    is tested in their place.
     """
 
     statistic: float | None
     freedom: int
     p_value: float
     false_alarms: float
+    over: str = "constants"
 
 
 class ReadAt(Part, frozen=True, rename={"frequencies": "frequencies_Hz", "hold": "hold_s"}):

@@ -24,12 +24,16 @@ _BATCH = 256
 
 @dataclass(frozen=True)
 class Reading:
-    """The name of a quantity, its unit, its kind, and whether the tests do not reach so far."""
+    """The name of a quantity, its unit, its kind, and whether the tests do not reach so far.
+
+    shown: whether ramps and holds of all tests show it themselves, whatever the model.
+    """
 
     quantity: str
     unit: str
     group: str
     extrapolated: bool
+    shown: bool = False
 
 
 def readings(settings: Settings, units: UnitSystem) -> list[Reading]:
@@ -38,9 +42,10 @@ def readings(settings: Settings, units: UnitSystem) -> list[Reading]:
     instantaneous stiffness: slope of the force just after steps to about the depth; relaxed: after
     the hold; peak force: largest in a ramp to the depth; relaxed force: after a step and the hold;
     half-relaxation time: in a hold after the fastest ramp, until half of what the force loses in it
-    is lost; lost energy: the loop of force over depth, to the depth and back at one speed; loss
-    tangent: lost over stored part of the response to oscillations of 1 % about the depth, after the
-    hold.
+    is lost; force after, share lost: in a time of such a hold for which every pad was held, of the
+    force when it began; lost energy: the loop of force over depth, to the depth and back at one
+    speed; loss tangent: lost over stored part of the response to oscillations of 1 % about the
+    depth, after the hold.
     """
     depth = f"{settings.depth:g} {units.displacement}"
     depth = f"strain {settings.depth:g}" if units.dimensionless else depth
@@ -53,9 +58,13 @@ def readings(settings: Settings, units: UnitSystem) -> list[Reading]:
     ]
     for rate in settings.rates:
         far = deep or settings.outside_rates(rate)
-        found.append(Reading(f"peak {force} at {rate:g}{per}", units.force, "force", far))
+        found.append(Reading(f"peak {force} at {rate:g}{per}", units.force, "force", far, not far))
     found.append(Reading(f"relaxed {force} at {depth}", units.force, "force", deep))
+    held = f"{settings.after:g} s of a hold at {depth}"
+    far = deep or settings.outside_rates(max(settings.rates))
+    found.append(Reading(f"{force} after {held}", units.force, "force", far, not far))
     found.append(Reading(f"half-relaxation time at {depth}", "s", "relaxation", deep))
+    found.append(Reading(f"share lost in {held}", "1", "relaxation", far, not far))
     for rate in settings.rates:
         far = deep or settings.outside_rates(rate)
         found.append(Reading(f"energy lost in a cycle at {rate:g}{per}", energy, "energy", far))
@@ -73,12 +82,18 @@ def read(models: Model, settings: Settings) -> np.ndarray:
     instant, relaxed, force = _stiffness(models, depth, rest)
     cycles = [programmes.cycle(depth, rate) for rate in settings.rates]
     loops = [(course, forces(models, course)) for course in cycles]
+    course = programmes.ramp_hold(depth, fastest, rest)
+    held = forces(models, course)[:, programmes.RAMP_POINTS :]
+    clock = course.time[programmes.RAMP_POINTS :] - course.time[programmes.RAMP_POINTS]
+    after = np.array([np.interp(settings.after, clock, one) for one in held])
     columns = [
         instant,
         relaxed,
         *(loop[:, : programmes.RAMP_POINTS].max(axis=1) for _, loop in loops),
         force,
-        _half_time(models, depth, fastest, rest),
+        after,
+        _half_time(held, clock),
+        1.0 - after / held[:, 0],
         *(np.trapezoid(loop, course.depth) for course, loop in loops),
         *(_loss_tangent(models, depth, fastest, rest, f) for f in settings.frequencies),
     ]
@@ -118,11 +133,8 @@ def _stiffness(
     return slopes[:, 0], slopes[:, 1], 0.5 * (more + less)[:, 1]
 
 
-def _half_time(models: Model, depth: float, rate: float, rest: float) -> np.ndarray:
-    """Time in the hold at which the force has lost half of what it loses in it."""
-    course = programmes.ramp_hold(depth, rate, rest)
-    force = forces(models, course)[:, programmes.RAMP_POINTS :]
-    time = course.time[programmes.RAMP_POINTS :] - course.time[programmes.RAMP_POINTS]
+def _half_time(force: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Time in a hold (N,) at which the forces (n, N) have lost half of what they lose in it."""
     half = 0.5 * (force[:, 0] + force[:, -1])
     after = np.maximum(np.argmax(force <= half[:, None], axis=1), 1)
     rows = np.arange(len(force))

@@ -27,6 +27,11 @@ class Settings:
     known: bool
 
     @property
+    def after(self) -> float:
+        """A round time (s) within which every pad was held."""
+        return _round_below(self.hold)
+
+    @property
     def deeper(self) -> bool:
         """Whether the depth is beyond a pad's tests."""
         return self.known and self.depth > _NEAR * self.reach.depth

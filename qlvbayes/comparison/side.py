@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import permutations
 
+import jax
 import numpy as np
 
 from qlvbayes.comparison.readings import Reading, read
@@ -21,6 +23,8 @@ from qlvbayes.model.model import Model
 from qlvbayes.model.parameters import fields_of
 from qlvbayes.preprocess.covered import Covered, covered
 
+_LONGER = 1.5  # times as long a hold, or as quick a ramp, from which on tests are unlike
+_WITHIN = 0.1  # of a ramp: what relaxes in less has gone when it ends
 MOST_DRAWS = 1000  # of a pad, evenly out of all
 
 Source = Fit | Saved | Mapping[str, np.ndarray]
@@ -150,6 +154,36 @@ def _some(draws: np.ndarray) -> np.ndarray:
     if len(draws) <= MOST_DRAWS:
         return draws
     return draws[np.linspace(0, len(draws) - 1, MOST_DRAWS).astype(int)]
+
+
+def unheld_times(sides: Sequence[Side]) -> list[str]:
+    """Relaxation times that a pad has and the tests of another do not hold, as sentences.
+
+    Where one pad was held longer than another, or pressed more quickly, a time of its fit may lie
+    beyond the other's longest hold, or far within its quickest ramp. The other's fit then shares
+    out the same relaxation in another way, and has another stiffness at once: their constants mean
+    different things.
+    """
+    found = []
+    for side, other in permutations(sides, 2):
+        if side.reach is None or other.reach is None:
+            continue
+        mean = jax.tree.map(lambda numbers: numbers[0], side.some(1).models.relaxation)
+        for name, value in mean.times().items():
+            time = float(value)
+            longer = side.reach.hold > _LONGER * other.reach.hold
+            quicker = _LONGER * side.reach.quickest < other.reach.quickest
+            if longer and time > other.reach.hold:
+                found.append(
+                    f"{name} of {side.name} is {time:.2g} s, and {other.name} was held for "
+                    f"{other.reach.hold:.2g} s"
+                )
+            elif quicker and time < _WITHIN * other.reach.quickest:
+                found.append(
+                    f"{name} of {side.name} is {time:.2g} s, and the quickest ramp of {other.name} "
+                    f"took {other.reach.quickest:.2g} s"
+                )
+    return found
 
 
 def shared_constants(sides: Sequence[Side]) -> list[Reading]:

@@ -12,9 +12,12 @@ from qlvbayes.comparison.side import Side, fixed_constants
 
 _FRACTION = "1"
 _TESTS = {
-    "pads": "joint test of all shared constants",
-    "fluids": "smallest tail of the shared constants, corrected for their number",
+    ("pads", "constants"): "joint test of all shared constants",
+    ("fluids", "constants"): "smallest tail of the shared constants, corrected for their number",
+    ("pads", "shown"): "smallest tail of what all tests show, corrected for their number",
+    ("fluids", "shown"): "smallest tail of what all tests show, corrected for their number",
 }
+_SHARED = {"constants": "in every shared constant", "shown": "in all that both tests show"}
 
 
 def paragraphs(found: Comparison) -> list[str]:
@@ -40,8 +43,9 @@ def _verdict(found: Comparison) -> str:
             f"Cannot tell whether {one} and {other} differ: no difference is shown "
             f"({_test(found)}), but the intervals are too wide to call them equal within {region}."
         )
+    assert found.omnibus is not None
     return (
-        f"No: {one} and {other} are equal within {region} in every shared constant, and no "
+        f"No: {one} and {other} are equal within {region} {_SHARED[found.omnibus.over]}, and no "
         f"difference is shown ({_test(found)})."
     )
 
@@ -51,7 +55,9 @@ def _test(found: Comparison) -> str:
     assert omnibus is not None
     p_value = f"p = {omnibus.p_value:.2g}" if omnibus.p_value >= 1e-4 else "p < 0.0001"
     level = 100 * omnibus.false_alarms
-    return f"{_TESTS[found.between]}, {p_value}; equals fail it in {level:g} % of cases"
+    return (
+        f"{_TESTS[found.between, omnibus.over]}, {p_value}; equals fail it in {level:g} % of cases"
+    )
 
 
 def _most(found: Comparison, region: str) -> str:
@@ -147,11 +153,18 @@ def notices(
     shared: Sequence[Reading],
     contrasts: Sequence[Contrast],
     lost: Sequence[str],
+    apart: Sequence[str],
 ) -> Iterator[str]:
     """One sentence each."""
     sides = [*groups[0], *groups[1]]
     yield from _specimens(groups, labels)
-    yield from _models(sides, shared)
+    if apart:
+        yield (
+            f"the tests do not hold each other's relaxation times ({'; '.join(apart[:3])}): "
+            "constants are not compared, nor what one of the tests does not show"
+        )
+    else:
+        yield from _models(sides, shared)
     yield from _fits(sides)
     yield from _reach(sides, settings, contrasts)
     if lost:

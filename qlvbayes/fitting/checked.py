@@ -46,6 +46,7 @@ def check_pad(saved: Saved, pad: Pad, *, seed: int = 0) -> CheckedPad:
         pad,
         all_tests=saved.all_tests,
         keep_all_readings=saved.choices.keep_all_readings,
+        use=saved.choices.use,
     )
     constants = dict(zip(saved.names, saved.curve_draws.T, strict=True))
     by = factors(saved.choices, constants, saved.units, pad.units)

@@ -9,9 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from qlvbayes.effects.contact_offset import ContactOffset
+from qlvbayes.model.model import Model
 from qlvbayes.model.noise import AbstractNoise
 from qlvbayes.model.posterior import Posterior
-from qlvbayes.preprocess.record import Blocks
+from qlvbayes.preprocess.record import Blocks, Record
 
 
 @jax.jit
@@ -41,6 +43,16 @@ def response(posterior: Posterior, theta: np.ndarray) -> tuple[np.ndarray, np.nd
     left, slopes = residuals_and_slopes(posterior, jnp.ones(shape), theta)
     slopes = np.moveaxis(np.asarray(slopes).reshape(*shape, -1), -1, 0)
     return -slopes, np.asarray(left).reshape(shape)
+
+
+@jax.jit
+def beyond_gaps(model: Model, record: Record, gaps: Array) -> Array:
+    """Block means (T, B) of a model of numbers where contact lies at gaps (T,) of displacement."""
+
+    def one(record: Record, gap: Array) -> Array:
+        return record.average((model + ContactOffset(gap)).force(record.motion))
+
+    return jax.vmap(one)(record, gaps)
 
 
 @jax.jit

@@ -14,13 +14,14 @@ from qlvbayes.fitting.chainstore import ChainStore
 from qlvbayes.fitting.diagnostics import diagnose_chain
 from qlvbayes.fitting.ensemble import STEPS_PER_TIME, Chain, Progress, Settings, key_of, sample
 from qlvbayes.fitting.least_squares import NormalApproximation
-from qlvbayes.fitting.marginal import Fitted, Spread, discrepancy_of, floor_likelihood
+from qlvbayes.fitting.marginal import Fitted, Spread, discrepancy_of, floor_likelihood, zero_errors
 from qlvbayes.fitting.optimum import least_squares_points, optimum_near, starting_point
 from qlvbayes.fitting.prediction import Prediction, predict
 from qlvbayes.fitting.residuals import CheckResult, check_experiment
 from qlvbayes.fitting.routes import LeastSquaresFit, one_step, two_step
 from qlvbayes.fitting.summary import FitSummary, constant_of
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.units import UnitSystem
 from qlvbayes.laws.unresolved import unresolved_times
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import Floor
@@ -168,12 +169,14 @@ def separated_start(
     points = least_squares_points(posterior, floor, rng)
     for _ in range(_SEPARATIONS):
         fitted = Fitted(*compiled.response(posterior, points[0]))
-        likelihood = floor_likelihood(experiment, trials, posterior.record.blocks, noise, fitted)
+        zeros = zero_errors(posterior, trials, points[0])
+        blocks = posterior.record.blocks
+        likelihood = floor_likelihood(experiment, trials, blocks, noise, fitted, zeros)
         posterior = replace(posterior, floor=likelihood)
         best = optimum_near(posterior, floor, points)
         points = [best.theta]
     fitted = Fitted(*compiled.response(posterior, points[0]))
-    made = discrepancy_of(experiment, trials, posterior.record.blocks, noise)
+    made = discrepancy_of(experiment, trials, posterior.record.blocks, noise, zeros)
     prior = map(np.nan_to_num, compiled.prior_terms(posterior, points[0]))  # one may have no slope
     return posterior, best.normal, Spread.about(made, fitted, *prior)
 
@@ -290,6 +293,8 @@ def _notices(fit: Fit) -> Iterator[str]:
         posterior = replace(fit.posterior, record=record)
         return np.asarray(compiled.predictions(posterior, constants[None]))[0]
 
+    if fit.posterior.floor is not None:
+        yield from _contact_notices(fit.pad, fit.trials, fit.experiment.units)
     yield from carried_notices(fit.experiment, fit.trials, fit.posterior.record, predicted)
     if not fit.choices.rested:
         yield from clock_notices(fit.experiment)
@@ -297,6 +302,18 @@ def _notices(fit: Fit) -> Iterator[str]:
     times = unresolved_times(model.relaxation, fit.experiment.scales)
     for text in (*fit.experiment.floor.notices, *times):
         yield f"pad {fit.pad}: {text}"
+
+
+def _contact_notices(pad: str, trials: Sequence[Trial], units: UnitSystem) -> Iterator[str]:
+    """That the error of contact is part of the fit, where it was measured."""
+    sds = {trial.name: trial.test.contact_sd for trial in trials if trial.test.contact_sd}
+    if sds:
+        listed = ", ".join(f"{name} {sd:.2g}" for name, sd in sds.items())
+        unit = units.displacement
+        yield (
+            f"pad {pad}: where contact lies is uncertain, and the constants heed it (standard "
+            f"error in {unit}: {listed})"
+        )
 
 
 def _length_troubles(fit: Fit) -> list[str]:

@@ -10,6 +10,11 @@ of
 The dwells leave the floor's scale open: its equally likely values phi are those of draws of the
 floor given the dwells alone. They and the sizes of the discrepancy are summed over.
 
+The zero of each test's displacement has an error of its own where its contact was measured, of sd
+s: a change of the force by :math:`u = s\, \partial F / \partial \delta_0`, alike over the test and
+independent of the others', which adds :math:`u u^T` to the floor's covariance. It is a normal
+prior on each test's contact offset, summed over to first order.
+
 By how much what the slopes have followed may have moved the constants is added to each draw of
 them (`Spread`), as the diagnosis adds it to its normals (`evidence`).
 """
@@ -25,6 +30,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
+from qlvbayes.effects.contact_offset import ContactOffset
+from qlvbayes.fitting import compiled
 from qlvbayes.inference.errors.discrepancy import Discrepancy
 from qlvbayes.inference.errors.features import UNDECIDED
 from qlvbayes.inference.errors.separation import Separation
@@ -53,12 +60,39 @@ def known_floor(floor: NoiseFloor, noise: Floor) -> NoiseFloor:
     return replace(floor, white=white, ou=ou, tau=tau, dwells=None)
 
 
+def zero_errors(posterior: Posterior, trials: Sequence[Trial], theta: Array) -> Array | None:
+    """(T, B) change of the force for one standard error of each test's zero of displacement.
+
+    None where no test's was measured, or where contact is fitted anyway.
+    """
+    sds = np.array([trial.test.contact_sd or 0.0 for trial in trials])
+    model, _, _ = posterior.bind(jnp.asarray(theta))
+    if not sds.any() or any(isinstance(effect, ContactOffset) for effect in model.effects):
+        return None
+    record = posterior.record
+    further, nearer = (compiled.beyond_gaps(model, record, sign * sds) for sign in (1.0, -1.0))
+    return 0.5 * (np.asarray(further) - np.asarray(nearer))
+
+
 def discrepancy_of(
-    experiment: Experiment, trials: Sequence[Trial], blocks: Blocks, noise: Floor
+    experiment: Experiment,
+    trials: Sequence[Trial],
+    blocks: Blocks,
+    noise: Floor,
+    zeros: Array | None = None,
 ) -> Discrepancy:
-    """Of block means (T, B) of some trials of a pad, under its floor as the user knows it."""
+    """Of block means (T, B) of some trials of a pad, under its floor as the user knows it.
+
+    zeros (T, B): what the errors of the tests' zeros make, which count as part of the floor.
+    """
     experiment = replace(experiment, floor=known_floor(experiment.floor, noise))
-    return Discrepancy.on(experiment, trials, blocks, TOLERANCE, _PRIOR)
+    made = Discrepancy.on(experiment, trials, blocks, TOLERANCE, _PRIOR)
+    if zeros is None:
+        return made
+    own = made.whitener
+    changes = [change[real] for change, real in zip(zeros, own.blocks, strict=True)]
+    covariances = [c + np.outer(u, u) for c, u in zip(own.covariances, changes, strict=True)]
+    return made.under(replace(own, covariances=tuple(covariances)))
 
 
 def floor_likelihood(
@@ -67,14 +101,15 @@ def floor_likelihood(
     blocks: Blocks,
     noise: Floor,
     fitted: Fitted | None = None,
+    zeros: Array | None = None,
 ) -> FloorLikelihood:
     """Of block means (T, B) of some trials of a pad.
 
     fitted: where the fit is, from whose slopes the discrepancy is separated; None where that is not
-    known yet.
+    known yet; zeros: as of `discrepancy_of`.
     """
     floor = known_floor(experiment.floor, noise)
-    made = discrepancy_of(experiment, trials, blocks, noise)
+    made = discrepancy_of(experiment, trials, blocks, noise, zeros)
     shapes, precisions = made.shapes, made.whitener.precisions
     smooth = shapes.T @ shapes
     if fitted is not None:

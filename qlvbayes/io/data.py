@@ -17,7 +17,7 @@ from qlvbayes.io.files import folder_fault, same_folder
 from qlvbayes.io.formats.answers import UnsureError
 from qlvbayes.io.formats.catalogue import FORMATS
 from qlvbayes.io.formats.conversion import Conversion, convert
-from qlvbayes.io.formats.recognise import head_of, matching
+from qlvbayes.io.formats.recognise import head_of, matching, refuse_results
 from qlvbayes.io.formats.two_clocks import TwoClocks
 from qlvbayes.io.reading.badline import parse_number
 from qlvbayes.io.reading.csvtext import digest, unchanged
@@ -47,7 +47,8 @@ class Test:
     `force_sd` (n,) is the measured standard deviation of each force, if there is one; `rate` the
     declared loading rate, displacement over s; `start_s` the pad's clock at the first sample, and
     `start_known` whether it was measured: else it is that of tests without a pause between them.
-    `control` is what was prescribed, if the file says.
+    `control` is what was prescribed, if the file says; `contact_sd` the standard error of the
+    displacement's zero (displacement), None where it was not measured.
     """
 
     __test__: ClassVar[bool] = False  # not one of pytest's
@@ -63,6 +64,7 @@ class Test:
     start_s: float = 0.0
     start_known: bool = False
     control: Control | None = None
+    contact_sd: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +103,8 @@ def read_measurements(path: str | Path) -> Measurements:
     the last two; other units by the suffix (`units.SUFFIXES`), and in them all results are given.
     A `force_sd` or `rate` in another unit is converted, time to s. Optional: `force_sd_N`, `pad`,
     `fluid` (or `group`, the same in all rows of a pad), `test`, `role`, `rate_mm_s`, `start_s`,
-    `control` (what was prescribed in the test: displacement or force).
+    `control` (what was prescribed in the test: displacement or force), `contact_sd_mm` (standard
+    error of the zero of the test's displacement).
     Lines that begin with # are comments. Without `start_s` the tests of a pad follow one
     another. A file of another layout is read by the format whose marks its first bytes show
     (`formats`), if that needs no answer; the notices then say what was found. The arrays are
@@ -147,6 +150,7 @@ def _converted(conversion: Conversion) -> tuple[Pad, ...]:
             Test(
                 found.test, found.pad, found.time, found.displacement, found.force,
                 start_s=start, start_known=found.start_s is not None,
+                contact_sd=found.zero_sd,
             )
         )  # fmt: skip
     return tuple(Pad(name, tuple(of_pad), conversion.units) for name, of_pad in tests.items())
@@ -231,6 +235,7 @@ class _Builder:
             start_s=self._start(rows, before),
             start_known=self._number(rows, "start") is not None,
             control=control,
+            contact_sd=self._contact_sd(rows),
         )
 
     def _readings(self, rows: Rows, numbers: dict[str, Floats]) -> None:
@@ -346,6 +351,14 @@ class _Builder:
             self._fail(rows, rows.row(0), what, "write the speed of loading without sign")
         return rate
 
+    def _contact_sd(self, rows: Rows) -> float | None:
+        sd = self._number(rows, "contact_sd")
+        if sd is not None and sd < 0:
+            name = self.dialect.columns.labels["contact_sd"].name
+            what = f"{name} is negative ({sd:g})"
+            self._fail(rows, rows.row(0), what, "write its standard error or leave it empty")
+        return sd or None
+
     def _start(self, rows: Rows, before: Test | None) -> float:
         """Return the declared start, or the end of the pad's previous test."""
         start = self._number(rows, "start")
@@ -375,6 +388,8 @@ def _machine_file(file: Path, tidy: Dialect | InputError) -> Conversion | None:
         return None
     whole, _, _ = matching(head, (TwoClocks,) if isinstance(tidy, Dialect) else FORMATS)
     if len(whole) != 1:
+        if isinstance(tidy, InputError):
+            refuse_results(head, file)
         return None
     try:
         return convert([file])

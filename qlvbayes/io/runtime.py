@@ -9,8 +9,6 @@ from pathlib import Path
 import jax
 from threadpoolctl import threadpool_limits
 
-from qlvbayes.io.executables import forget_executables
-
 _MAPPINGS = Path("/proc/self/maps")
 _MANY = 20_000  # of the 65 530 that Linux allows a process; LLVM stops it beyond
 
@@ -64,5 +62,7 @@ def forget_compiled() -> None:
     if not _MAPPINGS.exists():  # not Linux: no such limit
         return
     if _MAPPINGS.read_text().count("\n") > _MANY:
+        from qlvbayes.io.executables import forget_executables  # which loads JAX, as this may
+
         forget_executables()
         jax.clear_caches()

@@ -238,6 +238,7 @@ SUFFIXES: dict[str, dict[str, Scale]] = {
     "stress": _STRESS,
     "stress_sd": _STRESS,
     "start": _TIME,
+    "contact_sd": _LENGTH,
     "rate": {**{f"{unit}_s": scale for unit, scale in _LENGTH.items()}, "1_s": SAME},
 }
 """Quantity to the suffixes it may carry, the usual one first, each with its ratio to that one."""

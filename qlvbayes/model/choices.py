@@ -44,7 +44,8 @@ class Choices:
     effects: names of the effects in the model;
     effects_file: a user's own effects; rested: whether every test begins with a pad at rest,
     whatever came before it; relaxation: its law; laws_file: a user's own laws; keep_all_readings:
-    whether readings stay that their neighbours and the other channel contradict.
+    whether readings stay that their neighbours and the other channel contradict; use: of which
+    tests a part is used, as ``TEST:0..18mm``.
     """
 
     law: str = "exponential"
@@ -63,6 +64,7 @@ class Choices:
     relaxation: str = "prony"
     laws_file: str | None = None
     keep_all_readings: bool = False
+    use: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("priors", "fixed"):
@@ -154,7 +156,7 @@ class Choices:
 
         Results that do not say so are of tests from rest, and of all their readings.
         """
-        lists = {key: tuple(values.get(key, ())) for key in ("priors", "fixed", "effects")}
+        lists = {key: tuple(values.get(key, ())) for key in ("priors", "fixed", "effects", "use")}
         return cls(**{"rested": True, "keep_all_readings": True, **values, **lists})
 
 

@@ -41,7 +41,8 @@ def _with_reach(saved: Saved, data: Path | None, studies: dict[Path, Measurement
     if source not in studies:
         studies[source] = read_measurements(source)
     pad = studies[source].pad(saved.pad)
-    experiment = prepare(pad, keep_all_readings=saved.choices.keep_all_readings)
+    chosen = saved.choices
+    experiment = prepare(pad, keep_all_readings=chosen.keep_all_readings, use=chosen.use)
     return replace(saved, covered=covered(experiment), fluid=saved.fluid or pad.fluid)
 
 

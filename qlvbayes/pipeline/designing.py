@@ -219,7 +219,7 @@ def present_of_fit(saved: Saved, data: Path | None = None) -> Present:
             "not the measurements that were fitted", file=source, remedy="run qlvbayes fit again"
         )
     pad, keep = study.pad(saved.pad), saved.choices.keep_all_readings
-    experiment = prepare(pad, keep_all_readings=keep)
+    experiment = prepare(pad, keep_all_readings=keep, use=saved.choices.use)
     return replace(found, rig=Rig.of_tests(experiment), clock=experiment.scales.clock)
 
 
@@ -257,7 +257,7 @@ def _of_diagnosis(
         )
     choices = Choices.from_dict(run.choices)
     pad, keep = study.pad(result.pad), choices.keep_all_readings
-    experiment = as_chosen(prepare(pad, keep_all_readings=keep), choices)
+    experiment = as_chosen(prepare(pad, keep_all_readings=keep, use=choices.use), choices)
     search = search_of(experiment, choices, kinds=choices.candidates, settings=_thresholds(result))
     explanations = explained(search, doubted or result.alternatives[:1])
     scales = experiment.scales

@@ -35,7 +35,7 @@ def diagnose_into(
     """
     with watcher.doing(f"pad {pad.name}") as tell:
         tell("motion, phases and noise floor")
-        experiment = prepare(pad, keep_all_readings=choices.keep_all_readings)
+        experiment = prepare(pad, keep_all_readings=choices.keep_all_readings, use=choices.use)
         choices.build(experiment.scales)  # a setting that cannot be used leaves nothing behind
         results_folder(folder)
         found = diagnose(

@@ -37,7 +37,12 @@ def fit_into(
     can be written.
     """
     with watcher.doing(f"pad {pad.name}: motion, phases and noise floor"):
-        experiment = prepare(pad, all_tests=all_tests, keep_all_readings=choices.keep_all_readings)
+        experiment = prepare(
+            pad,
+            all_tests=all_tests,
+            keep_all_readings=choices.keep_all_readings,
+            use=choices.use,
+        )
     choices.build(experiment.scales)  # a setting that cannot be used leaves nothing behind
     results_folder(folder)
     pulls = pull_notices(experiment, bonded=choices.bonded, effects=choices.effects)

@@ -155,10 +155,10 @@ class Specimen:
         )
 
     def _ready(self, choices: Choices, *, all_tests: bool = False) -> Experiment:
-        if not (all_tests or choices.keep_all_readings):
+        if not (all_tests or choices.keep_all_readings or choices.use):
             return self.experiment
         keep = choices.keep_all_readings
-        return prepare(self.pad, all_tests=all_tests, keep_all_readings=keep)
+        return prepare(self.pad, all_tests=all_tests, keep_all_readings=keep, use=choices.use)
 
     def _or_usual(self, choices: Choices | None) -> Choices:
         return choices or Choices(bonded=self.pad.units.bonded_default)

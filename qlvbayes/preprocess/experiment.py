@@ -16,6 +16,7 @@ from qlvbayes.preprocess.badreadings import (
     smooth_readings,
     sound_tests,
 )
+from qlvbayes.preprocess.cutting import cut
 from qlvbayes.preprocess.encoder import encoder_steps
 from qlvbayes.preprocess.loadcontrol import control_of, crept_path, force_phases, with_both_errors
 from qlvbayes.preprocess.noisefloor import NoiseFloor, measure
@@ -73,7 +74,8 @@ class Trial:
 class Experiment:
     """All trials of one pad, its units, its noise floor and, where it is known, its fluid.
 
-    rested: whether every test is taken to begin at rest, whatever came before it.
+    rested: whether every test is taken to begin at rest, whatever came before it; cuts: a sentence
+    on each test of which the user wants a part alone.
     """
 
     pad: str
@@ -82,6 +84,7 @@ class Experiment:
     floor: NoiseFloor
     fluid: str | None = None
     rested: bool = False
+    cuts: tuple[str, ...] = ()
 
     @property
     def care(self) -> Care:
@@ -103,7 +106,7 @@ class Experiment:
         Those left out, those from which the fitted motion is far, and what was prescribed.
         """
         bad = left_out_notice(self.pad, [(t.name, t.left_out) for t in self.trials], self.units)
-        return (*bad, *self._departures, *self._load_controlled)
+        return (*self.cuts, *bad, *self._departures, *self._load_controlled)
 
     @property
     def _departures(self) -> tuple[str, ...]:
@@ -213,14 +216,22 @@ class Experiment:
         return max(p.stop - p.start for trial in self.trials for p in trial.phases)
 
 
-def prepare(pad: Pad, *, all_tests: bool = False, keep_all_readings: bool = False) -> Experiment:
+def prepare(
+    pad: Pad,
+    *,
+    all_tests: bool = False,
+    keep_all_readings: bool = False,
+    use: Sequence[str] = (),
+) -> Experiment:
     """Find motion, phases, rates and the noise floor of a pad, and settle which tests are fitted.
 
     Tests without a role: the one whose rate is nearest to 20 mm/s (in the logarithm) is fitted,
     the others validate; ``all_tests`` fits every one. Readings that their neighbours contradict
-    and the other channel does not show are left out, unless ``keep_all_readings``. Raises
+    and the other channel does not show are left out, unless ``keep_all_readings``; ``use`` says of
+    which tests a part is used, as in ``TEST:0..18mm``. Raises
     InputError where those are more than 2 % of a test's.
     """
+    pad, cuts = cut(pad, use)
     sound, left_out = zip(*sound_tests(pad.tests, keep_all=keep_all_readings), strict=True)
     paths = [test.displacement for test in sound]
     steps = encoder_steps(paths)
@@ -238,7 +249,7 @@ def prepare(pad: Pad, *, all_tests: bool = False, keep_all_readings: bool = Fals
     read = with_both_errors(tests, [trial.control for trial in trials])
     floor = measure(read, [t.phases for t in trials], of_a_step=of_a_step)
     floor = replace(floor, notices=(*fading, *floor.notices))
-    return Experiment(pad.name, pad.units, tuple(trials), floor, pad.fluid)
+    return Experiment(pad.name, pad.units, tuple(trials), floor, pad.fluid, cuts=cuts)
 
 
 def _trial(test: Test, step: float, scatter: float, left_out: BadReadings | None) -> Trial:

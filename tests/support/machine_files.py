@@ -148,6 +148,20 @@ def testxpert_english(test):
     return (head + _lines(_columns(test)[:, [0, 2, 1]], "%.5f\t%.6f\t%.6f")).encode()
 
 
+def table_below(test):
+    """As a rheometer writes it: units below an empty row, cells of text, UTF-16."""
+    head = "Interval data:\tPoint\tTime\tDisplacement\tNormal force\tForce\tStatus\r\n\r\n"
+    head += "\t\t[s]\t[mm]\t[N]\t[N]\t\r\n"
+    columns = np.column_stack([np.arange(len(test.time)), _columns(test), test.load])
+    rows = _lines(columns, "\t%d\t%.5f\t%.6f\t%.6f\t%.6f\tok", "\r\n")
+    return ("Test:\tpad\r\n" + head + _commas(rows)).encode("utf-16")
+
+
+def table_spanish(test):
+    names = "Tiempo [s];Desplazamiento [mm];Fuerza axial [N]\n"
+    return (names + _commas(_lines(_columns(test), "%.5f;%.6f;%.6f"))).encode("cp1252")
+
+
 def _workbook(sheets):
     import openpyxl
 
@@ -462,6 +476,8 @@ FIXTURES = (
     Fixture("matlab", "c.mat", matlab_73),
     Fixture("hdf5", "a.h5", hdf5),
     Fixture("hdf5", "b.h5", hdf5_groups, (-1, 1), tests=2),
+    Fixture("table", "a.csv", table_below),
+    Fixture("table", "b.csv", table_spanish),
     Fixture("two-clocks", "a.csv", two_clocks),
     Fixture("two-clocks", "b.csv", two_clocks_tidy, (1, -1)),
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,7 +19,8 @@ class Answers:
     """What is said beforehand; None or empty where the files are to tell.
 
     sign: a key of ``SIGNS``; contact: a displacement as the file writes it, or ``FILE``;
-    units: of time, displacement and force; area: the specimen's (mm2); pads and tests: names.
+    units: of time, displacement and force; area: the specimen's (mm2); pads and tests: names;
+    pad_from: what finds a pad's name in a test's own.
     """
 
     sign: str | None = None
@@ -27,6 +29,7 @@ class Answers:
     area: float | None = None
     pads: tuple[str, ...] = ()
     tests: tuple[str, ...] = ()
+    pad_from: re.Pattern[str] | None = None
 
     @classmethod
     def of(
@@ -37,6 +40,7 @@ class Answers:
         area: float | None = None,
         pads: tuple[str, ...] = (),
         tests: tuple[str, ...] = (),
+        pad_from: str | None = None,
     ) -> Answers:
         """From the words of the command line; InputError where one is none."""
         if sign is not None and sign not in SIGNS:
@@ -45,7 +49,11 @@ class Answers:
             raise InputError(f"the area {area:g} is not positive", remedy="give it in mm2")
         place = None if contact is None else _place(contact)
         named = None if units is None else named_units(units)
-        return cls(sign, place, named, area, pads, tests)
+        if pad_from is not None and pads:
+            remedy = "give one of them"
+            raise InputError("--pad and --pad-from both name the pads", remedy=remedy)
+        found = None if pad_from is None else _pattern(pad_from)
+        return cls(sign, place, named, area, pads, tests, found)
 
 
 class UnsureError(InputError):
@@ -61,6 +69,14 @@ class UnsureError(InputError):
         """The same for a command that does not take the option: another one does."""
         message, file, say = self._parts
         return InputError(message, file=file, remedy=f"say it to {command} --{self.option} {say}")
+
+
+def _pattern(text: str) -> re.Pattern[str]:
+    try:
+        return re.compile(text)
+    except re.error as error:
+        remedy = "write for example '^[A-Z]+', which finds AA in AA1"
+        raise InputError(f"--pad-from {text!r} is no pattern ({error})", remedy=remedy) from None
 
 
 def _place(text: str) -> float | str:

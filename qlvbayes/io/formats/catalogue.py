@@ -14,6 +14,7 @@ from qlvbayes.io.formats.format import AbstractFormat
 from qlvbayes.io.formats.hdf5 import Hdf5
 from qlvbayes.io.formats.mach_1 import MachOne
 from qlvbayes.io.formats.matlab import Matlab
+from qlvbayes.io.formats.named_table import NamedTable
 from qlvbayes.io.formats.tdms import Tdms
 from qlvbayes.io.formats.testsuite import TestSuite
 from qlvbayes.io.formats.testxpert import TestXpert
@@ -37,6 +38,7 @@ FORMATS: tuple[type[AbstractFormat], ...] = (
     Matlab,
     Hdf5,
     TwoClocks,
+    NamedTable,
 )
 """Every layout that is known, in the order in which they are tried."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
@@ -47,7 +48,9 @@ class Chiaro(AbstractFormat):
         first = cells_of(lines.texts[0], "\t")
         said = dict(zip(first[::2], first[1::2], strict=False))
         began = seconds_of(f"{said.get('Date', '')} {said.get('Time', '')}")
-        return (table(columns, data[lines.starts[header + 1] :], "\t", path, header, began=began),)
+        rows = data[lines.starts[header + 1] :]
+        found = table(columns, rows, "\t", path, header, began=began)
+        return (replace(found, pressing=True),)  # a tip is pressed in, and may stick: never asked
 
 
 def _header(lines: Lines) -> int | None:

@@ -12,27 +12,59 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.format import Channel, Floats, Recording
 from qlvbayes.io.formats.machineunits import unit_of
 
+# What may stand behind a noun: 'force axiale', 'fuerza de compresion', 'corsa della traversa'.
+_OF = (
+    r"( (axial|axiale|assiale|normal|normale|estandar|standard)"
+    r"| (de|di|del|della|en|in|a) (la )?(compression|compresion|compressione|traction|traccion"
+    r"|trazione|traverse|traversa|travesano|piston|pistone|verin))?"
+)
 # For each quantity, the more telling words first: the first that any column bears is taken.
+# English, German, French, Italian and Spanish, without accents.
 _WORDS = {
-    "time": (r"(elapsed |running |test |total )?(time|zeit|temps|tiempo|tempo)\b.*", r"prufzeit"),
+    "time": (
+        r"(elapsed |running |test |total )?(time|zeit|temps|tiempo|tempo)\b.*",
+        r"(pruf|versuchs|test|mess|lauf)zeit|(duree|durata|duracion|dauer)\b.*",
+    ),
     "displacement": (
-        r"indentation",
-        r"(compressive |compression )?(extension|displacement|disp)",
-        r"axial (displacement|disp)",
-        r"(standardweg|standard travel|course standard|desplazamiento estandar)",
-        r"(verformung|deformation)",
+        r"indentation|eindringtiefe|eindruckung|enfoncement|penetration|penetrazione|penetracion",
+        r"(compressive |compression |tensile )?(extension|displacement|disp|elongation)",
+        r"axial (displacement|disp)|displacement axial",
+        r"standard travel|(standard|druck|zug)weg"
+        r"|(course|corsa|recorrido|carrera) (standard|estandar)",
+        r"(deplacement|desplazamiento|spostamento)" + _OF,
+        r"(verlangerung|langenanderung|allongement|allungamento|alargamiento|elongacion"
+        r"|elongazione)" + _OF,
+        r"(verformung|deformation|deformazione|deformacion|verschiebung|ecrasement"
+        r"|schiacciamento|aplastamiento)" + _OF,
         r"tip",
-        r"position( z)?",
-        r"(traversenweg|crosshead|crosshead travel|course traverse|weg|travel|stroke|depth)",
+        r"(position|posizione|posicion)( z)?",
+        r"(traversen|pruf|verfahr|kolben|axial)?weg|travel|stroke|depth|tiefe|hub",
+        r"crosshead|crosshead travel|(course|corsa|recorrido|carrera)" + _OF,
+        r"profondeur|profondita|profundidad",
     ),
     "force": (
-        r"(compressive |compression |axial )?(force|load)",
-        r"(standardkraft|standard force|force standard|fuerza estandar|kraft)",
+        r"(compressive |compression |axial |tensile )?(force|load)",
+        r"(standard|pruf|druck|zug|axial|normal|mess)?kraft|standard force",
+        r"(force|fuerza|forza|effort)" + _OF,
+        r"(charge|carga|carico)" + _OF + "|last|belastung",
         r"f z|fz|f",
     ),
-    "strain": (r"(compressive |axial )?(strain|dehnung|stauchung|deformation relative)",),
-    "stress": (r"(compressive |axial )?(stress|spannung|druckspannung)",),
+    "strain": (
+        r"(compressive |axial |tensile |shear )?(strain|dehnung|stauchung)|scherung|scherdehnung",
+        r"(deformation|deformazione|deformacion)( (relative|relativa))?" + _OF,
+        r"(deformation|deformazione|deformacion) (de|di|a|en) (cisaillement|taglio|cizalla"
+        r"|cizallamiento|corte)|taux de deformation",
+    ),
+    "stress": (
+        r"(compressive |axial |tensile |shear )?(stress|spannung)|(druck|zug|schub|scher)spannung",
+        r"(contrainte|esfuerzo|tension|tensione|sforzo)" + _OF,
+        r"(contrainte|esfuerzo|tension|tensione|sforzo) (de|di|a) (cisaillement|taglio|cizalla"
+        r"|cizallamiento|corte)",
+    ),
 }
+_PRESSING = r"(compressive|compression) "  # names of what is positive in compression
+# Words of a strain that testing machines also write above a length: the unit tells.
+_BY_UNIT = {"displacement": (r"(compressive |axial |tensile )?(strain|dehnung|stauchung)",)}
 
 
 @dataclass(frozen=True)
@@ -72,28 +104,37 @@ def quantities(columns: Sequence[Named]) -> dict[str, Named]:
             if fitting:
                 found[quantity] = fitting[0]
                 break
+    for quantity, patterns in _BY_UNIT.items():
+        alike = [c for c in columns for p in patterns if re.fullmatch(p, plain_name(c.name))]
+        fitting = [c for c in alike if c.unit and unit_of(c.unit, quantity)]
+        if fitting and quantity not in found:
+            found[quantity] = fitting[0]
     return found
 
 
-def chosen(columns: Sequence[Named], file: Path, line: int | None = None) -> dict[str, Named]:
-    """Columns of time, of displacement or strain, and of force or stress.
+def measured(columns: Sequence[Named]) -> dict[str, Named | None]:
+    """The columns of time, displacement or strain, and force or stress; None of what is missing.
 
     Displacement goes before strain and force before stress, but for strain with stress alone.
+    """
+    found = quantities(columns)
+    way = "displacement" if "displacement" in found else "strain"
+    load = "force" if "force" in found else "stress"
+    return {key: found.get(key) for key in ("time", way, load)}
+
+
+def chosen(columns: Sequence[Named], file: Path, line: int | None = None) -> dict[str, Named]:
+    """The columns that ``measured`` finds.
 
     Raises
     ------
     InputError
         One of the three is not there.
     """
-    found = quantities(columns)
-    way = "displacement" if "displacement" in found else "strain"
-    load = "force" if "force" in found else "stress"
-    missing = [
-        words
-        for key, words in (("time", "time"), (way, "displacement"), (load, "force"))
-        if key not in found
-    ]
-    if missing:
+    found = measured(columns)
+    whole = {key: named for key, named in found.items() if named is not None}
+    words = dict(zip(found, ("time", "displacement", "force"), strict=True))
+    if missing := [words[key] for key in found if key not in whole]:
         shown = ", ".join(column.name for column in columns[:12])[:200]
         raise InputError(
             f"no column for {' and '.join(missing)} (the file has: {shown})",
@@ -101,7 +142,7 @@ def chosen(columns: Sequence[Named], file: Path, line: int | None = None) -> dic
             line=line,
             remedy="export time, displacement and force of every sample",
         )
-    return {"time": found["time"], way: found[way], load: found[load]}
+    return whole
 
 
 def recording(
@@ -120,4 +161,5 @@ def recording(
     taken = {named.place for named in picked.values()}
     unused = tuple(c.name for c in columns if c.place not in taken and c.name)
     time, way, load = channels
-    return Recording(time, way, load, name, began, None, dropped, unused)
+    pressing = all(re.match(_PRESSING, plain_name(one.name)) for one in (way, load))
+    return Recording(time, way, load, name, began, None, dropped, unused, pressing)

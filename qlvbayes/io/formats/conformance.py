@@ -72,7 +72,8 @@ def _check_declarations(kind: type[AbstractFormat]) -> None:
 
 
 def _check_alone(kind: type[AbstractFormat], file: Path, head: bytes) -> None:
-    claim = [other.name for other in FORMATS if other is not kind and other.sniff(head).whole]
+    others = [o for o in FORMATS if o is not kind and (kind.general or not o.general)]
+    claim = [other.name for other in others if other.sniff(head).whole]
     if claim:
         raise FormatError(f"{kind.name}: {', '.join(claim)} claims {file.name} too")
 

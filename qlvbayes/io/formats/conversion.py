@@ -9,22 +9,21 @@ from pathlib import Path
 import numpy as np
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.formats.answers import FILE, SIGNS, Answers, UnsureError
+from qlvbayes.io.formats.answers import SIGNS, Answers, UnsureError
 from qlvbayes.io.formats.catalogue import FORMATS
-from qlvbayes.io.formats.contact import Contact, Signs, find_contact, find_signs
+from qlvbayes.io.formats.contact import Contact, Signs, find_contact, find_signs, is_dead
 from qlvbayes.io.formats.format import AbstractFormat, Channel, Floats, Recording
 from qlvbayes.io.formats.machineunits import Unit, unit_of
-from qlvbayes.io.formats.naming import pads_of, tests_of
+from qlvbayes.io.formats.naming import is_mean, pad_in, pads_of, tests_of
 from qlvbayes.io.formats.recognise import recognised
 from qlvbayes.io.formats.sampling import ClockError, Sampling, on_one_clock, rising, sampling_of
+from qlvbayes.io.formats.zero import Shown, Zero, zeros
 from qlvbayes.io.reading.noreading import no_readings, out_of_range
 from qlvbayes.io.reading.testchecks import LEAST_SAMPLES, wrong_signs
 from qlvbayes.io.units import STRAIN, UnitSystem, unit_system
 from qlvbayes.io.wording import joined
 
 LEAD = 1.0  # s kept before contact: they show the force's zero and its noise
-_REST = 0.01  # share of the peak force below which a first row is taken to touch with none
-_AGREES = 2.0  # standard errors within which the file's own zero is kept
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +33,7 @@ class Tidied:
     ``time`` (s) begins at zero; ``displacement`` and ``force`` are in ``units``, pressing
     positive. ``start_s`` is the pad's clock at the first row, where the files tell it. ``contact``
     is what the rise of the force shows, in the file's own zero; ``zero`` what was taken off the
-    displacement.
+    displacement, and ``zero_sd`` its standard error, where it was measured.
     """
 
     file: Path
@@ -49,6 +48,7 @@ class Tidied:
     signs: Signs
     contact: Contact | None
     zero: float
+    zero_sd: float | None
     sampling: Sampling
     dropped: dict[str, int]
     findings: tuple[str, ...]
@@ -67,6 +67,7 @@ class Tidied:
             "turned": {"displacement": self.signs.way < 0, "force": self.signs.load < 0},
             "contact": contact,
             "zero": self.zero,
+            "zero_sd": self.zero_sd,
             "rows": len(self.time),
             "step_s": self.sampling.step,
             "lag_s": self.sampling.lag,
@@ -78,15 +79,20 @@ class Tidied:
 
 @dataclass(frozen=True, eq=False)
 class Conversion:
-    """All tests of some files, in one system of units."""
+    """All tests of some files, in one system of units.
+
+    ``faults`` are of the files that could not be used; ``remarks`` are on all tests together.
+    """
 
     tests: tuple[Tidied, ...]
     units: UnitSystem
+    faults: tuple[InputError, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     @property
     def notices(self) -> tuple[str, ...]:
         """What was found, a line each."""
-        return tuple(line for test in self.tests for line in told(test))
+        return (*(line for test in self.tests for line in told(test)), *self.remarks)
 
 
 def told(test: Tidied) -> list[str]:
@@ -100,8 +106,12 @@ def convert(
     files: Sequence[Path],
     answers: Answers = Answers(),  # noqa: B008 (frozen)
     kinds: Sequence[type[AbstractFormat]] = FORMATS,
+    *,
+    without_faulty: bool = False,
 ) -> Conversion:
     """Read machine files and make them tidy.
+
+    without_faulty: whether files that cannot be used are left out and told, as long as one can.
 
     Raises
     ------
@@ -110,23 +120,47 @@ def convert(
     InputError
         A file is of no known layout, damaged, or holds no usable test.
     """
-    read = [(file, kind, _read(file, kind)) for file in files for kind in [recognised(file, kinds)]]
-    pads = pads_of([file for file, _, _ in read], answers.pads)
-    stages = []
-    for (file, kind, recordings), pad in zip(read, pads, strict=True):
-        stages += _of_file(file, kind, recordings, pad, answers)
+    pads = pads_of(files, answers.pads)
+    faults: dict[Path, InputError] = {}
+    read: list[_Read] = []
+    for file, pad in zip(files, pads, strict=True):
+        try:
+            kind = recognised(file, kinds)
+            read += _of_file(file, kind, _read(file, kind), pad, answers)
+        except InputError as error:
+            faults[file] = error
+    found = zeros([one.shown for one in read], answers)
+    for one, zero in zip(read, found, strict=True):
+        if isinstance(zero, UnsureError):
+            faults.setdefault(one.file, zero)
+    if faults and (not without_faulty or len(faults) == len(set(files)) or answers.tests):
+        raise next(faults[file] for file in files if file in faults)
+    stages = [
+        _stage(one, zero)
+        for one, zero in zip(read, found, strict=True)
+        if one.file not in faults and isinstance(zero, Zero)
+    ]
     if not stages:
         raise InputError("no test can be used", file=files[0], remedy="look at the file")
     named = [(stage.pad, stage.recording.name, stage.file) for stage in stages]
     names = tests_of(named, answers.tests)
     units = stages[0].units
-    clocks = _clocks(stages)
-    return Conversion(
-        tuple(
-            stage.tidied(name, units, clock)
-            for stage, name, clock in zip(stages, names, clocks, strict=True)
-        ),
-        units,
+    tests = [
+        stage.tidied(name, units, clock)
+        for stage, name, clock in zip(stages, names, _clocks(stages), strict=True)
+    ]
+    return Conversion(tuple(tests), units, tuple(faults.values()), _remarks(tests, answers))
+
+
+def _remarks(tests: Sequence[Tidied], answers: Answers) -> tuple[str, ...]:
+    """That several tests of one file may be several specimens, if nobody has said which."""
+    together = [test for test in tests if sum(o.file == test.file for o in tests) > 1]
+    if not together or answers.pad_from is not None:
+        return ()
+    names = ", ".join(test.test for test in together[:6])
+    return (
+        f"the tests of one file are taken as those of one pad ({names}): if they are several "
+        "specimens, --pad-from REGEX of convert finds the pads' names in the tests'",
     )
 
 
@@ -146,8 +180,23 @@ def _read(file: Path, kind: type[AbstractFormat]) -> tuple[Recording, ...]:
 
 
 @dataclass(frozen=True, eq=False)
+class _Read:
+    """One recording on its way: columns in tidy units, in order, signs right."""
+
+    file: Path
+    kind: type[AbstractFormat]
+    pad: str
+    recording: Recording
+    time: Floats
+    shown: Shown
+    sampling: Sampling
+    dropped: dict[str, int]
+    said: tuple[str, str]  # of the units, of the signs
+
+
+@dataclass(frozen=True, eq=False)
 class _Stage:
-    """One recording on its way: columns in tidy units, in order, signs right, zero found."""
+    """The same with its zero."""
 
     file: Path
     kind: type[AbstractFormat]
@@ -158,12 +207,11 @@ class _Stage:
     way: Floats
     load: Floats
     signs: Signs
-    contact: Contact | None
-    zero: float
+    zero: Zero
     sampling: Sampling
     dropped: dict[str, int]
     findings: tuple[str, ...]
-    first: float = 0.0  # time of the first row kept, on the file's clock (s)
+    first: float  # time of the first row kept, on the file's clock (s)
 
     @property
     def began(self) -> float | None:
@@ -186,9 +234,12 @@ class _Stage:
         load = (
             self.load * self.units.factor_to(units, "force") if units != self.units else self.load
         )
+        sd = self.zero.sd
+        if sd is not None:
+            sd *= self.units.factor_to(units, "displacement")
         return Tidied(
             self.file, self.kind, self.pad, name, units, self.time, way, load, start, self.signs,
-            self.contact, self.zero, self.sampling, self.dropped, self.findings,
+            self.zero.contact, self.zero.place, sd, self.sampling, self.dropped, self.findings,
         )  # fmt: skip
 
 
@@ -198,28 +249,38 @@ def _of_file(
     recordings: Sequence[Recording],
     pad: str,
     answers: Answers,
-) -> list[_Stage]:
-    """The usable tests of a file; a later one that begins in contact has the zero of the first."""
-    stages: list[_Stage] = []
-    unusable = 0
+) -> list[_Read]:
+    """The usable tests of a file."""
+    recordings, dropped = _without_means(recordings)
     recordings = [_of_readings(recording) for recording in recordings]
-    for recording in recordings:
-        if _is_still(recording):
-            unusable += len(recording.time.values)
-            continue
-        before = next((s for s in reversed(stages) if s.contact is not None), None)
-        stages.append(_stage(file, kind, recording, pad, answers, before))
-    if unusable and stages:
-        dropped = {**stages[0].dropped, "rows of parts in which nothing moves": unusable}
-        stages[0] = replace(stages[0], dropped=dropped)
-    if not stages:
+    moving = [recording for recording in recordings if not _is_still(recording)]
+    still = sum(len(recording.time.values) for recording in recordings if _is_still(recording))
+    if still:
+        dropped["rows of parts in which nothing moves"] = still
+    if not moving:
         raise InputError(
             f"no test of {LEAST_SAMPLES} rows or more in which displacement and force change"
             + _left_out(recordings),
             file=file,
             remedy="check the channels or export it again",
         )
-    return stages
+    found = []
+    for recording in moving:
+        own = pad
+        if answers.pad_from is not None:
+            own = pad_in(recording.name or file.stem, answers.pad_from)
+        found.append(_in_order(file, kind, recording, own, answers))
+    found[0].dropped.update(dropped)
+    return found
+
+
+def _without_means(recordings: Sequence[Recording]) -> tuple[list[Recording], dict[str, int]]:
+    """Without those called mean, average, moyenne, if others are there; their rows, counted."""
+    means = [recording for recording in recordings if is_mean(recording.name)]
+    if len(means) in (0, len(recordings)):
+        return list(recordings), {}
+    kept = [recording for recording in recordings if not is_mean(recording.name)]
+    return kept, {"rows of the mean specimen": sum(len(one.time.values) for one in means)}
 
 
 def _left_out(recordings: Sequence[Recording]) -> str:
@@ -257,17 +318,12 @@ def _is_still(recording: Recording) -> bool:
     )
 
 
-def _stage(
-    file: Path,
-    kind: type[AbstractFormat],
-    recording: Recording,
-    pad: str,
-    answers: Answers,
-    before: _Stage | None,
-) -> _Stage:
+def _in_order(
+    file: Path, kind: type[AbstractFormat], recording: Recording, pad: str, answers: Answers
+) -> _Read:
     units, columns, said = _in_units(file, recording, answers)
     dropped = dict(recording.dropped)
-    time, way, load, sampling = _in_order(file, columns, dropped)
+    time, way, load, sampling = _on_a_clock(file, columns, dropped)
     if (
         what := out_of_range(time, {recording.way.name: way, recording.load.name: load})
     ) is not None:
@@ -281,25 +337,29 @@ def _stage(
         remedy = "leave --sign out"
         raise InputError(f"with --sign {answers.sign} {what}", file=file, remedy=remedy)
     contact = None if units.dimensionless else find_contact(way, load)
-    place, of_force, told = _zero(file, way, load, signs, units, contact, before, answers)
-    way, load = way - place, load - of_force
-    first = 0 if contact is None else int(np.searchsorted(time, time[contact.rows] - LEAD))
+    shown = Shown(file, (pad, kind.name, units), units, way, load, signs, contact)
+    told = f"units {said}", _sign_told(signs, recording, answers)
+    return _Read(file, kind, pad, recording, time, shown, sampling, dropped, told)
+
+
+def _stage(read: _Read, zero: Zero) -> _Stage:
+    """With its zero, and without the rows long before contact."""
+    time, dropped, contact = read.time, read.dropped, zero.contact
+    own = contact is read.shown.contact
+    first = 0 if contact is None or not own else int(
+        np.searchsorted(time, time[contact.rows] - LEAD)
+    )  # fmt: skip
     if len(time) - first < LEAST_SAMPLES:
         remedy = "export the whole test"
-        raise InputError(f"only {len(time) - first} rows are left", file=file, remedy=remedy)
+        raise InputError(f"only {len(time) - first} rows are left", file=read.file, remedy=remedy)
     if first:
         dropped[f"rows of the approach, more than {LEAD:g} s before contact"] = first
-    findings = (
-        f"units {said}",
-        _sign_told(signs, recording, answers),
-        told,
-        sampling.told() + _clocks_told(recording, sampling),
-    )
+    sampled = read.sampling.told() + _clocks_told(read.recording, read.sampling)
     begin = float(time[first])
-    own = contact if contact is not None or before is None else before.contact
     return _Stage(
-        file, kind, pad, recording, units, time[first:] - begin, way[first:], load[first:], signs,
-        own, place, sampling, dropped, findings, begin,
+        read.file, read.kind, read.pad, read.recording, read.shown.units, time[first:] - begin,
+        (read.shown.way - zero.place)[first:], (read.shown.load - zero.force)[first:],
+        read.shown.signs, zero, read.sampling, dropped, (*read.said, zero.told, sampled), begin,
     )  # fmt: skip
 
 
@@ -380,7 +440,7 @@ def _with_area(
     return way, Unit("force", "N"), values * (megapascals[load.tidy] * area)
 
 
-def _in_order(
+def _on_a_clock(
     file: Path, columns: list[Floats], dropped: dict[str, int]
 ) -> tuple[Floats, Floats, Floats, Sampling]:
     time, way, load, *own = columns
@@ -402,6 +462,13 @@ def _signs(file: Path, way: Floats, load: Floats, recording: Recording, answers:
         return replace(found, way=of_way, load=of_load, doubt="")
     if recording.pressing:
         return replace(found, way=1, load=1, doubt="")
+    if found.doubt and is_dead(way, load):
+        raise InputError(
+            f"the force does not answer to the displacement: its {len(load)} readings scatter by "
+            f"{float(np.std(load)):.2g} about one level",
+            file=file,
+            remedy="check the load cell and its cable, or leave the file out",
+        )
     if found.doubt:
         raise _unsure_of_sign(file, found.doubt)
     return found
@@ -428,88 +495,11 @@ def _sign_told(signs: Signs, recording: Recording, answers: Answers) -> str:
     if answers.sign is not None:
         return f"sign {what}, as said"
     if recording.pressing:
-        return f"sign {what}: in this layout pressing is positive"
+        return f"sign {what}: this layout fixes it"
     return (
         f"sign {what} (the peak force lies {signs.travel:.0%} of the travel from the start, and "
         f"is {min(signs.swing, 999.0):.3g} times the swing to the other side; a pull looks alike)"
     )
-
-
-def _zero(
-    file: Path,
-    way: Floats,
-    load: Floats,
-    signs: Signs,
-    units: UnitSystem,
-    contact: Contact | None,
-    before: _Stage | None,
-    answers: Answers,
-) -> tuple[float, float, str]:
-    """What is taken off displacement and force, and how that is told."""
-    length, force = units.displacement, units.force
-    if answers.contact == FILE:
-        return 0.0, 0.0, "contact at the file's own zero, as said"
-    if answers.contact is not None:
-        place = signs.way * float(answers.contact)
-        return place, 0.0, f"contact at {float(answers.contact):.6g} {length}, as said"
-    if units.dimensionless:
-        return 0.0, 0.0, "strain has the file's own zero: a fixed specimen has no contact"
-    if contact is not None:
-        return _at_contact(contact, signs, length, force)
-    if before is not None:
-        return before.zero, 0.0, (
-            f"contact at {signs.way * before.zero:.6g} {length}, the zero of the file's test "
-            "before: this one begins in contact"
-        )  # fmt: skip
-    return _at_start(file, way, load, signs, units)
-
-
-def _at_contact(
-    contact: Contact, signs: Signs, length: str, force: str
-) -> tuple[float, float, str]:
-    offset = contact.force if abs(contact.force) > _AGREES * contact.force_sd else 0.0
-    off = (
-        f"taken off the force: {contact.force:.3g} +- {contact.force_sd:.1g} {force} before contact"
-    )
-    told = f"; {off}" if offset else ""
-    if abs(contact.place) <= _AGREES * contact.sd:
-        return 0.0, offset, (
-            f"contact {signs.way * contact.place:.4g} +- {contact.sd:.2g} {length} agrees with the "
-            f"file's zero, which is kept{told}"
-        )  # fmt: skip
-    return contact.place, offset, (
-        f"contact at {signs.way * contact.place:.6g} +- {contact.sd:.2g} {length} of the file, "
-        f"where the force begins to rise; that is the new zero{told}"
-    )  # fmt: skip
-
-
-def _at_start(
-    file: Path, way: Floats, load: Floats, signs: Signs, units: UnitSystem
-) -> tuple[float, float, str]:
-    """The zero of a test that begins in contact: its first row, if that touches with no force."""
-    peak = float(load.max())
-    few = load[: max(1, min(5, len(load) // 100))]
-    first = float(np.median(few))
-    share = abs(first) / peak if peak > 0.0 else 1.0
-    if share > _REST:
-        raise UnsureError(
-            f"the test begins in contact, with {signs.load * first:.3g} {units.force} "
-            f"({share:.1%} of the peak force): where the specimen is first touched is not in it",
-            file=file,
-            option="contact",
-            question=f"displacement at first contact in {units.displacement}, before it is set to "
-            f"zero, or '{FILE}' for its own zero",
-            say="VALUE, or --contact file for the file's own zero",
-        )
-    place = float(way[0])
-    near = abs(place) <= _REST * float(np.ptp(way))
-    where = "the file's own zero" if near else f"the first row, {signs.way * place:.6g}"
-    # the force of the first row over the mean stiffness bounds how far contact may lie above
-    reach = abs(first) / peak * float(way[int(np.argmax(load))] - place)
-    return (0.0 if near else place), 0.0, (
-        f"contact at {where} {units.displacement}: there is no approach, and the first row has "
-        f"{share:.2%} of the peak force (it may lie {reach:.2g} {units.displacement} higher)"
-    )  # fmt: skip
 
 
 def _clocks_told(recording: Recording, sampling: Sampling) -> str:

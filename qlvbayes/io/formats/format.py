@@ -62,7 +62,8 @@ class Recording:
 
     ``way`` is displacement or strain, ``load`` force or stress. ``load_time`` is the load's own
     clock, where it has one; ``began`` the date of time zero (s since 1970), where the file says;
-    ``pressing`` says that in this layout pressing is positive in both, so that nothing is asked;
+    ``pressing`` says that this layout fixes the signs of both, so that nothing is asked: pressing
+    is positive, and shear goes with its force;
     ``dropped`` counts the rows that are no measurements, by reason; ``unused`` are other columns.
     """
 
@@ -82,7 +83,7 @@ class AbstractFormat(ABC):
 
     ``name`` is what messages call it; ``machine`` whose files these are; ``marks`` how they are
     recognised and ``reads`` what is read from them, each in one line; ``reference`` where the
-    layout is described.
+    layout is described; ``general`` whether it gives way to every other layout that fits.
     """
 
     name: ClassVar[str]
@@ -90,6 +91,7 @@ class AbstractFormat(ABC):
     marks: ClassVar[str]
     reads: ClassVar[str]
     reference: ClassVar[str]
+    general: ClassVar[bool] = False
 
     @staticmethod
     @abstractmethod

@@ -9,7 +9,11 @@ from pathlib import Path
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.escaping import computed, prints
 from qlvbayes.io.files import folder_fault
+from qlvbayes.io.formats.columns import plain_name
 
+_MEAN = re.compile(
+    r"\b(mean|average|mittelwert\w*|mittlere?|durchschnitt\w*|moyenn?e?|media|medio|promedio)\b"
+)
 _PAD = "pad"  # as in a tidy file without the column
 
 
@@ -27,6 +31,28 @@ def pads_of(files: Sequence[Path], given: Sequence[str]) -> list[str]:
             remedy="give one name for all, or one a file",
         )
     return names
+
+
+def pad_in(name: str, pattern: re.Pattern[str]) -> str:
+    """The pad's name in a test's: the pattern's first group, or all that it matches.
+
+    Raises InputError where it matches nothing.
+    """
+    match = pattern.search(name)
+    found = (match[1] if match and match.re.groups else match and match[0]) or ""
+    if not found:
+        raise InputError(
+            f"--pad-from {pattern.pattern!r} finds nothing in the name '{name}'",
+            remedy="write a pattern that every test's name has, as '^[A-Z]+' finds AA in AA1",
+        )
+    if (fault := folder_fault(_checked(found))) is not None:
+        raise InputError(f"the pad's name '{found[:200]}' {fault[0]}", remedy=fault[1])
+    return found
+
+
+def is_mean(name: str) -> bool:
+    """Whether a name is that of the mean specimen, which is no test: 'Eprouvette moyenne'."""
+    return _MEAN.search(plain_name(name)) is not None
 
 
 def tests_of(named: Sequence[tuple[str, str, Path]], given: Sequence[str]) -> list[str]:

@@ -9,7 +9,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.formats.columns import plain_name, quantities
 from qlvbayes.io.formats.format import HEAD, AbstractFormat, Sight
+from qlvbayes.io.formats.textfile import Lines, decoded
+from qlvbayes.io.formats.texttable import in_cells
 from qlvbayes.io.reading.csvtext import OLD_OFFICE, OldWorkbookError
 from qlvbayes.io.wording import joined
 
@@ -43,10 +46,14 @@ def head_of(path: Path) -> bytes:
 def matching(
     head: bytes, kinds: Sequence[type[AbstractFormat]]
 ) -> tuple[list[type[AbstractFormat]], type[AbstractFormat] | None, Sight]:
-    """The formats whose marks are all there; the nearest of the others, and what it shows."""
+    """The formats whose marks are all there; the nearest of the others, and what it shows.
+
+    A general format counts only where no other one fits.
+    """
     sights = {kind: kind.sniff(head) for kind in kinds}
-    whole = [kind for kind, sight in sights.items() if sight.whole]
-    others = [kind for kind in kinds if kind not in whole and sights[kind].share >= _NEAR]
+    fitting = [kind for kind, sight in sights.items() if sight.whole]
+    whole = [kind for kind in fitting if not kind.general] or fitting
+    others = [kind for kind in kinds if kind not in fitting and sights[kind].share >= _NEAR]
     nearest = max(others, key=lambda kind: sights[kind].share, default=None)
     return whole, nearest, Sight((), ()) if nearest is None else sights[nearest]
 
@@ -76,6 +83,7 @@ def recognised(path: Path, kinds: Sequence[type[AbstractFormat]]) -> type[Abstra
         )
     if head.startswith(OLD_OFFICE):
         raise OldWorkbookError(path)
+    refuse_results(head, path)
     if nearest is None:
         raise InputError(
             "no known layout",
@@ -89,6 +97,50 @@ def recognised(path: Path, kinds: Sequence[type[AbstractFormat]]) -> type[Abstra
         file=path,
         remedy="export it again, or describe the layout with --formats-file",
     )
+
+
+_RESULTS = {
+    "a relaxation modulus": (
+        r"[gek]( ?t| relax\w*)|relaxation modulus|relaxationsmodul|module de relaxation"
+        r"|modulo di rilassamento|modulo de (relajacion|relaxacion)"
+    ),
+    "a creep compliance": (
+        r"j( ?t| creep)?|(creep |kriech)?(compliance|nachgiebigkeit)|complaisance( en fluage)?"
+        r"|cedevolezza( a creep)?|(complianza|compliancia)( de fluencia)?"
+    ),
+    "storage and loss moduli": (
+        r"(storage|loss|complex|dynamic) modulus|(speicher|verlust)modul"
+        r"|module (de conservation|de perte|complexe)|modulo (conservativo|dissipativo)"
+        r"|modulo de (almacenamiento|perdida)"
+    ),
+}
+"""What some programs compute of measurements, with the names of their columns, made plain."""
+_OVER = {
+    "a relaxation modulus": "strain and stress over time",
+    "a creep compliance": "strain and stress over time",
+    "storage and loss moduli": "strain and stress over time, of the oscillations themselves",
+}
+_HEADER = 60  # lines, among which the names of columns stand
+_UNIT = re.compile(r"\s*[\[(][^\[\]()]{2,}[\])]$|[_ ](1/)?[kMG]?Pa$")  # (t) of G(t) is no unit
+
+
+def refuse_results(head: bytes, path: Path) -> None:
+    """Raise InputError where a table holds moduli or compliances in place of measurements."""
+    for number, cells in Lines.of(decoded(head).encode()).cells():
+        if number > _HEADER:
+            return
+        if len(cells) < 2 or {"force", "stress"} & set(quantities(in_cells(cells))):
+            continue
+        for cell in cells:
+            plain = plain_name(_UNIT.sub("", cell))
+            for what, words in _RESULTS.items():
+                if re.fullmatch(words, plain):
+                    raise InputError(
+                        f"'{cell}' is {what}: the file has no displacement (or strain) and no "
+                        "force (or stress) of a test, which this program fits",
+                        file=path,
+                        remedy=f"export the readings, {_OVER[what]}",
+                    )
 
 
 _MEASURED = (("displacement", "force"), ("strain", "stress"))

@@ -12,7 +12,9 @@ from qlvbayes.io.formats.format import AbstractFormat, Recording, Sight
 from qlvbayes.io.formats.textfile import Lines, cells_of, content, decoded, separator_of
 from qlvbayes.io.formats.texttable import are_units, in_cells, in_two_rows, seconds_of, table
 
-OWN_WORDS = ("standardkraft", "standard force", "force standard", "fuerza estandar")
+OWN_WORDS = (
+    "standardkraft", "standard force", "force standard", "fuerza estandar", "forza standard",
+)  # fmt: skip
 """testXpert's names of the force, without accents."""
 
 

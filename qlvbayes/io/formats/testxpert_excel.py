@@ -9,14 +9,14 @@ from typing import Any, ClassVar
 import numpy as np
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.formats.columns import chosen, plain_name, recording
+from qlvbayes.io.formats.columns import chosen, measured, recording
 from qlvbayes.io.formats.format import AbstractFormat, Floats, Recording, Sight
 from qlvbayes.io.formats.namedarrays import damaged, needed
+from qlvbayes.io.formats.naming import is_mean
 from qlvbayes.io.formats.testxpert import names_row
 from qlvbayes.io.formats.texttable import in_cells, in_two_rows
 
 _HEADER_ROWS = 60  # of a sheet, among which the names stand
-_MEAN = ("mean", "mittelwert", "moyenne", "media", "average")
 _LEAST = 10  # rows, below which a sheet holds results and no curve
 
 
@@ -25,8 +25,8 @@ class TestXpertExcel(AbstractFormat):
 
     __test__: ClassVar[bool] = False  # not one of pytest's
     name: ClassVar[str] = "testxpert-excel"
-    machine: ClassVar[str] = "ZwickRoell, testXpert II and III (Excel; needs openpyxl)"
-    marks: ClassVar[str] = "an Excel workbook (.xlsx); a sheet with testXpert's own names"
+    machine: ClassVar[str] = "ZwickRoell testXpert, or another Excel workbook (needs openpyxl)"
+    marks: ClassVar[str] = "an Excel workbook (.xlsx); a sheet with time, displacement and force"
     reads: ClassVar[str] = "every specimen's sheet (a test each), without the mean specimen's"
     reference: ClassVar[str] = "testXpert, export to Excel; ECMA-376"
 
@@ -52,23 +52,37 @@ class TestXpertExcel(AbstractFormat):
             raise damaged(path, error) from error
         tests, means = [], 0
         for title, rows in sheets.items():
-            header = names_row([_texts(row) for row in rows[:_HEADER_ROWS]])
+            above = [_texts(row) for row in rows[:_HEADER_ROWS]]
+            header = _names(above)
             if header < 0 or len(rows) - header < _LEAST:
                 continue
-            if plain_name(title).startswith(_MEAN):
+            if is_mean(title) or any(map(_is_mean_title, above[:header])):
                 means += len(rows) - header - 1
                 continue
             tests.append(_test(title, rows, header, path))
         if not tests:
             raise InputError(
-                f"no sheet has testXpert's names ({', '.join(sheets)[:80]})",
+                f"no sheet has time, displacement and force ({', '.join(sheets)[:80]})",
                 file=path,
-                remedy="export the curves from testXpert, or save the sheet as CSV",
+                remedy="export the curves of every sample, or save the sheet as CSV",
             )
         if means:
             dropped = {**tests[0].dropped, "rows of the mean specimen's sheet": means}
             tests[0] = replace(tests[0], dropped=dropped)
         return tuple(tests)
+
+
+def _names(rows: list[list[str]]) -> int:
+    """Which row names columns: in testXpert's words, else all three; -1 where none does."""
+    own = names_row(rows)
+    whole = (k for k, row in enumerate(rows) if all(measured(in_cells(row)).values()))
+    return own if own >= 0 else next(whole, -1)
+
+
+def _is_mean_title(row: list[str]) -> bool:
+    """Whether a row says nothing but one name, that of the mean specimen."""
+    said = {cell for cell in row if cell}
+    return len(said) == 1 and is_mean(said.pop())
 
 
 def _texts(row: Any) -> list[str]:

@@ -13,7 +13,7 @@ from qlvbayes.io.escaping import visible
 from qlvbayes.io.files import write_whole
 from qlvbayes.io.formats.conversion import Conversion
 from qlvbayes.io.formats.format import Floats
-from qlvbayes.io.units import column_name
+from qlvbayes.io.units import UnitSystem, column_name
 
 _FINEST = 1e-10  # of the largest value: the last digit written, far below any step of a sensor
 
@@ -35,7 +35,9 @@ def tidy_text(conversion: Conversion) -> bytes:
     units = conversion.units
     way = column_name(units.displacement_name, "" if units.dimensionless else units.displacement)
     clocked = any(test.start_s is not None for test in conversion.tests)
-    names = ["pad", "test", *(["start_s"] if clocked else []), "time_s", way]
+    measured = any(test.zero_sd is not None for test in conversion.tests)
+    extra = [*(["start_s"] if clocked else []), *([_error_of(units)] if measured else [])]
+    names = ["pad", "test", *extra, "time_s", way]
     names.append(column_name(units.force_name, units.force))
     out = io.BytesIO()
     for line in conversion.notices:
@@ -43,9 +45,15 @@ def tidy_text(conversion: Conversion) -> bytes:
     out.write((",".join(names) + "\n").encode())
     for test in conversion.tests:
         start = "" if test.start_s is None else f"{test.start_s:.9g}"
-        labels = ",".join([test.pad, test.test, *([start] if clocked else [])])
+        sd = "" if test.zero_sd is None else f"{test.zero_sd:.3g}"
+        more = [*([start] if clocked else []), *([sd] if measured else [])]
+        labels = ",".join([test.pad, test.test, *more])
         out.write(_rows(labels, [test.time, test.displacement, test.force]))
     return out.getvalue()
+
+
+def _error_of(units: UnitSystem) -> str:
+    return column_name("contact_sd", units.displacement)
 
 
 def _rows(labels: str, columns: list[Floats]) -> bytes:

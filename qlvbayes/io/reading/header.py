@@ -21,7 +21,7 @@ from qlvbayes.io.units import (
 
 LABELS = ("pad", "fluid", "test", "role", "control")
 _OTHER_NAMES = {"group": "fluid"}
-_OPTIONAL = ("force_sd", "stress_sd", "start", "rate")
+_OPTIONAL = ("force_sd", "stress_sd", "start", "rate", "contact_sd")
 # The longer name first: force_sd_N is not force in 'sd_N'.
 _QUANTITIES = sorted(SUFFIXES, key=len, reverse=True)
 _COUNTERPART = {
@@ -85,7 +85,7 @@ def read_columns(names: list[str], file: Path, line: int) -> Columns:
     }
     if (measured := f"{units.force_name}_sd") in found:
         numbers["force_sd"] = found[measured]
-    labels = {key: found[key] for key in (*LABELS, "rate", "start") if key in found}
+    labels = {key: found[key] for key in (*LABELS, "rate", "start", "contact_sd") if key in found}
     own = _Own(numbers["displacement"].scale, numbers["force"].scale)
     numbers, labels = own.scaled(numbers), own.scaled(labels)
     used = {column.index for column in (*numbers.values(), *labels.values())}
@@ -108,7 +108,7 @@ class _Own:
 
     def scaled(self, columns: dict[str, Column]) -> dict[str, Column]:
         """The columns with the ratio of each one's unit to the file's own."""
-        own = dict.fromkeys(("displacement", "rate"), self.displacement)
+        own = dict.fromkeys(("displacement", "rate", "contact_sd"), self.displacement)
         own |= dict.fromkeys(("force", "force_sd"), self.force)
         return {
             key: replace(column, scale=column.scale.over(own.get(key, SAME)))

@@ -17,6 +17,8 @@ _PLAIN = str.maketrans(
     {"δ": "d", "−": "-", "Σ": "sum", "∫": "int", "θ": "theta", "²": "^2"} | {"³": "^3"}
 )
 
+_BOUND = 0.1  # of its upper end: where a share's lower end is less, it may as well be zero
+
 _SIGNS = re.compile(r"\*(?=/)|/(?=\*)|-(?=-)")
 
 NO_CONTACT = (
@@ -43,6 +45,7 @@ def card(pad: ExportedPad, target: type[AbstractTarget], extra: Iterable[str] = 
         *(_told(x) for x in pad.intervals),
         "Numbers below: the posterior draw closest to the medians",
     ]
+    lines += _long_term(pad)
     if not pad.converged:
         lines.append("Beware: the sampling had NOT CONVERGED")
     lost = (*_effects(pad, target), *target.cannot, *extra)
@@ -113,3 +116,15 @@ def _effects(pad: ExportedPad, target: type[AbstractTarget]) -> list[str]:
     if target.steps and pad.one_way:
         found.append(f"displacement from force: {pad.one_way}")
     return found
+
+
+def _long_term(pad: ExportedPad) -> list[str]:
+    """Whether what never relaxes is known, or only how little of it there may be."""
+    share = next((x for x in pad.intervals if x.name == "c[0]"), None)
+    if share is None or share.low > _BOUND * share.high:
+        return []
+    held = "" if pad.covered is None else f" within the {pad.covered.hold:.3g} s that were held"
+    return [
+        f"Beware: the long-term modulus is NOT DETERMINED: c[0], {share.low:.2g} to "
+        f"{share.high:.2g}, has an upper bound alone{held}; ratios to it have no meaning"
+    ]

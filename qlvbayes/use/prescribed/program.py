@@ -25,6 +25,12 @@ class Program:
     rate: np.ndarray
 
     @property
+    def jumps(self) -> tuple[float, ...]:
+        """Times (s) of its jumps: two points of one time with different values."""
+        jumping = (np.diff(self.time) == 0.0) & (np.diff(self.value) != 0.0)
+        return tuple(self.time[:-1][jumping].tolist())
+
+    @property
     def longest_rest(self) -> float:
         """Longest time (s) for which the value stays as it is."""
         same = np.diff(self.value) == 0.0

@@ -45,6 +45,14 @@ def read_table(path: Path, units: UnitSystem) -> Program:
     if np.any(back := np.diff(time) < 0.0):
         line = int(np.flatnonzero(back)[0]) + 3
         raise InputError("time runs back", file=path, line=line, remedy="sort the rows")
+    same = np.flatnonzero(np.diff(time) == 0.0)
+    if (thrice := same[1:][np.diff(same) == 1]).size or same.size == time.size - 1:
+        raise InputError(
+            "three rows have one time" if thrice.size else "time does not go on",
+            file=path,
+            line=int(thrice[0] if thrice.size else same[0]) + 3,
+            remedy="write a jump as two rows of one time, or give it a rise time",
+        )
     if time.size > MOST:
         time, value = _corners(time, value)
     if time.size > MOST:

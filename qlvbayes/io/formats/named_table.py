@@ -1,0 +1,103 @@
+"""Any table in text that names its columns with units: rheometers, and programs without marks."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import ClassVar
+
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.formats.columns import Named, chosen, measured, plain_name, recording
+from qlvbayes.io.formats.format import AbstractFormat, Recording, Sight
+from qlvbayes.io.formats.textfile import Lines, cells_of, content, decoded, read_rows, separator_of
+from qlvbayes.io.formats.texttable import in_cells, in_two_rows
+
+_BLANK = 2  # empty rows at most between the names and their units
+_BRACKETED = re.compile(r".*[(\[][^()\[\]]+[)\]]\s*")
+_SHEAR = re.compile(r"\b(shear|scher\w*|schub\w*|cisaillement|taglio|cizalla\w*|corte)\b")
+
+
+class NamedTable(AbstractFormat):
+    """A row of names in one of five languages, units behind them or below, then numbers.
+
+    Cells of text among the numbers (a status) are passed over; where the names come again, a new
+    test begins. Shear has no side that presses: its signs stay.
+    """
+
+    name: ClassVar[str] = "table"
+    machine: ClassVar[str] = "a rheometer (Anton Paar RheoCompass), or any program's table"
+    marks: ClassVar[str] = "names of time, displacement or strain, force or stress, with units"
+    reads: ClassVar[str] = "the three columns, units in brackets or in the row below, UTF-16 too"
+    reference: ClassVar[str] = "Anton Paar RheoCompass, export of tables; ISO 6721-10 for the names"
+    general: ClassVar[bool] = True
+
+    @staticmethod
+    def sniff(head: bytes) -> Sight:
+        """A row of names, and their units."""
+        lines = Lines.of(decoded(head).encode())
+        named = any(all(measured(in_cells(cells)).values()) for _, cells in lines.cells())
+        return Sight.of(
+            {
+                "a row that names time, displacement or strain, and force or stress": named,
+                "their units in brackets or in the row below": _header(lines) is not None,
+            }
+        )
+
+    @staticmethod
+    def read(path: Path) -> tuple[Recording, ...]:
+        """One test for each time that the names come."""
+        data = content(path)
+        lines = Lines.of(data)
+        header = _header(lines)
+        if header is None:
+            raise InputError("no row of names with units", file=path, remedy="export it again")
+        number, first, columns = header
+        separator = separator_of(lines.texts[number])
+        picked = chosen(columns, path, number + 1)
+        names = lines.texts[number].encode() + b"\n"
+        parts = (b"\n" + data[lines.starts[first] :]).split(b"\n" + names)
+        found = []
+        for k, part in enumerate(parts, 1):
+            rows = _numbers(part, separator, [named.place for named in picked.values()])
+            read = read_rows(rows, separator, range(len(picked)), path)
+            name = str(k) if len(parts) > 1 else ""
+            one = recording(columns, picked, read.columns, read.dropped, name)
+            sheared = any(_SHEAR.search(plain_name(named.name)) for named in picked.values())
+            found.append(replace(one, pressing=sheared))
+        return tuple(found)
+
+
+def _header(lines: Lines) -> tuple[int, int, list[Named]] | None:
+    """Number of the row of names, that of the first row below names and units, the columns."""
+    rows = list(lines.cells())
+    for number, names in rows:
+        found = measured(in_cells(names)).values()
+        if not all(found):
+            continue
+        if all(_BRACKETED.fullmatch(names[named.place]) for named in found if named):
+            return number, number + 1, in_cells(names)
+        below = next((k for k, cells in rows[number + 1 :][: _BLANK + 1] if any(cells)), None)
+        if below is None:
+            continue
+        columns = in_two_rows(
+            names, cells_of(lines.texts[below], separator_of(lines.texts[number]))
+        )
+        if all(named and named.unit for named in measured(columns).values()):
+            return number, below + 1, columns
+    return None
+
+
+def _numbers(rows: bytes, separator: str, places: Sequence[int]) -> bytes:
+    """The cells at the places alone: those of text beside them are no numbers."""
+    mark = separator.encode()
+    kept = []
+    for line in rows.split(b"\n"):
+        if b'"' in line:
+            cells = [f'"{cell}"'.encode() for cell in cells_of(line.decode("utf-8"), separator)]
+        else:
+            cells = line.split(mark)
+        if len(cells) > max(places):
+            kept.append(mark.join(cells[place] for place in places))
+    return b"\n".join(kept) + b"\n"
