@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
-from dataclasses import MISSING, dataclass, fields, is_dataclass
+from collections.abc import Callable, Collection, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
 from functools import wraps
 from inspect import Parameter, signature
 from pathlib import Path
@@ -14,13 +15,24 @@ import typer
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.effects.catalogue import find
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.data import Measurements, Pad
+from qlvbayes.io.data import Measurements
+from qlvbayes.io.runtime import cores
 from qlvbayes.laws.catalogue import LAWS, names
 from qlvbayes.laws.relaxation.prony import MOST, Prony
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import NOISES
+from qlvbayes.parallel.engines import Engine, opened_engine
+from qlvbayes.parallel.shards import Shard
+from qlvbayes.pipeline.source import Source
 
-File = Annotated[Path, typer.Argument(help="Measurements: a tidy .csv or .csv.gz file.")]
+Files = Annotated[
+    list[Path],
+    typer.Argument(
+        help="Measurements: a tidy .csv or .csv.gz file, one of a testing machine, several files, "
+        "or a folder of them. Of several each pad is named after its file.",
+        metavar="FILE...",
+    ),
+]
 Fitted = Annotated[Path, typer.Argument(help="The folder that 'fit' wrote.")]
 Out = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")]
 Pads = Annotated[str, typer.Option(help="Only these pads, as 'B,C'.")]
@@ -115,7 +127,49 @@ Tolerance = Annotated[
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+Jobs = Annotated[
+    int,
+    typer.Option(
+        min=0,
+        help="Processes that work side by side, each at a pad of its own; 0: as many as cores. "
+        "Results do not depend on it.",
+    ),
+]
+Cluster = Annotated[
+    str | None,
+    typer.Option(
+        help="Address of a Dask scheduler whose workers do it, as tcp://HOST:8786.",
+        show_default=False,
+    ),
+]
+ShardText = Annotated[
+    str | None,
+    typer.Option(
+        "--shard",
+        help="Do one part of many, as 3/200, or in an array of SLURM as slurm; 'gather' then "
+        "makes what is made of all.",
+        show_default=False,
+    ),
+]
 Seed = Annotated[int, typer.Option(min=0, help="Makes a run repeat.")]
+
+
+@dataclass(frozen=True)
+class WorkOptions:
+    """Who does the work, and which part of it."""
+
+    jobs: Jobs = 1
+    cluster: Cluster = None
+    shard: ShardText = None
+
+    def engine(self) -> AbstractContextManager[Engine | None]:
+        """What works, for a ``with``; None where this process does it."""
+        return opened_engine(self.jobs or cores(), self.cluster)
+
+    @property
+    def part(self) -> Shard:
+        """Which part; InputError where it is none."""
+        return Shard.of(self.shard) if self.shard else Shard()
 
 
 @dataclass(frozen=True)
@@ -252,7 +306,11 @@ def known_names(names: str, known: Collection[str], folder: Path, what: str = "f
     return found
 
 
-def chosen_pads(study: Measurements, names: str) -> list[Pad]:
-    """The named pads, or all; InputError on an unknown name."""
-    known = [pad.name for pad in study.pads]
-    return [study.pad(name) for name in among(names, known)] or list(study.pads)
+def source_of(files: Sequence[Path], pads: str, part: Shard) -> Source:
+    """The named pads of some files, or all; InputError on an unknown name in a single file."""
+    source = Source.of(files, shard=part)
+    if source.read is None:
+        return replace(source, only=tuple(split_names(pads)))
+    known = [pad.name for pad in source.read.pads]
+    names = (source.read.pad(name).name for name in among(pads, known))
+    return replace(source, only=tuple(names))

@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from qlvbayes.io.executables import forget_executables
 
+THREADS = "QLVBAYES_THREADS"  # variable with how many threads this process may use
 _MAPPINGS = Path("/proc/self/maps")
 _MANY = 20_000  # of the 65 530 that Linux allows a process; LLVM stops it beyond
 
@@ -44,6 +45,14 @@ def configure() -> None:
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", 0)
+
+
+def cores() -> int:
+    """How many threads are of use: ``$QLVBAYES_THREADS``, or the cores this process may run on."""
+    asked = os.environ.get(THREADS, "")
+    if asked.isdecimal() and int(asked) > 0:
+        return int(asked)
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def one_blas_thread() -> AbstractContextManager[object]:

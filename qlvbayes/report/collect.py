@@ -127,7 +127,7 @@ def _pad(folder: Path) -> PadResults:
 
 def _model(folder: Path) -> Model:
     draws, summary = folder / "posterior.nc", _read(FitSummary, folder / "summary.json")
-    facts = _facts(draws)
+    facts = facts_of(draws)
     if summary is None and draws.exists():
         summary, told = summary_of_draws(draws)
         facts = told | facts
@@ -156,7 +156,7 @@ def _paragraphs(path: Path) -> tuple[str, ...]:
     return tuple(part for part in parts if part)
 
 
-def _facts(path: Path) -> dict:
+def facts_of(path: Path) -> dict:
     """Attributes of a results file, as plain Python."""
     if not path.exists():
         return {}
