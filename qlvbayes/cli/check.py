@@ -52,9 +52,9 @@ def check(
         done = run_pads(folder, todo, size=len(files), engine=engine, watcher=watcher)
     figures = [folder / pad / f"{name}.png" for pad in done.pads for name in FIGURES]
     figures += draw_forces_at_rates(folder) if part.count == 1 and done.pads else []
-    if as_json:
-        show_done(folder, done, "check.json", as_json=True)
-    elif done.pads:
+    if as_json or not done.pads:
+        show_done(folder, done, "check.json", as_json=as_json)
+    else:
         _show_constants(files)
         show_figures(figures)
     raise_failed([done])

@@ -65,5 +65,5 @@ def diagnose_command(
     if done.pads:
         told = {"evidence": evidence, "thresholds": settings}
         record_run(output, "diagnose", command_line(), source.whole, choices, seed, told)
-        show_done(output, done, "diagnosis.json", as_json=as_json)
+    show_done(output, done, "diagnosis.json", as_json=as_json)
     raise_failed([done])

@@ -72,5 +72,5 @@ def fit(
         if source.shard.count == 1:
             with waiting("figures of all pads"):
                 draw_constants(output, known)
-        show_done(output, done, "summary.json", as_json=as_json)
+    show_done(output, done, "summary.json", as_json=as_json)
     raise_failed([done])

@@ -131,12 +131,14 @@ def _lasting(seconds: float) -> str:
 
 
 def show_done(folder: Path, done: Tally, file: str, *, as_json: bool) -> None:
-    """Where the results are; for machines that ``file`` of each pad, in a list."""
+    """Where the results are, if there are any; for machines ``file`` of each pad, in a list."""
     if as_json:
         found = (json.loads((folder / pad / file).read_bytes()) for pad in done.pads)
         print(json.dumps(list(found), allow_nan=False))
-    else:
+    elif done.pads:
         out.print(f"results in {folder}")
+    elif not done.total:
+        out.print("there are no pads in this part")
 
 
 def show_figures(figures: Sequence[Path]) -> None:

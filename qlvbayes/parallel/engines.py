@@ -188,7 +188,7 @@ def engine_of(client: Any) -> Engine | None:
         return Given(client)
     raise InputError(
         f"a {type(client).__name__} takes no work",
-        remedy="give a dask.distributed.Client or an executor of concurrent.futures",
+        remedy="give a distributed.Client or an executor of concurrent.futures",
     )
 
 

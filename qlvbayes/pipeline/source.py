@@ -103,7 +103,10 @@ class Source:
                 yield alone(study, pad)
 
     def _wanted(self, study: Measurements) -> list[Pad]:
-        return [pad for pad in study.pads if not self.only or pad.name in self.only]
+        if not self.only:
+            return list(study.pads)
+        known = {pad.name: pad for pad in study.pads}
+        return [known[name] for name in self.only if name in known]
 
 
 def alone(study: Measurements, pad: Pad) -> Measurements:
