@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import hashlib
+import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, CancelledError, Future
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cache
+from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, Generic, TypeVar, cast
 
+import qlvbayes
 from qlvbayes.io.runtime import forget_compiled, one_blas_thread
 from qlvbayes.parallel.engines import Engine, EngineLostError
 from qlvbayes.parallel.faults import Fault, fault_of
@@ -69,6 +74,16 @@ def run_all(
     yield from _Run(task, engine, keep).through(cast(Iterator[Item], iter(items)))
 
 
+@cache
+def package_digest() -> str:
+    """Of the package's source: results of other code are not taken for finished."""
+    digest = hashlib.sha256()
+    root = Path(qlvbayes.__file__).parent
+    for file in sorted(root.rglob("*.py")):
+        digest.update(file.relative_to(root).as_posix().encode() + file.read_bytes())
+    return digest.hexdigest()
+
+
 def _passed(item: Any) -> Outcome[Any, Any] | None:
     """What needs no work: a fault, or an outcome that is known already."""
     if isinstance(item, Outcome):
@@ -78,7 +93,8 @@ def _passed(item: Any) -> Outcome[Any, Any] | None:
 
 def _tried(task: Callable[[Item], Answer], item: Item) -> tuple[Answer | None, Fault | None]:
     """The task's answer, or its fault; both can be pickled where an exception may not be."""
-    with _IN_TURN, one_blas_thread():  # numbers must not depend on how many threads there are
+    # numbers must not depend on how many threads there are
+    with _IN_TURN, one_blas_thread(), _without_scheduler():
         try:
             answer = task(item)
         except Exception as error:  # one bad item must not stop the others
@@ -86,6 +102,22 @@ def _tried(task: Callable[[Item], Answer], item: Item) -> tuple[Answer | None, F
         finally:
             forget_compiled()
     return answer, None
+
+
+def _tried_elsewhere(
+    code: str, task: Callable[[Item], Answer], item: Item
+) -> tuple[Answer | None, Fault | None]:
+    """As `_tried`, where the worker has the same package: results of two are not mixed."""
+    if code != package_digest():
+        version = f"the worker has another version of qlvbayes ({qlvbayes.__version__})"
+        return None, Fault(f"{version}; install the same one where it runs")
+    return _tried(task, item)
+
+
+def _without_scheduler() -> AbstractContextManager[object]:
+    """In a worker of Dask: xarray would ask the scheduler for a lock on each file it writes."""
+    dask = sys.modules.get("dask")
+    return nullcontext() if dask is None else dask.config.set(scheduler="synchronous")
 
 
 @dataclass(eq=False)
@@ -144,7 +176,7 @@ class _Run(Generic[Item, Answer]):
 
     def _submit(self, place: int, item: Item) -> None:
         try:
-            future = self.engine.submit(partial(_tried, self.task), item)
+            future = self.engine.submit(_tried_elsewhere, package_digest(), self.task, item)
         except BrokenExecutor:  # it broke while nobody listened
             self.suspects.append((place, item))
             if not self.handed:  # else the last of them does it

@@ -7,13 +7,12 @@ import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, ClassVar, Protocol
 from uuid import uuid4
 
-import qlvbayes
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.summary import FitSummary
@@ -22,7 +21,7 @@ from qlvbayes.io.data import Measurements
 from qlvbayes.io.files import results_folder, same_folder, write_json, write_whole
 from qlvbayes.parallel.engines import Engine
 from qlvbayes.parallel.faults import FailedError, Fault
-from qlvbayes.parallel.running import Outcome, run_all
+from qlvbayes.parallel.running import Outcome, package_digest, run_all
 from qlvbayes.pipeline.source import Source
 from qlvbayes.pipeline.watcher import Watcher
 
@@ -307,11 +306,6 @@ def _done_here(watcher: Watcher, work: Work) -> Done:
 
 def _done_elsewhere(work: Work) -> Done:
     """In a worker: what it says, and where it has no part of the disk what it leaves, goes back."""
-    if work.code != package_digest():
-        raise InputError(
-            f"the worker has another version of qlvbayes ({qlvbayes.__version__})",
-            remedy="install the same one where 'dask worker' runs",
-        )
     with _looking(work.look):
         if work.token is None or work.token.exists():
             recorder = Recorder(work.folder)
@@ -356,16 +350,6 @@ def _digest(path: Path) -> str:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError:
         return ""
-
-
-@cache
-def package_digest() -> str:
-    """Of the package's source: results of other code are not taken for finished."""
-    digest = hashlib.sha256()
-    root = Path(qlvbayes.__file__).parent
-    for file in sorted(root.rglob("*.py")):
-        digest.update(file.relative_to(root).as_posix().encode() + file.read_bytes())
-    return digest.hexdigest()
 
 
 @contextmanager

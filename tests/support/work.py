@@ -3,7 +3,8 @@
 import json
 import os
 import signal
-from dataclasses import dataclass
+import time
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar
 
@@ -74,3 +75,23 @@ def pads(*names):
     for place, name in enumerate(names):
         test = Test("t", name, time, time, time * 0.1 + place)
         yield Measurements((Pad(name, (test,), PAD),), PAD, "some.csv", "digest", ())
+
+
+@dataclass(frozen=True)
+class SlowStep:
+    """Leaves a file, pads called slow only after a while."""
+
+    name: ClassVar[str] = "slow"
+    reads: ClassVar[tuple[str, ...]] = ()
+
+    seconds: float = field(repr=False)  # what is left does not depend on it
+
+    def run(self, folder, study, watcher):
+        if study.pads[0].name.startswith("slow"):
+            time.sleep(self.seconds)
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "done.txt").write_text(study.pads[0].name)
+        watcher.notice(f"pad {folder.name}: done")
+
+    def tell(self, folder, watcher):
+        watcher.notice(f"pad {folder.name}: there")
