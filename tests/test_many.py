@@ -1,22 +1,25 @@
 """Many pads: the same files with any number of processes and in parts; what is finished stays."""
 
 import json
+import shutil
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from support.endtoend import PADS, call, one_line, read_json
 from support.work import MeanStep, pads
 
-from qlvbayes import read_study
+from qlvbayes import read_study, write_report
 from qlvbayes.fitting.runs import Runs
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
 from qlvbayes.parallel.engines import Processes, engine_of
 from qlvbayes.parallel.faults import Fault
 from qlvbayes.parallel.shards import Shard
+from qlvbayes.pipeline.drawing import draw_constants
 from qlvbayes.pipeline.many import FINISHED, Work, faults_in, run_pads
 from qlvbayes.pipeline.source import Source, pad_of
 from qlvbayes.pipeline.watcher import Watcher
+from qlvbayes.report.page import MOST_ON_A_PAGE
 
 QUICK = ("--method", "least-squares", "--modes", "1", "--noise", "white")
 
@@ -164,8 +167,7 @@ def test_parts_gathered_are_the_whole(alone, folder, tmp_path):
         status, _, err = call(*words, drawn=True)
         assert status == (2 if "broken" in err else 0)
         assert not (tmp_path / "constants.csv").exists()
-    for part in ("1/3", "2/3", "3/3"):
-        assert call("check", tmp_path, "--shard", part, drawn=True)[0] == 0
+    assert call("check", tmp_path, "--shard", "1/1", drawn=True)[0] == 0
     status, told, err = call("gather", tmp_path, drawn=True)
     assert status == 2
     assert f"3 pads in {tmp_path}, report in" in told
@@ -221,3 +223,31 @@ def test_a_study_in_python_is_worked_on_by_any_executor(folder):
         two = study.fit(method="least-squares", client=executor)
     assert list(one) == list(two) == ["B"]
     assert two["B"].summary() == one["B"].summary()
+
+
+def test_a_report_of_many_pads_is_a_table_and_a_page_each(alone, tmp_path):
+    names = [f"pad <{k}>" for k in range(MOST_ON_A_PAGE + 1)]
+    for name in names:
+        (tmp_path / name).mkdir()
+        summary = read_json(alone[0] / "B" / "summary.json") | {"pad": name}
+        (tmp_path / name / "summary.json").write_text(json.dumps(summary))
+        shutil.copy(alone[0] / "B" / "posterior.nc", tmp_path / name)
+    text = write_report(tmp_path).read_text()
+    assert "<title>25 pads" in text
+    assert 'href="pad%20%3C7%3E/report.html">pad &lt;7&gt;</a>' in text
+    assert text.count("<tr>") == len(names) + 1
+    assert "<img" not in text
+    median = read_json(alone[0] / "B" / "summary.json")["parameters"]["m"]["median"]
+    assert text.count(f'data-value="{median}"') == len(names)
+    pages = [tmp_path / name / "report.html" for name in names]
+    assert "Pad pad &lt;7&gt;" in pages[7].read_text()
+    made = [page.stat().st_mtime_ns for page in pages]
+    (tmp_path / names[3] / "summary.json").touch()
+    write_report(tmp_path)
+    again = [page.stat().st_mtime_ns for page in pages]
+    assert [k for k, (a, b) in enumerate(zip(made, again, strict=True)) if a != b] == [3]
+    draw_constants(tmp_path, None)
+    assert {path.name for path in tmp_path.iterdir() if path.is_file()} == {
+        "constants.csv",
+        "report.html",
+    }

@@ -19,9 +19,10 @@ from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.checks import InputError
 from qlvbayes.parallel.faults import Fault, fault_of
 from qlvbayes.pipeline.checking import FIGURES, CheckStep
-from qlvbayes.pipeline.drawing import MOST_SIDE_BY_SIDE, draw_forces_at_rates
+from qlvbayes.pipeline.drawing import draw_forces_at_rates
 from qlvbayes.pipeline.gathering import Reader
 from qlvbayes.pipeline.many import Work, raise_failed, run_pads
+from qlvbayes.report.page import MOST_ON_A_PAGE
 
 
 @with_groups
@@ -74,5 +75,5 @@ def _work(files: Sequence[Path], reader: Reader, seed: int) -> Iterator[Work | F
 def _show_constants(files: Sequence[Path]) -> None:
     summaries = [file.with_name("summary.json") for file in files]
     found = [FitSummary.read(path) for path in summaries if path.exists()]
-    if 0 < len(found) <= MOST_SIDE_BY_SIDE:
+    if 0 < len(found) <= MOST_ON_A_PAGE:
         out.print(pads_table(found))

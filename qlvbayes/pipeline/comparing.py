@@ -13,10 +13,10 @@ from qlvbayes.comparison.writing import write_comparison
 from qlvbayes.fitting.results import Saved, load
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements, read_measurements
-from qlvbayes.pipeline.drawing import MOST_SIDE_BY_SIDE
 from qlvbayes.pipeline.watcher import Watcher
 from qlvbayes.preprocess.covered import covered
 from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.report.page import MOST_ON_A_PAGE
 
 FOLDER = "compare"
 _MOST_PAIRS = 6  # compared unasked
@@ -64,7 +64,7 @@ def fluid_pairs(pads: Sequence[Saved]) -> list[tuple[Group, Group]]:
 
 def compare_few(out: Path, pads: Sequence[str], seed: int, watcher: Watcher) -> None:
     """Compare the fluids of some fitted pads, or where there are none every pair of a few pads."""
-    if len(pads) > MOST_SIDE_BY_SIDE:
+    if len(pads) > MOST_ON_A_PAGE:
         _leave_out(f"{len(pads)} pads", watcher)
     else:
         compare_pairs(out, [load(out / pad / "posterior.nc") for pad in pads], seed, watcher)

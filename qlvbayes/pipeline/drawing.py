@@ -22,10 +22,9 @@ from qlvbayes.fitting.constants_table import (
 from qlvbayes.fitting.fit import Fit
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.preprocess.experiment import Experiment
+from qlvbayes.report.page import MOST_ON_A_PAGE
 
 REFERENCES = "paper_table1.csv"
-MOST_SIDE_BY_SIDE = 24
-"""Pads in one figure or printed table; of more there is constants.csv."""
 
 
 def draw_fit(folder: Path, found: Fit, experiment: Experiment) -> list[Path]:
@@ -71,7 +70,7 @@ def draw_constants(out: Path, references: Known | None) -> list[Path]:
     known = read_references(references.file) if references else {}
     usable = known if references and references.asked else that_fit(known, summaries)
     entries = constants_table(summaries, usable)
-    few = len(files) <= MOST_SIDE_BY_SIDE
+    few = len(files) <= MOST_ON_A_PAGE
     write_constants(out, entries, for_print=few)
     if not few:
         return []
@@ -88,7 +87,7 @@ def draw_forces_at_rates(out: Path) -> list[Path]:
     Left out where there are more than anyone reads side by side. Returns the image.
     """
     files = sorted(out.glob("*/curves.json"))
-    if not 2 <= len(files) <= MOST_SIDE_BY_SIDE:
+    if not 2 <= len(files) <= MOST_ON_A_PAGE:
         return []
     pads = [Curves.read(file) for file in files]
     if len({pad.units for pad in pads}) > 1:

@@ -10,7 +10,7 @@ from msgspec import convert
 
 from qlvbayes.fitting.ensemble import Settings
 from qlvbayes.fitting.results import Saved, load
-from qlvbayes.fitting.runs import Run, Runs
+from qlvbayes.fitting.runs import Run
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements, read_measurements
 from qlvbayes.model.choices import Choices
@@ -21,7 +21,7 @@ from qlvbayes.pipeline.many import Tally, faults_in
 from qlvbayes.pipeline.run import any_new, finish, fuller, run_finals, verdict
 from qlvbayes.pipeline.source import pad_of
 from qlvbayes.pipeline.watcher import Watcher
-from qlvbayes.report.collect import facts_of
+from qlvbayes.report.collect import facts_of, runs_in
 
 
 def gather(
@@ -42,7 +42,7 @@ def gather(
         There are no fits, or the references cannot be used.
     """
     watcher = watcher or Watcher()
-    run = _runs(out)
+    run = runs_in(out)
     late: tuple[Fault, ...] = ()
     if "study" in run:
         late = _finals(out, run["study"], engine, watcher).faults
@@ -50,14 +50,9 @@ def gather(
     if not pads:
         raise InputError("no fit in this folder", file=out, remedy="run qlvbayes fit first")
     seed = max((one.seed for one in run.values()), default=0)
-    finish(out, pads, references_of(_data_folder(out, pads), references), seed, watcher)
+    finish(out, pads, references_of(_data_folder(out, pads), references), seed, watcher, engine)
     noted = {fault.of: fault for fault in (*faults_in(out), *late)}
     return Tally(tuple(pads), tuple(noted.values()))
-
-
-def _runs(out: Path) -> dict[str, Run]:
-    path = out / "run.json"
-    return Runs.read(path).runs if path.exists() else {}
 
 
 def _data_folder(out: Path, pads: list[str]) -> Path:

@@ -132,14 +132,19 @@ def run_study(
         watcher=watcher,
     )
     if source.shard.count == 1:
-        finish(out, final.pads, known, settings.seed, watcher)
+        finish(out, final.pads, known, settings.seed, watcher, engine)
     verdicts = [verdict(out, name) for name in plain.pads]
     raise_failed([plain, final], verdicts)
     return verdicts
 
 
 def finish(
-    out: Path, pads: Sequence[str], references: Known | None, seed: int, watcher: Watcher
+    out: Path,
+    pads: Sequence[str],
+    references: Known | None,
+    seed: int,
+    watcher: Watcher,
+    engine: Engine | None = None,
 ) -> None:
     """What is made of all pads: constants, forces, comparisons, report."""
     with watcher.doing("figures of all pads"):
@@ -147,7 +152,7 @@ def finish(
         draw_forces_at_rates(out)
     compare_few(out, pads, seed, watcher)
     with watcher.doing("report"):
-        write_report(out)
+        write_report(out, engine=engine)
 
 
 def verdict(out: Path, pad: str) -> DiagnosisResult:
