@@ -116,8 +116,12 @@ def _tried_elsewhere(
 
 def _without_scheduler() -> AbstractContextManager[object]:
     """In a worker of Dask: xarray would ask the scheduler for a lock on each file it writes."""
-    dask = sys.modules.get("dask")
-    return nullcontext() if dask is None else dask.config.set(scheduler="synchronous")
+    if "distributed" not in sys.modules:
+        return nullcontext()
+    import dask
+
+    found: AbstractContextManager[object] = dask.config.set(scheduler="synchronous")
+    return found
 
 
 @dataclass(eq=False)
