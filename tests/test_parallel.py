@@ -106,6 +106,34 @@ def test_processes_are_spawned_and_end_with_their_parent():
     assert not alive(worker)
 
 
+def test_ctrl_c_ends_all_at_once_and_is_quiet():
+    script = (
+        "from support.work import lasting\n"
+        "from qlvbayes.parallel.engines import opened_engine\n"
+        "from qlvbayes.parallel.running import run_all\n"
+        "if __name__ == '__main__':\n"
+        "    try:\n"
+        "        with opened_engine(2) as engine:\n"
+        "            list(run_all(lasting, range(2), engine))\n"
+        "    except KeyboardInterrupt:\n"
+        "        print('stopped')\n"
+    )
+    path = os.pathsep.join(filter(None, sys.path))
+    parent = subprocess.Popen(
+        [sys.executable, "-c", script],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        env={**os.environ, "PYTHONPATH": path},
+    )
+    with parent:
+        assert [parent.stdout.readline() for _ in range(2)] == ["begun\n"] * 2
+        os.killpg(parent.pid, signal.SIGINT)  # as a terminal does: workers hear it too
+        out, err = parent.communicate(timeout=60.0)
+    assert (out, err, parent.returncode) == ("stopped\n", "", 0)
+
+
 def alive(process):
     try:
         with open(f"/proc/{process}/stat") as file:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
@@ -204,7 +205,7 @@ def run_pads(
             _keep(out, outcome)
             tell(reached, max(size, reached))
 
-        todo = _todo(out, work, engine, token, names)
+        todo = _todo(out, work, token, names)
         task = partial(_done_here, watcher) if engine is None else _done_elsewhere
         for outcome in run_all(task, todo, engine, keep=keep):
             if outcome.fault is not None:
@@ -245,16 +246,14 @@ def raise_failed(tallies: Sequence[Tally], results: Sequence[Any] = ()) -> None:
 
 
 def _todo(
-    out: Path, work: Iterable[Work | Fault], engine: Engine | None, token: Path | None,
-    names: set[str],
-) -> Iterator[Work | Fault | Outcome[Work, Done]]:  # fmt: skip
+    out: Path, work: Iterable[Work | Fault], token: Path | None, names: set[str]
+) -> Iterator[Work | Fault | Outcome[Work, Done]]:
     """What goes to the workers, complete; what is finished already passes by them."""
-    look = _own_look() if engine is not None else {}
     for one in work:
         if isinstance(one, Fault):
             yield one
             continue
-        one = replace(one, look=look or _own_look(), code=package_digest(), token=token)
+        one = replace(one, look=_own_look(), code=package_digest(), token=token)
         if same_folder(one.pad) in names:
             text = f"{one.study.source}: another pad of these files is called '{one.pad}' too"
             yield Fault(f"{text}; rename the file or the pad", of=one.pad)
@@ -408,8 +407,6 @@ def _replay(told: Sequence[tuple[str, tuple[Any, ...]]], watcher: Watcher, folde
 
 def _own_look() -> dict[str, Any]:
     """Of the user, over the package's own; nothing is imported to learn that there is none."""
-    import sys
-
     style = sys.modules.get("qlvbayes.plots.style")
     return {} if style is None else style.own_look()
 

@@ -39,6 +39,11 @@ def always_killed(number):
     return number
 
 
+def lasting(number):
+    print("begun", flush=True)
+    time.sleep(600.0)
+
+
 def process_of(number):
     return os.getpid()
 
