@@ -268,7 +268,8 @@ def test_pads_are_fitted_one_folder_each(tmp_path):
     assert status == 0
     assert out.index("pad C") < out.index("pad A")
     tables = [f"constants.{kind}" for kind in ("csv", "pdf", "png", "tex")]
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["A", "C", *tables, "run.json"]
+    left = [".finished", "A", "C", *tables, "run.json"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == left
 
 
 def test_simulated_data_can_be_fitted(tmp_path):

@@ -154,11 +154,11 @@ def test_diagnose_prints_json_for_machines(study, tmp_path, monkeypatch):
     asked = {}
 
     def told(folder, pad, choices, **others):
-        folder.mkdir(parents=True)  # where the run is recorded
+        folder.mkdir(parents=True)
+        found.write(folder / "diagnosis.json")
         asked.update(others, folder=folder, pad=pad.name, choices=choices)
-        return SimpleNamespace(result=found)
 
-    monkeypatch.setattr("qlvbayes.cli.diagnose.diagnose_into", told)
+    monkeypatch.setattr("qlvbayes.pipeline.diagnosing.diagnose_into", told)
     words = ("--elastic", "hertz", "--tolerance", "2%", "--seed", "5", "--json")
     status, out, err = call("diagnose", HIDDEN, "-o", tmp_path / "out", *words)
     assert (status, err) == (0, "")

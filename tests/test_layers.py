@@ -15,6 +15,7 @@ HOUSE = [
         "priors": "densities of constants",
     },
     {
+        "parallel": "one task for many pads: here, in processes, on a cluster",
         "laws": "what a material does: elastic laws, relaxations, the hereditary integral",
         "simulate": "a rig of its own, which shares nothing with the model",
     },

@@ -31,7 +31,7 @@ from support.written_results import (
     write_study,
 )
 
-from qlvbayes import Comparison, InputError, Settings, write_report
+from qlvbayes import Comparison, InputError, write_report
 from qlvbayes.fitting.runs import Runs, record_run
 from qlvbayes.io.data import read_measurements
 from qlvbayes.laws.elastic.exponential import Exponential
@@ -39,7 +39,7 @@ from qlvbayes.laws.elastic.hertz import HertzPower
 from qlvbayes.laws.elastic.linear import Linear
 from qlvbayes.model.choices import Choices
 from qlvbayes.pipeline import Watcher
-from qlvbayes.pipeline.run import _compare
+from qlvbayes.pipeline.comparing import compare_pairs
 from qlvbayes.report.boxes import verdict_box
 from qlvbayes.report.charts import chart_of
 from qlvbayes.report.collect import Compared, collect
@@ -474,7 +474,7 @@ class Listener(Watcher):
 def test_many_pads_are_not_all_compared_unasked(tmp_path):
     listener = Listener()
     pads = [SimpleNamespace(pad=name, fluid=None) for name in "ABCDE"]
-    _compare(pads, tmp_path, Settings(), listener)
+    compare_pairs(tmp_path, pads, 0, listener)
     assert listener.notices[0].startswith("5 pads make 10 pairs")
     assert not list(tmp_path.iterdir())
 

@@ -8,9 +8,6 @@ from __future__ import annotations
 import argparse
 import os
 import shlex
-import subprocess
-import sys
-import time
 from functools import partial
 from pathlib import Path
 
@@ -23,26 +20,23 @@ from qlvbayes.evaluation.keeping import Kept, kept_file, run_missing
 from qlvbayes.evaluation.plan import NOISES, Plan
 from qlvbayes.evaluation.report import Report
 from qlvbayes.io.files import write_json, write_whole
+from qlvbayes.parallel.engines import opened_engine
 from qlvbayes.plots.benchmark import plot_benchmark
 from qlvbayes.plots.files import save_figure
 
 ROOT = Path(__file__).resolve().parents[1]
-MOST_WORKERS = 2
-_LOOK_S = 5.0
 
 
 def main() -> None:
     options = _options()
     plan = Plan(options.seed, options.noise)
     file = options.kept or kept_file(ROOT / "build" / "validation", plan.key)
-    if options.part is not None:
-        places = range(options.part, options.studies, options.workers)
-        run_missing(partial(run_case, plan), Kept(file, plan.key, options.part), places)
-        return
     origin = Origin.now(_command(options), ROOT)
-    if Kept(file, plan.key).missing(options.studies):
-        _work(options, file, plan)
-    _write(Report.of(plan, Kept(file, plan.key).first(options.studies)), origin, options)
+    kept = Kept(file, plan.key)
+    if kept.missing(options.studies):
+        with opened_engine(options.workers) as engine, counting("studies") as tell:
+            run_missing(partial(run_case, plan), kept, range(options.studies), tell, engine)
+    _write(Report.of(plan, kept.first(options.studies)), origin, options)
 
 
 def _options() -> argparse.Namespace:
@@ -50,13 +44,10 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--studies", type=int, default=400, help="pads")
     parser.add_argument("--seed", type=int, default=1, help="decides all pads and their noise")
     parser.add_argument("--noise", choices=NOISES, default=NOISES[0], help="simulated and fitted")
-    parser.add_argument(
-        "--workers", type=int, default=MOST_WORKERS, choices=range(1, MOST_WORKERS + 1)
-    )
+    parser.add_argument("--workers", type=int, default=2, help="processes that run them")
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "docs" / "blind_studies.md")
     parser.add_argument("--kept", type=Path, help="file of finished studies, whatever their code")
     parser.add_argument("--note", default="", help="a sentence for the page")
-    parser.add_argument("--part", type=int, help=argparse.SUPPRESS)  # what a worker does
     return parser.parse_args()
 
 
@@ -71,25 +62,6 @@ def _command(options: argparse.Namespace) -> str:
 def _given(options: argparse.Namespace, *keys: str) -> list[str]:
     """The options of these names, as on a command line."""
     return [word for key in keys for word in (f"--{key}", str(getattr(options, key)))]
-
-
-def _work(options: argparse.Namespace, file: Path, plan: Plan) -> None:
-    """Run what is missing in processes of their own; all end with this one."""
-    command = [sys.executable, str(Path(__file__).resolve()), "--kept", str(file)]
-    command += _given(options, "studies", "seed", "noise", "workers")
-    workers = [subprocess.Popen([*command, "--part", str(part)]) for part in range(options.workers)]
-    try:
-        with counting("studies") as tell:
-            while any(worker.poll() is None for worker in workers):
-                done = options.studies - len(Kept(file, plan.key).missing(options.studies))
-                tell(done, options.studies)
-                time.sleep(_LOOK_S)
-    finally:
-        for worker in workers:
-            worker.terminate()
-            worker.wait()
-    if any(worker.returncode for worker in workers):
-        sys.exit("a worker stopped; the same command goes on where it was")
 
 
 def _write(report: Report, origin: Origin, options: argparse.Namespace) -> None:

@@ -11,9 +11,7 @@ from __future__ import annotations
 import argparse
 import json
 import shlex
-import subprocess
 import sys
-import time
 from functools import partial
 from pathlib import Path
 
@@ -27,9 +25,8 @@ from qlvbayes.evaluation.population import Population
 from qlvbayes.evaluation.widecase import run_wide
 from qlvbayes.evaluation.widereport import WideReport
 from qlvbayes.io.files import write_json, write_whole
-
-_WORKERS = 2
-_LOOK_S = 5.0
+from qlvbayes.parallel.engines import opened_engine
+from qlvbayes.parallel.faults import FailedError
 
 
 def main() -> None:
@@ -46,26 +43,22 @@ def main() -> None:
         )
     population = Population(promise.seed)
     file = ROOT / "build" / "validation" / f"{options.name}-{promise.code}.jsonl"
-    if options.part is None:
-        take_up(options.output.with_suffix(".json"), promise, Kept(file, population.key))
-    if options.part is not None:
-        kept = Kept(file, population.key, options.part)
-        _run_part(population, kept, range(options.part, promise.studies, _WORKERS))
-        return
-    if not options.finished and Kept(file, population.key).missing(promise.studies):
-        _work(options.name, file, population, promise.studies)
-    _publish(promise, Kept(file, population.key), options.output)
+    kept = Kept(file, population.key)
+    take_up(options.output.with_suffix(".json"), promise, kept)
+    if not options.finished and kept.missing(promise.studies):
+        _run(population, kept, promise.studies, options.workers)
+    _publish(promise, kept, options.output)
 
 
-def _run_part(population: Population, kept: Kept, indices: range) -> None:
+def _run(population: Population, kept: Kept, studies: int, workers: int) -> None:
     """Run what is missing; a pad that the simulator cannot make is told and stays missing."""
-    for index in indices:
-        try:
-            run_missing(partial(run_wide, population), kept, [index])
-        except RuntimeError as error:
-            if "the simulation stopped" not in str(error):
-                raise
-            print(f"study {index} is not made: {error}", file=sys.stderr, flush=True)
+    try:
+        with opened_engine(workers) as engine, counting("studies") as tell:
+            run_missing(partial(run_wide, population), kept, range(studies), tell, engine)
+    except FailedError as error:
+        print(*error.lines, sep="\n", file=sys.stderr)
+        if not all("the simulation stopped" in fault.text for fault in error.faults):
+            sys.exit("a study failed otherwise than by its simulation; the others are kept")
 
 
 def take_up(published: Path, promise: Registration, kept: Kept) -> None:
@@ -87,25 +80,8 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--note", default="", help="a sentence for the page")
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "docs" / "wide_studies.md")
     parser.add_argument("--finished", action="store_true", help="publish, run nothing")
-    parser.add_argument("--part", type=int, help=argparse.SUPPRESS)  # what a worker does
+    parser.add_argument("--workers", type=int, default=2, help="processes that run the studies")
     return parser.parse_args()
-
-
-def _work(name: str, file: Path, population: Population, studies: int) -> None:
-    """Run what is missing in processes of their own; all end with this one."""
-    command = [sys.executable, str(Path(__file__).resolve()), name]
-    workers = [subprocess.Popen([*command, "--part", str(part)]) for part in range(_WORKERS)]
-    try:
-        with counting("studies") as tell:
-            while any(worker.poll() is None for worker in workers):
-                tell(studies - len(Kept(file, population.key).missing(studies)), studies)
-                time.sleep(_LOOK_S)
-    finally:
-        for worker in workers:
-            worker.terminate()
-            worker.wait()
-    if any(worker.returncode for worker in workers):
-        sys.exit("a worker stopped; the same command goes on where it was")
 
 
 def _publish(promise: Registration, kept: Kept, output: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,16 +12,17 @@ import typer
 from rich.table import Table
 
 from qlvbayes.cli.console import counting, out
-from qlvbayes.cli.options import Seed, Style, split_names
+from qlvbayes.cli.options import Seed, Style, WorkOptions, split_names, with_groups
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.files import results_folder, write_json
 
 if TYPE_CHECKING:
-    from qlvbayes.evaluation.keeping import Tell
+    from qlvbayes.evaluation.rate import Case
     from qlvbayes.evaluation.report import Report
     from qlvbayes.evaluation.widereport import WideReport
 
 
+@with_groups
 def benchmark(
     studies: Annotated[int, typer.Option(min=1, help="How many pads.")] = 40,
     seed: Seed = 0,
@@ -34,6 +36,8 @@ def benchmark(
     population: Annotated[
         str, typer.Option(help="paper, or wide: other protocols, laws, noise and loggers too.")
     ] = "paper",
+    *,
+    work: WorkOptions,
     style: Style = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
 ) -> None:
@@ -46,7 +50,8 @@ def benchmark(
     the list, or that beside a listed effect, each over every protocol, law, history, kind of noise
     and logger; rates come with one-sided 95 % bounds.
 
-    Leaves OUT/benchmark.json and, of the paper's population, OUT/benchmark.png and .pdf.
+    Leaves OUT/benchmark.json and, of the paper's population, OUT/benchmark.png and .pdf. Of parts
+    (--shard) the studies are kept; the same command without it then scores all of them.
     """
     if population not in ("paper", "wide"):
         raise InputError(f"no population {population!r}", remedy="use paper or wide")
@@ -56,22 +61,20 @@ def benchmark(
                 "the wide population decides effects and noise itself",
                 remedy="leave --effects and --noise out",
             )
-        with counting("studies") as tell:
-            run_wide_benchmark(studies, seed, results_folder(output), as_json, tell)
+        run_wide_benchmark(studies, seed, results_folder(output), as_json, work)
         return
     # here, so that the other commands do not wait for what only this one needs
     from qlvbayes.evaluation.case import run_case
-    from qlvbayes.evaluation.keeping import Kept, kept_file, run_missing
     from qlvbayes.evaluation.plan import Plan
     from qlvbayes.evaluation.report import Report
 
     names = tuple(split_names(effects))
     plan = Plan(seed, noise, names) if names else Plan(seed, noise)
     folder = results_folder(output)
-    kept = Kept(kept_file(folder / "studies", plan.key), plan.key)
-    with counting("studies") as tell:
-        run_missing(partial(run_case, plan), kept, range(studies), tell)
-    report = Report.of(plan, kept.first(studies))
+    cases = _run(partial(run_case, plan), plan.key, folder, studies, work)
+    if cases is None:
+        return
+    report = Report.of(plan, cases)
     write_json(folder / "benchmark.json", report.as_dict())
     picture = _figure(report, folder)
     if as_json:
@@ -79,6 +82,24 @@ def benchmark(
         return
     out.print(rates_table(report), constants_table(report))
     out.print(f"figure: {picture}")
+
+
+def _run(
+    study: Callable[[int], Case], key: str, folder: Path, studies: int, work: WorkOptions
+) -> list[Case] | None:
+    """Run what is missing; all studies, or None after one part of many."""
+    from qlvbayes.evaluation.keeping import Kept, kept_file, run_missing
+
+    part = work.part
+    own = part.place if part.count > 1 else None
+    kept = Kept(kept_file(folder / "studies", key), key, own)
+    places = part.part(range(studies))
+    with work.engine() as engine, counting("studies") as tell:
+        run_missing(study, kept, places, tell, engine)
+    if own is None:
+        return kept.first(studies)
+    out.print(f"{len(places)} studies in {folder}; the same command without --shard scores all")
+    return None
 
 
 def rates_table(report: Report) -> Table:
@@ -138,17 +159,19 @@ def _figure(report: Report, folder: Path) -> Path:
     return save_figure(plot_benchmark(report), folder / "benchmark")
 
 
-def run_wide_benchmark(studies: int, seed: int, folder: Path, as_json: bool, tell: Tell) -> None:
+def run_wide_benchmark(
+    studies: int, seed: int, folder: Path, as_json: bool, work: WorkOptions
+) -> None:
     """Run what is missing, write OUT/benchmark.json, show the rates."""
-    from qlvbayes.evaluation.keeping import Kept, kept_file, run_missing
     from qlvbayes.evaluation.population import Population
     from qlvbayes.evaluation.widecase import run_wide
     from qlvbayes.evaluation.widereport import WideReport
 
     population = Population(seed)
-    kept = Kept(kept_file(folder / "studies", population.key), population.key)
-    run_missing(partial(run_wide, population), kept, range(studies), tell)
-    report = WideReport(seed, tuple(kept.first(studies)))
+    cases = _run(partial(run_wide, population), population.key, folder, studies, work)
+    if cases is None:
+        return
+    report = WideReport(seed, tuple(cases))
     write_json(folder / "benchmark.json", report.as_dict())
     if as_json:
         print(json.dumps(report.as_dict(), allow_nan=False))

@@ -2,29 +2,38 @@
 
 from __future__ import annotations
 
-import json
+import hashlib
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from qlvbayes.cli.console import out
-from qlvbayes.cli.options import Fitted, Seed, Style
+from qlvbayes.cli.options import Fitted, Seed, Style, WorkOptions, with_groups
 from qlvbayes.cli.tables import pads_table
-from qlvbayes.cli.terminal import Terminal, show_figures
-from qlvbayes.fitting.results import Saved, load
+from qlvbayes.cli.terminal import Terminal, show_done, show_figures
+from qlvbayes.fitting.results import load
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.data import Measurements, read_measurements
-from qlvbayes.pipeline.checking import check_into
+from qlvbayes.parallel.faults import Fault, fault_of
+from qlvbayes.pipeline.checking import FIGURES, CheckStep
 from qlvbayes.pipeline.drawing import draw_forces_at_rates
+from qlvbayes.pipeline.gathering import Reader
+from qlvbayes.pipeline.many import Work, raise_failed, run_pads
+from qlvbayes.report.page import MOST_ON_A_PAGE
 
 
+@with_groups
 def check(
     folder: Fitted,
     data: Annotated[
-        Path | None, typer.Option(help="The measurements, if they have moved since the fit.")
+        Path | None,
+        typer.Option(help="The measurements, if they have moved since the fit: file or folder."),
     ] = None,
+    *,
+    work: WorkOptions,
     style: Style = None,
     seed: Seed = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print the checks as JSON.")] = False,
@@ -34,50 +43,37 @@ def check(
     Leaves OUT/<pad>/check.json, curves.json and the figures forces, hysteresis and residual_map
     (PNG and PDF); for two pads or more the figure OUT/forces_at_rates too.
     """
-    files = sorted(folder.glob("*/posterior.nc"))
-    if not files:
+    part = work.part
+    files = part.part(sorted(folder.glob("*/posterior.nc")))
+    if not files and part.count == 1:
         raise InputError("no fit in this folder", file=folder, remedy="run qlvbayes fit first")
-    studies: dict[Path, Measurements] = {}
     watcher = Terminal(quiet=as_json)
-    found, figures = [], []
+    with work.engine() as engine:
+        todo = _work(files, Reader(data), seed)
+        done = run_pads(folder, todo, size=len(files), engine=engine, watcher=watcher)
+    figures = [folder / pad / f"{name}.png" for pad in done.pads for name in FIGURES]
+    figures += draw_forces_at_rates(folder) if part.count == 1 and done.pads else []
+    if as_json or not done.pads:
+        show_done(folder, done, "check.json", as_json=as_json)
+    else:
+        _show_constants(files)
+        show_figures(figures)
+    raise_failed([done])
+
+
+def _work(files: Sequence[Path], reader: Reader, seed: int) -> Iterator[Work | Fault]:
     for file in files:
-        saved = load(file)
-        source = data or Path(saved.source)
-        if source not in studies:
-            studies[source] = _study(source, saved)
-        checked, drawn = check_into(file.parent, saved, studies[source], seed=seed, watcher=watcher)
-        figures += drawn
-        found.append(checked)
-    figures += draw_forces_at_rates(folder, found)
-    if as_json:
-        print(json.dumps([checked.check.as_dict() for checked in found], allow_nan=False))
-        return
-    _show_constants(files)
-    show_figures(figures)
+        try:
+            study = reader.study(load(file))
+        except Exception as error:  # one fit without measurements must not stop the others
+            yield replace(fault_of(error), of=f"pad {file.parent.name}")
+            continue
+        digest = hashlib.sha256(file.read_bytes()).hexdigest()
+        yield Work(CheckStep(digest, seed), study, file.parent)
 
 
-def _study(source: Path, saved: Saved) -> Measurements:
-    if not saved.source and source == Path():
-        raise InputError(
-            f"the posterior of pad {saved.pad} does not say where its measurements are",
-            remedy="say where they are with --data FILE",
-        )
-    if not source.exists():
-        raise InputError(
-            "the measurements are no longer here",
-            file=source,
-            remedy="say where they are with --data FILE",
-        )
-    study = read_measurements(source)
-    if saved.sha256 and study.sha256 != saved.sha256:
-        raise InputError(
-            "the file has changed since the fit", file=source, remedy="run qlvbayes fit again"
-        )
-    return study
-
-
-def _show_constants(files: list[Path]) -> None:
+def _show_constants(files: Sequence[Path]) -> None:
     summaries = [file.with_name("summary.json") for file in files]
     found = [FitSummary.read(path) for path in summaries if path.exists()]
-    if found:
+    if 0 < len(found) <= MOST_ON_A_PAGE:
         out.print(pads_table(found))

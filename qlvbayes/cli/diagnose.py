@@ -2,41 +2,43 @@
 
 from __future__ import annotations
 
-import json
 from typing import Annotated
 
 import typer
 
-from qlvbayes.cli.console import command_line, out
+from qlvbayes.cli.console import command_line
 from qlvbayes.cli.options import (
     AsJson,
-    File,
+    Files,
     ModelOptions,
     Out,
     Pads,
     Seed,
     Style,
     Tolerance,
-    chosen_pads,
+    WorkOptions,
     thresholds,
     with_groups,
 )
-from qlvbayes.cli.terminal import Terminal
+from qlvbayes.cli.terminal import Terminal, show_done
 from qlvbayes.diagnosis.diagnose import EVIDENCES
 from qlvbayes.fitting.runs import record_run
 from qlvbayes.io.checks import InputError
-from qlvbayes.pipeline.diagnosing import diagnose_into
+from qlvbayes.io.data import Measurements
+from qlvbayes.pipeline.diagnosing import DiagnoseStep
+from qlvbayes.pipeline.many import raise_failed, run_step
 
 Evidence = Annotated[str, typer.Option(help=f"One of {', '.join(EVIDENCES)}.")]
 
 
 @with_groups
 def diagnose_command(
-    file: File,
+    file: Files,
     output: Out,
     pads: Pads = "",
     *,
     model: ModelOptions,
+    work: WorkOptions,
     evidence: Evidence = "laplace",
     tolerance: Tolerance = "1%",
     style: Style = None,
@@ -52,23 +54,16 @@ def diagnose_command(
         raise InputError(f"no evidence {evidence!r}", remedy=f"use one of {', '.join(EVIDENCES)}")
     settings = thresholds(tolerance)
     watcher = Terminal(quiet=as_json)
-    study = watcher.reading(file)
-    choices = model.choices(study)
-    found = [
-        diagnose_into(
-            output / pad.name,
-            pad,
-            choices,
-            evidence=evidence,
-            thresholds=settings,
-            seed=seed,
-            watcher=watcher,
-        )
-        for pad in chosen_pads(study, pads)
-    ]
-    told = {"evidence": evidence, "thresholds": settings}
-    record_run(output, "diagnose", command_line(), study, choices, seed, told)
-    if as_json:
-        print(json.dumps([diagnosis.result.as_dict() for diagnosis in found], allow_nan=False))
-    else:
-        out.print(f"results in {output}")
+    source = watcher.reading(file, pads, work.part)
+    choices = model.choices_of(source)
+
+    def step(study: Measurements) -> DiagnoseStep:
+        return DiagnoseStep(model.choices(study), evidence, seed, settings)
+
+    with work.engine() as engine:
+        done = run_step(output, source, step, engine=engine, watcher=watcher)
+    if done.pads:
+        told = {"evidence": evidence, "thresholds": settings}
+        record_run(output, "diagnose", command_line(), source.whole, choices, seed, told)
+    show_done(output, done, "diagnosis.json", as_json=as_json)
+    raise_failed([done])

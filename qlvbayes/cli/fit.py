@@ -2,42 +2,43 @@
 
 from __future__ import annotations
 
-import json
 from typing import Annotated
 
 import typer
 
-from qlvbayes.cli.console import command_line, out, waiting
+from qlvbayes.cli.console import command_line, waiting
 from qlvbayes.cli.options import (
-    File,
+    Files,
     ModelOptions,
     Out,
     Pads,
     References,
     Seed,
     Style,
-    chosen_pads,
+    WorkOptions,
     with_groups,
 )
-from qlvbayes.cli.terminal import Terminal
+from qlvbayes.cli.terminal import Terminal, show_done
 from qlvbayes.fitting.ensemble import Settings
 from qlvbayes.fitting.fit import METHODS
 from qlvbayes.fitting.runs import record_run
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.data import read_measurements
+from qlvbayes.io.data import Measurements
 from qlvbayes.pipeline.drawing import draw_constants, references_of
-from qlvbayes.pipeline.fitting import fit_into
+from qlvbayes.pipeline.fitting import FitStep
+from qlvbayes.pipeline.many import raise_failed, run_step
 
 
 @with_groups
 def fit(
-    file: File,
+    file: Files,
     output: Out,
     pads: Pads = "",
     method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = "emcee",
     all_tests: Annotated[bool, typer.Option("--all-tests", help="Fit every test.")] = False,
     *,
     model: ModelOptions,
+    work: WorkOptions,
     walkers: Annotated[int, typer.Option(min=4, help="Walkers of the ensemble.")] = 32,
     max_steps: Annotated[int, typer.Option(min=10, help="Steps at most.")] = 100_000,
     references: References = None,
@@ -49,37 +50,27 @@ def fit(
 
     Leaves OUT/<pad>/posterior.nc (ArviZ), summary.json and the figures pairs and programme; of all
     pads in OUT the figure constants, constants.csv and constants.tex. Figures are PNG and PDF.
-    An interrupted run resumes when the same command is given again.
+    An interrupted run resumes when the same command is given again; pads that are finished are not
+    fitted again.
     """
-    with waiting("reading"):
-        study = read_measurements(file)
-    choices = model.choices(study)
     settings = Settings(walkers=walkers, max_steps=max_steps, seed=seed)
     if method not in METHODS:
         raise InputError(f"no method {method!r}", remedy=f"use one of {', '.join(METHODS)}")
-    wanted = chosen_pads(study, pads)
-    known = references_of(study, references)
     watcher = Terminal(quiet=as_json)
-    for notice in study.notices:
-        watcher.notice(notice)
-    summaries = [
-        fit_into(
-            output / pad.name,
-            pad,
-            study,
-            choices,
-            method=method,
-            all_tests=all_tests,
-            settings=settings,
-            watcher=watcher,
-        )
-        for pad in wanted
-    ]
-    with waiting("figures of all pads"):
-        draw_constants(output, known)
-    told = {"method": method, "all_tests": all_tests, "sampler": settings}
-    record_run(output, "fit", command_line(), study, choices, seed, told)
-    if as_json:
-        print(json.dumps([summary.as_dict() for summary in summaries], allow_nan=False))
-    else:
-        out.print(f"results in {output}")
+    source = watcher.reading(file, pads, work.part)
+    choices = model.choices_of(source)
+    known = references_of(source.place, references)
+
+    def step(study: Measurements) -> FitStep:
+        return FitStep(model.choices(study), method, all_tests, settings)
+
+    with work.engine() as engine:
+        done = run_step(output, source, step, engine=engine, watcher=watcher)
+    if done.pads:
+        told = {"method": method, "all_tests": all_tests, "sampler": settings}
+        record_run(output, "fit", command_line(), source.whole, choices, seed, told)
+        if source.shard.count == 1:
+            with waiting("figures of all pads"):
+                draw_constants(output, known)
+    show_done(output, done, "summary.json", as_json=as_json)
+    raise_failed([done])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import errno
 import os
 import sys
 from collections.abc import Iterable
@@ -12,8 +11,8 @@ from pathlib import Path
 
 import typer
 
-from qlvbayes.io.checks import InputError
 from qlvbayes.io.escaping import as_typed, visible
+from qlvbayes.parallel.faults import FailedError, fault_of
 
 INTERRUPTED = 130
 
@@ -27,6 +26,7 @@ _COMMANDS = {
     "compare": "compare.compare_command",
     "predict": "predict.predict_command",
     "design": "design.design_command",
+    "gather": "gather.gather_command",
     "report": "report.report",
     "export": "export.export_command",
     "effects": "effects.effects",
@@ -83,7 +83,7 @@ def run() -> None:
     names = [word for word in sys.argv[1:2] if word in _COMMANDS]
     app = application(names) if names else overview()
     if sys.argv[1:] == ["study"]:
-        _stop(f"no file given; type qlvbayes study FILE.csv -o OUT{_offer()}", 2)
+        _stop(2, f"no file given; type qlvbayes study FILE.csv -o OUT{_offer()}")
     if os.environ.get("QLVBAYES_DEBUG"):
         app()
     try:
@@ -91,25 +91,17 @@ def run() -> None:
             app()
         finally:
             sys.stdout.flush()  # here, where a reader that has gone can still be noticed
-    except InputError as error:
-        _stop(str(error), 2)
     except SystemExit as stop:
         if stop.code == INTERRUPTED:  # what typer makes of Ctrl-C
-            _stop("interrupted; the same command goes on where it stopped", INTERRUPTED)
+            _stop(INTERRUPTED, "interrupted; the same command goes on where it stopped")
         raise
     except BrokenPipeError:
         os._exit(1)  # the reader has gone: nobody is left to tell
-    except OSError as error:
-        _stop(_plain(error), 2)
-    except MemoryError:
-        _stop("not enough memory; read fewer pads with --pads", 2)
+    except FailedError as error:
+        _stop(error.status, *error.lines)
     except Exception as error:
-        text = " ".join(str(error).split())[:300]
-        _stop(
-            f"internal error ({type(error).__name__}: {text}); "
-            "set QLVBAYES_DEBUG=1 for the traceback and report it",
-            1,
-        )
+        fault = fault_of(error)
+        _stop(fault.status, fault.text)
 
 
 def _offer() -> str:
@@ -119,12 +111,7 @@ def _offer() -> str:
     return f", or try a simulated pad: {command}" if file.exists() else ""
 
 
-def _plain(error: OSError) -> str:
-    place = f"{error.filename}: " if error.filename else ""
-    remedy = "free some space" if error.errno == errno.ENOSPC else "check the path and its rights"
-    return f"{place}{error.strerror or error}; {remedy}"
-
-
-def _stop(text: str, status: int) -> None:
-    print(f"qlvbayes: {visible(text)}", file=sys.stderr)
+def _stop(status: int, *lines: str) -> None:
+    for line in lines:
+        print(f"qlvbayes: {visible(line)}", file=sys.stderr)
     sys.exit(status)

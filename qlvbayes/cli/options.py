@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
-from dataclasses import MISSING, dataclass, fields, is_dataclass
+from collections.abc import Callable, Collection, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
 from functools import wraps
 from inspect import Parameter, signature
 from pathlib import Path
@@ -17,23 +18,33 @@ from qlvbayes.cli.plainoptions import (
     Pads,
     Style,
     among,
-    chosen_pads,
     split_names,
 )
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.effects.catalogue import find
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements
+from qlvbayes.io.runtime import cores
 from qlvbayes.laws.catalogue import LAWS, names
 from qlvbayes.laws.relaxation.prony import MOST, Prony
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import NOISES
+from qlvbayes.parallel.engines import Engine, opened_engine
+from qlvbayes.parallel.shards import Shard
+from qlvbayes.pipeline.source import Source
 from qlvbayes.preprocess.cutting import refuse_unknown
 
 # of plainoptions.py, for the commands that take them from here
-__all__ = ["AsJson", "Pads", "Style", "among", "chosen_pads", "split_names"]
+__all__ = ["AsJson", "Pads", "Style", "among", "split_names"]
 
-File = Annotated[Path, typer.Argument(help="Measurements: a tidy .csv or .csv.gz file.")]
+Files = Annotated[
+    list[Path],
+    typer.Argument(
+        help="Measurements: a tidy .csv or .csv.gz file, one of a testing machine, several files, "
+        "or a folder of them. Of several each pad is named after its file.",
+        metavar="FILE...",
+    ),
+]
 Fitted = Annotated[Path, typer.Argument(help="The folder that 'fit' wrote.")]
 Out = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")]
 Elastic = Annotated[
@@ -106,7 +117,49 @@ Tolerance = Annotated[
         help="Share of the peak force below which structure does not matter, as '1%' or '0.01'."
     ),
 ]
+Jobs = Annotated[
+    int,
+    typer.Option(
+        min=0,
+        help="Processes that work side by side, each at a pad of its own; 0: as many as cores. "
+        "Results do not depend on it.",
+    ),
+]
+Cluster = Annotated[
+    str | None,
+    typer.Option(
+        help="Address of a Dask scheduler whose workers do it, as tcp://HOST:8786.",
+        show_default=False,
+    ),
+]
+ShardText = Annotated[
+    str | None,
+    typer.Option(
+        "--shard",
+        help="Do one part of many, as 3/200, or in an array of SLURM as slurm; 'gather' then "
+        "makes what is made of all.",
+        show_default=False,
+    ),
+]
 Seed = Annotated[int, typer.Option(min=0, help="Makes a run repeat.")]
+
+
+@dataclass(frozen=True)
+class WorkOptions:
+    """Who does the work, and which part of it."""
+
+    jobs: Jobs = 1
+    cluster: Cluster = None
+    shard: ShardText = None
+
+    def engine(self) -> AbstractContextManager[Engine | None]:
+        """What works, for a ``with``; None where this process does it."""
+        return opened_engine(self.jobs or cores(), self.cluster)
+
+    @property
+    def part(self) -> Shard:
+        """Which part; InputError where it is none."""
+        return Shard.of(self.shard) if self.shard else Shard()
 
 
 @dataclass(frozen=True)
@@ -146,9 +199,18 @@ class ModelOptions:
             keep_all_readings=self.keep_all_readings,
             use=tuple(self.use or ()),
         )
-        refuse_unknown(study.pads, choices.use)
         for name in choices.effects:
             find(name, choices.kinds)
+        return choices
+
+    def choices_of(self, source: Source) -> Choices:
+        """Of all pads together; InputError too where --use names a test that a single file lacks.
+
+        Of several files one is read at a time, so that no test can be missed before the last.
+        """
+        choices = self.choices(source.whole)
+        if source.read is not None:
+            refuse_unknown(source.read.pads, choices.use)
         return choices
 
 
@@ -228,3 +290,13 @@ def known_names(names: str, known: Collection[str], folder: Path, what: str = "f
                 f"no {what} of pad '{name}'", file=folder, remedy=f"name of {', '.join(known)}"
             )
     return found
+
+
+def source_of(files: Sequence[Path], pads: str, part: Shard) -> Source:
+    """The named pads of some files, or all; InputError on an unknown name in a single file."""
+    source = Source.of(files, shard=part)
+    if source.read is None:
+        return replace(source, only=tuple(split_names(pads)))
+    known = [pad.name for pad in source.read.pads]
+    names = (source.read.pad(name).name for name in among(pads, known))
+    return replace(source, only=tuple(names))

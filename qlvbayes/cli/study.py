@@ -8,7 +8,7 @@ import typer
 
 from qlvbayes.cli.console import command_line, out
 from qlvbayes.cli.options import (
-    File,
+    Files,
     ModelOptions,
     Out,
     Pads,
@@ -16,23 +16,26 @@ from qlvbayes.cli.options import (
     Seed,
     Style,
     Tolerance,
-    chosen_pads,
+    WorkOptions,
     thresholds,
     with_groups,
 )
+from qlvbayes.cli.tables import verdict_line
 from qlvbayes.cli.terminal import Terminal
 from qlvbayes.fitting.ensemble import Settings
+from qlvbayes.parallel.faults import FailedError
 from qlvbayes.pipeline.run import run_study
 from qlvbayes.report.page import REPORT
 
 
 @with_groups
 def study_command(
-    file: File,
+    file: Files,
     output: Out,
     pads: Pads = "",
     *,
     model: ModelOptions,
+    work: WorkOptions,
     max_steps: Annotated[int, typer.Option(min=10, help="Steps of the sampler at most.")] = 100_000,
     tolerance: Tolerance = "1%",
     references: References = None,
@@ -48,22 +51,29 @@ def study_command(
     """
     judging = thresholds(tolerance)
     watcher = Terminal()
-    study = watcher.reading(file)
-    choices = model.choices(study)
-    settings = Settings(max_steps=max_steps, seed=seed)
-    verdicts = run_study(
-        study,
-        output,
-        pads=[pad.name for pad in chosen_pads(study, pads)],
-        choices=choices,
-        settings=settings,
-        thresholds=judging,
-        watcher=watcher,
-        command=command_line(),
-        references=references,
-    )
-    for found in (one.result for one in verdicts):
-        named = ", ".join(found.group or found.effects)
-        verdict = found.verdict.replace("_", " ")
-        out.print(f"pad {found.pad}: {verdict}{': ' + named if named else ''}")
-    out.print(f"results in {output}; open {output / REPORT} in a browser")
+    source = watcher.reading(file, pads, work.part)
+    model.choices_of(source)  # what cannot be used is refused before anything begins
+    failed = None
+    with work.engine() as engine:
+        try:
+            verdicts = run_study(
+                source,
+                output,
+                choices=model.choices,
+                settings=Settings(max_steps=max_steps, seed=seed),
+                thresholds=judging,
+                watcher=watcher,
+                command=command_line(),
+                references=references,
+                client=engine,
+            )
+        except FailedError as error:
+            failed, verdicts = error, error.results
+    for found in verdicts:
+        out.print(verdict_line(found), soft_wrap=True)
+    if source.shard.count > 1:
+        out.print(f"results in {output}; all parts together: qlvbayes gather {output}")
+    elif verdicts:
+        out.print(f"results in {output}; open {output / REPORT} in a browser")
+    if failed is not None:
+        raise failed

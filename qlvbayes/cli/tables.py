@@ -47,6 +47,20 @@ def constants_table(summary: FitSummary) -> Table:
     return table
 
 
+def constants_line(summary: FitSummary) -> str:
+    """One pad of many: its constants without those of the noise."""
+    shown = [(name, c) for name, c in summary.parameters.items() if not name.startswith("noise.")]
+    values = ", ".join(f"{name} {significant(c.median, c.sd)} ± {c.sd:.2g}" for name, c in shown)
+    return f"pad {summary.pad}: {values}"
+
+
+def verdict_line(found: DiagnosisResult) -> str:
+    """One pad of many: its verdict with what it names."""
+    named = ", ".join(found.group or found.effects)
+    verdict = found.verdict.replace("_", " ")
+    return f"pad {found.pad}: {verdict}{': ' + named if named else ''}"
+
+
 def _interval(c: Constant) -> str:
     low, high = (significant(x, c.sd) for x in c.hdi90)
     return "" if c.fixed else f"{low} to {high}"

@@ -2,26 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
+import json
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 from msgspec.structs import replace
 
 from qlvbayes.cli.console import counting, err, out, waiting
 from qlvbayes.cli.look import show_look
-from qlvbayes.cli.tables import check_table, constants_table, ranking_table, steps_table
-from qlvbayes.diagnosis.telling.verdict import Diagnosis
-from qlvbayes.fitting.checked import CheckedPad
+from qlvbayes.cli.options import source_of
+from qlvbayes.cli.tables import (
+    check_table,
+    constants_line,
+    constants_table,
+    ranking_table,
+    steps_table,
+    verdict_line,
+)
+from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.fitting.ensemble import Progress
+from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.summary import FitSummary
-from qlvbayes.io.data import Measurements, read_measurements
-from qlvbayes.io.wording import plain
-from qlvbayes.model.choices import Choices
-from qlvbayes.model.parameters import NOT_SAMPLED, described, fields_of
+from qlvbayes.parallel.shards import Shard
+from qlvbayes.pipeline.many import Tally
+from qlvbayes.pipeline.source import Source
 from qlvbayes.pipeline.watcher import Watcher
-from qlvbayes.preprocess.experiment import Experiment
 from qlvbayes.preprocess.firstlook import FirstLook
+
+_TABLES = 12  # pads, of more than which each has a line in place of its tables
 
 
 class Terminal(Watcher):
@@ -30,22 +40,45 @@ class Terminal(Watcher):
     def __init__(self, quiet: bool = False) -> None:
         self.quiet = quiet
         self._noticed: set[str] = set()
+        self._place = ""  # before what is being done, where there are several pads
+        self._brief = False
 
-    def reading(self, file: Path) -> Measurements:
-        """The measurements in a file, and what is to know of them."""
+    def reading(self, files: Sequence[Path], pads: str, part: Shard) -> Source:
+        """Measurements, and what is to know of them."""
         with waiting("reading"):
-            study = read_measurements(file)
-        for notice in study.notices:
+            source = source_of(files, pads, part)
+        for notice in source.notices:
             self.notice(notice)
-        return study
+        return source
 
     def doing(self, label: str) -> AbstractContextManager[Callable[[str], None]]:
         """A spinner."""
-        return waiting(label)
+        return waiting(f"{self._place}{label}")
 
     def sampling(self, label: str) -> AbstractContextManager[Progress]:
         """A progress bar."""
-        return counting("steps", label)
+        return counting("steps", f"{self._place}{label}")
+
+    @contextmanager
+    def overall(self, size: int, *, alone: bool) -> Iterator[Callable[[int, int], None]]:
+        """A progress bar of pads; of pads one by one, which have bars of their own, words."""
+        self._brief = size > _TABLES
+        if not alone:
+            with counting("pads") as tell:
+                tell(0, size)
+                yield tell
+            return
+        began = time.monotonic()
+
+        def place(done: int, total: int) -> None:
+            left = (time.monotonic() - began) * (total - done) / max(done, 1)
+            known = f", {_lasting(left)} left" if done else ""
+            self._place = f"{done} of {total} pads done{known}: " if done < total else ""
+
+        if size > 1:
+            place(0, size)
+        yield place
+        self._place = ""
 
     def notice(self, text: str) -> None:
         """A line, once: several steps may find the same."""
@@ -58,54 +91,63 @@ class Terminal(Watcher):
         if not self.quiet:
             show_look(replace(look, notices=()), figures)
 
-    def starting(self, experiment: Experiment, choices: Choices) -> None:
+    def starting(self, lines: Sequence[str]) -> None:
         """What is fitted, the noise floor, and the priors."""
-        if self.quiet:
-            return
-        tests = ", ".join(
-            f"{trial.name} ({plain(trial.rate)} {experiment.units.speed})"
-            for trial in experiment.with_role("fit")
-        )
-        floor, unit = experiment.floor, experiment.units.force
-        lines = [
-            f"pad {experiment.pad}: fitting {tests}",
-            f"  noise measured at rest: {floor.total:.3g} {unit} (white {floor.white:.3g}, "
-            f"correlated {floor.ou:.3g} {unit} over {floor.memory:.2g} s)",
-            "  priors:",
-        ]
-        parts = choices.build(experiment.scales)
-        priors = {k: text for part in parts for k, text in described(fields_of(part)).items()}
-        free = [f"    {name} ~ {text}" for name, text in priors.items() if text != NOT_SAMPLED]
-        others = [name for name, text in priors.items() if text == NOT_SAMPLED]
-        lines += free + [f"    {NOT_SAMPLED}: {', '.join(others)}"] * bool(others)
-        out.print("\n".join(lines))
+        if not (self.quiet or self._brief):
+            out.print("\n".join(lines))
 
     def fitted(self, summary: FitSummary) -> None:
         """The constants, and what speaks against the chain."""
-        if not self.quiet:
+        if self._brief and not self.quiet:
+            out.print(constants_line(summary), soft_wrap=True)
+        elif not self.quiet:
             out.print(constants_table(summary))
         for trouble in summary.troubles:
             err.print(f"NOT CONVERGED, pad {summary.pad}: {trouble}", style="bold red")
 
-    def checked(self, checked: CheckedPad) -> None:
+    def checked(self, check: CheckResult) -> None:
         """The errors by test and phase."""
-        if not self.quiet:
-            units = checked.experiment.units
-            out.print(check_table(checked.check, units.force, units.speed))
+        if self._brief and not self.quiet:
+            fails = f"{len(check.failing)} of {len(check.cells)} phases of its tests"
+            out.print(f"pad {check.pad}: the fit fails in {fails}", soft_wrap=True)
+        elif not self.quiet:
+            out.print(check_table(check, check.units.force, check.units.speed))
 
-    def diagnosed(self, found: Diagnosis, figures: Sequence[Path]) -> None:
+    def diagnosed(
+        self, result: DiagnosisResult, words: Sequence[str], figures: Sequence[Path]
+    ) -> None:
         """The steps, the ranking, the verdict in words."""
         if self.quiet:
             return
-        result = found.result
+        if self._brief:
+            out.print(verdict_line(result), soft_wrap=True)
+            return
         out.print(steps_table(result, result.units.force))
         out.print(ranking_table(result, result.units.force))
-        for paragraph in found.paragraphs():
+        for paragraph in words:
             out.print(paragraph, soft_wrap=not out.is_terminal)
             out.print()
         for warning in result.warnings:
             err.print(f"warning: {warning}")
         show_figures(figures)
+
+
+def _lasting(seconds: float) -> str:
+    """``40 s``, ``12 min``, ``3.5 h``."""
+    if seconds < 90.0:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
+
+
+def show_done(folder: Path, done: Tally, file: str, *, as_json: bool) -> None:
+    """Where the results are, if there are any; for machines ``file`` of each pad, in a list."""
+    if as_json:
+        found = (json.loads((folder / pad / file).read_bytes()) for pad in done.pads)
+        print(json.dumps(list(found), allow_nan=False))
+    elif done.pads:
+        out.print(f"results in {folder}")
+    elif not done.total:
+        out.print("there are no pads in this part")
 
 
 def show_figures(figures: Sequence[Path]) -> None:

@@ -9,7 +9,6 @@ Neighbours do not wait for one another. What has been seen may be looked at at a
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -29,6 +28,7 @@ from qlvbayes.inference.forward.space import in_natural_amplitude
 from qlvbayes.inference.importance import CLOSE, sampled_evidence
 from qlvbayes.inference.modes import Mode, base_modes, distinct, find_modes, modes, redrawn_modes
 from qlvbayes.io.checks import NoFiniteForceError
+from qlvbayes.io.runtime import cores
 from qlvbayes.laws.scales import SHARE
 
 Tell = Callable[[str], None]
@@ -388,7 +388,7 @@ def _side_by_side(look: Callable[[One], list[Weighed]], some: Sequence[One]) -> 
     Each is looked at by itself, so that the answer does not depend on their number: XLA and BLAS
     let other threads run.
     """
-    with ThreadPoolExecutor(os.cpu_count() or 1) as threads:
+    with ThreadPoolExecutor(cores()) as threads:
         return list(threads.map(look, some))
 
 

@@ -5,11 +5,17 @@ from __future__ import annotations
 import ast
 import hashlib
 import json
+from collections import deque
 from collections.abc import Callable, Iterable
+from dataclasses import replace
+from itertools import count
 from pathlib import Path
 
 import qlvbayes
 from qlvbayes.evaluation.rate import Case
+from qlvbayes.parallel.engines import Engine
+from qlvbayes.parallel.faults import FailedError, Fault
+from qlvbayes.parallel.running import Outcome, run_all
 
 Tell = Callable[[int, int], None]
 
@@ -26,6 +32,7 @@ _SCORING = (
 )
 _ONLY_LOOKS = (  # parts of the package that only look at finished studies
     "cli/",
+    "parallel/",
     "plots/",
     *(f"evaluation/{name}.py" for name in ("keeping", *_SCORING)),
 )
@@ -72,17 +79,30 @@ def run_missing(
     kept: Kept,
     indices: Iterable[int],
     tell: Tell = lambda done, total: None,
+    engine: Engine | None = None,
 ) -> None:
-    """Run the studies at some places, one after the other; ``tell`` hears how many are done.
+    """Run the studies at some places; ``tell`` hears how many are done.
 
-    Each keeps the digest of the code that it was run by.
+    Each is kept as soon as it is finished, with the digest of the code that it was run by. engine:
+    what works, this process where it is None. Raises FailedError where some stopped by an error,
+    after the others were done.
     """
     digest = code_digest()
     missing = [index for index in indices if index not in kept.cases]
+    faults: list[Fault] = []
+    done = count(1)
     tell(0, len(missing))
-    for done, index in enumerate(missing, start=1):
-        kept.add(study(index) | {"code": digest})
-        tell(done, len(missing))
+
+    def keep(outcome: Outcome[int, Case]) -> None:
+        if outcome.answer is not None:
+            kept.add(outcome.answer | {"code": digest})
+        if outcome.fault is not None:
+            faults.append(replace(outcome.fault, of=f"study {outcome.item}"))
+        tell(next(done), len(missing))
+
+    deque(run_all(study, missing, engine, keep=keep), maxlen=0)
+    if faults:
+        raise FailedError(faults, len(missing))
 
 
 def _read(path: Path) -> list[dict]:

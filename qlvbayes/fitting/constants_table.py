@@ -165,9 +165,14 @@ def as_latex(entries: Sequence[Entry]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def write_constants(out: Path, entries: Sequence[Entry]) -> list[Path]:
-    """Write ``out``/constants.csv and .tex, whole or not at all; return their paths."""
-    texts = {"csv": as_csv(entries), "tex": as_latex(entries)}
+def write_constants(out: Path, entries: Sequence[Entry], *, for_print: bool = True) -> list[Path]:
+    """Write ``out``/constants.csv and .tex, whole or not at all; return their paths.
+
+    for_print: whether the .tex, with a column a pad, is written.
+    """
+    texts = {"csv": as_csv(entries)}
+    if for_print:
+        texts["tex"] = as_latex(entries)
     for suffix, text in texts.items():
         write_whole(out / f"constants.{suffix}", text.encode())
     return [out / f"constants.{suffix}" for suffix in texts]

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import hashlib
 import pickle
+import time
 import zlib
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from platform import machine
@@ -26,6 +27,13 @@ from jax.stages import Compiled
 
 from qlvbayes.io.files import write_whole
 
+try:
+    import fcntl
+except ImportError:  # not of every system: processes then compile the same at the same time
+    fcntl = None  # type: ignore[assignment]
+
+_PATIENCE_S = 120.0  # for another process to compile one function: far longer than any takes
+_LOOK_S = 0.02
 _PROCESSOR = Path("/proc/cpuinfo")
 _EVERY: WeakSet[Executables] = WeakSet()
 
@@ -65,12 +73,15 @@ class Executables:
         file = Path(folder) / f"{hashlib.sha256(text.encode()).hexdigest()}.xla"
         with suppress(Exception):  # damaged, or of another machine: it is compiled again
             return _loaded(file.read_bytes(), arguments)
-        found = self._compiled(arguments)
-        # what cannot be written down, or not on a full disk, costs the next process its time only
-        with suppress(Exception):
-            content = zlib.compress(pickle.dumps(serialize(found)), 1)
-            _loaded(content, arguments)
-            write_whole(file, content)
+        with _first_of_all(file):
+            with suppress(Exception):  # there by now, if another process was first
+                return _loaded(file.read_bytes(), arguments)
+            found = self._compiled(arguments)
+            # what cannot be written down, or not on a full disk, costs the next process time only
+            with suppress(Exception):
+                content = zlib.compress(pickle.dumps(serialize(found)), 1)
+                _loaded(content, arguments)
+                write_whole(file, content)
         return found
 
     def _compiled(self, arguments: Any) -> Compiled:
@@ -85,6 +96,40 @@ class Executables:
     def forget(self) -> None:
         """Drop what is compiled; it comes from the cache when it is needed again."""
         self._by_shape.clear()
+
+
+@contextmanager
+def _first_of_all(file: Path) -> Iterator[None]:
+    """Processes that would compile the same wait for the first of them; its end frees them.
+
+    Where files cannot be locked, or the first takes too long, nobody waits.
+    """
+    lock = file.with_suffix(".lock")
+    try:
+        held = lock.open("wb") if fcntl else None
+    except OSError:
+        held = None
+    if held is None:
+        yield
+        return
+    with held:
+        until = time.monotonic() + _PATIENCE_S
+        with suppress(OSError):
+            while time.monotonic() < until and not _locked(held.fileno()):
+                time.sleep(_LOOK_S)
+        try:
+            yield
+        finally:
+            lock.unlink(missing_ok=True)
+
+
+def _locked(number: int) -> bool:
+    """Whether the open file of this number is ours now."""
+    try:
+        fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
 
 
 def _loaded(content: bytes, arguments: Any) -> Callable[..., Any]:

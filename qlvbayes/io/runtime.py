@@ -6,9 +6,9 @@ import os
 from contextlib import AbstractContextManager
 from pathlib import Path
 
-import jax
 from threadpoolctl import threadpool_limits
 
+THREADS = "QLVBAYES_THREADS"  # variable with how many threads this process may use
 _MAPPINGS = Path("/proc/self/maps")
 _MANY = 20_000  # of the 65 530 that Linux allows a process; LLVM stops it beyond
 
@@ -27,6 +27,8 @@ def configure() -> None:
 
     The cache is skipped where it cannot be made.
     """
+    import jax  # not above: loading JAX calls for this function
+
     jax.config.update("jax_enable_x64", True)
     # pieces of a force are run by the thread that asks for them, so that several threads gain
     jax.config.update("jax_cpu_enable_async_dispatch", False)
@@ -42,6 +44,14 @@ def configure() -> None:
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", 0)
+
+
+def cores() -> int:
+    """How many threads are of use: ``$QLVBAYES_THREADS``, or the cores this process may run on."""
+    asked = os.environ.get(THREADS, "")
+    if asked.isdecimal() and int(asked) > 0:
+        return int(asked)
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def one_blas_thread() -> AbstractContextManager[object]:
@@ -62,7 +72,9 @@ def forget_compiled() -> None:
     if not _MAPPINGS.exists():  # not Linux: no such limit
         return
     if _MAPPINGS.read_text().count("\n") > _MANY:
-        from qlvbayes.io.executables import forget_executables  # which loads JAX, as this may
+        import jax
+
+        from qlvbayes.io.executables import forget_executables
 
         forget_executables()
         jax.clear_caches()

@@ -2,33 +2,65 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, ClassVar
 
 from qlvbayes.fitting.checked import CheckedPad, check_pad, curves
-from qlvbayes.fitting.results import Saved
+from qlvbayes.fitting.residuals import CheckResult
+from qlvbayes.fitting.results import Saved, load
 from qlvbayes.io.data import Measurements
 from qlvbayes.pipeline.watcher import Watcher
+
+FIGURES = ("forces", "hysteresis", "residual_map")
+
+
+@dataclass(frozen=True)
+class CheckStep:
+    """The check of a pad's fit as a step for many; ``posterior``: digest of the fit."""
+
+    name: ClassVar[str] = "check"
+    reads: ClassVar[tuple[str, ...]] = ("posterior.nc",)
+
+    posterior: str
+    seed: int
+
+    def run(self, folder: Path, study: Measurements, watcher: Watcher) -> None:
+        """As `check_into`."""
+        check_into(folder, load(folder / "posterior.nc"), study, seed=self.seed, watcher=watcher)
+
+    def tell(self, folder: Path, watcher: Watcher) -> None:
+        """As `tell_check`."""
+        tell_check(folder, watcher)
+
+
+def tell_check(folder: Path, watcher: Watcher) -> None:
+    """What a check left in a folder."""
+    check = CheckResult.read(folder / "check.json")
+    for text in check.notices:
+        watcher.notice(text)
+    watcher.checked(check)
 
 
 def check_into(
     folder: Path, saved: Saved, study: Measurements, *, seed: int, watcher: Watcher
-) -> tuple[CheckedPad, list[Path]]:
+) -> CheckedPad:
     """Check one fit; leave ``check.json``, ``curves.json`` and three figures in a folder.
 
-    Returns what was found and the figures' paths. Raises InputError on an unknown pad.
+    Raises InputError on an unknown pad.
     """
     with watcher.doing(f"pad {saved.pad}: predicting"):
         checked = check_pad(saved, study.pad(saved.pad), seed=seed)
         checked.check.write(folder / "check.json")
         curves(checked).write(folder / "curves.json")
-        figures = _figures(checked, folder)
+        _draw(checked, folder)
     for text in checked.check.notices:
         watcher.notice(text)
-    watcher.checked(checked)
-    return checked, figures
+    watcher.checked(checked.check)
+    return checked
 
 
-def _figures(checked: CheckedPad, folder: Path) -> list[Path]:
+def _draw(checked: CheckedPad, folder: Path) -> None:
     # here, so that the other steps do not wait for matplotlib
     from qlvbayes.plots.files import save_figure
     from qlvbayes.plots.forces import plot_forces
@@ -36,8 +68,10 @@ def _figures(checked: CheckedPad, folder: Path) -> list[Path]:
     from qlvbayes.plots.residual_map import plot_residual_map
 
     units = checked.experiment.units
-    return [
-        save_figure(plot_forces(checked.predictions, units), folder / "forces"),
-        save_figure(plot_hysteresis(checked.predictions, units), folder / "hysteresis"),
-        save_figure(plot_residual_map(checked.check, units), folder / "residual_map"),
-    ]
+    drawn: tuple[Any, ...] = (
+        plot_forces(checked.predictions, units),
+        plot_hysteresis(checked.predictions, units),
+        plot_residual_map(checked.check, units),
+    )
+    for axes, name in zip(drawn, FIGURES, strict=True):
+        save_figure(axes, folder / name)

@@ -16,8 +16,10 @@ from qlvbayes.io.data import Measurements, read_measurements
 from qlvbayes.pipeline.watcher import Watcher
 from qlvbayes.preprocess.covered import covered
 from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.report.page import MOST_ON_A_PAGE
 
 FOLDER = "compare"
+_MOST_PAIRS = 6  # compared unasked
 Group = tuple[str, Sequence[Saved]]
 
 
@@ -59,6 +61,30 @@ def fluid_pairs(pads: Sequence[Saved]) -> list[tuple[Group, Group]]:
             fluids.setdefault(saved.fluid, []).append(saved)
     several = [(fluid, group) for fluid, group in fluids.items() if len(group) > 1]
     return list(combinations(several, 2))
+
+
+def compare_few(out: Path, pads: Sequence[str], seed: int, watcher: Watcher) -> None:
+    """Compare the fluids of some fitted pads, or where there are none every pair of a few pads."""
+    if len(pads) > MOST_ON_A_PAGE:
+        _leave_out(f"{len(pads)} pads", watcher)
+    else:
+        compare_pairs(out, [load(out / pad / "posterior.nc") for pad in pads], seed, watcher)
+
+
+def compare_pairs(out: Path, pads: Sequence[Saved], seed: int, watcher: Watcher) -> None:
+    """Fluids where there are specimens of them, else every pair of a few pads."""
+    pairs = fluid_pairs(pads) or pad_pairs(pads)
+    if len(pairs) > _MOST_PAIRS:
+        _leave_out(f"{len(pads)} pads make {len(pairs)} pairs, which", watcher)
+        return
+    for first, second in pairs:
+        compare_into(out, first, second, seed=seed, watcher=watcher)
+
+
+def _leave_out(what: str, watcher: Watcher) -> None:
+    watcher.notice(
+        f"{what} are not all compared here; name those that matter: qlvbayes compare OUT --pads A,B"
+    )
 
 
 def compare_into(

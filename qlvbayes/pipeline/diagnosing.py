@@ -2,19 +2,58 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 from qlvbayes.diagnosis.diagnose import diagnose
+from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.diagnosis.telling.discrepancy import discrepancy
 from qlvbayes.diagnosis.telling.verdict import Diagnosis
-from qlvbayes.io.data import Pad
+from qlvbayes.io.data import Measurements, Pad
 from qlvbayes.io.files import results_folder, write_whole
 from qlvbayes.model.choices import Choices
 from qlvbayes.pipeline.watcher import Watcher
 from qlvbayes.preprocess.experiment import prepare
 from qlvbayes.use.prescribed.hypotheses import FILE as HYPOTHESES
 from qlvbayes.use.prescribed.hypotheses import drawn_hypotheses
+
+
+@dataclass(frozen=True)
+class DiagnoseStep:
+    """The diagnosis of a pad as a step for many."""
+
+    name: ClassVar[str] = "diagnose"
+    reads: ClassVar[tuple[str, ...]] = ()
+
+    choices: Choices
+    evidence: str
+    seed: int
+    thresholds: Settings
+
+    def run(self, folder: Path, study: Measurements, watcher: Watcher) -> None:
+        """As `diagnose_into`."""
+        diagnose_into(
+            folder,
+            study.pads[0],
+            self.choices,
+            evidence=self.evidence,
+            seed=self.seed,
+            watcher=watcher,
+            thresholds=self.thresholds,
+        )
+
+    def tell(self, folder: Path, watcher: Watcher) -> None:
+        """The verdict."""
+        from qlvbayes.plots.diagnosis_files import FIGURES
+
+        result = DiagnosisResult.read(folder / "diagnosis.json")
+        for text in result.notices:
+            watcher.notice(text)
+        words = (folder / "diagnosis.txt").read_text(encoding="utf-8").strip().split("\n\n")
+        figures = [folder / f"{name}.png" for name in FIGURES]
+        watcher.diagnosed(result, words, [path for path in figures if path.exists()])
 
 
 def diagnose_into(
@@ -58,7 +97,7 @@ def diagnose_into(
         figures = _figures(found, folder)
     for text in found.result.notices:
         watcher.notice(text)
-    watcher.diagnosed(found, figures)
+    watcher.diagnosed(found.result, found.paragraphs(), figures)
     return found
 
 

@@ -5,11 +5,14 @@ Matplotlib is imported when something is drawn, so that the other steps do not w
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
-from qlvbayes.fitting.checked import CheckedPad
+import numpy as np
+
+from qlvbayes.fitting.checked import Curves, TestCurves
 from qlvbayes.fitting.constants_table import (
     constants_table,
     read_references,
@@ -18,8 +21,8 @@ from qlvbayes.fitting.constants_table import (
 )
 from qlvbayes.fitting.fit import Fit
 from qlvbayes.fitting.summary import FitSummary
-from qlvbayes.io.data import Measurements
 from qlvbayes.preprocess.experiment import Experiment
+from qlvbayes.report.page import MOST_ON_A_PAGE
 
 REFERENCES = "paper_table1.csv"
 
@@ -44,43 +47,72 @@ class Known:
     asked: bool
 
 
-def references_of(study: Measurements, given: Path | None) -> Known | None:
-    """The file of reference values: what is given, else paper_table1.csv beside the measurements.
+def references_of(place: Path, given: Path | None) -> Known | None:
+    """The file of reference values: what is given, else paper_table1.csv in the data's folder.
 
     None where there is none. Raises InputError where a given file cannot be used.
     """
     if given is not None:
         read_references(given)
         return Known(given, asked=True)
-    beside = Path(study.source).with_name(REFERENCES)
+    beside = place / REFERENCES
     return Known(beside, asked=False) if beside.is_file() else None
 
 
 def draw_constants(out: Path, references: Known | None) -> list[Path]:
-    """Leave the constants of all pads in ``out`` as figure, constants.csv and constants.tex.
+    """Leave the constants of all pads in ``out`` as constants.csv, constants.tex and a figure.
 
-    Returns the images. Raises InputError where the references cannot be used.
+    Table and figure for print are left out where there are more pads than anyone reads side by
+    side. Returns the images. Raises InputError where the references cannot be used.
     """
-    from qlvbayes.plots.constants import plot_constants
-    from qlvbayes.plots.files import save_figure
-
     files = sorted(out.glob("*/summary.json"))
     summaries = [FitSummary.read(file) for file in files]
     known = read_references(references.file) if references else {}
     usable = known if references and references.asked else that_fit(known, summaries)
     entries = constants_table(summaries, usable)
-    write_constants(out, entries)
+    few = len(files) <= MOST_ON_A_PAGE
+    write_constants(out, entries, for_print=few)
+    if not few:
+        return []
+    from qlvbayes.plots.constants import plot_constants
+    from qlvbayes.plots.files import save_figure
+
     label = f"reference ({references.file.name})" if references else "reference"
     return [save_figure(plot_constants(entries, reference=label), out / "constants")]
 
 
-def draw_forces_at_rates(out: Path, checked: Sequence[CheckedPad]) -> list[Path]:
-    """Leave the figure forces_at_rates in ``out`` where there are two pads or more in one unit."""
-    if len(checked) < 2 or len({pad.experiment.units for pad in checked}) > 1:
+def draw_forces_at_rates(out: Path) -> list[Path]:
+    """Leave the figure forces_at_rates in ``out``: two checked pads or more, in one unit.
+
+    Left out where there are more than anyone reads side by side. Returns the image.
+    """
+    files = sorted(out.glob("*/curves.json"))
+    if not 2 <= len(files) <= MOST_ON_A_PAGE:
+        return []
+    pads = [Curves.read(file) for file in files]
+    if len({pad.units for pad in pads}) > 1:
         return []
     from qlvbayes.plots.files import save_figure
     from qlvbayes.plots.forces_at_rates import plot_forces_at_rates
 
-    predictions = {pad.check.pad: pad.predictions for pad in checked}
-    axes = plot_forces_at_rates(predictions, checked[0].experiment.units)
-    return [save_figure(axes, out / "forces_at_rates")]
+    predictions: Any = {pad.pad: [_Drawn.of(test) for test in pad.tests] for pad in pads}
+    return [save_figure(plot_forces_at_rates(predictions, pads[0].units), out / "forces_at_rates")]
+
+
+@dataclass(frozen=True, eq=False)
+class _Drawn:
+    """What a figure of the force needs of a prediction, as it was kept."""
+
+    trial: SimpleNamespace
+    time: np.ndarray
+    observed: np.ndarray
+    mean: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+    @classmethod
+    def of(cls, test: TestCurves) -> _Drawn:
+        rate = np.nan if test.rate is None else test.rate
+        trial = SimpleNamespace(rate=rate, phases=test.phases)
+        curves = (test.time, test.observed, test.mean, test.low, test.high)
+        return cls(trial, *map(np.asarray, curves))

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 from msgspec.structs import replace
 
@@ -13,11 +15,51 @@ from qlvbayes.fitting.results import save, to_arviz
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.data import Measurements, Pad
 from qlvbayes.io.files import results_folder
+from qlvbayes.io.wording import plain
 from qlvbayes.model.choices import Choices
+from qlvbayes.model.parameters import NOT_SAMPLED, described, fields_of
 from qlvbayes.pipeline.drawing import draw_fit
 from qlvbayes.pipeline.watcher import Watcher
-from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.preprocess.experiment import Experiment, prepare
 from qlvbayes.preprocess.pulling import pull_notices
+
+
+@dataclass(frozen=True)
+class FitStep:
+    """The fit of a pad as a step for many."""
+
+    name: ClassVar[str] = "fit"
+    reads: ClassVar[tuple[str, ...]] = ()
+
+    choices: Choices
+    method: str
+    all_tests: bool
+    settings: Settings
+
+    def run(self, folder: Path, study: Measurements, watcher: Watcher) -> None:
+        """As `fit_into`."""
+        fit_into(
+            folder,
+            study.pads[0],
+            study,
+            self.choices,
+            method=self.method,
+            all_tests=self.all_tests,
+            settings=self.settings,
+            watcher=watcher,
+        )
+
+    def tell(self, folder: Path, watcher: Watcher) -> None:
+        """As `tell_fit`."""
+        tell_fit(folder, watcher)
+
+
+def tell_fit(folder: Path, watcher: Watcher) -> None:
+    """What a fit left in a folder."""
+    summary = FitSummary.read(folder / "summary.json")
+    for text in summary.notices:
+        watcher.notice(text)
+    watcher.fitted(summary)
 
 
 def fit_into(
@@ -49,7 +91,7 @@ def fit_into(
     notices = (*experiment.notices, *pulls)
     for text in notices:
         watcher.notice(text)
-    watcher.starting(experiment, choices)
+    watcher.starting(_begun(experiment, choices))
     chain = folder / "chain"
     with watcher.sampling(f"pad {pad.name}: {method}") as progress:
         found = fit_pad(
@@ -74,3 +116,24 @@ def fit_into(
     remove_chain(chain)
     watcher.fitted(summary)
     return summary
+
+
+def _begun(experiment: Experiment, choices: Choices) -> tuple[str, ...]:
+    """What is fitted, the noise floor, and the priors."""
+    tests = ", ".join(
+        f"{trial.name} ({plain(trial.rate)} {experiment.units.speed})"
+        for trial in experiment.with_role("fit")
+    )
+    floor, unit = experiment.floor, experiment.units.force
+    lines = [
+        f"pad {experiment.pad}: fitting {tests}",
+        f"  noise measured at rest: {floor.total:.3g} {unit} (white {floor.white:.3g}, "
+        f"correlated {floor.ou:.3g} {unit} over {floor.memory:.2g} s)",
+        "  priors:",
+    ]
+    parts = choices.build(experiment.scales)
+    priors = {k: text for part in parts for k, text in described(fields_of(part)).items()}
+    free = [f"    {name} ~ {text}" for name, text in priors.items() if text != NOT_SAMPLED]
+    others = [name for name, text in priors.items() if text == NOT_SAMPLED]
+    lines += free + [f"    {NOT_SAMPLED}: {', '.join(others)}"] * bool(others)
+    return tuple(lines)

@@ -2,66 +2,79 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, ClassVar
 
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.settings import Settings as Thresholds
-from qlvbayes.diagnosis.telling.verdict import Diagnosis
-from qlvbayes.fitting.checked import CheckedPad
 from qlvbayes.fitting.ensemble import Settings
-from qlvbayes.fitting.results import Saved, load
+from qlvbayes.fitting.results import load
 from qlvbayes.fitting.runs import record_run
-from qlvbayes.io.data import Measurements, Pad, read_measurements
+from qlvbayes.io.data import Measurements
 from qlvbayes.io.files import write_whole
 from qlvbayes.laws.catalogue import find_elastic, find_relaxation
 from qlvbayes.model.choices import Choices
-from qlvbayes.pipeline.checking import check_into
-from qlvbayes.pipeline.comparing import compare_into, fluid_pairs, pad_pairs
-from qlvbayes.pipeline.diagnosing import diagnose_into
-from qlvbayes.pipeline.drawing import draw_constants, draw_forces_at_rates, references_of
-from qlvbayes.pipeline.fitting import fit_into
+from qlvbayes.parallel.engines import Engine, engine_of
+from qlvbayes.parallel.faults import Fault
+from qlvbayes.parallel.shards import Shard
+from qlvbayes.pipeline.checking import check_into, tell_check
+from qlvbayes.pipeline.comparing import compare_few
+from qlvbayes.pipeline.diagnosing import DiagnoseStep
+from qlvbayes.pipeline.drawing import (
+    Known,
+    draw_constants,
+    draw_forces_at_rates,
+    references_of,
+)
+from qlvbayes.pipeline.fitting import fit_into, tell_fit
 from qlvbayes.pipeline.looking import look_into
+from qlvbayes.pipeline.many import Tally, Work, raise_failed, run_pads, run_step
+from qlvbayes.pipeline.source import Source
 from qlvbayes.pipeline.watcher import Watcher
 from qlvbayes.report.page import write_report
 
-_MOST_PAIRS = 6  # compared unasked
+ChoicesOf = Callable[[Measurements], Choices]
+_METHOD, _EVIDENCE = "emcee", "laplace"
 
 
 def run_study(
-    file: str | Path | Measurements,
+    file: str | Path | Measurements | Source | Sequence[str | Path],
     out: str | Path,
     *,
     pads: Sequence[str] = (),
-    choices: Choices | None = None,
+    choices: Choices | ChoicesOf | None = None,
     settings: Settings | None = None,
     thresholds: Thresholds | None = None,
     watcher: Watcher | None = None,
     command: str = "",
     references: str | Path | None = None,
-) -> list[Diagnosis]:
+    client: Any = None,
+    shard: str | None = None,
+) -> list[DiagnosisResult]:
     """Do everything for the named pads (all by default); return their verdicts.
 
-    Leaves in ``out``: the first look at the tests, before anything is fitted (``look.json``,
-    ``look_<pad>.png``); per pad the plain model's fit and check in ``<pad>/plain``, the diagnosis
-    and, with the laws and effects that it names, the fit and its check in ``<pad>``: to all tests
-    of all pads where something new is named in one, so that comparing them is fair; else they are
-    those of the plain model. Comparisons of the pads, or of the fluids in
-    them, in ``compare``; constants (PNG, PDF, CSV, LaTeX) and, for two pads or more,
-    forces_at_rates of all; ``run.json`` and ``report.html``.
+    Leaves in ``out``: the first look at the tests of a single file, before anything is fitted
+    (``look.json``, ``look_<pad>.png``); per pad the plain model's fit and check in
+    ``<pad>/plain``, the diagnosis and, with the laws and effects that it names, the fit and its
+    check in ``<pad>``: to all tests of all pads where something new is named in one, so that
+    comparing them is fair; else they are those of the plain model. Comparisons of the pads, or of
+    the fluids in them, in ``compare``; constants (PNG, PDF, CSV, LaTeX) and, for two pads or
+    more, forces_at_rates of all; ``run.json`` and ``report.html``. What is finished is not done
+    again.
 
     Parameters
     ----------
     file
-        Measurements, or the file of them.
+        Measurements, the file of them, several files, a folder, or a `Source` of pads.
     out
         The folder of results.
     pads
         Names of the pads.
     choices
-        The model to start from, by default the plain one, bonded where the file holds strain and
-        stress.
+        The model to start from, or a function that gives it for measurements; by default the plain
+        one, bonded where the file holds strain and stress.
     settings
         Of the sampler.
     thresholds
@@ -73,121 +86,240 @@ def run_study(
     references
         A CSV file (pad,parameter,value,unit) of values to show beside the constants, by default
         paper_table1.csv beside the measurements, if it is there.
+    client
+        What works: a ``distributed.Client``, or any executor with ``submit``; by default this
+        process, one pad after the other.
+    shard
+        ``3/200``: only the third of two hundred parts, without what is made of all pads
+        (`gather`).
 
     Raises
     ------
     InputError
         Measurements, choices or references cannot be used.
+    FailedError
+        Some pads failed, after the others were done; its ``results`` are these.
     """
-    study = file if isinstance(file, Measurements) else read_measurements(file)
+    source = file
+    if not isinstance(source, Source):
+        source = Source.of(source, only=pads, shard=Shard.of(shard) if shard else None)
     out, watcher, settings = Path(out), watcher or Watcher(), settings or Settings()
     thresholds = thresholds or Thresholds()
-    choices = choices or Choices(bonded=study.units.bonded_default)
-    wanted = [study.pad(name) for name in pads] or list(study.pads)
-    known = references_of(study, None if references is None else Path(references))
+    known = references_of(source.place, None if references is None else Path(references))
+    chosen = _chosen(choices)
+    if source.read is not None and source.shard.count == 1:
+        _look(source, out, chosen(source.whole), watcher)
+    engine = engine_of(client)
+    sampler, judging = settings, thresholds  # for the step, whose names mypy follows no further
+    plain = run_step(
+        out,
+        source,
+        lambda study: PlainStep(chosen(study), sampler, judging),
+        engine=engine,
+        watcher=watcher,
+    )
+    if not plain.pads:
+        raise_failed([plain])
+        return []
+    call = command or f"qlvbayes.run_study({Path(source.whole.source).name!r}, {out.name!r}, ...)"
+    told = {"sampler": settings, "thresholds": thresholds}
+    base = chosen(source.whole)
+    record_run(out, "study", call, source.whole, base, settings.seed, told)
+    names = plain.pads if source.shard.count == 1 else _diagnosed_in(out)
+    final = run_finals(
+        out,
+        _others(source, plain),
+        chosen,
+        settings,
+        new=any_new(out, names, base),
+        size=len(plain.pads),
+        engine=engine,
+        watcher=watcher,
+    )
+    if source.shard.count == 1:
+        finish(out, final.pads, known, settings.seed, watcher, engine)
+    verdicts = [verdict(out, name) for name in plain.pads]
+    raise_failed([plain, final], verdicts)
+    return verdicts
+
+
+def finish(
+    out: Path,
+    pads: Sequence[str],
+    references: Known | None,
+    seed: int,
+    watcher: Watcher,
+    engine: Engine | None = None,
+) -> None:
+    """What is made of all pads: constants, forces, comparisons, report."""
+    with watcher.doing("figures of all pads"):
+        draw_constants(out, references)
+        draw_forces_at_rates(out)
+    compare_few(out, pads, seed, watcher)
+    with watcher.doing("report"):
+        write_report(out, engine=engine)
+
+
+def _look(source: Source, out: Path, choices: Choices, watcher: Watcher) -> None:
+    """At the tests of one file, before anything is fitted."""
+    wanted = [study.pads[0] for study in source if isinstance(study, Measurements)]
     with watcher.doing("looking"):
         look, figures = look_into(
-            out, study, wanted, bonded=choices.bonded, effects=choices.effects,
+            out, source.whole, wanted, bonded=choices.bonded, effects=choices.effects,
             keep_all_readings=choices.keep_all_readings,
         )  # fmt: skip
     watcher.looked(look, figures)
-    steps = _Steps(study, out, choices, settings, thresholds, watcher)
-    first = [steps.plain(pad) for pad in wanted]
-    new = any(told.choices != choices for told in first)
-    pairs = zip(wanted, first, strict=True)
-    done = [steps.final(pad, told, all_tests=new) for pad, told in pairs]
-    with watcher.doing("figures of all pads"):
-        draw_constants(out, known)
-        draw_forces_at_rates(out, done)
-    _compare([load(out / pad.name / "posterior.nc") for pad in wanted], out, settings, watcher)
-    call = command or _call(study, out)
-    told = {"sampler": settings, "thresholds": thresholds}
-    record_run(out, "study", call, study, choices, settings.seed, told)
-    with watcher.doing("report"):
-        write_report(out)
-    return [told.found for told in first]
 
 
-def _compare(pads: list[Saved], out: Path, settings: Settings, watcher: Watcher) -> None:
-    """Fluids where there are specimens of them, else every pair of a few pads."""
-    pairs = fluid_pairs(pads) or pad_pairs(pads)
-    if len(pairs) > _MOST_PAIRS:
-        watcher.notice(
-            f"{len(pads)} pads make {len(pairs)} pairs, which are not all compared here; "
-            "name those that matter: qlvbayes compare OUT --pads A,B"
-        )
-        return
-    for first, second in pairs:
-        compare_into(out, first, second, seed=settings.seed, watcher=watcher)
+def verdict(out: Path, pad: str) -> DiagnosisResult:
+    """Of a pad, as it was left."""
+    return DiagnosisResult.read(out / pad / "diagnosis.json")
 
 
-def _call(study: Measurements, out: Path) -> str:
-    return f"qlvbayes.run_study({Path(study.source).name!r}, {out.name!r}, ...)"
+def any_new(out: Path, pads: Iterable[str], choices: Choices) -> bool:
+    """Whether the verdict on some pad names what the model did not have."""
+    return any(fuller(choices, verdict(out, pad)) != choices for pad in pads)
 
 
-@dataclass(frozen=True, eq=False)
-class _Told:
-    """A pad's diagnosis, the check of its plain fit, and the choices that the verdict makes."""
-
-    found: Diagnosis
-    plain: CheckedPad
-    choices: Choices
+def fuller(choices: Choices, found: DiagnosisResult) -> Choices:
+    """The choices with the laws and effects that a verdict names."""
+    new = (found.forms.get(name, name) for name in found.effects if name not in choices.effects)
+    return replace(_on_laws(choices, found), effects=(*choices.effects, *new))
 
 
-@dataclass(frozen=True, eq=False)
-class _Steps:
-    """What is done with each pad, into a folder of its own."""
+def _chosen(choices: Choices | ChoicesOf | None) -> ChoicesOf:
+    if isinstance(choices, Choices):
+        fixed = choices
+        return lambda study: fixed
+    return choices or (lambda study: Choices(bonded=study.units.bonded_default))
 
-    study: Measurements
-    out: Path
+
+def _diagnosed_in(out: Path) -> list[str]:
+    return [file.parent.name for file in sorted(out.glob("*/diagnosis.json"))]
+
+
+def _others(source: Source, done: Tally) -> Iterator[Measurements | Fault]:
+    """The pads that are done, once more; what failed was told."""
+    pads, failed = set(done.pads), {fault.of for fault in done.faults}
+    for one in source:
+        if isinstance(one, Fault):
+            if one.of not in failed:
+                yield one
+        elif one.pads[0].name in pads:
+            yield one
+
+
+def run_finals(
+    out: Path,
+    studies: Iterable[Measurements | Fault],
+    chosen: ChoicesOf,
+    settings: Settings,
+    *,
+    new: bool,
+    size: int,
+    engine: Engine | None,
+    watcher: Watcher,
+) -> Tally:
+    """What the verdicts name: the same tests of every pad, so that comparing them is fair.
+
+    new: whether any of them names something; else the plain fits are taken over.
+    """
+    if not new:
+        names = [study.pads[0].name for study in studies if isinstance(study, Measurements)]
+        for name in names:
+            _take_over(out / name)
+        return Tally(tuple(names), ())
+    work = (
+        study if isinstance(study, Fault) else _final_work(out, study, chosen, settings)
+        for study in studies
+    )
+    return run_pads(out, work, size=size, engine=engine, watcher=watcher)
+
+
+def _final_work(out: Path, study: Measurements, chosen: ChoicesOf, settings: Settings) -> Work:
+    name = study.pads[0].name
+    step = FinalStep(fuller(chosen(study), verdict(out, name)), settings)
+    return Work(step, study, out / name)
+
+
+def _take_over(folder: Path) -> None:
+    """The plain fit and its check as those of the pad."""
+    for file in filter(Path.is_file, (folder / "plain").iterdir()):
+        write_whole(folder / file.name, file.read_bytes())
+
+
+@dataclass(frozen=True)
+class PlainStep:
+    """The plain model's fit and check of a pad, and the diagnosis."""
+
+    name: ClassVar[str] = "plain"
+    reads: ClassVar[tuple[str, ...]] = ()
+
     choices: Choices
     settings: Settings
     thresholds: Thresholds
-    watcher: Watcher
 
-    def plain(self, pad: Pad) -> _Told:
-        """The plain model's fit and check, and the diagnosis."""
-        folder, choices = self.out / pad.name, self.choices
-        checked = self._fit_and_check(pad, choices, folder / "plain", all_tests=False)
-        found = diagnose_into(
-            folder,
-            pad,
-            choices,
-            evidence="laplace",
-            seed=self.settings.seed,
-            watcher=self.watcher,
-            thresholds=self.thresholds,
+    def run(self, folder: Path, study: Measurements, watcher: Watcher) -> None:
+        """Into the folder, and ``plain`` in it."""
+        _fit_and_check(
+            folder / "plain", study, self.choices, self.settings, watcher, all_tests=False
         )
-        told = found.result
-        new = (told.forms.get(name, name) for name in told.effects if name not in choices.effects)
-        fuller = replace(_on_laws(choices, told), effects=(*choices.effects, *new))
-        return _Told(found, checked, fuller)
+        self._diagnosis.run(folder, study, watcher)
 
-    def final(self, pad: Pad, told: _Told, *, all_tests: bool) -> CheckedPad:
-        """What the verdict names: the same tests of every pad, so that comparing them is fair."""
-        folder = self.out / pad.name
-        if told.choices == self.choices and not all_tests:
-            for file in filter(Path.is_file, (folder / "plain").iterdir()):
-                write_whole(folder / file.name, file.read_bytes())
-            return told.plain
-        return self._fit_and_check(pad, told.choices, folder, all_tests=all_tests)
+    def tell(self, folder: Path, watcher: Watcher) -> None:
+        """As each of them does."""
+        _tell_fit(folder / "plain", watcher)
+        self._diagnosis.tell(folder, watcher)
 
-    def _fit_and_check(
-        self, pad: Pad, choices: Choices, folder: Path, *, all_tests: bool
-    ) -> CheckedPad:
-        study, settings, watcher = self.study, self.settings, self.watcher
-        fit_into(
-            folder,
-            pad,
-            study,
-            choices,
-            method="emcee",
-            all_tests=all_tests,
-            settings=settings,
-            watcher=watcher,
-        )
-        saved = load(folder / "posterior.nc")
-        return check_into(folder, saved, study, seed=settings.seed, watcher=watcher)[0]
+    @property
+    def _diagnosis(self) -> DiagnoseStep:
+        return DiagnoseStep(self.choices, _EVIDENCE, self.settings.seed, self.thresholds)
+
+
+@dataclass(frozen=True)
+class FinalStep:
+    """The fit of a pad to all its tests, with what the verdict names, and its check."""
+
+    name: ClassVar[str] = "final"
+    reads: ClassVar[tuple[str, ...]] = ()
+
+    choices: Choices
+    settings: Settings
+
+    def run(self, folder: Path, study: Measurements, watcher: Watcher) -> None:
+        """Into the folder."""
+        _fit_and_check(folder, study, self.choices, self.settings, watcher, all_tests=True)
+
+    def tell(self, folder: Path, watcher: Watcher) -> None:
+        """As each of them does."""
+        _tell_fit(folder, watcher)
+
+
+def _fit_and_check(
+    folder: Path,
+    study: Measurements,
+    choices: Choices,
+    settings: Settings,
+    watcher: Watcher,
+    *,
+    all_tests: bool,
+) -> None:
+    fit_into(
+        folder,
+        study.pads[0],
+        study,
+        choices,
+        method=_METHOD,
+        all_tests=all_tests,
+        settings=settings,
+        watcher=watcher,
+    )
+    check_into(folder, load(folder / "posterior.nc"), study, seed=settings.seed, watcher=watcher)
+
+
+def _tell_fit(folder: Path, watcher: Watcher) -> None:
+    tell_fit(folder, watcher)
+    tell_check(folder, watcher)
 
 
 def _on_laws(choices: Choices, found: DiagnosisResult) -> Choices:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from pathlib import Path
+from typing import Any, TypeVar, cast
 
 from qlvbayes.diagnosis.diagnose import diagnose
+from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.search import Tell
 from qlvbayes.diagnosis.settings import Settings as Thresholds
 from qlvbayes.diagnosis.standing import Standing
@@ -17,8 +19,13 @@ from qlvbayes.fitting.ensemble import Progress, Settings
 from qlvbayes.fitting.fit import Fit, fit_pad
 from qlvbayes.io.data import Measurements, Pad, read_measurements
 from qlvbayes.model.choices import Choices
+from qlvbayes.parallel.engines import engine_of
+from qlvbayes.parallel.faults import FailedError
+from qlvbayes.parallel.running import run_all
 from qlvbayes.preprocess.experiment import Experiment, prepare
 from qlvbayes.preprocess.firstlook import PadSeen, look_at
+
+Answer = TypeVar("Answer")
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,10 +191,80 @@ class Study(Measurements):
         """``<study pads.csv: A, B, C>``."""
         return f"<study {Path(self.source).name}: {', '.join(self)}>"
 
+    def fit(
+        self, choices: Choices | None = None, *, client: Any = None, **options: Any
+    ) -> dict[str, Fit]:
+        """Draw the constants of every pad from their posterior; the fits by pad.
+
+        Parameters
+        ----------
+        choices
+            The model, as of `Specimen.fit`.
+        client
+            What works: a ``distributed.Client``, or an executor with ``submit`` such as a
+            ``ProcessPoolExecutor`` that spawns; by default this process, one pad after the other.
+            The fits do not depend on it.
+        **options
+            ``method``, ``all_tests`` and ``settings`` of `Specimen.fit`.
+
+        Raises
+        ------
+        InputError
+            The client takes no work, or is lost.
+        FailedError
+            Some pads failed, after the others were done; its ``results`` are these.
+        """
+        return self._each(partial(_fitted, choices, options), client)
+
+    def diagnose(
+        self, choices: Choices | None = None, *, client: Any = None, **options: Any
+    ) -> dict[str, DiagnosisResult]:
+        """Say of every pad what the model lacks; the results by pad.
+
+        Parameters
+        ----------
+        choices
+            The model to start from, as of `Specimen.diagnose`.
+        client
+            What works, as of `fit`.
+        **options
+            ``kinds``, ``thresholds``, ``evidence`` and ``seed`` of `Specimen.diagnose`.
+
+        Raises
+        ------
+        InputError
+            The client takes no work, or is lost.
+        FailedError
+            Some pads failed, after the others were done; its ``results`` are these.
+        """
+        return self._each(partial(_diagnosed, choices, options), client)
+
+    def _each(self, task: Callable[[Specimen], Answer], client: Any) -> dict[str, Answer]:
+        found, faults = {}, []
+        for outcome in run_all(task, map(Specimen, self.pads), engine_of(client)):
+            name = outcome.item.pad.name
+            if outcome.fault is not None:
+                faults.append(replace(outcome.fault, of=f"pad {name}"))
+            else:
+                found[name] = cast(Answer, outcome.answer)
+        if faults:
+            raise FailedError(faults, len(self), list(found.values()))
+        return found
+
     @cached_property
     def _specimens(self) -> dict[str, Specimen]:
         """Each once, so that its tests are made ready once."""
         return {pad.name: Specimen(pad) for pad in self.pads}
+
+
+def _fitted(choices: Choices | None, options: dict[str, Any], specimen: Specimen) -> Fit:
+    return specimen.fit(choices, **options)
+
+
+def _diagnosed(
+    choices: Choices | None, options: dict[str, Any], specimen: Specimen
+) -> DiagnosisResult:
+    return specimen.diagnose(choices, **options).result
 
 
 def read_study(path: str | Path) -> Study:

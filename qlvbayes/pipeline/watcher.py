@@ -7,13 +7,11 @@ from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any
 
+from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.standing import Standing
-from qlvbayes.diagnosis.telling.verdict import Diagnosis
-from qlvbayes.fitting.checked import CheckedPad
 from qlvbayes.fitting.ensemble import Progress
+from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.summary import FitSummary
-from qlvbayes.model.choices import Choices
-from qlvbayes.preprocess.experiment import Experiment
 from qlvbayes.preprocess.firstlook import FirstLook
 
 
@@ -37,20 +35,32 @@ class Watcher:
     def looked(self, look: FirstLook, figures: Sequence[Path]) -> None:
         """The tests have been looked at, and nothing is fitted yet."""
 
-    def starting(self, experiment: Experiment, choices: Choices) -> None:
-        """A pad is about to be fitted."""
+    def overall(
+        self, size: int, *, alone: bool
+    ) -> AbstractContextManager[Callable[[int, int], None]]:
+        """So many pads are about to be worked on, one by one or side by side.
+
+        Yields a function of the pads done and the pads to do. Of pads that are worked on by other
+        processes each is told as a whole, in order, once it is done.
+        """
+        return nullcontext(_unheard)
+
+    def starting(self, lines: Sequence[str]) -> None:
+        """A pad is about to be fitted: which tests, the noise floor and the priors, in words."""
 
     def fitted(self, summary: FitSummary) -> None:
         """A pad has been fitted."""
 
-    def checked(self, checked: CheckedPad) -> None:
+    def checked(self, check: CheckResult) -> None:
         """A fit has been checked."""
 
     def searched(self, pad: str, standing: Standing) -> None:
         """A search for what a pad lacks has come so far."""
 
-    def diagnosed(self, found: Diagnosis, figures: Sequence[Path]) -> None:
-        """A pad has its verdict."""
+    def diagnosed(
+        self, result: DiagnosisResult, words: Sequence[str], figures: Sequence[Path]
+    ) -> None:
+        """A pad has its verdict, in paragraphs of words too."""
 
 
 def _unheard(*words: Any) -> None:

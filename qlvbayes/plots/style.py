@@ -90,6 +90,11 @@ def using(look: Mapping[str, Any] | str | Path) -> Iterator[None]:
         _own.reset(token)
 
 
+def own_look() -> dict[str, Any]:
+    """Settings that ``using`` holds now: in another process ``using`` takes them as they are."""
+    return dict(_own.get())
+
+
 def colours() -> tuple[str, ...]:
     """Colours of curves in the look in use; where it has fewer than six, ours after them."""
     found = _matplotlib.rcParams["axes.prop_cycle"].by_key().get("color", [])

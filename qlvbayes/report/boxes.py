@@ -48,7 +48,7 @@ class Box:
     remedy: str | None
 
 
-_BADGES = {
+BADGES = {
     "adequate": "adequate",
     "missing_effect": "effect found",
     "ambiguous": "ambiguous",
@@ -66,7 +66,7 @@ def verdict_box(pad: PadResults, remedy: str) -> Box:
         pad.name,
         pad.fluid,
         verdict or "open",
-        _BADGES.get(verdict, verdict or "not diagnosed"),
+        BADGES.get(verdict, verdict or "not diagnosed"),
         verdict_line(found) if found else _undiagnosed(pad),
         tuple(Named(name, seen(name)) for name in shown),
         _bars(found, pad.force_unit) if found else (),

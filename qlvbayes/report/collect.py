@@ -25,7 +25,7 @@ from qlvbayes.model.drawn import described_fields
 
 Kind = TypeVar("Kind", bound=Result)
 
-_MARKS = ("posterior.nc", "summary.json", "check.json", "diagnosis.json")
+MARKS = ("posterior.nc", "summary.json", "check.json", "diagnosis.json")
 
 
 @dataclass(frozen=True)
@@ -97,23 +97,34 @@ class Results:
 
 def collect(out: Path) -> Results:
     """Read a folder of results; InputError where there is none or a file of it is damaged."""
-    folders = [path for path in sorted(out.glob("*")) if any((path / m).exists() for m in _MARKS)]
+    folders = pad_folders(out)
+    compared = [_compared(path.parent) for path in sorted(out.glob("compare/*/compare.json"))]
+    return Results(out, tuple(map(pad_in, folders)), tuple(compared), runs_in(out))
+
+
+def pad_folders(out: Path) -> list[Path]:
+    """Of all pads in a folder of results; InputError where there are none."""
+    folders = [path for path in sorted(out.glob("*")) if any((path / m).exists() for m in MARKS)]
     if not folders:
         raise InputError(
             "no results in this folder",
             file=out,
             remedy=f"run {as_typed('qlvbayes', 'study', 'FILE', '-o', str(out))} first",
         )
-    compared = [_compared(path.parent) for path in sorted(out.glob("compare/*/compare.json"))]
-    noted = _read(Runs, out / "run.json")
-    runs = noted.runs if noted else {}
-    return Results(out, tuple(_pad(folder) for folder in folders), tuple(compared), runs)
+    return folders
 
 
-def _pad(folder: Path) -> PadResults:
+def runs_in(out: Path) -> dict[str, Run]:
+    """By which commands a folder was made, by step; empty where it does not say."""
+    noted = read_if_there(Runs, out / "run.json")
+    return noted.runs if noted else {}
+
+
+def pad_in(folder: Path) -> PadResults:
+    """One pad, as far as it is there."""
     final = _model(folder)
     plain = folder / "plain"
-    diagnosis = _read(DiagnosisResult, folder / "diagnosis.json")
+    diagnosis = read_if_there(DiagnosisResult, folder / "diagnosis.json")
     named = [part.pad for part in (final.summary, final.check, diagnosis) if part]
     return PadResults(
         str(named[0] if named else final.facts.get("pad", folder.name)),
@@ -126,13 +137,13 @@ def _pad(folder: Path) -> PadResults:
 
 
 def _model(folder: Path) -> Model:
-    draws, summary = folder / "posterior.nc", _read(FitSummary, folder / "summary.json")
-    facts = _facts(draws)
+    draws, summary = folder / "posterior.nc", read_if_there(FitSummary, folder / "summary.json")
+    facts = facts_of(draws)
     if summary is None and draws.exists():
         summary, told = summary_of_draws(draws)
         facts = told | facts
-    check = _read(CheckResult, folder / "check.json")
-    return Model(folder, summary, check, _read(Curves, folder / "curves.json"), facts)
+    check = read_if_there(CheckResult, folder / "check.json")
+    return Model(folder, summary, check, read_if_there(Curves, folder / "curves.json"), facts)
 
 
 def _compared(folder: Path) -> Compared:
@@ -140,7 +151,7 @@ def _compared(folder: Path) -> Compared:
     return Compared(folder, found, _paragraphs(folder / "compare.txt"))
 
 
-def _read(kind: type[Kind], path: Path) -> Kind | None:
+def read_if_there(kind: type[Kind], path: Path) -> Kind | None:
     """A result in a file; None where there is no file."""
     return kind.read(path) if path.exists() else None
 
@@ -156,7 +167,7 @@ def _paragraphs(path: Path) -> tuple[str, ...]:
     return tuple(part for part in parts if part)
 
 
-def _facts(path: Path) -> dict:
+def facts_of(path: Path) -> dict:
     """Attributes of a results file, as plain Python."""
     if not path.exists():
         return {}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from importlib.resources import files
 from pathlib import Path
 
@@ -13,16 +13,20 @@ from markupsafe import Markup
 from qlvbayes.io.escaping import as_typed
 from qlvbayes.io.files import write_whole
 from qlvbayes.io.wording import joined
+from qlvbayes.parallel.engines import Engine
+from qlvbayes.parallel.faults import FailedError
+from qlvbayes.parallel.running import run_all
 from qlvbayes.report.answers import answers, split_first
 from qlvbayes.report.boxes import Box, verdict_box
 from qlvbayes.report.charts import chart_of
-from qlvbayes.report.collect import PadResults, Results, collect
+from qlvbayes.report.collect import PadResults, Results, collect, pad_folders, pad_in, runs_in
 from qlvbayes.report.comparing import comparing_of
 from qlvbayes.report.constants import Shifts, constants_rows, shifts_of
 from qlvbayes.report.explaining import Explaining, explaining_of
 from qlvbayes.report.failing import Failing, failing_of
 from qlvbayes.report.figures import Embedder, Figure
 from qlvbayes.report.methods import methods_of, source_name
+from qlvbayes.report.overview import is_older, overview_of
 from qlvbayes.report.using import using_of
 
 _PAD_FIGURES = (
@@ -37,6 +41,8 @@ _PAD_FIGURES = (
     "prediction",
 )
 REPORT = "report.html"
+MOST_ON_A_PAGE = 24
+"""Pads whose figures are on one page; of more there is a table."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +112,7 @@ def _remedies(results: Results) -> dict[str, str]:
 
 
 @cache
-def _template():  # type: ignore[no-untyped-def]
+def _template(name: str = "report"):  # type: ignore[no-untyped-def]
     environment = Environment(
         loader=PackageLoader("qlvbayes.report"),
         autoescape=True,
@@ -116,7 +122,7 @@ def _template():  # type: ignore[no-untyped-def]
     )
     environment.globals["asset"] = _asset
     environment.filters["split_first"] = split_first
-    return environment.get_template("report.html.j2")
+    return environment.get_template(f"{name}.html.j2")
 
 
 def _asset(folder: str, name: str) -> Markup:
@@ -124,17 +130,20 @@ def _asset(folder: str, name: str) -> Markup:
     return Markup(files("qlvbayes.report").joinpath(folder, name).read_text(encoding="utf-8"))
 
 
-def write_report(out: str | Path) -> Path:
+def write_report(out: str | Path, *, engine: Engine | None = None) -> Path:
     """Write ``out/report.html`` from what lies in ``out``; return where it is.
 
     One file that opens without a network: verdicts, constants, comparisons, errors by test and
     phase, curves to zoom into, missing effects, methods. Steps that were not done are named with
-    the command that does them.
+    the command that does them. Of more than 24 pads it is a table in which one is found quickly,
+    and each pad has such a page in its own folder.
 
     Parameters
     ----------
     out
         The folder of results.
+    engine
+        What makes the pages of many pads, this process where it is None.
 
     Returns
     -------
@@ -148,5 +157,24 @@ def write_report(out: str | Path) -> Path:
     """
     folder = Path(out)
     path = folder / REPORT
-    write_whole(path, page(collect(folder)).encode())
+    if len(folders := pad_folders(folder)) <= MOST_ON_A_PAGE:
+        write_whole(path, page(collect(folder)).encode())
+        return path
+    old = [one for one in folders if is_older(one / REPORT, one)]
+    shared = engine if engine is not None and engine.shares_disk else None
+    for outcome in run_all(partial(_write_own, folder), old, shared):
+        if outcome.fault is not None:
+            raise FailedError([outcome.fault], 1)
+    found = overview_of(folders)
+    commands = [run.command for run in runs_in(folder).values()]
+    text = _template("overview").render(
+        title=f"{len(folders)} pads", found=found, commands=commands
+    )
+    write_whole(path, text.encode())
     return path
+
+
+def _write_own(out: Path, folder: Path) -> None:
+    """The page of one pad of many, in its own folder."""
+    results = Results(folder, (pad_in(folder),), (), runs_in(out))
+    write_whole(folder / REPORT, page(results).encode())

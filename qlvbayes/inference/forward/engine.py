@@ -8,7 +8,6 @@ that would serve better, and half as much is traced and compiled.
 
 from __future__ import annotations
 
-import os
 from collections import OrderedDict, deque
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -30,6 +29,7 @@ from qlvbayes.inference.forward.pieces import (
     plan_of,
     whole_of,
 )
+from qlvbayes.io.runtime import cores
 from qlvbayes.laws.layered import Law
 from qlvbayes.laws.motion import Motion
 from qlvbayes.preprocess.batching import told
@@ -187,7 +187,7 @@ class Engine:
         if len(parts) < _MANY:
             deque(map(run, range(len(parts))), maxlen=0)
         else:
-            with ThreadPoolExecutor(os.cpu_count() or 1) as threads:
+            with ThreadPoolExecutor(cores()) as threads:
                 deque(threads.map(run, range(len(parts))), maxlen=0)
         return found[:count]
 

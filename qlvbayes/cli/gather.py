@@ -1,0 +1,38 @@
+"""``qlvbayes gather``: what was done in parts, put together."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from qlvbayes.cli.console import out
+from qlvbayes.cli.options import Cluster, Jobs, References, Style
+from qlvbayes.cli.terminal import Terminal
+from qlvbayes.io.runtime import cores
+from qlvbayes.parallel.engines import opened_engine
+from qlvbayes.parallel.faults import FailedError
+from qlvbayes.pipeline.gathering import gather
+from qlvbayes.report.page import REPORT
+
+
+def gather_command(
+    folder: Annotated[Path, typer.Argument(help="The folder that the parts wrote into.")],
+    jobs: Jobs = 1,
+    cluster: Cluster = None,
+    references: References = None,
+    style: Style = None,
+) -> None:
+    """Make tables, comparison and report of the pads that are there, after a run with --shard.
+
+    What there is: parts that are not done yet are left out, and the same command takes them up
+    later. Of a study, pads whose last fit hangs on what others lack are fitted first. Leaves what
+    the same run without --shard leaves, and names the pads that failed.
+    """
+    with opened_engine(jobs or cores(), cluster) as engine:
+        found = gather(folder, references=references, engine=engine, watcher=Terminal())
+    count = len(found.pads)
+    out.print(f"{count} pad{'' if count == 1 else 's'} in {folder}, report in {folder / REPORT}")
+    if found.faults:
+        raise FailedError(found.faults, found.total)

@@ -1,0 +1,236 @@
+"""What work is handed to: spawned processes, a Dask cluster, any executor with ``submit``."""
+
+from __future__ import annotations
+
+import logging
+import multiprocessing
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
+from contextlib import contextmanager
+from multiprocessing.connection import Connection
+from typing import Any, Protocol
+
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.runtime import THREADS, cores
+
+_WAIT_S = 10.0  # for a scheduler to answer: one that is there answers within a second
+_LEAST = 16  # tasks that wait on a cluster, so that one that grows sees that there is work
+_LOOK_S = 5.0  # between two looks at how many workers there are
+
+
+class EngineLostError(InputError):
+    """What the work was handed to is no longer there; what is finished is kept."""
+
+
+class Engine(Protocol):
+    """What takes tasks."""
+
+    @property
+    def workers(self) -> int:
+        """How many are known to work at once."""
+        ...
+
+    @property
+    def ahead(self) -> int:
+        """Tasks that it holds at most, those that wait included."""
+        ...
+
+    @property
+    def shares_disk(self) -> bool:
+        """Whether its workers are sure to see the files that this process sees."""
+        ...
+
+    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        """Hand over one call."""
+        ...
+
+    def renew(self) -> None:
+        """Begin anew after a worker has died and taken the others with it."""
+        ...
+
+
+class Processes:
+    """So many interpreters that were spawned, never forked: JAX has threads.
+
+    They end with this process, however it ends.
+    """
+
+    shares_disk = True
+
+    def __init__(self, count: int) -> None:
+        self.workers = count
+        self.ahead = count + 1  # one waits, so that no process does
+        self._pool: ProcessPoolExecutor | None = None
+        self._lifeline: Connection | None = None
+
+    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        """Hand over one call; processes are started when they are needed."""
+        if self._pool is None:
+            # idle threads of BLAS, as many as there are cores in each process, take memory
+            os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+            ours, self._lifeline = multiprocessing.Pipe(duplex=False)
+            threads = max(1, cores() // self.workers)
+            self._pool = ProcessPoolExecutor(
+                self.workers,
+                mp_context=multiprocessing.get_context("spawn"),
+                initializer=_begin,
+                initargs=(ours, threads),
+            )
+        return self._pool.submit(function, *arguments)
+
+    def renew(self) -> None:
+        """End what is left of the processes; the next call starts new ones."""
+        pool, lifeline = self._pool, self._lifeline
+        self._pool = self._lifeline = None
+        if lifeline is not None:
+            lifeline.close()
+        if pool is not None:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _begin(lifeline: Connection, threads: int) -> None:
+    """First in a process: Ctrl-C is its parent's to answer, and it ends when its parent does."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.environ[THREADS] = str(threads)
+    threading.Thread(target=_end_with, args=(lifeline,), daemon=True).start()
+
+
+def _end_with(lifeline: Connection) -> None:
+    """Nothing is ever sent: what is waited for is the end."""
+    try:
+        lifeline.recv_bytes()
+    except (EOFError, OSError):
+        os._exit(0)
+
+
+class Given:
+    """An executor of the user's own: anything whose ``submit`` returns futures."""
+
+    def __init__(self, executor: Any) -> None:
+        self._executor = executor
+        self.workers = int(getattr(executor, "_max_workers", None) or cores())
+        self.ahead = 2 * self.workers
+        self.shares_disk = False
+
+    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        """Hand over one call."""
+        future: Future[Any] = self._executor.submit(function, *arguments)
+        return future
+
+    def renew(self) -> None:
+        """Only its owner can."""
+        raise EngineLostError(
+            "a worker of the executor has died and the executor with it",
+            remedy="make a new one and call again: what is finished is kept",
+        )
+
+
+class Cluster:
+    """Workers of a Dask scheduler, by a ``distributed.Client``; they may come and go."""
+
+    shares_disk = False
+
+    def __init__(self, client: Any) -> None:
+        self._client = client
+        self._executor = client.get_executor(pure=False)
+        self._address = getattr(client.scheduler, "address", "")
+        self._looked, self._count = -_LOOK_S, 1
+
+    @property
+    def workers(self) -> int:
+        """Threads of all workers, as they are now or were a few seconds ago."""
+        if time.monotonic() - self._looked > _LOOK_S:
+            self._looked = time.monotonic()
+            try:
+                self._count = sum(self._client.nthreads().values())
+            except Exception as error:  # Dask raises several, as its connection is when asked
+                raise self._lost() from error
+        return max(1, self._count)
+
+    @property
+    def ahead(self) -> int:
+        """Twice as many as there are workers: the next one is there when one is done."""
+        return max(_LEAST, 2 * self.workers)
+
+    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        """Hand over one call."""
+        try:
+            future: Future[Any] = self._executor.submit(function, *arguments)
+        except Exception as error:
+            raise self._lost() from error
+        return future
+
+    def renew(self) -> None:
+        """Its futures are gone with the scheduler: Dask itself replaces a worker that died."""
+        raise self._lost()
+
+    def _lost(self) -> EngineLostError:
+        return EngineLostError(
+            f"the Dask scheduler at {self._address} is lost",
+            remedy="start it and give the same command again: what is finished is kept",
+        )
+
+
+def engine_of(client: Any) -> Engine | None:
+    """Of a Dask client, or of any executor; None, for this process itself, of None.
+
+    Raises InputError where it is neither.
+    """
+    if client is None or isinstance(client, Processes | Cluster | Given):
+        return client
+    if hasattr(client, "get_executor") and hasattr(client, "nthreads"):
+        return Cluster(client)
+    if callable(getattr(client, "submit", None)):
+        return Given(client)
+    raise InputError(
+        f"a {type(client).__name__} takes no work",
+        remedy="give a distributed.Client or an executor of concurrent.futures",
+    )
+
+
+@contextmanager
+def opened_engine(jobs: int = 1, cluster: str | None = None) -> Iterator[Engine | None]:
+    """For ``--jobs`` and ``--cluster``: None where all is done in this process.
+
+    Raises InputError where both are asked for, no scheduler answers, or ``distributed`` is missing.
+    """
+    if cluster is not None:
+        if jobs > 1:
+            raise InputError("--jobs and --cluster are two ways to work", remedy="give one")
+        with _client(cluster) as client:
+            yield Cluster(client)
+    elif jobs > 1:
+        engine = Processes(jobs)
+        try:
+            yield engine
+        finally:
+            engine.renew()
+    else:
+        yield None
+
+
+@contextmanager
+def _client(address: str) -> Iterator[Any]:
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise InputError(
+            "--cluster needs the package distributed", remedy="pip install 'qlvbayes[cluster]'"
+        ) from error
+    for name in ("distributed.client", "distributed.core", "distributed.comm", "tornado"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # one line says it: ours
+    try:
+        client = Client(address, timeout=_WAIT_S, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"no Dask scheduler answers at {address}",
+            remedy="start it with 'dask scheduler', and give its address as tcp://HOST:PORT",
+        ) from error
+    try:
+        yield client
+    finally:
+        client.close(timeout=2.0)

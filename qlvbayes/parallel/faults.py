@@ -1,0 +1,89 @@
+"""Why a piece of work failed, as one line that goes from one process to another."""
+
+from __future__ import annotations
+
+import errno
+import os
+import traceback
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.escaping import visible
+
+_NAMED = 20  # pads that failed alike, by name
+
+
+@dataclass(frozen=True)
+class Fault:
+    """What went wrong: one line with its place and remedy.
+
+    mendable: whether the user can mend it (exit status 2), or it is an error of the program (1);
+    of: the pad, or the file, that it happened to.
+    """
+
+    text: str
+    mendable: bool = True
+    of: str = ""
+
+    @property
+    def status(self) -> int:
+        """Exit status of a command that ends by it."""
+        return 2 if self.mendable else 1
+
+
+def fault_of(error: BaseException) -> Fault:
+    """Of an exception, whatever it is; with ``QLVBAYES_DEBUG`` its traceback is printed too."""
+    if os.environ.get("QLVBAYES_DEBUG"):
+        traceback.print_exception(error)
+    if isinstance(error, InputError):
+        return Fault(str(error))
+    if isinstance(error, OSError):
+        return Fault(visible(_plain(error)))
+    if isinstance(error, MemoryError):
+        return Fault("not enough memory; read fewer pads with --pads, or use fewer --jobs")
+    text = visible(" ".join(str(error).split())[:300])
+    return Fault(
+        f"internal error ({type(error).__name__}: {text}); "
+        "set QLVBAYES_DEBUG=1 for the traceback and report it",
+        mendable=False,
+    )
+
+
+class FailedError(InputError):
+    """Some of many pads failed, after all others were done.
+
+    faults: why, one each; total: how many pads there were; results: of those that did not fail,
+    where they are returned. Several that failed alike are one line.
+    """
+
+    def __init__(self, faults: Sequence[Fault], total: int, results: Sequence[Any] = ()) -> None:
+        self.faults = tuple(faults)
+        self.total = total
+        self.results = list(results)
+        self.status = min(fault.status for fault in faults)
+        super().__init__("; ".join(self.lines))
+
+    @property
+    def lines(self) -> list[str]:
+        """One a reason, with the pads that it holds for where that is not plain."""
+        reasons: dict[str, list[str]] = {}
+        for fault in self.faults:
+            reasons.setdefault(fault.text, []).append(fault.of)
+        if len(reasons) == 1 and len(self.faults) == self.total:
+            return list(reasons)
+        lines = [f"{_listed(names)}: {text}" for text, names in reasons.items()]
+        rest = self.total - len(self.faults)
+        return [*lines, f"{len(self.faults)} of {self.total} failed; {rest} are done"]
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return ", ".join(names[:_NAMED]) + more
+
+
+def _plain(error: OSError) -> str:
+    place = f"{error.filename}: " if error.filename else ""
+    remedy = "free some space" if error.errno == errno.ENOSPC else "check the path and its rights"
+    return f"{place}{error.strerror or error}; {remedy}"

@@ -1,0 +1,61 @@
+"""One part of many: ``3/200`` is the third of two hundred, each run by itself."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+from qlvbayes.io.checks import InputError
+
+Item = TypeVar("Item")
+
+_TASK, _FIRST, _COUNT = (f"SLURM_ARRAY_TASK_{what}" for what in ("ID", "MIN", "COUNT"))
+
+
+@dataclass(frozen=True)
+class Shard:
+    """The part at a place, from 1, of so many; all parts together are everything, once."""
+
+    place: int = 1
+    count: int = 1
+
+    @classmethod
+    def of(cls, text: str) -> Shard:
+        """``3/200``, or ``slurm``: the place of this job in an array of SLURM.
+
+        Raises InputError where it is neither, or there is no such array.
+        """
+        if text.strip().lower() == "slurm":
+            return cls._of_slurm()
+        place, slash, count = (part.strip() for part in text.partition("/"))
+        if place.lower() == "slurm":  # of an array that is smaller than the number of parts
+            place = str(cls._of_slurm().place)
+        if not (slash and place.isdecimal() and count.isdecimal()):
+            raise InputError(f"no part {text!r}", remedy="write it as 3/200, or as slurm")
+        if not 1 <= int(place) <= int(count):
+            raise InputError(
+                f"no part {place} of {count}", remedy=f"use 1/{count} to {count}/{count}"
+            )
+        return cls(int(place), int(count))
+
+    @classmethod
+    def _of_slurm(cls) -> Shard:
+        found = [os.environ.get(name, "") for name in (_TASK, _FIRST, _COUNT)]
+        if not all(text.isdecimal() for text in found):
+            raise InputError(
+                "this is no job of a SLURM array: SLURM_ARRAY_TASK_ID is not set",
+                remedy="run it by sbatch --array=1-200, or write the part as 3/200",
+            )
+        task, first, count = map(int, found)
+        if not 1 <= task - first + 1 <= count:
+            raise InputError(
+                f"the SLURM array has gaps: task {task} of {count} that begin with {first}",
+                remedy="number it without gaps, as --array=1-200, or write the part as 3/200",
+            )
+        return cls(task - first + 1, count)
+
+    def part(self, items: Sequence[Item]) -> Sequence[Item]:
+        """Every ``count``-th, from the place on."""
+        return items[self.place - 1 :: self.count]

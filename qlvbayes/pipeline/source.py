@@ -1,0 +1,191 @@
+"""Where pads come from: one file of measurements, several, or a folder of them, pad by pad."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.data import Measurements, Pad, read_measurements
+from qlvbayes.io.files import folder_fault, same_folder
+from qlvbayes.io.units import PAD
+from qlvbayes.parallel.faults import Fault, fault_of
+from qlvbayes.parallel.shards import Shard
+from qlvbayes.pipeline.drawing import REFERENCES
+
+_UNNAMED = "pad"  # what a file's only pad is called where no column names it
+_NO_MEASUREMENTS = {
+    ".html", ".ini", ".ipynb", ".jpg", ".json", ".log", ".m", ".md", ".mplstyle", ".nc", ".pdf",
+    ".png", ".py", ".rst", ".sh", ".tex", ".toml", ".yaml", ".yml", ".zip",
+}  # fmt: skip
+"""Of files that lie beside measurements in a folder; what is of another kind is read."""
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """Pads, each as a study of its own, in the order of the files and in these.
+
+    read: the measurements where they are in one file; files: where they are in several, of which
+    one is read at a time; only: names of the pads that are wanted, all by default.
+    """
+
+    files: tuple[Path, ...]
+    only: tuple[str, ...] = ()
+    read: Measurements | None = None
+    folder: Path | None = None
+    shard: Shard = field(default_factory=Shard)
+
+    @classmethod
+    def of(
+        cls,
+        given: Measurements | str | Path | Sequence[str | Path],
+        *,
+        only: Sequence[str] = (),
+        shard: Shard | None = None,
+    ) -> Source:
+        """Of measurements, a file, several files, or a folder of them.
+
+        Raises InputError where a single file cannot be read or lacks a pad that is wanted, where
+        there are no files, or where two have one name.
+        """
+        part = shard or Shard()
+        if isinstance(given, str | Path):
+            given = [given]
+        if isinstance(given, Measurements):
+            return cls((), _known(given, only), given, shard=part)
+        paths = [Path(one) for one in given]
+        if len(paths) == 1 and not paths[0].is_dir():
+            read = read_measurements(paths[0])
+            return cls((paths[0],), _known(read, only), read, shard=part)
+        files = tuple(file for path in paths for file in _files(path))
+        _tell_apart(files)
+        folder = paths[0] if len(paths) == 1 else None
+        return cls(files, tuple(only), folder=folder, shard=part)
+
+    @property
+    def size(self) -> int:
+        """How many pads there are in this part; of several files, how many of these."""
+        if self.read is None:
+            return len(self.shard.part(self.files))
+        return len(self.shard.part(self._wanted(self.read)))
+
+    @property
+    def notices(self) -> tuple[str, ...]:
+        """What was noticed on reading a single file."""
+        return self.read.notices if self.read else ()
+
+    @property
+    def place(self) -> Path:
+        """The folder that the files are in."""
+        if self.read is not None:
+            return Path(self.read.source).parent
+        return self.folder or self.files[0].parent
+
+    @property
+    def whole(self) -> Measurements:
+        """For what is noted of a run: the one study, or where its files are."""
+        return self.read or Measurements((), PAD, str(self.place), "", ())
+
+    def __iter__(self) -> Iterator[Measurements | Fault]:
+        """A study of one pad after the other, and a fault for a file that cannot be read."""
+        if self.read is not None:
+            for pad in self.shard.part(self._wanted(self.read)):
+                yield alone(self.read, pad)
+            return
+        for file in self.shard.part(self.files):
+            try:
+                study = named_after(file, read_measurements(file))
+            except Exception as error:  # one bad file must not stop the others
+                yield replace(fault_of(error), of=file.name)
+                continue
+            for pad in self._wanted(study):
+                yield alone(study, pad)
+
+    def _wanted(self, study: Measurements) -> list[Pad]:
+        if not self.only:
+            return list(study.pads)
+        known = {pad.name: pad for pad in study.pads}
+        return [known[name] for name in self.only if name in known]
+
+
+def alone(study: Measurements, pad: Pad) -> Measurements:
+    """One pad of a study as a study."""
+    return Measurements((pad,), study.units, study.source, study.sha256, study.notices)
+
+
+def named_after(file: Path, study: Measurements) -> Measurements:
+    """The study of one file among several: its pads' names tell them from those of other files.
+
+    ``B.csv`` with one pad of no name, or called B, gives B; with pads 1 and 2, B-1 and B-2.
+    Raises InputError where such a name cannot be that of a folder.
+    """
+    stem = _stem(file)
+    pads = []
+    for pad in study.pads:
+        same = len(study.pads) == 1 and pad.name in (_UNNAMED, stem)
+        name = stem if same else f"{stem}-{pad.name}"
+        if (fault := folder_fault(name)) is not None:
+            raise InputError(f"'{name}' {fault[0]}", file=file, remedy=fault[1])
+        pads.append(renamed(pad, name))
+    return replace(study, pads=tuple(pads))
+
+
+def renamed(pad: Pad, name: str) -> Pad:
+    """The same pad under another name."""
+    return replace(pad, name=name, tests=tuple(replace(test, pad=name) for test in pad.tests))
+
+
+def pad_of(study: Measurements, name: str) -> Measurements:
+    """A pad by the name that it has among several files, or in its own; as a study of one pad.
+
+    Raises InputError where there is none.
+    """
+    known: Collection[str] = [pad.name for pad in study.pads]
+    if name not in known:
+        several = named_after(Path(study.source), study)
+        if name in [pad.name for pad in several.pads]:
+            return alone(study, several.pad(name))
+    return alone(study, study.pad(name))
+
+
+def _known(study: Measurements, only: Sequence[str]) -> tuple[str, ...]:
+    return tuple(study.pad(name).name for name in only)
+
+
+def _files(path: Path) -> list[Path]:
+    """A file, or those of a folder that may hold measurements."""
+    if not path.is_dir():
+        return [path]
+    found = [
+        file
+        for file in sorted(path.iterdir())
+        if file.is_file()
+        and not file.name.startswith(".")
+        and file.suffix.lower() not in _NO_MEASUREMENTS
+        and file.name != REFERENCES
+    ]
+    if not found:
+        raise InputError(
+            "no measurements in this folder", file=path, remedy="name a folder with files of them"
+        )
+    return found
+
+
+def _stem(file: Path) -> str:
+    """A file's name without its kind: of ``B.csv.gz`` B."""
+    name = file.name.removesuffix(".gz")
+    return name.rpartition(".")[0] or name
+
+
+def _tell_apart(files: Sequence[Path]) -> None:
+    """Refuse files whose pads would go to one folder."""
+    seen: dict[str, Path] = {}
+    for file in files:
+        other = seen.setdefault(same_folder(_stem(file)), file)
+        if other != file:
+            raise InputError(
+                f"{other.name} and this file give pads one name",
+                file=file,
+                remedy="rename one: of several files each pad is named after its own",
+            )

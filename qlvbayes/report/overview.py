@@ -1,0 +1,83 @@
+"""Of many pads: a table in which one is found quickly, and a page for each of them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from qlvbayes.diagnosis.result import DiagnosisResult
+from qlvbayes.fitting.residuals import CheckResult
+from qlvbayes.fitting.summary import FitSummary
+from qlvbayes.report.boxes import BADGES
+from qlvbayes.report.collect import MARKS, facts_of, read_if_there
+from qlvbayes.report.numbers import number, to_sd
+
+_CONSTANTS = 12  # columns of constants: those of most pads come first
+
+
+@dataclass(frozen=True)
+class Line:
+    """One pad: its folder, what is in it, verdict and what that names, errors, constants.
+
+    fails: phases in which structure beyond noise is left; worst: largest error over the noise;
+    constants: medians, as they are shown and as numbers to sort by.
+    """
+
+    pad: str
+    folder: str
+    fluid: str
+    verdict: str
+    named: str
+    fails: int | None
+    worst: str
+    constants: dict[str, tuple[str, float]]
+
+
+@dataclass(frozen=True)
+class Overview:
+    """All pads, how many have which verdict, and the constants that the table shows."""
+
+    lines: tuple[Line, ...]
+    verdicts: tuple[tuple[str, int], ...]
+    constants: tuple[str, ...]
+
+
+def overview_of(folders: Sequence[Path]) -> Overview:
+    """Of the folders of pads, one read after the other."""
+    lines = tuple(map(_line, folders))
+    known = Counter(name for line in lines for name in line.constants)
+    verdicts = Counter(line.verdict for line in lines)
+    names = [name for name, _ in known.most_common(_CONSTANTS)]
+    return Overview(lines, tuple(verdicts.most_common()), tuple(names))
+
+
+def is_older(page: Path, folder: Path) -> bool:
+    """Whether a pad's page is missing, or older than what it tells of."""
+    if not page.exists():
+        return True
+    made = page.stat().st_mtime_ns
+    return any(f.stat().st_mtime_ns > made for m in MARKS if (f := folder / m).exists())
+
+
+def _line(folder: Path) -> Line:
+    summary = read_if_there(FitSummary, folder / "summary.json")
+    check = read_if_there(CheckResult, folder / "check.json")
+    found = read_if_there(DiagnosisResult, folder / "diagnosis.json")
+    parameters = summary.parameters if summary else {}
+    worst = max((cell.rmse / check.noise for cell in check.cells), default=None) if check else None
+    return Line(
+        next((part.pad for part in (summary, check, found) if part), folder.name),
+        folder.name,
+        str(facts_of(folder / "posterior.nc").get("fluid") or ""),
+        BADGES.get(found.verdict, found.verdict) if found else "not diagnosed",
+        ", ".join(found.group or found.effects) if found else "",
+        len(check.failing) if check else None,
+        "" if worst is None else number(worst, 2),
+        {
+            f"{name} ({c.unit})" if c.unit != "1" else name: (to_sd(c.median, c.sd), c.median)
+            for name, c in parameters.items()
+            if not name.startswith("noise.")
+        },
+    )

@@ -1,0 +1,253 @@
+"""Many pads: the same files with any number of processes and in parts; what is finished stays."""
+
+import json
+import shutil
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+from support.endtoend import PADS, call, one_line, read_json
+from support.work import MeanStep, pads
+
+from qlvbayes import read_study, write_report
+from qlvbayes.fitting.runs import Runs
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.data import read_measurements
+from qlvbayes.parallel.engines import Processes, engine_of
+from qlvbayes.parallel.faults import Fault
+from qlvbayes.parallel.shards import Shard
+from qlvbayes.pipeline.drawing import draw_constants
+from qlvbayes.pipeline.many import FINISHED, Work, faults_in, run_pads
+from qlvbayes.pipeline.source import Source, pad_of
+from qlvbayes.pipeline.watcher import Watcher
+from qlvbayes.report.page import MOST_ON_A_PAGE
+
+QUICK = ("--method", "least-squares", "--modes", "1", "--noise", "white")
+
+
+class Listener(Watcher):
+    def __init__(self):
+        self.notices = []
+
+    def notice(self, text):
+        self.notices.append(text)
+
+
+def run(out, names, step=None, engine=None):
+    listener = Listener()
+    step = step or MeanStep()
+    work = [
+        one if isinstance(one, Fault) else Work(step, one, out / one.pads[0].name)
+        for one in pads(*names)
+    ]
+    done = run_pads(out, work, size=len(names), engine=engine, watcher=listener)
+    return done, listener.notices
+
+
+def files(out):
+    return {
+        path.relative_to(out).as_posix(): path.read_bytes()
+        for path in sorted(out.rglob("*"))
+        if path.is_file() and FINISHED not in path.parts and path.name != "run.json"
+    }
+
+
+@pytest.fixture(scope="module")
+def two():
+    engine = Processes(2)
+    yield engine
+    engine.renew()
+
+
+def test_a_bad_pad_stops_nothing_and_is_named(tmp_path, two):
+    names = ["A", "bad", "C"]
+    found, notices = run(tmp_path / "one", names)
+    assert found.pads == ("A", "C")
+    assert found.faults == (Fault("some.csv, line 3: no force; measure it", of="pad bad"),)
+    assert notices == ["pad A: done", "pad C: done"]
+    assert faults_in(tmp_path / "one") == list(found.faults)
+    side_by_side, again = run(tmp_path / "two", names, engine=two)
+    assert (side_by_side, again) == (found, notices)
+    assert files(tmp_path / "one") == files(tmp_path / "two")
+
+
+def test_what_is_finished_is_told_not_done_again(tmp_path, two):
+    run(tmp_path, "AB")
+    for engine in (None, two):
+        assert run(tmp_path, "AB", engine=engine)[1] == ["pad A: there", "pad B: there"]
+    assert run(tmp_path, "AB", MeanStep(1.0))[1] == ["pad A: done", "pad B: done"]
+    (tmp_path / "A" / "mean.json").write_text("damaged")
+    assert run(tmp_path, "AB", MeanStep(1.0))[1] == ["pad A: done", "pad B: there"]
+    (tmp_path / "B" / "deep" / "who.txt").unlink()
+    assert run(tmp_path, "AB", MeanStep(1.0))[1] == ["pad A: there", "pad B: done"]
+
+
+def test_a_pad_that_was_mended_is_no_longer_named(tmp_path):
+    run(tmp_path, ["bad"])
+    assert len(faults_in(tmp_path)) == 1
+    for file in (tmp_path / FINISHED / "mean").iterdir():
+        content = json.loads(file.read_bytes())
+        assert content["fault"] == "some.csv, line 3: no force; measure it"
+        file.rename(file.with_name("good.json"))
+    run(tmp_path, ["good"])
+    assert faults_in(tmp_path) == []
+
+
+def test_workers_without_the_disk_send_back_what_they_leave(tmp_path, monkeypatch):
+    (tmp_path / "here" / "A").mkdir(parents=True)
+    (tmp_path / "here" / "A" / "before.txt").write_text("read")
+    run(tmp_path / "here", "AB")
+    (tmp_path / "there" / "A").mkdir(parents=True)
+    (tmp_path / "there" / "A" / "before.txt").write_text("read")
+    exists = type(tmp_path).exists
+    monkeypatch.setattr(
+        type(tmp_path), "exists", lambda path: not path.name.startswith(".shared") and exists(path)
+    )
+    with ThreadPoolExecutor(2) as executor:
+        found, notices = run(tmp_path / "there", "AB", engine=engine_of(executor))
+    assert found.pads == ("A", "B")
+    assert notices == ["pad A: done", "pad B: done"]
+    assert files(tmp_path / "there") == files(tmp_path / "here")
+    assert read_json(tmp_path / "there" / "A" / "mean.json")["more"] == "read"
+
+
+def test_two_pads_of_one_name_are_refused(tmp_path):
+    found, _ = run(tmp_path, ["A", "a"])
+    assert found.pads == ("A",)
+    assert "another pad of these files is called 'a' too" in found.faults[0].text
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Pads of the example data in files of their own, and one that cannot be read."""
+    place = tmp_path_factory.mktemp("files")
+    lines = PADS.read_text().splitlines()
+    head = next(k for k, line in enumerate(lines) if not line.startswith("#"))
+    column = lines[head].split(",").index("pad")
+    tests = {"A": ("A-20", "A-1"), "B": ("B-20",), "C": ("C-20", "C-1")}
+    test = lines[head].split(",").index("test")
+    for name, kept in tests.items():
+        rows = [line for line in lines[head + 1 :] if line.split(",")[test] in kept]
+        assert {row.split(",")[column] for row in rows} == {name}
+        (place / f"{name}.csv").write_text("\n".join([lines[head], *rows]) + "\n")
+    (place / "broken.csv").write_text("time_s,displacement_mm,force_N\n0,0,0\n0.1,x,0\n")
+    (place / "notes.md").write_text("not measured\n")
+    (place / "paper_table1.csv").write_text("pad,parameter,value,unit\n")
+    return place
+
+
+@pytest.fixture(scope="module")
+def alone(folder, tmp_path_factory):
+    out = tmp_path_factory.mktemp("alone")
+    return out, call("fit", folder, "-o", out, *QUICK, drawn=True)
+
+
+def test_a_folder_is_fitted_and_the_bad_file_named_at_the_end(alone):
+    out, (status, told, err) = alone
+    assert status == 2
+    assert "broken.csv, line 3: displacement_mm is not a number ('x')" in err
+    assert err.endswith("qlvbayes: 1 of 4 failed; 3 are done\n")
+    assert "Traceback" not in err
+    assert [told.index(f"pad {name}: constants, by least-squares") for name in "ABC"] == sorted(
+        told.index(f"pad {name}: constants, by least-squares") for name in "ABC"
+    )
+    assert (out / "constants.csv").read_text().count(",m,") == 3
+
+
+def test_any_number_of_processes_leaves_the_same_files(alone, folder, tmp_path):
+    out, expected = alone
+    status, told, err = call("fit", folder, "-o", tmp_path, *QUICK, "--jobs", "2", drawn=True)
+    assert (status, err) == (expected[0], expected[2])
+    assert told.replace(str(tmp_path), "OUT") == expected[1].replace(str(out), "OUT")
+    assert files(tmp_path) == files(out)
+
+
+def test_parts_gathered_are_the_whole(alone, folder, tmp_path):
+    for part in ("1/2", "2/2"):
+        words = ("fit", folder, "-o", tmp_path, *QUICK, "--shard", part)
+        status, _, err = call(*words, drawn=True)
+        assert status == (2 if "broken" in err else 0)
+        assert not (tmp_path / "constants.csv").exists()
+    assert call("check", tmp_path, "--shard", "1/1", drawn=True)[0] == 0
+    status, told, err = call("gather", tmp_path, drawn=True)
+    assert status == 2
+    assert f"3 pads in {tmp_path}, report in" in told
+    assert err == (
+        f"qlvbayes: broken.csv: {folder}/broken.csv, line 3: displacement_mm is not a number "
+        "('x'); write a number or delete the row\nqlvbayes: 1 of 4 failed; 3 are done\n"
+    )
+    left, whole = files(tmp_path), files(alone[0])
+    assert {name: left[name] for name in whole} == whole
+    assert {"report.html", "forces_at_rates.png", "A/check.json"} <= set(left)
+    assert Runs.read(tmp_path / "run.json").runs["fit"].source == str(folder)
+
+
+def test_a_part_without_pads_is_no_error(folder, tmp_path):
+    status, told, err = call("fit", folder, "-o", tmp_path, *QUICK, "--shard", "9/9")
+    assert (status, told, err) == (0, "there are no pads in this part\n", "")
+    assert not list(tmp_path.iterdir())
+
+
+def test_several_files_name_their_pads(folder, tmp_path):
+    study = read_measurements(PADS)
+    both = tmp_path / "run1.csv"
+    both.write_bytes(PADS.read_bytes())
+    found = [one.pads[0].name for one in Source.of([both, folder / "B.csv"])]
+    assert found == ["run1-A", "run1-B", "run1-C", "B"]
+    (renamed,) = pad_of(read_measurements(both), "run1-B").pads
+    assert {test.pad for test in renamed.tests} == {"run1-B"}
+    assert pad_of(study, "B").pads[0] is study.pad("B")
+    with pytest.raises(InputError, match="no pad 'run2-B'"):
+        pad_of(study, "run2-B")
+    assert [one.pads[0].name for one in Source.of(PADS, only=("C", "A"))] == ["C", "A"]
+    assert [one.pads[0].name for one in Source.of(PADS, shard=Shard(2, 2))] == ["B"]
+    with pytest.raises(InputError, match="no pad 'X'"):
+        Source.of(PADS, only=("X",))
+    (tmp_path / "b.CSV").write_bytes(b"")
+    with pytest.raises(InputError, match="give pads one name"):
+        Source.of([folder / "B.csv", tmp_path / "b.CSV"])
+    (tmp_path / "none").mkdir()
+    with pytest.raises(InputError, match="no measurements in this folder"):
+        Source.of(tmp_path / "none")
+
+
+def test_a_name_that_no_file_has_is_refused(folder, tmp_path):
+    status, _, err = call("fit", folder / "A.csv", folder / "B.csv", "-o", tmp_path, "--pads", "X")
+    assert status == 2
+    assert one_line(err) == "no pad of these files is called X"
+
+
+def test_a_study_in_python_is_worked_on_by_any_executor(folder):
+    study = read_study(folder / "B.csv")
+    one = study.fit(method="least-squares")
+    with ThreadPoolExecutor(2) as executor:
+        two = study.fit(method="least-squares", client=executor)
+    assert list(one) == list(two) == ["B"]
+    assert two["B"].summary() == one["B"].summary()
+
+
+def test_a_report_of_many_pads_is_a_table_and_a_page_each(alone, tmp_path):
+    names = [f"pad <{k}>" for k in range(MOST_ON_A_PAGE + 1)]
+    for name in names:
+        (tmp_path / name).mkdir()
+        summary = read_json(alone[0] / "B" / "summary.json") | {"pad": name}
+        (tmp_path / name / "summary.json").write_text(json.dumps(summary))
+        shutil.copy(alone[0] / "B" / "posterior.nc", tmp_path / name)
+    text = write_report(tmp_path).read_text()
+    assert "<title>25 pads" in text
+    assert 'href="pad%20%3C7%3E/report.html">pad &lt;7&gt;</a>' in text
+    assert text.count("<tr>") == len(names) + 1
+    assert "<img" not in text
+    median = read_json(alone[0] / "B" / "summary.json")["parameters"]["m"]["median"]
+    assert text.count(f'data-value="{median}"') == len(names)
+    pages = [tmp_path / name / "report.html" for name in names]
+    assert "Pad pad &lt;7&gt;" in pages[7].read_text()
+    made = [page.stat().st_mtime_ns for page in pages]
+    (tmp_path / names[3] / "summary.json").touch()
+    write_report(tmp_path)
+    again = [page.stat().st_mtime_ns for page in pages]
+    assert [k for k, (a, b) in enumerate(zip(made, again, strict=True)) if a != b] == [3]
+    draw_constants(tmp_path, None)
+    assert {path.name for path in tmp_path.iterdir() if path.is_file()} == {
+        "constants.csv",
+        "report.html",
+    }
