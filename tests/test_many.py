@@ -161,6 +161,7 @@ def test_any_number_of_processes_leaves_the_same_files(alone, folder, tmp_path):
     assert files(tmp_path) == files(out)
 
 
+@pytest.mark.slow
 def test_parts_gathered_are_the_whole(alone, folder, tmp_path):
     for part in ("1/2", "2/2"):
         words = ("fit", folder, "-o", tmp_path, *QUICK, "--shard", part)

@@ -5,7 +5,7 @@ import json
 import pkgutil
 from dataclasses import fields
 from types import UnionType
-from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import msgspec
 import numpy as np
@@ -29,6 +29,7 @@ from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.resultfile import Result
 from qlvbayes.io.units import PAD, STRAIN, UnitSystem
 from qlvbayes.model.choices import Choices
+from qlvbayes.preprocess.firstlook import FirstLook
 from qlvbayes.priors import Normal
 from qlvbayes.report.methods import _THRESHOLDS
 from qlvbayes.use.prescribed.hypotheses import Hypotheses
@@ -41,7 +42,7 @@ KINDS = {
     "curves": Curves,
     "run": Runs,
 }
-EVERY = [*KINDS.values(), Hypotheses, NextTests]
+EVERY = [*KINDS.values(), FirstLook, Hypotheses, NextTests]
 
 
 @pytest.fixture(scope="module")
@@ -75,6 +76,8 @@ def any_of(kind, rng):
         return tuple(any_of(part, rng) for part in several)
     if origin is dict:
         return {rng.choice(TEXTS): any_of(parts[1], rng) for _ in range(rng.integers(3))}
+    if origin is Literal:
+        return parts[rng.integers(len(parts))]
     if origin in (Union, UnionType):
         return any_of(parts[rng.integers(len(parts))], rng)
     if isinstance(kind, type) and issubclass(kind, msgspec.Struct):

@@ -145,6 +145,7 @@ def diagnosis(pad, verdict="missing_effect", named=("viscous_drag",)):
             "parameters": {"eta": {"unit": "N s/mm", "mean": 0.003, "sd": 1e-4}},
             "inclusion_error": 0.001,
             "half_of_evidence": HALF if k == 0 else None,
+            "certainty": 0.9 if k == 0 else None,
         }
         for k, effect in enumerate([*(named or ["friction"]), "inertia", "none"])
     ]
