@@ -110,10 +110,13 @@ def test_processes_are_spawned_and_end_with_their_parent():
 
 def test_ctrl_c_ends_all_at_once_and_is_quiet():
     script = (
+        "import signal\n"
         "from support.work import lasting\n"
         "from qlvbayes.parallel.engines import opened_engine\n"
         "from qlvbayes.parallel.running import run_all\n"
         "if __name__ == '__main__':\n"
+        # what is begun in the background of a shell ignores it, and so would its processes
+        "    signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "    try:\n"
         "        with opened_engine(2) as engine:\n"
         "            list(run_all(lasting, range(2), engine))\n"

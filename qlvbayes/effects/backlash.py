@@ -72,8 +72,7 @@ class Backlash(AbstractEffect):
 
     def _waits(self, place: Array, depth: Array) -> Array:
         """Whether the play is neither used up on the way in nor on the way back."""
-        lag = place - depth
-        return (lag > 0.0) & (lag < self.play)
+        return (place > depth) & (place < depth + self.play)  # exact: it is brought to these
 
     @classmethod
     def blind(cls, protocol: Protocol) -> str | None:
