@@ -14,17 +14,18 @@ them on studies that they were not learnt from; ``certainty.json`` says from whi
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Protocol
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
+
+from qlvbayes.diagnosis.result import Stage
 
 Array = NDArray[np.float64]
 
@@ -36,27 +37,7 @@ LEAST = 0.1
 """Posterior probability that an effect must have: others were not learnt from."""
 
 
-class Step(Protocol):
-    """A step on the way to the answer: its effects, its errors (N) and its adequacy's p-value."""
-
-    @property
-    def effects(self) -> tuple[str, ...]:
-        """In the model."""
-
-    @property
-    def rmse(self) -> float:
-        """Over all samples."""
-
-    @property
-    def heldout_rmse(self) -> float | None:
-        """Over tests left out; None where there is one only."""
-
-    @property
-    def p_value(self) -> float:
-        """Of the adequacy test."""
-
-
-def features(effect: str, log_bayes_factor: float, steps: Sequence[Step], noise: float) -> Array:
+def features(effect: str, log_bayes_factor: float, steps: Sequence[Stage], noise: float) -> Array:
     """(4,) features of an effect, by its log Bayes factor, the steps and the noise floor (N).
 
     evidence: asinh of the log Bayes factor, which is a logarithm where that is large; heldout_gain:
@@ -75,7 +56,7 @@ def features(effect: str, log_bayes_factor: float, steps: Sequence[Step], noise:
     )
 
 
-def _gain(effect: str, steps: Sequence[Step]) -> float:
+def _gain(effect: str, steps: Sequence[Stage]) -> float:
     for before, after in pairwise(steps):
         if effect in after.effects and effect not in before.effects:
             first, then = before.heldout_rmse, after.heldout_rmse
@@ -114,17 +95,14 @@ class Calibration:
 @cache
 def calibration() -> Calibration:
     """As it comes with the package."""
-    known = json.loads(Path(__file__).with_suffix(".json").read_text(encoding="utf-8"))
-    fields = {key: tuple(known[key]) for key in ("weights", "low", "high", "runs")}
-    bins = tuple((float(a), float(b), int(n), int(k)) for a, b, n, k in known["bins"])
-    return Calibration(**fields, names=known["names"], studies=known["studies"], bins=bins)
+    return msgspec.json.decode(Path(__file__).with_suffix(".json").read_bytes(), type=Calibration)
 
 
 def certainty(
     effect: str,
     probability: float,
     log_bayes_factor: float | None,
-    steps: Sequence[Step],
+    steps: Sequence[Stage],
     noise: float,
 ) -> float | None:
     """Calibrated probability that an effect is there.

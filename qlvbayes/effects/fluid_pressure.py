@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level
-from qlvbayes.effects.history import material_duration, material_time
+from qlvbayes.effects.history import fading, material_duration, material_time
 from qlvbayes.effects.spans import resolved_times
 from qlvbayes.laws.elastic.linear import Linear
 from qlvbayes.laws.hereditary import Relaxing, hereditary_force, hereditary_step
@@ -51,7 +51,7 @@ class FluidPressure(AbstractEffect):
         own = motion.alone
         xi = material_time(own.time, own.displacement, -self.a)
         depth = own.displacement - own.displacement[0]
-        pressure = hereditary_force(Linear(self.k), self._drainage, xi, depth, own.bow)
+        pressure = hereditary_force(*self._drainage, xi, depth, own.bow)
         return below.force(motion) + pressure
 
     def begin(self, below: Law, displacement: Array) -> State:
@@ -63,11 +63,9 @@ class FluidPressure(AbstractEffect):
         inner, own = state
         inner, force = below.step(inner, line)
         passed = material_duration(line.duration, own.depth, line.displacement, -self.a)
-        own, pressure = hereditary_step(
-            Linear(self.k), self._drainage, own, passed, line.displacement
-        )
+        own, pressure = hereditary_step(*self._drainage, own, passed, line.displacement)
         return (inner, own), force + pressure
 
     @property
-    def _drainage(self) -> Prony:
-        return Prony(jnp.array([0.0, 1.0]), jnp.reshape(1.0 / self.tau, (1,)))
+    def _drainage(self) -> tuple[Linear, Prony]:
+        return fading(self.k, 1.0 / self.tau)

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.effects.history import fading
 from qlvbayes.laws.elastic.linear import Linear
 from qlvbayes.laws.hereditary import Relaxing, hereditary_force, hereditary_step
 from qlvbayes.laws.layered import Law, State
@@ -75,4 +76,4 @@ def slide_step(own: Relaxing, line: Line, reach: Array) -> tuple[Relaxing, Array
 
 def _sliding(reach: Array) -> tuple[Linear, Prony]:
     """Dahl's z over the way: what a linear law with one mode has over time."""
-    return Linear(1.0 / reach), Prony(jnp.array([0.0, 1.0]), jnp.reshape(1.0 / reach, (1,)))
+    return fading(1.0 / reach, 1.0 / reach)

@@ -1,4 +1,4 @@
-"""What effects ask of a test's past: its largest depth, and time that runs by depth."""
+"""What effects ask of a test's past: its largest depth, what fades, and time that runs by depth."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
+from qlvbayes.laws.elastic.linear import Linear
+from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.smoothmath import exp_slope
 
 
@@ -20,6 +22,11 @@ def largest(depth: Array, ago: Array | None = None) -> Array:
     if ago is not None:  # no depth of an earlier test comes up to one of a later test
         fixed = fixed - (2.0 * jnp.max(jnp.abs(fixed)) + 1.0) * ago
     return depth[jax.lax.cummax(jnp.where(fixed >= jax.lax.cummax(fixed), place, 0))]
+
+
+def fading(gain: ArrayLike, rate: ArrayLike) -> tuple[Linear, Prony]:
+    """Laws by which the hereditary integral of x gives y with dy = gain dx - rate y dt, y = 0."""
+    return Linear(gain), Prony(jnp.array([0.0, 1.0]), jnp.reshape(jnp.asarray(rate, float), (1,)))
 
 
 def material_time(time: Array, depth: Array, exponent: ArrayLike) -> Array:

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.effects.history import fading
 from qlvbayes.effects.spans import resolved_times
 from qlvbayes.laws.elastic.linear import Linear
 from qlvbayes.laws.hereditary import Relaxing, hereditary_force, hereditary_step
@@ -64,5 +65,4 @@ class LoadCellCreep(AbstractEffect):
     @property
     def _mode(self) -> tuple[Linear, Prony]:
         """F - y: a linear law with one mode that relaxes to nothing."""
-        rate = jnp.reshape(1.0 / self.time, (1,))
-        return Linear(jnp.ones(())), Prony(jnp.array([0.0, 1.0]), rate)
+        return fading(jnp.ones(()), 1.0 / self.time)

@@ -8,12 +8,11 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.effects.history import fading
 from qlvbayes.effects.spans import resolved_times
-from qlvbayes.laws.elastic.linear import Linear
 from qlvbayes.laws.hereditary import Relaxing, hereditary_force, hereditary_step
 from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
-from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors import LogUniform
 
@@ -53,7 +52,9 @@ class Thixotropy(AbstractEffect):
         travel = jnp.abs(jnp.diff(motion.displacement, prepend=motion.displacement[:1]))
         moved = jnp.cumsum(travel) / self.way
         passed = (motion.time - motion.time[0]) / self.time + moved
-        return below.force(motion) * (1.0 - self.share * hereditary_force(*_mode(), passed, moved))
+        return below.force(motion) * (
+            1.0 - self.share * hereditary_force(*fading(jnp.ones(()), 1.0), passed, moved)
+        )
 
     def begin(self, below: Law, displacement: Array) -> State:
         """Beside the law's state the depth, and what is broken: nothing."""
@@ -66,10 +67,5 @@ class Thixotropy(AbstractEffect):
         inner, force = below.step(inner, line)
         moved = jnp.abs(line.displacement - depth) / self.way
         passed = line.duration / self.time + moved
-        own, broken = hereditary_step(*_mode(), own, passed, own.depth + moved)
+        own, broken = hereditary_step(*fading(jnp.ones(()), 1.0), own, passed, own.depth + moved)
         return (inner, line.displacement, own), force * (1.0 - self.share * broken)
-
-
-def _mode() -> tuple[Linear, Prony]:
-    """One mode of rate 1, all of which relaxes."""
-    return Linear(jnp.ones(())), Prony(jnp.array([0.0, 1.0]), jnp.ones(1))

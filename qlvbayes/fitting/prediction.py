@@ -20,7 +20,7 @@ from qlvbayes.preprocess.batching import batch
 from qlvbayes.preprocess.experiment import Experiment, Trial
 from qlvbayes.preprocess.phases import phase_index
 from qlvbayes.preprocess.record import Record
-from qlvbayes.preprocess.reduction import clear_of_kinks, reduce_test
+from qlvbayes.preprocess.reduction import clear_of_kinks
 
 DRAWS = 400
 _ROWS = 300  # samples looked at in a phase, at most; spread evenly in the logarithm of time
@@ -126,19 +126,7 @@ def single_samples(experiment: Experiment, trial: Trial, rows: np.ndarray) -> Re
         force=test.force[rows],
         force_sd=None if test.force_sd is None else test.force_sd[rows],
     )
-    return reduce_test(
-        thinned,
-        trial.trajectory,
-        trial.phases,
-        sd_scale=experiment.sd_scale,
-        start=test.start_s - experiment.clock_zero,
-        number=experiment.tests_before(trial),
-        blocks=False,
-        past=experiment.past(trial),
-        care=experiment.care,
-        whole=test,
-        approached=trial.approached,
-    )
+    return experiment.reduced(trial, thinned)
 
 
 def _some(

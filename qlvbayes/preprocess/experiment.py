@@ -183,23 +183,26 @@ class Experiment:
     def record(self, trials: Sequence[Trial]) -> Record:
         """Block averages of some trials, as one batch."""
         from qlvbayes.preprocess.batching import batch
-        from qlvbayes.preprocess.reduction import reduce_test
 
-        return batch(
-            [
-                reduce_test(
-                    t.test,
-                    t.trajectory,
-                    t.phases,
-                    sd_scale=self.sd_scale,
-                    start=t.test.start_s - self.clock_zero,
-                    number=self.tests_before(t),
-                    past=self.past(t),
-                    care=self.care,
-                    approached=t.approached,
-                )
-                for t in trials
-            ]
+        return batch([self.reduced(trial) for trial in trials])
+
+    def reduced(self, trial: Trial, some: Test | None = None) -> Record:
+        """The record of a trial; of some of its samples each is its own block."""
+        from qlvbayes.preprocess.reduction import reduce_test  # which loads JAX
+
+        test = trial.test
+        return reduce_test(
+            some or test,
+            trial.trajectory,
+            trial.phases,
+            sd_scale=self.sd_scale,
+            start=test.start_s - self.clock_zero,
+            number=self.tests_before(trial),
+            blocks=some is None,
+            past=self.past(trial),
+            care=self.care,
+            whole=test,
+            approached=trial.approached,
         )
 
     def past(self, trial: Trial) -> Past | None:
