@@ -8,6 +8,7 @@ that cache, found by what the function is made of.
 from __future__ import annotations
 
 import hashlib
+import os
 import pickle
 import time
 import zlib
@@ -147,10 +148,14 @@ def forget_executables() -> None:
 
 @cache
 def _here() -> str:
-    """What every executable depends on: JAX, the processor, and how it is kept here."""
+    """What every executable depends on: JAX, XLA's flags, the processor, how it is kept here.
+
+    Without the flags, what one process compiles quickly and badly (as tests do) would serve all.
+    """
     flags = ""
     if _PROCESSOR.exists():
         lines = _PROCESSOR.read_text().splitlines()
         flags = next((line for line in lines if line.startswith(("flags", "Features"))), "")
+    flags += os.environ.get("XLA_FLAGS", "")
     digest = hashlib.sha256(flags.encode() + Path(__file__).read_bytes()).hexdigest()
     return f"{jax.__version__} {jaxlib.__version__} {jax.default_backend()} {machine()} {digest}"
