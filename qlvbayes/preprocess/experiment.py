@@ -25,6 +25,7 @@ from qlvbayes.preprocess.past import Past, past_of
 from qlvbayes.preprocess.phases import Phase, find_phases, loading_rate, phase_index
 from qlvbayes.preprocess.segments import known_scatter
 from qlvbayes.preprocess.stiffness import largest_stiffness
+from qlvbayes.preprocess.tearing import tear_notice, tears_of
 from qlvbayes.preprocess.trajectory import Trajectory, smooth
 
 if TYPE_CHECKING:  # records and priors are JAX's, which takes longer to load than a first look does
@@ -103,10 +104,11 @@ class Experiment:
     def notices(self) -> tuple[str, ...]:
         """What one should know of the readings, in words.
 
-        Those left out, those from which the fitted motion is far, and what was prescribed.
+        Those left out, those from which the fitted motion is far, where a specimen seems to tear,
+        and what was prescribed.
         """
         bad = left_out_notice(self.pad, [(t.name, t.left_out) for t in self.trials], self.units)
-        return (*self.cuts, *bad, *self._departures, *self._load_controlled)
+        return (*self.cuts, *bad, *self._departures, *self._tears, *self._load_controlled)
 
     @property
     def _departures(self) -> tuple[str, ...]:
@@ -114,6 +116,13 @@ class Experiment:
         unit = self.units.displacement
         found = [(trial.name, trial.trajectory.departure) for trial in self.trials]
         return tuple(f"pad {self.pad}: {off.notice(name, unit)}" for name, off in found if off)
+
+    @property
+    def _tears(self) -> tuple[str, ...]:
+        """One sentence on each test whose force breaks down in a loading ramp."""
+        pressed = [trial for trial in self.trials if trial.control == "displacement"]
+        every = [(t.name, tears_of(t.test, t.trajectory, t.phases)) for t in pressed]
+        return tuple(tear_notice(self.pad, name, some, self.units) for name, some in every if some)
 
     @property
     def _load_controlled(self) -> tuple[str, ...]:
