@@ -1,0 +1,273 @@
+"""What survives abuse: damaged files given to every reader, and runs that are killed.
+
+`endurance.py inputs --count 100000` damages files of every layout and of the package's own kinds at
+random, and gives each to the reader, to `convert` and to the first look. An answer, or one plain
+refusal, is right; any other exception, more than five seconds of CPU, or the death of the process
+is counted as a failure and its input is kept in build/endurance. `endurance.py kills --count 50`
+kills `fit` and `study` with SIGKILL at random moments, runs the same command again, and compares
+every number with an undisturbed run. Both print their counts.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import random
+import select
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import time
+import traceback
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import FrameType
+
+import numpy as np
+from mutations import mutated
+from page import Origin
+
+ROOT = Path(__file__).resolve().parents[1]
+KEPT = ROOT / "build" / "endurance"
+SLOW_S = 5.0
+"""Of CPU time: a damaged file of a few hundred kilobytes that takes longer is a failure."""
+_DEAD_S = 60.0  # without a word from the worker: it hangs in a library that no signal interrupts
+_QUIET = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+_LOOKED = 5  # every so many inputs that were read are also prepared and looked at
+
+
+class SlowError(BaseException):
+    """More than five seconds of CPU: no ``except Exception`` may catch it."""
+
+
+def seeds() -> list[tuple[str, bytes]]:
+    """Return the names and contents of the sound files: a layout each, and the bundled data."""
+    sys.path.insert(0, str(ROOT / "tests"))
+    from support.machine_files import FIXTURES, pressed, zipped  # a writer of each layout
+
+    test = pressed(rate=60.0)
+    files = [(f"{f.format}_{f.name}", f.make(test)) for f in FIXTURES]
+    rows = (ROOT / "data" / "pads.csv").read_bytes().splitlines(keepends=True)
+    tidy = b"".join([rows[0], *rows[1::40]])
+    return [*files, ("tidy.csv", tidy), ("tidy.csv.gz", zipped(tidy))]
+
+
+def input_of(number: int, files: list[tuple[str, bytes]]) -> tuple[str, bytes]:
+    """Return the name and content of a damaged file: the same for the same number."""
+    rng = np.random.default_rng(number)
+    name, data = files[int(rng.integers(len(files)))]
+    return name, mutated(data, rng)
+
+
+def attempt(path: Path, number: int) -> str:
+    """Give one file to all readers, and return what became of it."""
+    from qlvbayes.io.checks import InputError
+    from qlvbayes.io.data import read_measurements
+    from qlvbayes.io.formats.answers import Answers
+    from qlvbayes.io.formats.conversion import convert
+    from qlvbayes.preprocess.experiment import prepare
+    from qlvbayes.preprocess.firstlook import look_at
+
+    outcomes = []
+    try:
+        study = read_measurements(path)
+        outcomes.append("read")
+        if number % _LOOKED == 0:
+            for pad in study.pads[:2]:
+                look_at(prepare(pad), bonded=False)
+            outcomes[-1] = "looked at"
+    except InputError:
+        outcomes.append("refused")
+    try:
+        convert([path], Answers())
+        outcomes.append("converted")
+    except InputError:
+        outcomes.append("refused")
+    return ", ".join(outcomes)
+
+
+def work(start: int, stop: int) -> None:
+    """Try inputs in this process, and say of each what became of it, a JSON line each."""
+    files = seeds()
+
+    def slow(signum: int, frame: FrameType | None) -> None:
+        raise SlowError
+
+    signal.signal(signal.SIGPROF, slow)
+    with TemporaryDirectory() as folder:
+        for number in range(start, stop):
+            name, data = input_of(number, files)
+            path = Path(folder) / name
+            path.write_bytes(data)
+            begun = time.process_time()
+            signal.setitimer(signal.ITIMER_PROF, SLOW_S)
+            try:
+                outcome, detail = attempt(path, number), ""
+            except SlowError:
+                outcome, detail = "slow", "".join(traceback.format_exc(limit=-6))
+            except Exception as error:
+                outcome, detail = type(error).__name__, "".join(traceback.format_exc(limit=-4))
+            finally:
+                signal.setitimer(signal.ITIMER_PROF, 0.0)
+            took = time.process_time() - begun
+            line = {"number": number, "name": name, "outcome": outcome, "s": took}
+            print(json.dumps(line | {"detail": detail}), flush=True)
+            left = [other.name for other in Path(folder).iterdir() if other != path]
+            if left:
+                print(json.dumps(line | {"outcome": "left files", "detail": str(left)}), flush=True)
+            shutil.rmtree(folder)
+            Path(folder).mkdir()
+
+
+_RIGHT = ("read", "looked at", "refused", "converted")
+
+
+def is_right(outcome: str) -> bool:
+    """Return whether every part of an outcome is an answer or a plain refusal."""
+    return all(part in _RIGHT for part in outcome.split(", "))
+
+
+def results(start: int, stop: int) -> Iterator[dict]:
+    """Run a worker over inputs; where it dies or hangs, say so and go on behind that input."""
+    while start < stop:
+        command = [sys.executable, __file__, "work", str(start), str(stop)]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+                              start_new_session=True) as worker:  # fmt: skip
+            assert worker.stdout is not None
+            rest = b""
+            while True:
+                ready, _, _ = select.select([worker.stdout], [], [], _DEAD_S)
+                if not ready:
+                    os.killpg(worker.pid, signal.SIGKILL)
+                    break
+                if not (more := os.read(worker.stdout.fileno(), 1 << 16)):
+                    break
+                *lines, rest = (rest + more).split(b"\n")
+                for line in lines:
+                    result = json.loads(line)
+                    start = result["number"] + 1
+                    yield result
+        if start < stop:
+            yield {
+                "number": start,
+                "name": "",
+                "outcome": "died or hung",
+                "s": _DEAD_S,
+                "detail": "",
+            }
+            start += 1
+
+
+def run_inputs(first: int, count: int) -> None:
+    """Try so many inputs and print the counts; keep what failed."""
+    counts: Counter[str] = Counter()
+    slowest = 0.0
+    files = seeds()
+    for result in results(first, first + count):
+        counts[result["outcome"]] += 1
+        slowest = max(slowest, result["s"])
+        if not is_right(result["outcome"]):
+            KEPT.mkdir(parents=True, exist_ok=True)
+            name, data = input_of(result["number"], files)
+            (KEPT / f"{result['number']}_{name}").write_bytes(data)
+            print(f"{result['number']} {name}: {result['outcome']}\n{result['detail']}", flush=True)
+        if sys.stderr.isatty():
+            print(f"\r{counts.total()} of {count}", end="", file=sys.stderr)
+    wrong = sum(n for outcome, n in counts.items() if not is_right(outcome))
+    report = {"first": first, "count": counts.total(), "wrong": wrong, "slowest_s": slowest,
+              "outcomes": dict(counts.most_common())}  # fmt: skip
+    print(json.dumps(report, indent=1))
+
+
+def numbers_of(folder: Path) -> dict[str, bytes]:
+    """Return the contents of all tables and JSON files of a run, without what tells the time."""
+    found = {}
+    for path in sorted([*folder.rglob("*.csv"), *folder.rglob("*.json")]):
+        if ".finished" in path.parts:
+            continue
+        text = path.read_text(encoding="utf-8")
+        if path.suffix == ".json":
+            text = json.dumps(_without_time(json.loads(text)), sort_keys=True)
+        found[path.relative_to(folder).as_posix()] = text.encode()
+    return found
+
+
+def _without_time(value: object) -> object:
+    """Drop what differs from run to run: durations, dates, folders."""
+    if isinstance(value, dict):
+        drop = ("seconds", "date", "created", "elapsed", "wall", "command", "time_of_run", "s")
+        return {k: _without_time(v) for k, v in value.items() if k not in drop}
+    return [_without_time(v) for v in value] if isinstance(value, list) else value
+
+
+def run_kills(count: int, seed: int) -> None:
+    """Kill `fit` and `study` at random moments, run them again, and compare every number."""
+    rng = random.Random(seed)
+    rows = (ROOT / "data" / "pads.csv").read_text(encoding="utf-8")
+    with TemporaryDirectory() as base:
+        file = Path(base) / "pads.csv"
+        file.write_text(rows, encoding="utf-8")
+        outcomes: Counter[str] = Counter()
+        for command in ("fit", "study"):
+            whole = [sys.executable, "-m", "qlvbayes", command, str(file), "--seed", "1"]
+            if command == "fit":
+                whole += ["--max-steps", "1500"]
+            calm = Path(base) / f"{command}_calm"
+            begun = time.monotonic()
+            _run([*whole, "-o", str(calm)])
+            lasts, expected = time.monotonic() - begun, numbers_of(calm)
+            for k in range(count // 2):
+                out = Path(base) / f"{command}_{k}"
+                own = [*whole, "-o", str(out)]
+                process = subprocess.Popen(own, start_new_session=True, **_QUIET)
+                time.sleep(rng.uniform(0.0, lasts))
+                os.killpg(process.pid, signal.SIGKILL)
+                process.wait()
+                code = _run([*whole, "-o", str(out)])
+                same = code == 0 and numbers_of(out) == expected
+                outcomes[f"{command}: {'equal' if same else 'differs'}"] += 1
+                if not same:
+                    mine = numbers_of(out)
+                    off = [n for n in {*mine, *expected} if mine.get(n) != expected.get(n)]
+                    print(f"{command} {k}: exit {code}, differs in {off}", flush=True)
+                shutil.rmtree(out)
+        print(json.dumps({"seed": seed, "count": count, "outcomes": dict(outcomes)}, indent=1))
+
+
+def _run(command: list[str]) -> int:
+    return subprocess.run(command, check=False, **_QUIET).returncode
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parts = parser.add_subparsers(dest="part", required=True)
+    one = parts.add_parser("inputs")
+    one.add_argument("--first", type=int, default=0)
+    one.add_argument("--count", type=int, default=100_000)
+    two = parts.add_parser("kills")
+    two.add_argument("--count", type=int, default=50)
+    two.add_argument("--seed", type=int, default=1)
+    three = parts.add_parser("work")
+    three.add_argument("start", type=int)
+    three.add_argument("stop", type=int)
+    options = parser.parse_args()
+    if options.part == "work":
+        work(options.start, options.stop)
+        return
+    origin = Origin.now(
+        shlex.join([".venv/bin/python", "validation/endurance.py", *sys.argv[1:]]), ROOT
+    )
+    print(f"{origin.command}\n{origin.date}, {origin.commit}")
+    if options.part == "inputs":
+        run_inputs(options.first, options.count)
+    else:
+        run_kills(options.count, options.seed)
+
+
+if __name__ == "__main__":
+    main()
