@@ -16,7 +16,8 @@ from qlvbayes.parallel.engines import Processes, engine_of
 from qlvbayes.parallel.faults import Fault
 from qlvbayes.parallel.shards import Shard
 from qlvbayes.pipeline.drawing import draw_constants
-from qlvbayes.pipeline.many import FINISHED, Work, faults_in, run_pads
+from qlvbayes.pipeline.finished import FINISHED, faults_in
+from qlvbayes.pipeline.many import Work, run_pads
 from qlvbayes.pipeline.source import Source, pad_of
 from qlvbayes.pipeline.watcher import Watcher
 from qlvbayes.report.page import MOST_ON_A_PAGE

@@ -17,7 +17,8 @@ from qlvbayes.model.choices import Choices
 from qlvbayes.parallel.engines import Engine
 from qlvbayes.parallel.faults import Fault, fault_of
 from qlvbayes.pipeline.drawing import references_of
-from qlvbayes.pipeline.many import Tally, faults_in
+from qlvbayes.pipeline.finished import faults_in
+from qlvbayes.pipeline.many import Tally
 from qlvbayes.pipeline.run import any_new, finish, fuller, run_finals, verdict
 from qlvbayes.pipeline.source import pad_of
 from qlvbayes.pipeline.watcher import Watcher

@@ -1,12 +1,11 @@
-"""One step run for every pad: here, in processes, or on a cluster; what is finished is kept."""
+"""Runs one step for every pad: in this process, in others, or on a cluster."""
 
 from __future__ import annotations
 
 import hashlib
-import json
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -14,147 +13,96 @@ from tempfile import TemporaryDirectory
 from typing import Any, ClassVar, Protocol
 from uuid import uuid4
 
-from qlvbayes.diagnosis.result import DiagnosisResult
-from qlvbayes.fitting.residuals import CheckResult
-from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements
-from qlvbayes.io.files import results_folder, same_folder, write_json, write_whole
+from qlvbayes.io.files import results_folder, same_folder, write_whole
 from qlvbayes.parallel.engines import Engine
 from qlvbayes.parallel.faults import FailedError, Fault
 from qlvbayes.parallel.running import Outcome, package_digest, run_all
+from qlvbayes.pipeline.finished import Finished, digest_of
+from qlvbayes.pipeline.recording import Message, Recorder, replay
 from qlvbayes.pipeline.source import Source
 from qlvbayes.pipeline.watcher import Watcher
-
-FINISHED = ".finished"
-"""Folder in that of the results: of each step and pad what it was made from and what it left."""
-
 
 _READING = "reading"  # what fails before there is a pad
 
 
 class Step(Protocol):
-    """What is done with a pad: a frozen record of all that it depends on, which can be pickled.
+    """What is done with each pad: a frozen record of all its settings, which can be pickled.
 
-    name: of the step; reads: files of the pad's folder that it needs.
+    name: of the step; reads: names of the files in the pad's folder that the step needs.
     """
 
     name: ClassVar[str]
     reads: ClassVar[tuple[str, ...]]
 
     def run(self, folder: Path, study: Measurements, watcher: Watcher) -> None:
-        """Do it for the one pad of ``study``; leave the results in its folder."""
+        """Do the step for the one pad of ``study`` and write the results into its folder."""
         ...
 
     def tell(self, folder: Path, watcher: Watcher) -> None:
-        """Say what an earlier run left, as ``run`` said it."""
+        """Report the results of an earlier run, as ``run`` reported them."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class Work:
-    """A step for one pad, as it goes to whatever does it.
+    """A step for one pad, as it is sent to a worker.
 
-    look: settings of Matplotlib over the package's own; code: digest of the package; token: a file
-    that who shares the disk sees, None where all do; given: contents of the files that are read.
+    style: Matplotlib settings of the user that differ from the package's; code: digest of the
+    package; token: a file that is visible to workers which share the disk, None where all of them
+    do; given: contents of the files that the step reads, for workers that do not.
     """
 
     step: Step
     study: Measurements
     folder: Path
-    look: dict[str, Any] = field(default_factory=dict)
+    style: dict[str, Any] = field(default_factory=dict)
     code: str = ""
     token: Path | None = None
     given: dict[str, bytes] = field(default_factory=dict)
 
     @property
     def pad(self) -> str:
-        """Its name."""
+        """Name of the pad."""
         return self.study.pads[0].name
 
     @property
     def key(self) -> str:
-        """Digest of all that the results depend on."""
+        """Digest of all that the results depend on: step, measurements, style and code."""
         choices = getattr(self.step, "choices", None)
         own = [getattr(choices, name, None) for name in ("effects_file", "laws_file")]
         parts = [
             repr(self.step), self.study.sha256, str(Path(self.study.source).resolve()), self.pad,
-            repr(sorted(map(str, self.look.items()))), self.code,
-            *(_digest(Path(file)) for file in own if file),
+            repr(sorted(map(str, self.style.items()))), self.code,
+            *(digest_of(Path(file)) for file in own if file),
         ]  # fmt: skip
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 
 @dataclass(frozen=True, eq=False)
 class Done:
-    """What a step left: files by name with their digests, and contents where they must travel.
+    """What a step has written and reported.
 
-    told: what it said; None where it was finished before.
+    messages: what it reported, None where an earlier run had finished it; files: digests by file
+    name; contents: by file name, where the worker does not share the disk.
     """
 
-    told: list[tuple[str, tuple[Any, ...]]] | None
+    messages: list[Message] | None
     files: dict[str, str] = field(default_factory=dict)
     contents: dict[str, bytes] = field(default_factory=dict)
 
 
-class Finished:
-    """Of one step: which pads are finished, and which failed; a small file each."""
-
-    def __init__(self, out: Path, step: str) -> None:
-        self._folder = out / FINISHED / step
-
-    def has(self, work: Work) -> bool:
-        """Whether it was done from the same things before, and all that it left is still there."""
-        try:
-            noted = json.loads(self._file(work.pad).read_bytes())
-            files: dict[str, str] = noted["files"]
-            same = noted["key"] == work.key
-        except (OSError, ValueError, KeyError, TypeError):
-            return False
-        return same and all(_digest(work.folder / name) == sha for name, sha in files.items())
-
-    def add(self, work: Work, done: Done) -> None:
-        """Note what was left."""
-        self._write(work.pad, {"key": work.key, "files": done.files})
-
-    def fail(self, name: str, fault: Fault) -> None:
-        """Note why there is nothing."""
-        noted = {"fault": fault.text, "mendable": fault.mendable, "of": fault.of}
-        self._write(name, noted)
-
-    def forget(self, name: str) -> None:
-        """What was noted before."""
-        with suppress(OSError):
-            self._file(name).unlink()
-
-    def _write(self, name: str, content: dict[str, Any]) -> None:
-        self._folder.mkdir(parents=True, exist_ok=True)
-        write_json(self._file(name), content)
-
-    def _file(self, name: str) -> Path:
-        return self._folder / f"{name}.json"
-
-
-def faults_in(out: Path) -> list[Fault]:
-    """Of all steps, those that were noted and not mended since."""
-    found = []
-    for file in sorted(out.glob(f"{FINISHED}/*/*.json")):
-        noted = json.loads(file.read_bytes())
-        if "fault" in noted:
-            found.append(Fault(noted["fault"], noted["mendable"], noted["of"]))
-    return found
-
-
 @dataclass(frozen=True)
 class Tally:
-    """Which pads are done, in order, and what became of the others."""
+    """Names of the pads that are done, in order, and the faults of the others."""
 
     pads: tuple[str, ...]
     faults: tuple[Fault, ...]
 
     @property
     def total(self) -> int:
-        """All of them."""
+        """Number of all pads."""
         return len(self.pads) + len(self.faults)
 
 
@@ -166,28 +114,28 @@ def run_pads(
     engine: Engine | None = None,
     watcher: Watcher | None = None,
 ) -> Tally:
-    """Do the work of one step, pad by pad or side by side; keep what is finished.
+    """Do one step for all pads, one after the other or side by side.
 
-    What an earlier run finished from the same things is told, not done again. A pad that fails does
-    not stop the others. What is told, and what is left, is the same whatever works.
+    What an earlier run finished from the same input is reported, not done again. A pad that fails
+    does not stop the others. Reports and files do not depend on the engine.
 
     Parameters
     ----------
     out
         The folder of results.
     work
-        One pad after the other, taken as it is needed; a fault for what could not be read.
+        The pads, taken one by one as they are needed; a `Fault` for what could not be read.
     size
-        How many there will be, as far as that is known.
+        How many pads there will be, as far as that is known.
     engine
-        What works; this process itself where it is None.
+        Where the work is done; in this process where it is None.
     watcher
-        Is told of each pad in turn, and how many are done.
+        Receives the report of each pad in turn, and how many are done.
 
     Raises
     ------
     EngineLostError
-        A scheduler has gone.
+        The connection to a scheduler is lost.
     """
     watcher = watcher or Watcher()
     pads: list[str] = []
@@ -196,14 +144,14 @@ def run_pads(
     reached = 0
     with (
         _seen_by_workers(out, engine) as token,
-        watcher.overall(size, alone=engine is None) as tell,
+        watcher.overall(size, alone=engine is None) as report_count,
     ):
 
         def keep(outcome: Outcome[Work, Done]) -> None:
             nonlocal reached
             reached += 1
             _keep(out, outcome)
-            tell(reached, max(size, reached))
+            report_count(reached, max(size, reached))
 
         todo = _todo(out, work, token, names)
         task = partial(_done_here, watcher) if engine is None else _done_elsewhere
@@ -213,9 +161,9 @@ def run_pads(
                 continue
             assert outcome.answer is not None
             pads.append(outcome.item.pad)
-            if outcome.answer.told is None:
+            if outcome.answer.messages is None:
                 outcome.item.step.tell(outcome.item.folder, watcher)
-            _replay(outcome.answer.told or [], watcher, outcome.item.folder)
+            replay(outcome.answer.messages or [], watcher, outcome.item.folder)
     return Tally(tuple(pads), tuple(faults))
 
 
@@ -227,19 +175,19 @@ def run_step(
     engine: Engine | None = None,
     watcher: Watcher | None = None,
 ) -> Tally:
-    """`run_pads` of a step that is made for each pad's measurements, into ``out/<pad>``."""
+    """Do `run_pads` with a step that is made for each pad's measurements, into ``out/<pad>``."""
     work = (
         one if isinstance(one, Fault) else Work(step(one), one, out / one.pads[0].name)
         for one in source
     )
-    done = run_pads(out, work, size=source.size, engine=engine, watcher=watcher)
-    if not done.total and source.only and source.shard.count == 1:
+    tally = run_pads(out, work, size=source.size, engine=engine, watcher=watcher)
+    if not tally.total and source.only and source.shard.count == 1:
         raise InputError(f"no pad of these files is called {' or '.join(source.only)}")
-    return done
+    return tally
 
 
 def raise_failed(tallies: Sequence[Tally], results: Sequence[Any] = ()) -> None:
-    """FailedError where pads failed in one of the steps; the first step saw all of them."""
+    """Raise FailedError where pads failed in one of the steps; the first step had all pads."""
     faults = [fault for tally in tallies for fault in tally.faults]
     if faults:
         raise FailedError(faults, tallies[0].total, results)
@@ -248,19 +196,19 @@ def raise_failed(tallies: Sequence[Tally], results: Sequence[Any] = ()) -> None:
 def _todo(
     out: Path, work: Iterable[Work | Fault], token: Path | None, names: set[str]
 ) -> Iterator[Work | Fault | Outcome[Work, Done]]:
-    """What goes to the workers, complete; what is finished already passes by them."""
+    """Yield the work for the engine, complete, and outcomes for what is finished already."""
     for one in work:
         if isinstance(one, Fault):
             yield one
             continue
-        one = replace(one, look=_own_look(), code=package_digest(), token=token)
+        one = replace(one, style=_own_style(), code=package_digest(), token=token)
         if same_folder(one.pad) in names:
             text = f"{one.study.source}: another pad of these files is called '{one.pad}' too"
             yield Fault(f"{text}; rename the file or the pad", of=one.pad)
             continue
         names.add(same_folder(one.pad))
         Finished(out, _READING).forget(Path(one.study.source).name)
-        if Finished(out, one.step.name).has(one):
+        if Finished(out, one.step.name).has(one.pad, one.key, one.folder):
             yield Outcome(one, Done(None))
             continue
         if token is not None:
@@ -270,7 +218,7 @@ def _todo(
 
 
 def _keep(out: Path, outcome: Outcome[Work, Done]) -> None:
-    """Write what was sent back, and note that it is finished, or why it is not."""
+    """Write the files that a worker sent back, and note that the pad is finished, or its fault."""
     if outcome.fault is not None:
         fault = _named(outcome)
         work = outcome.item
@@ -280,7 +228,7 @@ def _keep(out: Path, outcome: Outcome[Work, Done]) -> None:
         return
     done, work = outcome.answer, outcome.item
     assert done is not None
-    if done.told is None:  # finished before
+    if done.messages is None:  # finished before
         return
     for name, content in done.contents.items():
         path = work.folder / name
@@ -288,7 +236,7 @@ def _keep(out: Path, outcome: Outcome[Work, Done]) -> None:
         write_whole(path, content)
     done.contents.clear()
     work.given.clear()
-    Finished(out, work.step.name).add(work, done)
+    Finished(out, work.step.name).add(work.pad, work.key, done.files)
 
 
 def _named(outcome: Outcome[Work, Done]) -> Fault:
@@ -299,61 +247,52 @@ def _named(outcome: Outcome[Work, Done]) -> Fault:
 
 
 def _done_here(watcher: Watcher, work: Work) -> Done:
-    """In this process, which says what it does while it does it."""
-    return Done([], _left_by(work, work.folder, watcher))
+    """Do a step in this process, which reports directly to the watcher."""
+    return Done([], _files_written(work, work.folder, watcher))
 
 
 def _done_elsewhere(work: Work) -> Done:
-    """In a worker: what it says, and where it has no part of the disk what it leaves, goes back."""
-    with _looking(work.look):
+    """Do a step in a worker; send its messages back, and its files where the disk is not shared."""
+    with _with_style(work.style):
         if work.token is None or work.token.exists():
             recorder = Recorder(work.folder)
-            return Done(recorder.told, _left_by(work, work.folder, recorder))
-        with TemporaryDirectory() as place:
-            folder = Path(place) / work.folder.name
+            return Done(recorder.messages, _files_written(work, work.folder, recorder))
+        with TemporaryDirectory() as base:
+            folder = Path(base) / work.folder.name
             folder.mkdir()
             for name, content in work.given.items():
                 (folder / name).write_bytes(content)
             recorder = Recorder(folder)
-            files = _left_by(work, folder, recorder)
+            files = _files_written(work, folder, recorder)
             contents = {name: (folder / name).read_bytes() for name in files}
-            return Done(recorder.told, files, contents)
+            return Done(recorder.messages, files, contents)
 
 
-def _left_by(work: Work, folder: Path, watcher: Watcher) -> dict[str, str]:
-    """Do the step; the files that it wrote, with their digests."""
+def _files_written(work: Work, folder: Path, watcher: Watcher) -> dict[str, str]:
+    """Do the step and return the digests of the files that it wrote, by name."""
     before = _stamps(folder)
     work.step.run(folder, work.study, watcher)
     after = _stamps(folder)
     return {
-        path.relative_to(folder).as_posix(): _digest(path)
+        path.relative_to(folder).as_posix(): digest_of(path)
         for path, stamp in after.items()
         if before.get(path) != stamp
     }
 
 
 def _stamps(folder: Path) -> dict[Path, tuple[int, int, int]]:
-    """What changes when a file is written anew."""
-    found = {}
+    """Return inode, time of change and size of every file: one differs when it is written anew."""
+    stamps = {}
     for path in sorted(folder.rglob("*")):
         if path.is_file():
             stat = path.stat()
-            found[path] = stat.st_ino, stat.st_mtime_ns, stat.st_size
-    return found
-
-
-def _digest(path: Path) -> str:
-    """Of a file's content; empty where there is none."""
-    try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError:
-        return ""
+            stamps[path] = stat.st_ino, stat.st_mtime_ns, stat.st_size
+    return stamps
 
 
 @contextmanager
 def _seen_by_workers(out: Path, engine: Engine | None) -> Iterator[Path | None]:
-    """A file by which workers see whether they share the disk; None where they are sure to."""
+    """Yield a file by which workers see whether they share the disk; None where they surely do."""
     if engine is None or engine.shares_disk:
         yield None
         return
@@ -365,55 +304,16 @@ def _seen_by_workers(out: Path, engine: Engine | None) -> Iterator[Path | None]:
         token.unlink(missing_ok=True)
 
 
-class Recorder(Watcher):
-    """Keeps what is told, to be told again in another process; the folder is then another one."""
-
-    def __init__(self, folder: Path) -> None:
-        self.told: list[tuple[str, tuple[Any, ...]]] = []
-        self._folder = folder
-
-    def notice(self, text: str) -> None:
-        """Something that the user should know."""
-        self.told.append(("notice", (text,)))
-
-    def starting(self, lines: Sequence[str]) -> None:
-        """A pad is about to be fitted."""
-        self.told.append(("starting", (lines,)))
-
-    def fitted(self, summary: FitSummary) -> None:
-        """A pad has been fitted."""
-        self.told.append(("fitted", (summary,)))
-
-    def checked(self, check: CheckResult) -> None:
-        """A fit has been checked."""
-        self.told.append(("checked", (check,)))
-
-    def diagnosed(
-        self, result: DiagnosisResult, words: Sequence[str], figures: Sequence[Path]
-    ) -> None:
-        """A pad has its verdict."""
-        names = tuple(path.relative_to(self._folder) for path in figures)
-        self.told.append(("diagnosed", (result, tuple(words), names)))
-
-
-def _replay(told: Sequence[tuple[str, tuple[Any, ...]]], watcher: Watcher, folder: Path) -> None:
-    for name, arguments in told:
-        if name == "diagnosed":
-            result, words, figures = arguments
-            watcher.diagnosed(result, words, [folder / path for path in figures])
-        else:
-            getattr(watcher, name)(*arguments)
-
-
-def _own_look() -> dict[str, Any]:
-    """Of the user, over the package's own; nothing is imported to learn that there is none."""
+def _own_style() -> dict[str, Any]:
+    """Return the user's Matplotlib settings; a module that was never imported has none."""
     style = sys.modules.get("qlvbayes.plots.style")
     return {} if style is None else style.own_look()
 
 
-def _looking(look: dict[str, Any]) -> Any:
-    if not look:
+def _with_style(style: dict[str, Any]) -> Any:
+    """Return a context in which figures have the user's Matplotlib settings."""
+    if not style:
         return nullcontext()
     from qlvbayes.plots.style import using
 
-    return using(look)
+    return using(style)
