@@ -21,8 +21,7 @@ from coverage import progress
 from page import Origin, with_section
 
 from qlvbayes.evaluation.population import Population
-from qlvbayes.evaluation.study import measured
-from qlvbayes.evaluation.wide import make_wide
+from qlvbayes.evaluation.study import make_study, measured
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Pad, Test
 from qlvbayes.io.files import write_whole
@@ -114,7 +113,7 @@ def _kept(options: argparse.Namespace, index: int) -> Pad:
     file = folder / f"{'wide' if inside else 'paper'}-{options.seed}-{number}.pkl"
     if file.is_file():
         return pickle.loads(file.read_bytes())
-    pad = make_wide(Population(options.seed), number).pad if inside else _paper(options, number)
+    pad = make_study(Population(options.seed), number).pad if inside else _paper(options, number)
     folder.mkdir(parents=True, exist_ok=True)
     write_whole(file, pickle.dumps(pad))
     return pad

@@ -159,7 +159,7 @@ class WorkOptions:
     @property
     def part(self) -> Shard:
         """Which part; InputError where it is none."""
-        return Shard.of(self.shard) if self.shard else Shard()
+        return Shard.from_text(self.shard) if self.shard else Shard()
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What platens are made to do besides the paper's test: sines, cycles, staircases, other speeds."""
+"""Protocols other than the paper's: sines, cycles, staircases, other speeds."""
 
 from __future__ import annotations
 
@@ -32,13 +32,14 @@ PROTOCOL_NAMES = (
 class Session:
     """Tests of one pad: a motion each, by name, in order.
 
-    carried: each test follows the one before by `pause` (s), in which the platen goes back to 0,
-    and the pad has not forgotten; else every test begins rested. The motions know their clocks.
+    continuous: whether each test follows the one before by `pause` (s), in which the platen goes
+    back to 0 and the pad has not forgotten; else every test begins at rest. The motions know their
+    clocks.
     longest_hold: s, or a quarter of the longest test where there is no hold; smooth: without kinks.
     """
 
     motions: dict[str, Motion]
-    carried: bool
+    continuous: bool
     pause: float
     longest_hold: float
     smooth: bool
@@ -57,7 +58,7 @@ class Session:
 
 
 def session(
-    protocol: str, carried: bool, hold: float, creep: float, rng: np.random.Generator
+    protocol: str, continuous: bool, hold: float, creep: float, rng: np.random.Generator
 ) -> Session:
     """Tests of one protocol.
 
@@ -73,7 +74,7 @@ def session(
         if isinstance(s, Hold)
     ]
     motions: dict[str, Motion] = {}
-    clock, pause = 0.0, 5.0 if carried else 120.0
+    clock, pause = 0.0, 5.0 if continuous else 120.0
     for number, (name, program) in enumerate(programs.items()):
         if isinstance(program, Track):
             motion: Motion = replace(program, start_s=clock, number=number)
@@ -82,7 +83,7 @@ def session(
         motions[name] = motion
         clock += motion.duration + pause
     longest = max(holds, default=0.25 * max(m.duration for m in motions.values()))
-    return Session(motions, carried, pause, longest, smooth)
+    return Session(motions, continuous, pause, longest, smooth)
 
 
 def _programs(
