@@ -7,10 +7,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from qlvbayes.preprocess.departure import departure_of
+from qlvbayes.preprocess.bounds import departure_of
 from qlvbayes.preprocess.encoder import encoder_step
+from qlvbayes.preprocess.fewreadings import corners
 from qlvbayes.preprocess.phases import find_phases
-from qlvbayes.preprocess.polyline import corners
 from qlvbayes.preprocess.segments import dither, tolerance
 from qlvbayes.preprocess.trajectory import smooth
 

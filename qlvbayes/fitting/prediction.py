@@ -16,10 +16,9 @@ from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import Floor
 from qlvbayes.model.parameters import names
 from qlvbayes.model.posterior import Posterior
-from qlvbayes.preprocess.batching import batch
 from qlvbayes.preprocess.experiment import Experiment, Trial
 from qlvbayes.preprocess.phases import phase_index
-from qlvbayes.preprocess.record import Record
+from qlvbayes.preprocess.record import Record, batch
 from qlvbayes.preprocess.reduction import clear_of_kinks
 
 DRAWS = 400

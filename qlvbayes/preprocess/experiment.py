@@ -182,7 +182,7 @@ class Experiment:
 
     def record(self, trials: Sequence[Trial]) -> Record:
         """Block averages of some trials, as one batch."""
-        from qlvbayes.preprocess.batching import batch
+        from qlvbayes.preprocess.record import batch
 
         return batch([self.reduced(trial) for trial in trials])
 

@@ -16,7 +16,7 @@ Three numbers, so that three readings in motion show it; where they leave one op
 acceleration is taken.
 
 `monotone`: cubics through the readings that rise where these rise and fall where they fall (Fritsch
-& Butland 1984, doi:10.1137/0905021).
+& Butland 1984, doi:10.1137/0905021). `corners`: straight lines that are never far from them.
 """
 
 from __future__ import annotations
@@ -124,3 +124,24 @@ def strays_between(path_at: Array, path_between: Array, readings: Array, most: f
     above = path_between.max(axis=1) - ends.max(axis=0)
     below = ends.min(axis=0) - path_between.min(axis=1)
     return (np.maximum(above, below) > most) & ~turning
+
+
+def corners(time: Array, displacement: Array, tolerance: float) -> NDArray[np.intp]:
+    """Places of the readings that straight lines join so that none is farther off than a tolerance.
+
+    Each stretch is divided at its farthest reading (Ramer 1972; Douglas and Peucker 1973).
+    """
+    kept = {0, time.size - 1}
+    open_ends = [(0, time.size - 1)]
+    while open_ends:
+        first, last = open_ends.pop()
+        if last - first < 2:
+            continue
+        t, x = time[first : last + 1], displacement[first : last + 1]
+        line = x[0] + (x[-1] - x[0]) * (t - t[0]) / (t[-1] - t[0])
+        off = np.abs(x - line)
+        worst = int(np.argmax(off))
+        if off[worst] > tolerance:
+            kept.add(first + worst)
+            open_ends += [(first, first + worst), (first + worst, last)]
+    return np.array(sorted(kept))

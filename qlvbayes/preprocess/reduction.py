@@ -15,12 +15,11 @@ import numpy as np
 
 from qlvbayes.io.data import Test
 from qlvbayes.laws.motion import Motion
-from qlvbayes.preprocess.batching import padded_size
 from qlvbayes.preprocess.grid import grid_times, path_at
 from qlvbayes.preprocess.noisefloor import NoiseFloor
 from qlvbayes.preprocess.past import Past
 from qlvbayes.preprocess.phases import MOVING, Phase, find_phases
-from qlvbayes.preprocess.record import Blocks, Record, held
+from qlvbayes.preprocess.record import Blocks, Record, held, padded_size
 from qlvbayes.preprocess.timing import off_kinks, timing_sd
 from qlvbayes.preprocess.trajectory import Trajectory
 

@@ -15,7 +15,7 @@ from scipy.optimize import minimize_scalar
 
 from qlvbayes.preprocess import quintic
 from qlvbayes.preprocess.bounds import Tolerance, excess
-from qlvbayes.preprocess.fewreadings import monotone, strays_between, trapezoid
+from qlvbayes.preprocess.fewreadings import corners, monotone, strays_between, trapezoid
 from qlvbayes.preprocess.freeknots import (
     Joints,
     Pieces,
@@ -26,7 +26,6 @@ from qlvbayes.preprocess.freeknots import (
     residuals,
     with_knot_at_worst,
 )
-from qlvbayes.preprocess.polyline import corners
 from qlvbayes.preprocess.segments import Dwell
 
 Array = NDArray[np.float64]

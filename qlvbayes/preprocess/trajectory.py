@@ -11,9 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PPoly
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.preprocess.bounds import Tolerance
+from qlvbayes.preprocess.bounds import Departure, Tolerance, departure_of
 from qlvbayes.preprocess.clock import clock_error
-from qlvbayes.preprocess.departure import Departure, departure_of
 from qlvbayes.preprocess.encoder import encoder_step
 from qlvbayes.preprocess.errors import Errors, errors
 from qlvbayes.preprocess.knoterrors import Moments, moments

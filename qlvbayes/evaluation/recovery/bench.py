@@ -17,9 +17,8 @@ from qlvbayes.laws.relaxation.law import AbstractRelaxation
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.model.noise import AbstractNoise, Correlated
-from qlvbayes.preprocess.batching import batch
 from qlvbayes.preprocess.programme import Stroke, planned
-from qlvbayes.preprocess.record import Record
+from qlvbayes.preprocess.record import Record, batch
 from qlvbayes.preprocess.reduction import planned_record
 from qlvbayes.preprocess.trajectory import Trajectory
 from qlvbayes.priors import Dirichlet, Ordered

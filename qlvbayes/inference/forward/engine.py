@@ -32,8 +32,7 @@ from qlvbayes.inference.forward.pieces import (
 from qlvbayes.io.runtime import cores
 from qlvbayes.laws.layered import Law
 from qlvbayes.laws.motion import Motion
-from qlvbayes.preprocess.batching import told
-from qlvbayes.preprocess.record import Record
+from qlvbayes.preprocess.record import Record, told
 
 Array = NDArray[np.float64]
 Leaves = tuple[Any, ...]

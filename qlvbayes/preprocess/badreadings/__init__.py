@@ -7,7 +7,6 @@ neighbours alone, O(n), and without a model of the material.
 
 from qlvbayes.preprocess.badreadings.finding import smooth_readings, sound_tests
 from qlvbayes.preprocess.badreadings.outliers import outlying
-from qlvbayes.preprocess.badreadings.result import BadReadings
-from qlvbayes.preprocess.badreadings.words import left_out_notice
+from qlvbayes.preprocess.badreadings.result import BadReadings, left_out_notice
 
 __all__ = ["BadReadings", "left_out_notice", "outlying", "smooth_readings", "sound_tests"]
