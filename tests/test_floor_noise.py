@@ -28,7 +28,7 @@ def test_the_banded_likelihood_is_that_of_the_dense_covariance(smooth, ratio, ta
     """With the trends' own directions taken out of data and covariance (Patterson & Thompson)."""
     rng = np.random.default_rng(0)
     dwells = [rest(rng), rest(rng)]
-    pool = Pool.of(dwells, 2.0)
+    pool = Pool.from_dwells(dwells, 2.0)
     dense, freedom, power = 0.0, 0, 0.0
     for k, (one, q) in enumerate(zip(dwells, pool.trends, strict=True)):
         lag = one.time[:, None] - one.time

@@ -98,10 +98,10 @@ def compare(
     contrasts, lost = _contrasts(groups, shared, settings, region, between, rng, apart)
     tested = contrasts[: len(shared)]
     if apart:
-        shown = {one.quantity for one in readings(settings, units) if one.shown}
-        tested = [c for c in contrasts if c.quantity in shown]
+        observed = {one.quantity for one in readings(settings, units) if one.shown}
+        tested = [c for c in contrasts if c.quantity in observed]
     omnibus = _of_shown(tested) if apart else _omnibus(groups, tested, between)
-    found = Comparison(
+    comparison = Comparison(
         names=labels,
         between=between,
         units=units,
@@ -110,11 +110,11 @@ def compare(
         differ=_differ(omnibus, tested),
         omnibus=omnibus,
         by_chance=BY_CHANCE * len(contrasts),
-        settings=settings.told,
+        settings=settings.as_record,
         contrasts=tuple(contrasts),
         notices=tuple(notices(groups, labels, settings, shared, contrasts, lost, apart)),
     )
-    return replace(found, words=tuple(paragraphs(found)))
+    return replace(comparison, words=tuple(paragraphs(comparison)))
 
 
 def _in_units(sides: Sequence[Side], units: UnitSystem) -> list[Side]:
@@ -124,11 +124,11 @@ def _in_units(sides: Sequence[Side], units: UnitSystem) -> list[Side]:
 def _sides(source: Source | Sequence[Source], label: str) -> list[Side]:
     """One pad or more; draws, which have no name of their own, are called by the label."""
     several = [source] if isinstance(source, (Fit, Saved, Mapping)) else source
-    numbers = [""] if len(several) == 1 else [f" {k}" for k in range(1, len(several) + 1)]
-    found = [side_of(one, f"{label}{n}") for one, n in zip(several, numbers, strict=True)]
-    if not found:
+    suffixes = [""] if len(several) == 1 else [f" {k}" for k in range(1, len(several) + 1)]
+    sides = [side_of(one, f"{label}{n}") for one, n in zip(several, suffixes, strict=True)]
+    if not sides:
         raise InputError("nothing to compare", remedy="give at least one fit")
-    return found
+    return sides
 
 
 def _label(group: Sequence[Side]) -> str:
@@ -152,7 +152,7 @@ def _contrasts(
     every = [*shared, *readings(settings, units)]
     tables = [[_table(side, shared, settings) for side in group] for group in groups]
     pairs = [[rng.permutation(_PAIRS) % len(t) for t in group] for group in tables]
-    found, lost = [], []
+    contrasts, lost = [], []
     for k, reading in enumerate(every):
         columns = [[table[:, k] for table in group] for group in tables]
         if not all(np.all(np.isfinite(x)) for group in columns for x in group):
@@ -165,8 +165,8 @@ def _contrasts(
         one_of_all = contrast(reading, one, other, region)
         if apart and not reading.shown:
             one_of_all = replace(one_of_all, answer="cannot tell", extrapolated=True)
-        found.append(one_of_all)
-    return found, lost
+        contrasts.append(one_of_all)
+    return contrasts, lost
 
 
 def _table(side: Side, shared: Sequence[Reading], settings: Settings) -> np.ndarray:
@@ -185,14 +185,14 @@ def _omnibus(
     return joint_test(first, second) if names else None
 
 
-def _of_shown(shown: Sequence[Contrast]) -> Omnibus | None:
+def _of_shown(contrasts: Sequence[Contrast]) -> Omnibus | None:
     """Of what all tests show; what is equal within the region speaks for no difference.
 
     Models of tests that are unlike miss by more than their intervals say, but not by that much.
     """
-    unequal = [c if c.answer != "equal" else replace(c, direction=0.5) for c in shown]
-    found = smallest_tail(unequal, DRAWS)
-    return None if found is None else replace(found, over="shown")
+    unequal = [c if c.answer != "equal" else replace(c, direction=0.5) for c in contrasts]
+    omnibus = smallest_tail(unequal, DRAWS)
+    return None if omnibus is None else replace(omnibus, over="shown")
 
 
 def _differ(omnibus: Omnibus | None, constants: Sequence[Contrast]) -> bool | None:

@@ -110,13 +110,13 @@ class Comparison(Result, frozen=True, kw_only=True):
 
 def written(value: Interval) -> tuple[str, str, str]:
     """Median, low and high; the interval's half-width keeps one to two digits."""
-    numbers = value.median, value.low, value.high
+    values = value.median, value.low, value.high
     half = 0.5 * (value.high - value.low)
-    if half <= 0.0 or max(map(abs, numbers)) < _SMALL:
-        median, low, high = (f"{x:.3g}" for x in numbers)
+    if half <= 0.0 or max(map(abs, values)) < _SMALL:
+        median, low, high = (f"{x:.3g}" for x in values)
         return median, low, high
     decimals = max(0, -floor(log10(half / 2.5)))
-    median, low, high = (f"{x:z.{decimals}f}" for x in numbers)
+    median, low, high = (f"{x:z.{decimals}f}" for x in values)
     return median, low, high
 
 

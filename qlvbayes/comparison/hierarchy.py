@@ -38,12 +38,12 @@ def fluid_draws(
         return [np.zeros(DRAWS) for _ in groups]
     spreads, weights = spread_posterior(seen, SPREAD * size)
     chosen = spreads[rng.choice(len(spreads), DRAWS, p=weights)]
-    found = []
+    columns = []
     for specimens in seen:
         centre, variance = _centre(specimens, chosen)
         draws = centre + np.sqrt(variance) * rng.standard_normal(DRAWS)
-        found.append(np.exp(draws) if logs else draws)
-    return found
+        columns.append(np.exp(draws) if logs else draws)
+    return columns
 
 
 def spread_posterior(groups: Sequence[Specimens], scale: float) -> tuple[np.ndarray, np.ndarray]:
@@ -56,8 +56,8 @@ def spread_posterior(groups: Sequence[Specimens], scale: float) -> tuple[np.ndar
     section 5.4; the prior: Gelman 2006, doi:10.1214/06-BA117A).
     """
     # even in the prior's own probability, so that the prior's weights are equal
-    place = (np.arange(_POINTS) + 0.5) / _POINTS
-    spreads = scale * np.tan(0.5 * np.pi * place)
+    quantile = (np.arange(_POINTS) + 0.5) / _POINTS
+    spreads = scale * np.tan(0.5 * np.pi * quantile)
     log_density = np.zeros(_POINTS)
     for specimens in groups:
         variances = spreads[:, None] ** 2 + specimens.sd**2

@@ -56,16 +56,16 @@ def _coordinates(
     draws: Mapping[str, np.ndarray], both: Sequence[Mapping[str, np.ndarray]]
 ) -> dict[str, np.ndarray]:
     """Numbers whose posteriors are nearer to normal, and free of the sum of the fractions."""
-    found = {}
+    coordinates = {}
     for name, values in draws.items():
         if _FRACTION.fullmatch(name):
             if name != "c[0]":
-                found[name] = _log(values) - _log(draws["c[0]"])
+                coordinates[name] = _log(values) - _log(draws["c[0]"])
         elif all(np.min(side[name]) > 0.0 for side in both):
-            found[name] = np.log(values)
+            coordinates[name] = np.log(values)
         else:
-            found[name] = np.asarray(values)
-    return found
+            coordinates[name] = np.asarray(values)
+    return coordinates
 
 
 def _log(fraction: np.ndarray) -> np.ndarray:

@@ -65,11 +65,11 @@ def oscillation(
     where the speed is right to second order (at the ends it is that of the piece before).
     """
     before = ramp_hold(depth, speed, duration)
-    place = np.linspace(0.0, CYCLES + REST_CYCLES, (CYCLES + REST_CYCLES) * PIECES + 1)  # cycles
-    window = np.where(place <= CYCLES, np.sin(np.pi * place / CYCLES) ** 2, 0.0)
-    swing = amplitude * window * np.sin(2.0 * np.pi * place)
+    phase = np.linspace(0.0, CYCLES + REST_CYCLES, (CYCLES + REST_CYCLES) * PIECES + 1)  # cycles
+    window = np.where(phase <= CYCLES, np.sin(np.pi * phase / CYCLES) ** 2, 0.0)
+    swing = amplitude * window * np.sin(2.0 * np.pi * phase)
     speeds = np.diff(swing, append=swing[-1]) * PIECES * frequency
-    time = before.time[-1] + _with_middles(place) / frequency
+    time = before.time[-1] + _with_middles(phase) / frequency
     burst = Course(time, depth + _with_middles(swing), np.repeat(speeds, 2)[:-1])
     return joined([before, burst])
 
@@ -87,10 +87,10 @@ def _with_middles(ends: np.ndarray) -> np.ndarray:
 
 def ramp(start: float, first: float, last: float, speed: float) -> Course:
     """From ``start`` (s) on from one depth to another."""
-    place = np.linspace(0.0, 1.0, RAMP_POINTS)
+    share = np.linspace(0.0, 1.0, RAMP_POINTS)
     travel = last - first
     velocity = np.full(RAMP_POINTS, np.sign(travel) * speed)
-    return Course(start + place * abs(travel) / speed, first + place * travel, velocity)
+    return Course(start + share * abs(travel) / speed, first + share * travel, velocity)
 
 
 def hold(start: float, depth: float, duration: float) -> Course:

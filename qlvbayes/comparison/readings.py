@@ -52,27 +52,31 @@ def readings(settings: Settings, units: UnitSystem) -> list[Reading]:
     per = "/s" if units.dimensionless else f" {units.speed}"
     energy = units.energy
     deep, force = settings.deeper, units.force_name
-    found = [
+    quantities = [
         Reading(f"instantaneous stiffness at {depth}", units.stiffness, "stiffness", deep),
         Reading(f"relaxed stiffness at {depth}", units.stiffness, "stiffness", deep),
     ]
     for rate in settings.rates:
         far = deep or settings.outside_rates(rate)
-        found.append(Reading(f"peak {force} at {rate:g}{per}", units.force, "force", far, not far))
-    found.append(Reading(f"relaxed {force} at {depth}", units.force, "force", deep))
+        quantities.append(
+            Reading(f"peak {force} at {rate:g}{per}", units.force, "force", far, not far)
+        )
+    quantities.append(Reading(f"relaxed {force} at {depth}", units.force, "force", deep))
     held = f"{settings.after:g} s of a hold at {depth}"
     far = deep or settings.outside_rates(max(settings.rates))
-    found.append(Reading(f"{force} after {held}", units.force, "force", far, not far))
-    found.append(Reading(f"half-relaxation time at {depth}", "s", "relaxation", deep))
-    found.append(Reading(f"share lost in {held}", "1", "relaxation", far, not far))
+    quantities.append(Reading(f"{force} after {held}", units.force, "force", far, not far))
+    quantities.append(Reading(f"half-relaxation time at {depth}", "s", "relaxation", deep))
+    quantities.append(Reading(f"share lost in {held}", "1", "relaxation", far, not far))
     for rate in settings.rates:
         far = deep or settings.outside_rates(rate)
-        found.append(Reading(f"energy lost in a cycle at {rate:g}{per}", energy, "energy", far))
+        quantities.append(
+            Reading(f"energy lost in a cycle at {rate:g}{per}", energy, "energy", far)
+        )
     for frequency in settings.frequencies:
         far = deep or settings.outside_frequencies(frequency)
         name = f"loss tangent at {frequency:g} Hz about {depth}"
-        found.append(Reading(name, "1", "loss tangent", far))
-    return found
+        quantities.append(Reading(name, "1", "loss tangent", far))
+    return quantities
 
 
 def read(models: Model, settings: Settings) -> np.ndarray:
@@ -106,13 +110,13 @@ def forces(models: Model, course: programmes.Course) -> np.ndarray:
     rest = np.zeros(programmes.POINTS)
     motion = Motion(*map(jnp.asarray, (full.time, full.depth, full.velocity, rest)))
     count = len(jax.tree.leaves(models)[0])
-    found = []
+    parts = []
     for start in range(0, count, _BATCH):
         # the last batch is filled up, so that one compiled function serves any number
         rows = np.minimum(np.arange(start, start + _BATCH), count - 1)
         some = jax.tree.map(lambda x, rows=rows: x[rows], models)
-        found.append(np.asarray(_forces(some, motion)))
-    return np.concatenate(found)[:count, : course.time.size]
+        parts.append(np.asarray(_forces(some, motion)))
+    return np.concatenate(parts)[:count, : course.time.size]
 
 
 @jax.jit

@@ -47,7 +47,7 @@ class Settings:
         return self.known and not low / _NEAR <= frequency <= _NEAR * high
 
     @property
-    def told(self) -> ReadAt:
+    def as_record(self) -> ReadAt:
         """What the comparison says of them."""
         return ReadAt(self.depth, self.rates, self.frequencies, self.hold)
 
@@ -65,8 +65,8 @@ def choose(
     """
     known = [reach for reach in reaches if reach is not None]
     reach = _common(known) if known else _UNKNOWN
-    for what, numbers in (("depth", [depth]), ("rate", rates), ("frequency", frequencies)):
-        for number in numbers or ():
+    for what, values in (("depth", [depth]), ("rate", rates), ("frequency", frequencies)):
+        for number in values or ():
             if number is not None and not (math.isfinite(number) and number > 0.0):
                 raise InputError(f"{what} {number:g} is not above 0", remedy="give a positive one")
     return Settings(

@@ -95,8 +95,8 @@ class Side:
         """The same with at most so many draws, evenly out of all; one is their mean."""
         if count == 1:
             return replace(self, draws=self.draws.mean(axis=0, keepdims=True))
-        places = np.linspace(0, len(self.draws) - 1, min(count, len(self.draws)))
-        return replace(self, draws=self.draws[places.astype(int)])
+        indices = np.linspace(0, len(self.draws) - 1, min(count, len(self.draws)))
+        return replace(self, draws=self.draws[indices.astype(int)])
 
     def read(self, settings: Settings) -> np.ndarray:
         """(n, Q) what an engineer reads from each draw."""
@@ -164,26 +164,26 @@ def unheld_times(sides: Sequence[Side]) -> list[str]:
     out the same relaxation in another way, and has another stiffness at once: their constants mean
     different things.
     """
-    found = []
+    unheld = []
     for side, other in permutations(sides, 2):
         if side.reach is None or other.reach is None:
             continue
-        mean = jax.tree.map(lambda numbers: numbers[0], side.some(1).models.relaxation)
+        mean = jax.tree.map(lambda leaf: leaf[0], side.some(1).models.relaxation)
         for name, value in mean.times().items():
             time = float(value)
             longer = side.reach.hold > _LONGER * other.reach.hold
             quicker = _LONGER * side.reach.quickest < other.reach.quickest
             if longer and time > other.reach.hold:
-                found.append(
+                unheld.append(
                     f"{name} of {side.name} is {time:.2g} s, and {other.name} was held for "
                     f"{other.reach.hold:.2g} s"
                 )
             elif quicker and time < _WITHIN * other.reach.quickest:
-                found.append(
+                unheld.append(
                     f"{name} of {side.name} is {time:.2g} s, and the quickest ramp of {other.name} "
                     f"took {other.reach.quickest:.2g} s"
                 )
-    return found
+    return unheld
 
 
 def shared_constants(sides: Sequence[Side]) -> list[Reading]:
@@ -193,7 +193,7 @@ def shared_constants(sides: Sequence[Side]) -> list[Reading]:
     modes), an effect's that all models have it. Noise and the rig's effects are not the pad's.
     """
     first = sides[0]
-    found = []
+    shared = []
     for name, kind in first.kinds.items():
         everywhere = all(name in side.kinds for side in sides)
         if not everywhere or name not in _comparable(sides, name):
@@ -202,8 +202,8 @@ def shared_constants(sides: Sequence[Side]) -> list[Reading]:
             continue
         unit = first.units.of(kind)
         group = "effects" if "." in name else "constants"
-        found.append(Reading(name, unit, group, False))
-    return found
+        shared.append(Reading(name, unit, group, False))
+    return shared
 
 
 def _comparable(sides: Sequence[Side], name: str) -> tuple[str, ...]:

@@ -84,6 +84,6 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def _plain(error: OSError) -> str:
-    place = f"{error.filename}: " if error.filename else ""
+    prefix = f"{error.filename}: " if error.filename else ""
     remedy = "free some space" if error.errno == errno.ENOSPC else "check the path and its rights"
-    return f"{place}{error.strerror or error}; {remedy}"
+    return f"{prefix}{error.strerror or error}; {remedy}"

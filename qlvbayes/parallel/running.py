@@ -120,8 +120,8 @@ def _without_scheduler() -> AbstractContextManager[object]:
         return nullcontext()
     import dask
 
-    found: AbstractContextManager[object] = dask.config.set(scheduler="synchronous")
-    return found
+    synchronous: AbstractContextManager[object] = dask.config.set(scheduler="synchronous")
+    return synchronous
 
 
 @dataclass(eq=False)
@@ -145,80 +145,80 @@ class _Run(Generic[Item, Answer]):
 
     def through(self, items: Iterator[Item]) -> Iterator[Outcome[Item, Answer]]:
         """All outcomes in order."""
-        places, told = enumerate(items), 0
+        numbered, next_index = enumerate(items), 0
         more = True
         while True:
-            more = self._hand_over(places) and more
-            while told in self.done:
-                yield self.done.pop(told)
-                told += 1
+            more = self._hand_over(numbered) and more
+            while next_index in self.done:
+                yield self.done.pop(next_index)
+                next_index += 1
             if self.handed:
                 self._hear(*self.finished.get())
-            elif not more and not self.suspects and told not in self.done:
+            elif not more and not self.suspects and next_index not in self.done:
                 return
 
-    def _hand_over(self, places: Iterator[tuple[int, Item]]) -> bool:
+    def _hand_over(self, numbered: Iterator[tuple[int, Item]]) -> bool:
         """As many items as the engine takes; whether there may be more of them."""
         if self.suspects:
             if not self.handed:
-                place, item = self.suspects.popleft()
-                self.deaths = self.deaths if self.alone == place else 0
-                self.alone = place
-                self._submit(place, item)
+                index, item = self.suspects.popleft()
+                self.deaths = self.deaths if self.alone == index else 0
+                self.alone = index
+                self._submit(index, item)
             return True
         while len(self.handed) < self.engine.ahead and len(self.done) < _WAITING:
-            found = next(places, None)
-            if found is None:
+            entry = next(numbered, None)
+            if entry is None:
                 return False
-            if (passed := _passed(found[1])) is not None:
-                self._end(found[0], passed)
+            if (passed := _passed(entry[1])) is not None:
+                self._end(entry[0], passed)
             else:
-                self._submit(*found)
+                self._submit(*entry)
             if self.suspects:
                 break
         return True
 
-    def _submit(self, place: int, item: Item) -> None:
+    def _submit(self, index: int, item: Item) -> None:
         try:
             future = self.engine.submit(_tried_elsewhere, package_digest(), self.task, item)
         except BrokenExecutor:  # it broke while nobody listened
-            self.suspects.append((place, item))
+            self.suspects.append((index, item))
             if not self.handed:  # else the last of them does it
                 self.engine.renew()
             return
-        self.handed[place] = item
-        future.add_done_callback(lambda found: self.finished.put((place, found)))
+        self.handed[index] = item
+        future.add_done_callback(lambda done: self.finished.put((index, done)))
 
-    def _hear(self, place: int, future: Future[Any]) -> None:
-        item = self.handed.pop(place)
+    def _hear(self, index: int, future: Future[Any]) -> None:
+        item = self.handed.pop(index)
         try:
             answer, fault = future.result()
         except BrokenExecutor:
-            self._died(place, item)
+            self._died(index, item)
         except CancelledError:
             self.engine.renew()
         except EngineLostError:
             raise
         except Exception as error:  # its arguments or its answer cannot travel, or a worker died
-            self._end(place, Outcome(item, None, _of_engine(error)))
+            self._end(index, Outcome(item, None, _of_engine(error)))
         else:
-            self._end(place, Outcome(item, answer, fault))
+            self._end(index, Outcome(item, answer, fault))
 
-    def _died(self, place: int, item: Item) -> None:
+    def _died(self, index: int, item: Item) -> None:
         if not self.handed:  # the last of those that the pool took with it
             self.engine.renew()
-        if place != self.alone:
-            self.suspects.append((place, item))
+        if index != self.alone:
+            self.suspects.append((index, item))
             return
         self.deaths += 1
         if self.deaths < _DEATHS:
-            self.suspects.appendleft((place, item))
+            self.suspects.appendleft((index, item))
         else:
-            self._end(place, Outcome(item, None, _DIED))
+            self._end(index, Outcome(item, None, _DIED))
 
-    def _end(self, place: int, outcome: Outcome[Item, Answer]) -> None:
+    def _end(self, index: int, outcome: Outcome[Item, Answer]) -> None:
         self.keep(outcome)
-        self.done[place] = outcome
+        self.done[index] = outcome
 
 
 _DIED = Fault(

@@ -66,11 +66,11 @@ def excess(residual: Array, tol: Tolerance, alone: float, common: float = 0.0) -
     residual (n,): readings less a path, in order of time; alone: what one reading may be off;
     common: what all may be off together.
     """
-    found = np.abs(residual) / max(alone, _TINY)
+    ratio = np.abs(residual) / max(alone, _TINY)
     for length, means in runs(residual, tol):
-        middle = found[length // 2 : length // 2 + means.size]
+        middle = ratio[length // 2 : length // 2 + means.size]
         np.maximum(middle, means / (tol.run(length) + common), out=middle)
-    return found
+    return ratio
 
 
 def runs(residual: Array, tol: Tolerance) -> Iterator[tuple[int, Array]]:
@@ -119,10 +119,10 @@ def departure_of(time: Array, residual: Array, tol: Tolerance) -> Departure | No
     """
     least = _RESOLUTIONS * tol.resolution
     alone = np.where(np.isfinite(residual), np.abs(residual), np.inf)
-    found = [(1, alone, max(least, tol.sample, tol.rest))]
-    found += [(m, means, max(least, tol.run(m))) for m, means in runs(residual, tol)]
-    beyond = [(float(sizes.max()) - most) / max(most, _TINY) for _, sizes, most in found]
-    length, sizes, most = found[int(np.argmax(beyond))]
+    scans = [(1, alone, max(least, tol.sample, tol.rest))]
+    scans += [(m, means, max(least, tol.run(m))) for m, means in runs(residual, tol)]
+    beyond = [(float(sizes.max()) - most) / max(most, _TINY) for _, sizes, most in scans]
+    length, sizes, most = scans[int(np.argmax(beyond))]
     worst = int(np.argmax(sizes))
     if sizes[worst] <= most:
         return None

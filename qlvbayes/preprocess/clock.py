@@ -55,9 +55,9 @@ def _on_a_lattice(gaps: Array) -> bool:
 
 def last_decimal(values: Array) -> float:
     """Return the coarsest of 1, 0.1, ... 1e-9 of which all values are multiples; 0 if none."""
-    for places in _DECIMALS:
-        if _multiples(values, 10.0**-places):
-            return float(10.0**-places)
+    for decimals in _DECIMALS:
+        if _multiples(values, 10.0**-decimals):
+            return float(10.0**-decimals)
     return 0.0
 
 

@@ -26,10 +26,10 @@ class Cut:
     low: float
     high: float
     unit: str
-    said: str
+    text: str
 
     @classmethod
-    def of(cls, text: str) -> Cut:
+    def from_text(cls, text: str) -> Cut:
         """From ``TEST:0..18mm``; InputError where it is none."""
         match = _FORM.fullmatch(text.strip())
         units = (*SUFFIXES["time"], *SUFFIXES["displacement"], "")
@@ -62,7 +62,7 @@ class Cut:
         last = first + int(beyond[0]) if beyond.size else values.size
         if last - first < LEAST_SAMPLES or not began.size:
             raise InputError(
-                f"--use {self.said!r} leaves fewer than {LEAST_SAMPLES} rows of test '{test.name}'",
+                f"--use {self.text!r} leaves fewer than {LEAST_SAMPLES} rows of test '{test.name}'",
                 remedy="widen it",
             )
         part = slice(first, last)
@@ -81,30 +81,30 @@ class Cut:
         if not self.unit:
             return 1.0
         if pad.units.dimensionless:
-            raise InputError(f"--use {self.said!r}: pad {pad.name} has strain", remedy=_REMEDY)
+            raise InputError(f"--use {self.text!r}: pad {pad.name} has strain", remedy=_REMEDY)
         ratio = SUFFIXES["displacement"][own].over(SUFFIXES["displacement"][self.unit])
         return ratio.up / ratio.down
 
 
 def cut(pad: Pad, use: Sequence[str]) -> tuple[Pad, tuple[str, ...]]:
     """A pad whose tests have the parts that are used, and a sentence on each that was cut."""
-    tests, told = list(pad.tests), []
-    for one in map(Cut.of, use):
+    tests, notices = list(pad.tests), []
+    for one in map(Cut.from_text, use):
         for k, test in enumerate(tests):
             if not one.names(test):
                 continue
             tests[k] = one.of_test(test, pad)
             left = len(test.time) - len(tests[k].time)
-            told.append(
+            notices.append(
                 f"pad {pad.name}: of test {test.name} {len(tests[k].time)} rows are used, as said "
-                f"by {one.said}, and {left} left out"
+                f"by {one.text}, and {left} left out"
             )
-    return replace(pad, tests=tuple(tests)), tuple(told)
+    return replace(pad, tests=tuple(tests)), tuple(notices)
 
 
 def refuse_unknown(pads: Sequence[Pad], use: Sequence[str]) -> None:
     """Raise InputError where a cut names a test that no pad has, or is none."""
-    for one in map(Cut.of, use):
+    for one in map(Cut.from_text, use):
         tests = [test for pad in pads for test in pad.tests]
         if not any(one.names(test) for test in tests):
             known = ", ".join(dict.fromkeys(test.name for test in tests))

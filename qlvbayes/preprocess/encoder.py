@@ -76,8 +76,8 @@ def encoder_steps(displacements: Sequence[Array]) -> list[float]:
         for step, x in zip(own, displacements, strict=True)
     ]
     means = [averaged(x, step) for step, x in zip(steps, displacements, strict=True)]
-    usual = max(means, default=0)
-    return [step * max(mean or usual, 1) for step, mean in zip(steps, means, strict=True)]
+    typical = max(means, default=0)
+    return [step * max(mean or typical, 1) for step, mean in zip(steps, means, strict=True)]
 
 
 def averaged(displacement: Array, step: float) -> int:

@@ -119,7 +119,7 @@ def _quadratic_forms(basis: csr_array, rows: list[csr_array]) -> Array:
     gram = csr_array(basis.T @ basis)
     size = gram.shape[0]
     ridge = _ROUNDOFF * float(gram.diagonal().max())
-    found = np.zeros((len(rows), rows[0].shape[0]))
+    forms = np.zeros((len(rows), rows[0].shape[0]))
     owner = _middle(rows[0])
     for start in range(0, size, _CHUNK):
         mine = np.flatnonzero((owner >= start) & (owner < start + _CHUNK))
@@ -129,8 +129,8 @@ def _quadratic_forms(basis: csr_array, rows: list[csr_array]) -> Array:
         inverse = np.linalg.inv(gram[part, part].toarray() + ridge * np.eye(part.stop - part.start))
         for k, row in enumerate(rows):
             some = row[mine][:, part].toarray()
-            found[k, mine] = np.einsum("ij,jk,ik->i", some, inverse, some)
-    return np.maximum(found, 0.0)
+            forms[k, mine] = np.einsum("ij,jk,ik->i", some, inverse, some)
+    return np.maximum(forms, 0.0)
 
 
 def _middle(basis: csr_array) -> NDArray[np.intp]:

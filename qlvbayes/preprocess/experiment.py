@@ -112,16 +112,16 @@ class Experiment:
     def _departures(self) -> tuple[str, ...]:
         """One sentence on each test whose motion is farther from a reading than errors explain."""
         unit = self.units.displacement
-        found = [(trial.name, trial.trajectory.departure) for trial in self.trials]
-        return tuple(f"pad {self.pad}: {off.notice(name, unit)}" for name, off in found if off)
+        departures = [(trial.name, trial.trajectory.departure) for trial in self.trials]
+        return tuple(f"pad {self.pad}: {off.notice(name, unit)}" for name, off in departures if off)
 
     @property
     def _load_controlled(self) -> tuple[str, ...]:
         """One sentence on the tests that were taken as load-controlled without being told so."""
-        found = [t.name for t in self.trials if t.control == "force" and t.test.control is None]
-        if not found:
+        names = [t.name for t in self.trials if t.control == "force" and t.test.control is None]
+        if not names:
             return ()
-        those = f"test {found[0]}" if len(found) == 1 else f"tests {', '.join(found)}"
+        those = f"test {names[0]}" if len(names) == 1 else f"tests {', '.join(names)}"
         return (
             f"pad {self.pad}: in {those} the force is held while the displacement creeps, which is "
             "taken as a prescribed force; a column control (displacement or force) says otherwise",

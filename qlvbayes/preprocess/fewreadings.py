@@ -55,8 +55,8 @@ def trapezoid(
     low = np.array([max(time[first] - span, time[0]), 0.2 * span, _SHARES[-1]])
     high = np.array([time[moving[0]], 2.0 * span, _SHARES[0]])
 
-    def off(numbers: Array) -> Array:
-        return _shape(time, *numbers) - share
+    def off(parameters: Array) -> Array:
+        return _shape(time, *parameters) - share
 
     def fit(start: Array, free: int) -> Array:
         """The first of the three numbers fitted, the others as they are."""
@@ -65,8 +65,8 @@ def trapezoid(
             return off(np.concatenate([some, start[free:]]))
 
         bounds = low[:free], high[:free]
-        found = least_squares(left_over, np.clip(start[:free], *bounds), bounds=bounds)
-        return np.concatenate([found.x, start[free:]])
+        solution = least_squares(left_over, np.clip(start[:free], *bounds), bounds=bounds)
+        return np.concatenate([solution.x, start[free:]])
 
     fits = [fit(np.array([time[first], span, r]), 2) for r in _SHARES]
     costs = np.array([np.sum(off(one) ** 2) for one in fits])

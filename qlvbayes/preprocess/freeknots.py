@@ -176,15 +176,15 @@ def _between(
 
 def residuals(joints: Joints, time: Array, displacement: Array) -> Array:
     """Return readings minus the fitted spline, the dwells outside the end knots included."""
-    found = _solved(joints, time, displacement)
-    c, span, basis = found.coefficients, found.span, found.basis
+    solved = _solved(joints, time, displacement)
+    c, span, basis = solved.coefficients, solved.span, solved.basis
     return displacement - (basis[0] * c[span - 2] + basis[1] * c[span - 1] + basis[2] * c[span])
 
 
 def pieces(joints: Joints, window: Window) -> Pieces:
     """Return the fitted spline piece by piece."""
-    found = _solved(joints, window.time, window.displacement, pull=True)
-    full, k = found.full, found.coefficients
+    solved = _solved(joints, window.time, window.displacement, pull=True)
+    full, k = solved.full, solved.coefficients
     span = np.flatnonzero(np.diff(full) > 0.0)
     a, b, c, d = full[span - 1], full[span], full[span + 1], full[span + 2]
     velocity = 2.0 * (k[span - 1] - k[span - 2]) / (c - a)

@@ -8,7 +8,9 @@ from qlvbayes.preprocess.trajectory import Trajectory
 
 _CHORD = 1e-4  # of the stroke: how far the grid's straight lines may be from the motion,
 _FINEST = 3e-6  # and the least that very quiet noise asks for
-_BOWED = 10.0  # times that, where it is told how far the motion bows off the lines: on a sine half
+_CURVED = (
+    10.0  # times that, where it is told how far the motion curves off the lines: on a sine half
+)
 # as many points, and a tenth of the error of the force that straight lines make (2e-6 of its peak)
 
 
@@ -19,18 +21,18 @@ def grid_times(
     *,
     chord: float = np.inf,
     begun: bool = True,
-    bowed: bool = True,
+    curved: bool = True,
 ) -> np.ndarray:
     """Nodes, the beginning, kinks, and enough points between for lines to do.
 
     first: time of the first sample; chord: how far the lines may be from the motion (in units of
     displacement), where less than usual; begun: whether a record that begins on the move came from
-    zero displacement, by an approach that goes before it; bowed: whether it is told how far the
-    motion bows off the lines.
+    zero displacement, by an approach that goes before it; curved: whether it is told how far the
+    motion curves off the lines.
     """
     stroke = np.ptp(trajectory.displacement(trajectory.knots))
     tolerance = max(0.25 * trajectory.resolution, _CHORD * stroke)
-    tolerance = min(tolerance, max(chord, _FINEST * stroke)) * (_BOWED if bowed else 1.0)
+    tolerance = min(tolerance, max(chord, _FINEST * stroke)) * (_CURVED if curved else 1.0)
     inner = trajectory.knots[(trajectory.knots > first) & (trajectory.knots < nodes[-1])]
     approach = _approach(trajectory, first) if begun else np.zeros(0)
     points = np.unique(np.concatenate([approach, [first], inner, nodes]))

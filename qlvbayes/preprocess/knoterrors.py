@@ -90,17 +90,17 @@ def _from_readings(
     gram = csr_array(free.T @ free).tocsc()
     gram += diags_array(np.full(gram.shape[0], _ROUNDOFF * float(gram.diagonal().max()))).tocsc()
     weight = splu(gram).solve(rows[:, kept].T.toarray())  # (coefficients, knots)
-    found = np.sum((diags_array(np.sqrt(variance)) @ (free @ weight)) ** 2, axis=0)
+    variances = np.sum((diags_array(np.sqrt(variance)) @ (free @ weight)) ** 2, axis=0)
     for side, sd in zip((0, -1), level_sd, strict=True):
         at = 0 if side == 0 else full.size - degree - 2
         if kept.start <= at < kept.stop:  # the displacement itself is free to jump to the level
-            found[side] += sd**2
+            variances[side] += sd**2
         else:
             column = basis[:, [at]].toarray()[:, 0]
             held = rows[:, [at]].toarray()[:, 0] - weight.T @ (free.T @ column)
-            found += (held * sd) ** 2
+            variances += (held * sd) ** 2
     unbounded = np.full(size.shape, np.inf)
-    return np.asarray(np.divide(np.sqrt(found), size, out=unbounded, where=size > 0.0))
+    return np.asarray(np.divide(np.sqrt(variances), size, out=unbounded, where=size > 0.0))
 
 
 def _variance(stretch: Stretch, inside: NDArray[np.intp], tol: Tolerance) -> Array:
@@ -108,18 +108,18 @@ def _variance(stretch: Stretch, inside: NDArray[np.intp], tol: Tolerance) -> Arr
     time, x = stretch.window.time[inside], stretch.window.displacement[inside]
     path = evaluated(stretch, time)
     rounding = max(tol.step, last_decimal(x)) ** 2 / 12.0
-    plain = max(rounding + tol.noise**2, (_EXACT * float(np.ptp(x))) ** 2)
+    single = max(rounding + tol.noise**2, (_EXACT * float(np.ptp(x))) ** 2)
     if tol.step == 0.0 and tol.noise == 0.0:
-        plain = max(plain, float(np.mean((x - path) ** 2)))
+        single = max(single, float(np.mean((x - path) ** 2)))
     if tol.noise > 0.5 * tol.step or tol.step == 0.0:
-        return np.full(x.size, plain)
+        return np.full(x.size, single)
     advance = np.diff(path) / tol.step
     beyond = np.abs(advance - np.round(advance))
     changing = np.abs(np.gradient(advance)) if advance.size > 1 else np.zeros(1)
     shared = 1.0 / np.maximum(np.maximum(beyond, np.sqrt(changing)), 1.0 / time.size)
     piece = np.searchsorted(stretch.joints.knots[1:-1], time, side="right")
     shared = np.minimum(np.append(shared, shared[-1]), np.bincount(piece)[piece])
-    return np.asarray(plain * np.maximum(shared, 1.0))
+    return np.asarray(single * np.maximum(shared, 1.0))
 
 
 def _jumps(stretch: Stretch, full: Array) -> tuple[csr_array, Array]:

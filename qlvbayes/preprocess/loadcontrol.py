@@ -104,11 +104,11 @@ def force_phases(test: Test) -> tuple[Phase, ...]:
     knots, values = [float(test.time[0])], [float(test.force[0])]
     for part in _stretches(test):
         ends = test.time[[part.first, part.stop - 1]]
-        places = ends if part.held else [float(ends.mean())]
-        if places[0] <= knots[-1]:
-            places, values[-1] = places[1:], part.level
-        knots += list(places)
-        values += [part.level] * len(places)
+        corners = ends if part.held else [float(ends.mean())]
+        if corners[0] <= knots[-1]:
+            corners, values[-1] = corners[1:], part.level
+        knots += list(corners)
+        values += [part.level] * len(corners)
     if knots[-1] < test.time[-1]:
         knots, values = [*knots, float(test.time[-1])], [*values, values[-1]]
     slopes = np.diff(values) / np.diff(knots)
@@ -148,14 +148,14 @@ def _stretches(test: Test) -> list[_Stretch]:
     A ramp gives pieces that it crosses from one side to the other; a held force crosses none.
     """
     force, most = test.force, 2.0 * _slack(test)
-    found, first = [], 0
+    stretches, first = [], 0
     low = high = float(force[0])
     for k, value in enumerate(force.tolist()):
         low, high = min(low, value), max(high, value)
         if high - low > most:
-            found.append(_stretch(test, first, k, most))
+            stretches.append(_stretch(test, first, k, most))
             first, low, high = k, value, value
-    return [*found, _stretch(test, first, force.size, most)]
+    return [*stretches, _stretch(test, first, force.size, most)]
 
 
 def _slack(test: Test) -> float:
@@ -192,12 +192,14 @@ def _plainly_crept(test: Test) -> bool:
         # a movement before or after may reach into it; what rests between them does not creep
         spare = _ENDS * (last - first)
         inside = (test.time >= first + spare) & (test.time <= last - spare)
-        time, way = test.time[inside], test.displacement[inside]
-        crept = float(way[-1] - way[0])
+        time, displacement = test.time[inside], test.displacement[inside]
+        crept = float(displacement[-1] - displacement[0])
         explained = float(np.std(test.force[inside])) * depth / float(peak)
         if abs(crept) < max(_CREPT * depth, _PLAIN * explained):
             continue
-        half = float(np.interp(0.5, np.maximum.accumulate((way - way[0]) / crept), time))
+        half = float(
+            np.interp(0.5, np.maximum.accumulate((displacement - displacement[0]) / crept), time)
+        )
         if half - time[0] <= _SLOWING * np.ptp(time):
             return True
     return False

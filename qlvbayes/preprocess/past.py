@@ -63,36 +63,36 @@ def pause(before: Test, after: Test) -> float | None:
     return after.start_s - _end(before)
 
 
-def carried_tests(place: int, tests: Sequence[Test], longest: float) -> list[int]:
+def remembered_tests(index: int, tests: Sequence[Test], longest: float) -> list[int]:
     """Places of the tests before ``tests[place]`` that it remembers, the last one first.
 
     Back from it by the clock, up to a pause that is rest (`REST` times ``longest``, the longest
     phase of the tests in s), or one that is not known, or a test that had not ended.
     """
     order = sorted(range(len(tests)), key=lambda k: tests[k].start_s)
-    found: list[int] = []
-    for before, after in reversed(list(pairwise(order[: order.index(place) + 1]))):
+    earlier: list[int] = []
+    for before, after in reversed(list(pairwise(order[: order.index(index) + 1]))):
         between = pause(tests[before], tests[after])
         if between is None or not -ROUNDED <= between < REST * longest:
             break
-        found.append(before)
-    return found
+        earlier.append(before)
+    return earlier
 
 
 def past_of(
-    place: int, tests: Sequence[Test], paths: Sequence[Trajectory], longest: float
+    index: int, tests: Sequence[Test], paths: Sequence[Trajectory], longest: float
 ) -> Past | None:
     """What ``tests[place]`` remembers, ``paths`` being the motions of all tests; None if nothing.
 
     In a pause the platen is at zero from the end of the test before, unless the next test begins
     where that one ended: then it stayed there.
     """
-    remembered = carried_tests(place, tests, longest)
+    remembered = remembered_tests(index, tests, longest)
     if not remembered:
         return None
-    test, own = tests[place], paths[place]
+    test, own = tests[index], paths[index]
     zero = test.start_s - float(test.time[0])  # the clock at the test's time 0
-    pieces, after = [], place
+    pieces, after = [], index
     for k, other in enumerate(remembered, start=1):
         shift = tests[other].start_s - float(tests[other].time[0]) - zero
         stays = _stays(tests[other], paths[other], tests[after], paths[after])
@@ -125,7 +125,7 @@ def _stays(before: Test, path: Trajectory, after: Test, next_path: Trajectory) -
 
 def _lines(test: Test, path: Trajectory, until: float) -> tuple[np.ndarray, np.ndarray]:
     """Times and depths of a test, as few as are faithful enough for a test that begins later."""
-    time = grid_times(path, test.time[-1:], float(test.time[0]), bowed=False)
+    time = grid_times(path, test.time[-1:], float(test.time[0]), curved=False)
     depth = path_at(path, time, float(test.time[0]))
     kept = _thinned(time, depth, until)
     split = _split(time[kept], depth[kept])
@@ -139,13 +139,13 @@ def _split(time: np.ndarray, depth: np.ndarray) -> np.ndarray:
     that runs by depth is not even on a ramp: points are even in depth.
     """
     travel = _STEPS * np.abs(np.diff(depth)) / float(np.ptp(depth))
-    found = [time]
+    times = [time]
     for begin, end, steps in zip(time[:-1], time[1:], travel, strict=True):
         if steps > 1.0:
-            found.append(np.linspace(begin, end, math.ceil(steps) + 1))
+            times.append(np.linspace(begin, end, math.ceil(steps) + 1))
         elif end - begin > _STAND * (time[-1] - time[0]):
-            found.append(begin + (end - begin) * _AFTER_STOP)
-    return np.unique(np.concatenate(found))
+            times.append(begin + (end - begin) * _AFTER_STOP)
+    return np.unique(np.concatenate(times))
 
 
 def _thinned(time: np.ndarray, depth: np.ndarray, until: float) -> np.ndarray:

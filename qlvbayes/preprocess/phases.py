@@ -192,9 +192,9 @@ def _from_the_start(
     dwell, lasted = times[first] - times[0], times[last] - times[first]
     late = dwell < lasted
     if late and trajectory.read_at is not None and first > 0:
-        usual = float(np.median(np.diff(trajectory.read_at)))
+        interval = float(np.median(np.diff(trajectory.read_at)))
         still = _all_rest(trajectory, times[: first + 1])
-        late = not (still and dwell >= max(_SHARE * lasted, _WORTH * usual))
+        late = not (still and dwell >= max(_SHARE * lasted, _WORTH * interval))
     return [(0, last, sign), *moves[1:]] if late else moves
 
 
@@ -207,14 +207,14 @@ def _turning(
     """
     joined = moves[:1]
     for first, last, sign in moves[1:]:
-        before, end, way = joined[-1]
+        before, end, direction = joined[-1]
         pause = times[first] - times[end]
         shorter = min(times[end] - times[before], times[last] - times[first])
-        meeting = way != sign and first > end and pause < _DWELL * shorter
+        meeting = direction != sign and first > end and pause < _DWELL * shorter
         if meeting and not _rests(trajectory, times[end : first + 1]):
             depth = trajectory.displacement(times[end : first + 1])
-            first = end + int(np.argmax(way * depth))
-            joined[-1] = (before, first, way)
+            first = end + int(np.argmax(direction * depth))
+            joined[-1] = (before, first, direction)
         joined.append((first, last, sign))
     if joined and not _rests(trajectory, times[joined[-1][1] :]):
         first, last, sign = joined[-1]

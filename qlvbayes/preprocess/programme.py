@@ -26,10 +26,10 @@ def planned(strokes: Sequence[Stroke], acceleration: float) -> Trajectory:
     acceleration: the greatest (mm/s2); the top speed is min(speed, sqrt(acceleration length)).
     """
     pieces: list[tuple[float, float, float]] = []  # duration, velocity at the start, acceleration
-    place = 0.0
+    position = 0.0
     for stroke in strokes:
-        length = stroke.target - place
-        place = stroke.target
+        length = stroke.target - position
+        position = stroke.target
         if length:
             pieces += _trapezoid(abs(length), stroke.speed, acceleration, np.sign(length))
         if stroke.hold > 0.0:

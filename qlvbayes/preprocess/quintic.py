@@ -41,7 +41,7 @@ class Quintic:
     residuals: Array
 
     @property
-    def numbers(self) -> int:
+    def parameters(self) -> int:
         """How many coefficients the record had to give for it."""
         return self.coefficients.size - sum(_fixed(self.joints))
 
@@ -163,7 +163,7 @@ def _halved(joints: Joints, time: Array, failing: NDArray[np.bool_]) -> Joints |
             return None
         middle = (i + j) // 2
         knots.append(np.array([0.5 * (time[middle - 1] + time[middle])]))
-    places = np.sort(np.concatenate(knots))
-    kinked = np.zeros(places.size, dtype=bool)
+    knots_after = np.sort(np.concatenate(knots))
+    kinked = np.zeros(knots_after.size, dtype=bool)
     kinked[0], kinked[-1] = joints.kinked[0], joints.kinked[-1]
-    return replace(joints, knots=places, kinked=kinked)
+    return replace(joints, knots=knots_after, kinked=kinked)

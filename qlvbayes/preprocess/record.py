@@ -41,7 +41,7 @@ class Blocks(eqx.Module):
     real: Array
 
     @classmethod
-    def of_samples(cls, time: np.ndarray, force: np.ndarray, weight: np.ndarray) -> Blocks:
+    def from_samples(cls, time: np.ndarray, force: np.ndarray, weight: np.ndarray) -> Blocks:
         """Every sample its own block."""
         one = np.ones(time.shape)
         none = np.zeros_like(one)
@@ -77,7 +77,7 @@ def batch(records: Sequence[Record], like: Record | None = None) -> Record:
     known = (*records, *([like] if like else []))
     for field, dtype in (("ago", int), ("bow", float)):
         if any(getattr(r.motion, field) is not None for r in known):
-            records = [told(record, field, dtype) for record in records]
+            records = [with_zeros(record, field, dtype) for record in records]
     padded = [_pad(record, points, blocks) for record in records]
     return jax.tree.map(lambda *leaves: jnp.asarray(np.stack(leaves)), *padded)
 
@@ -104,7 +104,7 @@ def _pad(record: Record, points: int, blocks: int) -> Record:
     return Record(motion, _extend(record.nodes, blocks), single)
 
 
-def told(record: Record, field: str, dtype: type) -> Record:
+def with_zeros(record: Record, field: str, dtype: type) -> Record:
     """The record, with zeros for a field of its motion that is None: others have it."""
     motion = record.motion
     if getattr(motion, field) is not None:

@@ -108,18 +108,18 @@ def _doubtful(
         jumps = np.concatenate([np.abs(trajectory.start_velocity[:1]), jumps])
     lengths = np.array([phase.stop - phase.start for phase in phases])
     ends = np.array([phase.stop for phase in phases])
-    found = []
+    stretches = []
     for kink, jump in zip(kinks, jumps, strict=True):
-        place = min(int(np.searchsorted(ends, kink)), lengths.size - 1)
-        around = lengths[max(place - 1, 0) : place + 2].min()
+        index = min(int(np.searchsorted(ends, kink)), lengths.size - 1)
+        around = lengths[max(index - 1, 0) : index + 2].min()
         at = int(np.clip(np.searchsorted(time, kink), 1, time.size - 1))
         reach = _BESIDE * float(time[at] - time[at - 1])
         if reach > _SPARED * around:
             continue
         if jump > 0.0:
             reach += min(trajectory.resolution / jump, _SPARED * around)
-        found.append((kink - reach, kink + reach))
-    return found
+        stretches.append((kink - reach, kink + reach))
+    return stretches
 
 
 def reduce_test(
@@ -166,13 +166,13 @@ def reduce_test(
     chord = np.inf if care is None else care.chord
     begun = approached and (past is None or not past.stays)
     first = float(whole.time[0])
-    grid, bowed = _grid(trajectory, np.unique(nodes), first, chord, begun)
-    motion = _motion(trajectory, grid, first, bowed)
+    grid, curved = _grid(trajectory, np.unique(nodes), first, chord, begun)
+    motion = _motion(trajectory, grid, first, curved)
     motion = replace(motion, start=held(np.float64(start)), number=held(np.float64(number)))
-    places = np.searchsorted(grid, nodes).T
+    indices = np.searchsorted(grid, nodes).T
     if past is not None:
-        motion, places = _remembering(motion, past), places + past.time.size
-    return Record(motion, held(places), averaged)
+        motion, indices = _remembering(motion, past), indices + past.time.size
+    return Record(motion, held(indices), averaged)
 
 
 def planned_record(
@@ -186,22 +186,22 @@ def planned_record(
 def _grid(
     trajectory: Trajectory, nodes: np.ndarray, first: float, chord: float, begun: bool
 ) -> tuple[np.ndarray, bool]:
-    """Grid of times, and whether the motion's bows are told: where that makes it shorter."""
-    lines = grid_times(trajectory, nodes, first, chord=chord, begun=begun, bowed=False)
-    bows = grid_times(trajectory, nodes, first, chord=chord, begun=begun)
-    short = padded_size(bows.size) < padded_size(lines.size)
-    return (bows, True) if short else (lines, False)
+    """Grid of times, and whether the motion's curves are told: where that makes it shorter."""
+    lines = grid_times(trajectory, nodes, first, chord=chord, begun=begun, curved=False)
+    curves = grid_times(trajectory, nodes, first, chord=chord, begun=begun)
+    short = padded_size(curves.size) < padded_size(lines.size)
+    return (curves, True) if short else (lines, False)
 
 
-def _motion(trajectory: Trajectory, grid: np.ndarray, first: float, bowed: bool) -> Motion:
+def _motion(trajectory: Trajectory, grid: np.ndarray, first: float, curved: bool) -> Motion:
     displacement = path_at(trajectory, grid, first)
-    bow = None
-    if bowed:
+    curvature = None
+    if curved:
         middle = trajectory.displacement(0.5 * (grid[1:] + grid[:-1]))
         off = middle - 0.5 * (displacement[1:] + displacement[:-1])
-        bow = held(np.append(0.0, np.where(grid[:-1] < first, 0.0, off)))
+        curvature = held(np.append(0.0, np.where(grid[:-1] < first, 0.0, off)))
     velocity, acceleration = trajectory.velocity(grid), trajectory.acceleration(grid)
-    return Motion(held(grid), held(displacement), held(velocity), held(acceleration), bow=bow)
+    return Motion(held(grid), held(displacement), held(velocity), held(acceleration), bow=curvature)
 
 
 def _remembering(motion: Motion, past: Past) -> Motion:
@@ -243,9 +243,9 @@ def _with_care(blocks: Blocks, trajectory: Trajectory, centre: np.ndarray, care:
     sd = trajectory.displacement_sd(centre)
     stiffness = np.zeros_like(force)
     if force.size > 2:
-        rise, way = np.gradient(force), np.gradient(depth)
-        sure = np.maximum(way**2, np.maximum(_SURE * sd, 1e-9 * np.ptp(depth) + 1e-100) ** 2)
-        stiffness = np.abs(rise * way) / sure
+        rise, travel = np.gradient(force), np.gradient(depth)
+        sure = np.maximum(travel**2, np.maximum(_SURE * sd, 1e-9 * np.ptp(depth) + 1e-100) ** 2)
+        stiffness = np.abs(rise * travel) / sure
     extra = np.minimum(stiffness, care.stiffness) * sd
     return replace(blocks, scale=held(care.floor.scale(force)), extra=held(extra))
 

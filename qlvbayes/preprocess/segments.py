@@ -42,8 +42,10 @@ def known_scatter(
     few = [time.size < _MANY for time in times]
     if not any(few):
         return [np.inf] * len(few)
-    told = zip(times, displacements, steps, few, strict=True)
-    least = min((_scatter(t, x, step) for t, x, step, short in told if not short), default=np.inf)
+    records = zip(times, displacements, steps, few, strict=True)
+    least = min(
+        (_scatter(t, x, step) for t, x, step, short in records if not short), default=np.inf
+    )
     return [least if short else np.inf for short in few]
 
 
@@ -138,12 +140,12 @@ def scatter_left(residual: Array, displacement: Array, knots: int, tol: Toleranc
     for larger than it is: what a path leaves that was held to no more than that is the most it can
     be. Single places from which the path is far do not count, nor do the knots' own numbers.
     """
-    told = residual.size - _PER_KNOT * knots
-    if tol.noise == 0.0 or told < 0.5 * residual.size:
+    freedom = residual.size - _PER_KNOT * knots
+    if tol.noise == 0.0 or freedom < 0.5 * residual.size:
         return np.inf
     size = np.abs(residual)
     left = min(_trimmed_sd(size, _QUIET), float(np.sqrt(np.mean(size**2))))
-    left *= float(np.sqrt(residual.size / told))
+    left *= float(np.sqrt(residual.size / freedom))
     beyond = float(np.sqrt(max(left**2 - tol.step**2 / 12.0, 0.0)))
     return max(beyond, dither(displacement, tol.step))
 
@@ -260,14 +262,16 @@ def find_dwells(
     speed = [_speed(time, displacement, s) for s in segments]
     dwells = []
     for rest in _joined(displacement, rests, tol):
-        beside = max(speed[max(rest.low - 1, 0)], speed[min(rest.high + 1, len(segments) - 1)])
+        neighbouring = max(
+            speed[max(rest.low - 1, 0)], speed[min(rest.high + 1, len(segments) - 1)]
+        )
         alone = rest.low == 0 and rest.high == len(segments) - 1
         # At the speed next door it would have been seen to move.
-        if alone or beside * (time[rest.stop - 1] - time[rest.first]) >= 4.0 * tol.rest:
+        if alone or neighbouring * (time[rest.stop - 1] - time[rest.first]) >= 4.0 * tol.rest:
             level = float(displacement[rest.first : rest.stop].mean())
             dwells.append(Dwell(rest.first, rest.stop, level))
-    found = _stretched(displacement, _distinct(dwells, tol), tol)
-    return [dwell for dwell in found if not _turns(time, displacement, dwell, tol)]
+    stretched = _stretched(displacement, _distinct(dwells, tol), tol)
+    return [dwell for dwell in stretched if not _turns(time, displacement, dwell, tol)]
 
 
 @dataclass(frozen=True)

@@ -20,10 +20,10 @@ def largest_stiffness(tests: Sequence[Test]) -> float:
     depth = max(float(np.max(np.abs(test.displacement))) for test in tests)
     hardest = max(tests, key=lambda test: float(np.max(np.abs(test.force))))
     peak = int(np.argmax(np.abs(hardest.force)))
-    way, force = (np.abs(x[: peak + 1]) for x in (hardest.displacement, hardest.force))
+    travel, force = (np.abs(x[: peak + 1]) for x in (hardest.displacement, hardest.force))
     secant = float(force[-1]) / depth
-    last = way >= (1.0 - _LAST) * way[-1]
-    spread = way[last] - np.mean(way[last])
-    if way[-1] < _LAST * depth or not np.any(spread):
+    last = travel >= (1.0 - _LAST) * travel[-1]
+    spread = travel[last] - np.mean(travel[last])
+    if travel[-1] < _LAST * depth or not np.any(spread):
         return secant
     return max(float(spread @ force[last] / (spread @ spread)), secant)

@@ -51,14 +51,14 @@ _MOST_PIECES = 400  # beyond, only a smooth curve is tried first
 class Stretch:
     """A fitted stretch: its window, its joints, their degree, and the motion piece by piece.
 
-    ``numbers``: how many numbers the record had to give for it.
+    ``parameters``: how many numbers the record had to give for it.
     """
 
     window: Window
     joints: Joints
     degree: int
     pieces: Pieces
-    numbers: int
+    parameters: int
 
 
 def fitted(
@@ -74,34 +74,36 @@ def fitted(
     Where few readings show its pieces, a trapezoid of velocity that is as faithful takes their
     place. What strays from the readings, at them or between them, is replaced by straight lines.
     """
-    found = _fitted(t, x, segments, before, after, tol)
-    if (move := _one_move(found, x[0] if before is None else before.level, after, tol)) is not None:
+    stretch = _fitted(t, x, segments, before, after, tol)
+    if (
+        move := _one_move(stretch, x[0] if before is None else before.level, after, tol)
+    ) is not None:
         return move
-    if strays(found, tol):
+    if strays(stretch, tol):
         first = 0 if before is None else before.stop - 1
         stop = t.size if after is None else after.first + 1
-        return _lines(t[first:stop], x[first:stop], found, tol)
-    return _patched(found, tol)
+        return _lines(t[first:stop], x[first:stop], stretch, tol)
+    return _patched(stretch, tol)
 
 
-def _one_move(found: Stretch, left: float, after: Dwell | None, tol: Tolerance) -> Stretch | None:
+def _one_move(stretch: Stretch, left: float, after: Dwell | None, tol: Tolerance) -> Stretch | None:
     """A trapezoid of velocity from a level to a dwell, where few readings show the motion.
 
     None where they are many, or do not lie on a trapezoid. What it accelerates by they do not tell.
     """
-    time, knots = found.window.time, found.joints.knots
-    shown = np.count_nonzero((time >= knots[0]) & (time <= knots[-1]))
-    if after is None or after.level == left or shown >= FEWEST_OF_A_MOVE:
+    time, knots = stretch.window.time, stretch.joints.knots
+    readings = np.count_nonzero((time >= knots[0]) & (time <= knots[-1]))
+    if after is None or after.level == left or readings >= FEWEST_OF_A_MOVE:
         return None
-    made = trapezoid(found.window, left, after.level, tol.variance)
+    made = trapezoid(stretch.window, left, after.level, tol.variance)
     if made is None:
         return None
     joints, own, worst = made
-    move = Stretch(found.window, joints, 2, own, 3)
+    move = Stretch(stretch.window, joints, 2, own, 3)
     # by what the numbers and the kinks saved are worth, as in `_worth`
-    price = 2.0 * max(tol.variance, tol.floor**2) * float(np.log(found.window.time.size))
-    saved = found.numbers + int(found.joints.kinked[[0, -1]].sum()) - move.numbers
-    costs = _misfit(move), _misfit(found) + saved * price
+    price = 2.0 * max(tol.variance, tol.floor**2) * float(np.log(stretch.window.time.size))
+    saved = stretch.parameters + int(stretch.joints.kinked[[0, -1]].sum()) - move.parameters
+    costs = _misfit(move), _misfit(stretch) + saved * price
     return move if worst <= tol.rest and costs[0] <= costs[1] else None
 
 
@@ -126,8 +128,8 @@ def strays(stretch: Stretch, tol: Tolerance) -> bool:
     if time.size < 2:
         return False
     moved = np.abs(np.diff(x))
-    beside = np.maximum(np.append(moved[1:], 0.0), np.append(0.0, moved[:-1]))
-    bound = np.maximum(moved, beside) + tol.farthest
+    neighbouring = np.maximum(np.append(moved[1:], 0.0), np.append(0.0, moved[:-1]))
+    bound = np.maximum(moved, neighbouring) + tol.farthest
     every = np.concatenate([0.5 * (time[1:] + time[:-1]), 0.5 * (knots[1:] + knots[:-1]), knots])
     every = every[(every >= time[0]) & (every <= time[-1])]
     between = np.clip(np.searchsorted(time, every, side="right") - 1, 0, moved.size - 1)
@@ -169,9 +171,12 @@ def _through(time: Array, x: Array, ends: Joints, window: Window) -> Stretch:
 
 def _to_levels(x: Array, left: float | None, right: float | None) -> Array:
     """Readings (n,), the first and the last at the levels of the dwells that they belong to."""
-    found = x.copy()
-    found[0], found[-1] = (x[0] if left is None else left), (x[-1] if right is None else right)
-    return found
+    adjusted = x.copy()
+    adjusted[0], adjusted[-1] = (
+        (x[0] if left is None else left),
+        (x[-1] if right is None else right),
+    )
+    return adjusted
 
 
 def _patched(stretch: Stretch, tol: Tolerance) -> Stretch:
@@ -234,7 +239,7 @@ def _spliced(stretch: Stretch, made: Pieces) -> Stretch:
     kinked[[0, -1]] = joints.kinked[[0, -1]]
     joints = replace(joints, knots=knots, kinked=kinked)
     pieces = Pieces(knots, d, v, a, h[None])
-    return Stretch(stretch.window, joints, 2, pieces, stretch.numbers + 2 * made.velocity.size)
+    return Stretch(stretch.window, joints, 2, pieces, stretch.parameters + 2 * made.velocity.size)
 
 
 def _coefficients(part: Pieces) -> Array:
@@ -265,27 +270,29 @@ def _fitted(
     cuts = [0.5 * (t[i - 1] + t[i]) for i, _ in segments if first < i < end]
     knots = np.array([t[low], *cuts, t[high]])
     if knots.size - 1 <= _PLAIN:
-        plain = _simplest(knots, left, right, window, tol)
-        if _worst(plain, window, tol) <= tol.rest:
-            return _constant(_worth(plain, window, tol), window)
+        simplest = _simplest(knots, left, right, window, tol)
+        if _worst(simplest, window, tol) <= tol.rest:
+            return _constant(_worth(simplest, window, tol), window)
     ends = Joints(knots[[0, -1]], np.array([False, False]), left, right)
     curve = _smooth(ends, window, tol)
     if curve is not None and (
-        curve.numbers <= _PER_PIECE * knots.size or knots.size > _MOST_PIECES
+        curve.parameters <= _PER_PIECE * knots.size or knots.size > _MOST_PIECES
     ):
         return curve
-    plain = _simplest(knots, left, right, window, tol)
-    faithful = _worth(insert_until_faithful(plain, window, tol), window, tol)
-    found = _constant(faithful, window)
-    price = _PER_KINK if faithful.knots.size > plain.knots.size else 1.0
-    return curve if curve is not None and curve.numbers < price * found.numbers else found
+    simplest = _simplest(knots, left, right, window, tol)
+    faithful = _worth(insert_until_faithful(simplest, window, tol), window, tol)
+    constant = _constant(faithful, window)
+    price = _PER_KINK if faithful.knots.size > simplest.knots.size else 1.0
+    return (
+        curve if curve is not None and curve.parameters < price * constant.parameters else constant
+    )
 
 
 def _constant(joints: Joints, window: Window) -> Stretch:
     """Pieces of constant acceleration; a free knot costs its place beside its coefficient."""
     inner = joints.kinked[1:-1]
-    numbers = 2 * inner.size + int(inner.sum()) + 3
-    return Stretch(window, joints, 2, pieces(joints, window), numbers)
+    parameters = 2 * inner.size + int(inner.sum()) + 3
+    return Stretch(window, joints, 2, pieces(joints, window), parameters)
 
 
 def _smooth(ends: Joints, window: Window, tol: Tolerance) -> Stretch | None:
@@ -300,7 +307,7 @@ def _smooth(ends: Joints, window: Window, tol: Tolerance) -> Stretch | None:
         spline, faithful = quintic.refined(ends, window, tol)
     if not faithful or _wanders(spline, window, tol):
         return None
-    return Stretch(window, spline.joints, quintic.DEGREE, quintic.pieces(spline), spline.numbers)
+    return Stretch(window, spline.joints, quintic.DEGREE, quintic.pieces(spline), spline.parameters)
 
 
 def _wanders(spline: quintic.Quintic, window: Window, tol: Tolerance) -> bool:
@@ -314,10 +321,10 @@ def _wanders(spline: quintic.Quintic, window: Window, tol: Tolerance) -> bool:
     if time.size < 2:
         return False
     moved = np.abs(np.diff(x))
-    beside = np.maximum(np.append(moved[1:], 0.0), np.append(0.0, moved[:-1]))
+    neighbouring = np.maximum(np.append(moved[1:], 0.0), np.append(0.0, moved[:-1]))
     middle = 0.5 * (time[1:] + time[:-1])
     off = quintic.displacement(spline, middle) - 0.5 * (x[1:] + x[:-1])
-    return bool(np.any(np.abs(off) > np.maximum(moved, beside) + 2.0 * tol.rest))
+    return bool(np.any(np.abs(off) > np.maximum(moved, neighbouring) + 2.0 * tol.rest))
 
 
 def _with_better_end(spline: quintic.Quintic, side: int, window: Window) -> quintic.Quintic:
@@ -325,30 +332,30 @@ def _with_better_end(spline: quintic.Quintic, side: int, window: Window) -> quin
     joints = spline.joints
     if (joints.left if side == 0 else joints.right) is None:
         return spline
-    here, beside = joints.knots[side], joints.knots[1 if side == 0 else -2]
+    here, neighbour = joints.knots[side], joints.knots[1 if side == 0 else -2]
     few = joints.knots[:6] if side == 0 else joints.knots[-6:]
     outward = few[0] - few[-1] if side == 0 else few[-1] - few[0]
-    near = np.sort(np.array([here + outward, here + _INWARD * (beside - here)]))
+    near = np.sort(np.array([here + outward, here + _INWARD * (neighbour - here)]))
     near = np.clip(near, window.earliest, window.latest)
     inside = (window.time >= min(near[0], few[0])) & (window.time <= max(near[1], few[-1]))
     part = replace(window, time=window.time[inside], displacement=window.displacement[inside])
 
-    def lost(place: float) -> float:
-        return float(np.sum(quintic.fit(_local(joints, side, place), part).residuals ** 2))
+    def lost(end: float) -> float:
+        return float(np.sum(quintic.fit(_local(joints, side, end), part).residuals ** 2))
 
-    place = float(minimize_scalar(lost, bounds=near, method="bounded", options={"maxiter": 25}).x)
-    if lost(place) >= lost(float(here)):
+    end = float(minimize_scalar(lost, bounds=near, method="bounded", options={"maxiter": 25}).x)
+    if lost(end) >= lost(float(here)):
         return spline
     moved = joints.knots.copy()
-    moved[side] = place
+    moved[side] = end
     return replace(spline, joints=replace(joints, knots=moved))
 
 
-def _local(joints: Joints, side: int, place: float) -> Joints:
+def _local(joints: Joints, side: int, end: float) -> Joints:
     """The joints next to one end, with that end elsewhere."""
     part = slice(0, 6) if side == 0 else slice(-6, None)
     knots = joints.knots[part].copy()
-    knots[side] = place
+    knots[side] = end
     whole = joints.knots.size <= 6
     left = joints.left if side == 0 or whole else None
     right = joints.right if side == -1 or whole else None
@@ -367,8 +374,8 @@ def _window(
     reach = max(20, (stop - first) // 4)
     i = first if before is None else first - min(reach, (before.stop - before.first) // 2)
     j = stop if after is None else stop + min(reach, (after.stop - after.first) // 2)
-    beside = slice(first - (before is not None), stop + (after is not None))
-    between = float(np.median(np.diff(t[beside]))) * np.arange(1.0, reach + 1.0)
+    margins = slice(first - (before is not None), stop + (after is not None))
+    between = float(np.median(np.diff(t[margins]))) * np.arange(1.0, reach + 1.0)
     n = t.size
     early = -_unseen(-t[::-1], x[::-1], n - stop, n - first, n - i, before, between)
     late = _unseen(t, x, first, stop, j, after, between)

@@ -97,13 +97,13 @@ def _jumps(time: Array, force: Array, white: float) -> Array:
 
     A jump by Delta F puts the readings on both sides of it off the line by half of that.
     """
-    found = np.abs(np.diff(force, append=force[-1:]))  # at the ends the change to the next one
+    jumps = np.abs(np.diff(force, append=force[-1:]))  # at the ends the change to the next one
     if time.size > 2:
         step = np.diff(time)
         line = (force[:-2] * step[1:] + force[2:] * step[:-1]) / (step[1:] + step[:-1])
-        found[1:-1] = 2.0 * np.abs(force[1:-1] - line)
-        found[-1] = abs(force[-1] - force[-2])
-    return np.asarray(np.sqrt(np.maximum(found**2 - _OFF_THE_LINE * white**2, 0.0)))
+        jumps[1:-1] = 2.0 * np.abs(force[1:-1] - line)
+        jumps[-1] = abs(force[-1] - force[-2])
+    return np.asarray(np.sqrt(np.maximum(jumps**2 - _OFF_THE_LINE * white**2, 0.0)))
 
 
 def off_kinks(centre: Array, half: Array, time: Array, trajectory: Trajectory) -> Array:

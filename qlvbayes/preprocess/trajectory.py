@@ -86,14 +86,14 @@ class Trajectory:
         """Size (k-1,) of the jumps of velocity and acceleration at the inner knots."""
         _, velocity, acceleration = self._path
         length, inner = np.diff(self.knots)[:-1], slice(0, -1)
-        found = []
+        jumps = []
         for poly, most in ((velocity, self.top_speed), (acceleration, self.top_acceleration)):
             last = np.zeros(length.size)
             for row in poly.c:
                 last = last * length + row[inner]
             jump = np.abs(poly.c[-1, 1:] - last)
-            found.append(np.where(jump > _SAME * max(most, 1e-300), jump, 0.0))
-        return found[0], found[1]
+            jumps.append(np.where(jump > _SAME * max(most, 1e-300), jump, 0.0))
+        return jumps[0], jumps[1]
 
     @property
     def kinks(self) -> Array:
@@ -287,12 +287,12 @@ def _with_errors(
     tol: Tolerance,
 ) -> Trajectory:
     """The path with all that the readings tell of its errors."""
-    found = [errors(part, tol) for part in parts]
+    part_errors = [errors(part, tol) for part in parts]
     clock = _clock_sd(t, x, path)
     return replace(
         path,
-        error=_all_errors(t, parts, found, dwells, tol),
-        unresolved=_unresolved(path, parts, found),
+        error=_all_errors(t, parts, part_errors, dwells, tol),
+        unresolved=_unresolved(path, parts, part_errors),
         moments=_all_moments(t, parts, dwells, tol, clock),
         clock_sd=clock,
         read_at=t,
@@ -303,12 +303,12 @@ def _with_errors(
 def _clock_sd(t: Array, x: Array, motion: Trajectory) -> float:
     """What the stamps show, and no more than would have moved the readings by what they are off."""
     speed = motion.velocity(t)
-    shown = clock_error(t)
-    if shown == 0.0 or _FREEDOM * motion.knots.size > np.count_nonzero(speed):
-        return shown  # a path that follows each reading shows none of its errors
+    stamped = clock_error(t)
+    if stamped == 0.0 or _FREEDOM * motion.knots.size > np.count_nonzero(speed):
+        return stamped  # a path that follows each reading shows none of its errors
     off = x - motion.displacement(t)
     weight = np.abs(speed)
-    return min(shown, float(np.sqrt(np.sum(weight * off**2) / np.sum(weight**3))))
+    return min(stamped, float(np.sqrt(np.sum(weight * off**2) / np.sum(weight**3))))
 
 
 def _all_moments(
@@ -347,12 +347,12 @@ def _rows(part: Stretch, most: int) -> Array:
 
 
 def _all_errors(
-    t: Array, parts: list[Stretch], found: list[Errors], dwells: list[Dwell], tol: Tolerance
+    t: Array, parts: list[Stretch], part_errors: list[Errors], dwells: list[Dwell], tol: Tolerance
 ) -> Errors:
     """Of stretches and dwells, in order of time."""
     begins = np.array([p.joints.knots[0] for p in parts] + [t[-1]])
     ends = np.array([t[0]] + [p.joints.knots[-1] for p in parts])
-    every = list(found)
+    every = list(part_errors)
     for dwell in dwells:
         middle = 0.5 * (t[dwell.first] + t[dwell.stop - 1])
         span = np.array([ends[ends <= middle].max(), begins[begins >= middle].min()])
@@ -369,13 +369,13 @@ def _concatenated(parts: list[Errors]) -> Errors:
 
 
 def _unresolved(
-    motion: Trajectory, parts: list[Stretch], found: list[Errors]
+    motion: Trajectory, parts: list[Stretch], part_errors: list[Errors]
 ) -> tuple[tuple[str, str], ...]:
     """What the readings do not give of velocity and acceleration, and why."""
     if not parts:
         return (("velocity", "the platen never moves"), ("acceleration", "the platen never moves"))
     doubts = []
-    every = _concatenated(found)
+    every = _concatenated(part_errors)
     speed = _share(every.velocity, motion.velocity(every.time))
     if speed > _SPEED_KNOWN:
         doubts.append(("velocity", "the displacement record does not give the speed"))

@@ -90,7 +90,7 @@ def specimens_of(
     InputError
         No such kind, or no number of them.
     """
-    found: dict[str, Constants] = {}
+    specimens: dict[str, Constants] = {}
     kinds: dict[str, str] = {}
     for word in words:
         kind, several, number = word.partition(":")
@@ -99,11 +99,11 @@ def specimens_of(
                 f"no pad '{word}'", remedy=f"choose of {', '.join(SPECIMENS)}, or as finger:4"
             )
         if not several:
-            found[kind] = SPECIMENS[kind]
+            specimens[kind] = SPECIMENS[kind]
             continue
         for k in range(1, int(number) + 1):
-            found[f"{kind}-{k}"], kinds[f"{kind}-{k}"] = _another(SPECIMENS[kind], rng), kind
-    return found, kinds
+            specimens[f"{kind}-{k}"], kinds[f"{kind}-{k}"] = _another(SPECIMENS[kind], rng), kind
+    return specimens, kinds
 
 
 def _another(kind: Constants, rng: np.random.Generator) -> Constants:

@@ -57,10 +57,10 @@ def prescribed(program: Iterable[Load], sample_rate: float = SAMPLE_RATE) -> tup
         corners += [corners[-1] + load.within, corners[-1] + load.within + load.hold]
         forces += [load.force, load.force]
     time = np.arange(int(corners[-1] * sample_rate + 1e-6) + 1) / sample_rate
-    place = np.clip(np.searchsorted(corners, time, side="right") - 1, 0, len(corners) - 2)
-    start, stop = np.array(corners)[place], np.array(corners)[place + 1]
+    index = np.clip(np.searchsorted(corners, time, side="right") - 1, 0, len(corners) - 2)
+    start, stop = np.array(corners)[index], np.array(corners)[index + 1]
     share = np.clip((time - start) / np.where(stop > start, stop - start, 1.0), 0.0, 1.0)
-    return time, (1.0 - share) * np.array(forces)[place] + share * np.array(forces)[place + 1]
+    return time, (1.0 - share) * np.array(forces)[index] + share * np.array(forces)[index + 1]
 
 
 def displacement_under(constants: Constants, time: Array, force: Array) -> Array:

@@ -48,12 +48,12 @@ class Session:
     def whole(self) -> Track:
         """All tests and the pauses between them as one motion."""
         parts: list[Sequence[Piece]] = []
-        place = 0.0
+        position = 0.0
         for motion in self.motions.values():
             parts.append(motion.pieces)
-            place += motion.pieces[-1].end - motion.pieces[0].displacement
-            parts.append(_back(place, self.pause))
-            place = 0.0
+            position += motion.pieces[-1].end - motion.pieces[0].displacement
+            parts.append(_back(position, self.pause))
+            position = 0.0
         return Track(joined(parts[:-1]))
 
 
@@ -128,12 +128,12 @@ def _jerk_limited(hold: float, rng: np.random.Generator) -> dict[str, tuple[Step
     """Six tests to one random depth (0.6 to 2.5 mm) at random speeds (0.05 to 60 mm/s)."""
     depth = float(rng.uniform(0.6, 2.5))
     speeds = np.sort(np.exp(rng.uniform(np.log(0.05), np.log(60.0), 6)))
-    found: dict[str, tuple[Step, ...] | Track] = {}
+    programs: dict[str, tuple[Step, ...] | Track] = {}
     for speed in speeds.tolist():
         rest = (Piece(0.0, hold, 0.0, 0.0, 0.0),)
         back = swing(0.4 * depth - depth, float(rng.uniform(0.5, 5.0)))
-        found[f"{speed:.3g}"] = Track(joined([swing(depth, speed), rest, back, rest]))
-    return found
+        programs[f"{speed:.3g}"] = Track(joined([swing(depth, speed), rest, back, rest]))
+    return programs
 
 
 def sine(stroke: float, frequency: float, cycles: int) -> Track:
@@ -155,10 +155,10 @@ def swing(stroke: float, speed: float) -> tuple[Piece, ...]:
 
 def _of_velocities(velocities: Sequence[float], step: float) -> tuple[Piece, ...]:
     """Pieces between velocities (mm/s) at even steps (s), from displacement 0."""
-    pieces, place = [], 0.0
+    pieces, position = [], 0.0
     for k, (v, w) in enumerate(pairwise(velocities)):
-        pieces.append(Piece(k * step, step, place, v, (w - v) / step))
-        place = pieces[-1].end
+        pieces.append(Piece(k * step, step, position, v, (w - v) / step))
+        position = pieces[-1].end
     return tuple(pieces)
 
 
@@ -166,10 +166,12 @@ def _creeping(program: Sequence[Step], creep: float) -> tuple[Step, ...]:
     return tuple(replace(s, creep=creep) if isinstance(s, Hold) else s for s in program)
 
 
-def _back(place: float, pause: float) -> tuple[Piece, ...]:
+def _back(position: float, pause: float) -> tuple[Piece, ...]:
     """Back to 0 at 20 mm/s, and rest until the pause is over."""
-    if abs(place) < 1e-9:
-        return (Piece(0.0, pause, place, 0.0, 0.0),)
-    way = abs(place) / _RETURN_MM_S
-    speed = -place / way
-    return Piece(0.0, way, place, speed, 0.0), Piece(way, pause - way, 0.0, 0.0, 0.0)
+    if abs(position) < 1e-9:
+        return (Piece(0.0, pause, position, 0.0, 0.0),)
+    duration = abs(position) / _RETURN_MM_S
+    speed = -position / duration
+    return Piece(0.0, duration, position, speed, 0.0), Piece(
+        duration, pause - duration, 0.0, 0.0, 0.0
+    )

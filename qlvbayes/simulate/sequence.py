@@ -73,7 +73,7 @@ def record_sequence(
     *,
     pad: str = "pad",
     pause_s: float = 5.0,
-    carried: bool = True,
+    continuous: bool = True,
     return_speed: float | None = RETURN_SPEED,
     acceleration_limit: float = PAPER_ACCELERATION,
     sample_rate: float = SAMPLE_RATE,
@@ -82,11 +82,11 @@ def record_sequence(
     """Run the programs one after another on one pad; tests are named 'pad-program'.
 
     The material's equations are solved once along the whole sequence, pauses included, and the
-    tests are cut from it. What a material remembers from test to test is its own affair: a pad
+    tests are cut from it. What is remembered from test to test depends on the material: a pad
     relaxes on, and an effect that asks for the largest depth so far has that of the whole sequence.
-    With ``carried`` False every test is run on a rested pad, at the same clock. Each test's random
-    stream comes from the seed and the test's name. For the other arguments see `join_programs` and
-    `record_test`.
+    With ``continuous`` False every test is run on a rested pad, at the same clock. Each test's
+    random stream comes from the seed and the test's name. For the other arguments see
+    `join_programs` and `record_test`.
 
     Raises
     ------
@@ -97,14 +97,14 @@ def record_sequence(
     whole = join_programs(
         programs, pause_s, return_speed=return_speed, acceleration_limit=acceleration_limit
     )
-    if not carried and return_speed is None:
+    if not continuous and return_speed is None:
         raise InputError("a pad that is not let go cannot rest", remedy="give a return speed")
     tests = [
         _Test(f"{pad}-{name}", begin, *_sampled(whole, begin, end, sample_rate, max_rows))
         for name, begin, end in zip(whole.names, whole.begins, whole.ends, strict=True)
     ]
-    if carried:
-        forces = _carried(material, whole, tests)
+    if continuous:
+        forces = _continuous(material, whole, tests)
     else:
         forces = _rested(material, programs, acceleration_limit, tests)
     return [
@@ -146,7 +146,9 @@ def _sampled(
     return time, read, kept
 
 
-def _carried(material: Material, whole: Sequence, tests: list[_Test]) -> list[NDArray[np.float64]]:
+def _continuous(
+    material: Material, whole: Sequence, tests: list[_Test]
+) -> list[NDArray[np.float64]]:
     """Forces of the samples kept, solved along all tests and pauses."""
     times = [test.time[test.kept] for test in tests]
     force = material.force(whole.platen, np.concatenate(times))
@@ -160,12 +162,12 @@ def _rested(
     tests: list[_Test],
 ) -> list[NDArray[np.float64]]:
     """Forces of the samples kept, every test begun on a rested pad."""
-    found = []
+    forces = []
     for program, test in zip(programs.values(), tests, strict=True):
         platen = Platen(tuple(program), acceleration_limit, test.begin)
         times = np.clip(test.time[test.kept] - test.begin, 0.0, platen.duration)
-        found.append(material.force(platen, times))
-    return found
+        forces.append(material.force(platen, times))
+    return forces
 
 
 def _pause(
@@ -173,13 +175,13 @@ def _pause(
 ) -> list[Step]:
     """The way back and the wait, together as long as the pause."""
     back: list[Step] = [] if return_speed is None else [Move(0.0, return_speed)]
-    way = _duration([*done, *back], acceleration_limit) - _duration(done, acceleration_limit)
-    if not pause_s > way:
+    duration = _duration([*done, *back], acceleration_limit) - _duration(done, acceleration_limit)
+    if not pause_s > duration:
         raise InputError(
-            f"a pause of {pause_s:g} s is too short for the way back, which takes {way:.3g} s",
+            f"a pause of {pause_s:g} s is too short for the way back, which takes {duration:.3g} s",
             remedy="lengthen the pause or raise the return speed",
         )
-    return [*back, Hold(pause_s - way)]
+    return [*back, Hold(pause_s - duration)]
 
 
 def _duration(steps: list[Step], acceleration_limit: float) -> float:

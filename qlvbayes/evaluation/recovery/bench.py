@@ -103,8 +103,8 @@ def _times(path: Trajectory) -> np.ndarray:
     """Few samples, each a block by itself: even ones on the move, ever fewer in a hold."""
     moving = (np.arange(_MOVING) + 0.5) / _MOVING
     resting = np.geomspace(_SOONEST / _HOLD, 1.0, _RESTING)
-    found = [np.zeros(1)]
+    times = [np.zeros(1)]
     for start, stop in zip(path.knots[:-1], path.knots[1:], strict=True):
         at_rest = path.velocity(np.array([0.5 * (start + stop)]))[0] == 0.0
-        found.append(start + (stop - start) * (resting if at_rest else moving))
-    return np.concatenate(found)
+        times.append(start + (stop - start) * (resting if at_rest else moving))
+    return np.concatenate(times)

@@ -56,13 +56,13 @@ class Channels:
     def moved(self, run: Run) -> float:
         """How far the platen went about a run, 0 where its sensor's step and noise make as much."""
         d = self.displacement[self._about(run, _BESIDE)]
-        way = float(np.ptp(d)) if d.size else 0.0
-        return way if way > self._flicker(run) else 0.0
+        travel = float(np.ptp(d)) if d.size else 0.0
+        return travel if travel > self._flicker(run) else 0.0
 
     def bends(self, run: Run) -> bool:
         """Whether the platen's speed changes nearby, more than it does all the time."""
         departure = self._departure(run)
-        return departure > max(_BENT * self._flicker(run), _SHARPLY * self.usual_departure)
+        return departure > max(_BENT * self._flicker(run), _SHARPLY * self.typical_departure)
 
     def force_contradicted(self, run: Run) -> bool:
         """Whether the platen did nothing that explains how the force reads in a run.
@@ -145,15 +145,15 @@ class Channels:
     def _about(self, run: Run, reach: int) -> NDArray[np.intp]:
         """Readings in and about a run whose displacement counts."""
         low, high = max(run[0] - reach, 0), min(run[1] + reach, self.time.size)
-        places = np.arange(low, high)
-        return places[~self.lost[places]]
+        indices = np.arange(low, high)
+        return indices[~self.lost[indices]]
 
     def _departure(self, run: Run) -> float:
-        places = self._about(run, _BENDS)
-        return _bow(self.time[places], self.displacement[places])
+        indices = self._about(run, _BENDS)
+        return _deflection(self.time[indices], self.displacement[indices])
 
     @cached_property
-    def usual_departure(self) -> float:
+    def typical_departure(self) -> float:
         """Median departure from a line, of stretches as long, all over the record."""
         sound = np.flatnonzero(~self.doubtful)
         width = 2 * _BENDS + 1
@@ -161,7 +161,7 @@ class Channels:
             return 0.0
         starts = np.linspace(0, sound.size - width, 60).astype(int)
         parts = [sound[k : k + width] for k in np.unique(starts)]
-        return float(np.median([_bow(self.time[p], self.displacement[p]) for p in parts]))
+        return float(np.median([_deflection(self.time[p], self.displacement[p]) for p in parts]))
 
 
 def fastest(time: Array, displacement: Array, sound: NDArray[np.bool_]) -> float:
@@ -170,7 +170,7 @@ def fastest(time: Array, displacement: Array, sound: NDArray[np.bool_]) -> float
     return float(np.max(np.abs(np.diff(d)) / np.diff(t), initial=0.0))
 
 
-def _bow(time: Array, values: Array) -> float:
+def _deflection(time: Array, values: Array) -> float:
     """How far values leave the line between their ends."""
     if time.size < 3:
         return 0.0

@@ -50,16 +50,18 @@ def sound_tests(
             if slips is None or slips.size:
                 _refuse_clock(test, slips)
         return [(test, None) for test in tests]
-    found: list[tuple[Test, BadReadings | None]] = []
-    doubts = [_Doubts(test, places) for test, places in zip(tests, ticking, strict=True)]
+    cleaned: list[tuple[Test, BadReadings | None]] = []
+    doubts = [_Doubts(test, indices) for test, indices in zip(tests, ticking, strict=True)]
     top = max((one.fastest for one in doubts), default=0.0)
     for test, slips, doubt in zip(tests, clocks, doubts, strict=True):
         runs = [] if slips is None else [Bad(k, k + 1, "time", "clock") for k in slips.tolist()]
-        bad = BadReadings.of(test.time, test.displacement, test.force, [*runs, *doubt.settled(top)])
+        bad = BadReadings.from_runs(
+            test.time, test.displacement, test.force, [*runs, *doubt.settled(top)]
+        )
         if bad.count > LARGEST_SHARE * test.time.size:
             _refuse(test, bad)
-        found.append((without(test, bad.mask), bad) if bad.count else (test, None))
-    return found
+        cleaned.append((without(test, bad.mask), bad) if bad.count else (test, None))
+    return cleaned
 
 
 def smooth_readings(test: Test) -> Test:
@@ -84,12 +86,12 @@ def without(test: Test, mask: NDArray[np.bool_]) -> Test:
 class _Doubts:
     """What each channel of a test doubts by itself, before the other is asked."""
 
-    def __init__(self, test: Test, places: NDArray[np.intp]) -> None:
-        self.places = places  # of the readings whose clock ticks
+    def __init__(self, test: Test, ticking: NDArray[np.intp]) -> None:
+        self.ticking = ticking  # of the readings whose clock ticks
         self.time, self.displacement, self.force = (
-            x[places] for x in (test.time, test.displacement, test.force)
+            x[ticking] for x in (test.time, test.displacement, test.force)
         )
-        self.few = places.size < _FEWEST
+        self.few = ticking.size < _FEWEST
         self.runs: dict[str, list[Run]] = {"displacement": [], "force": []}
         self.fastest = 0.0
         if self.few:
@@ -113,45 +115,45 @@ class _Doubts:
             self.time, self.displacement, self.force, self.of_displacement, self.of_force,
             self.doubtful, top, np.zeros(self.time.size, dtype=bool),
         )  # fmt: skip
-        found = self._rows(own)
-        found += [
+        proven = self._rows(own)
+        proven += [
             Bad(*run, "displacement", _kind(self.displacement[slice(*run)]))
             for run in self.runs["displacement"]
             if own.displacement_contradicted(run)
         ]
-        found += [
+        proven += [
             Bad(*run, "displacement", _kind(self.displacement[slice(*run)]))
             for run in runs_at_ends(self.displacement, self.of_displacement)
             if own.displacement_contradicted(run)
         ]
-        for bad in found:
+        for bad in proven:
             own.lost[bad.first : bad.stop] = True
-        found += [
+        proven += [
             Bad(*run, "force", _kind(self.force[slice(*run)]))
             for run in self.runs["force"]
             if own.force_contradicted(run)
         ]
-        found += stuck_displacement(own) + stuck_force(own) + clipped_force(own)
-        return [self._placed(bad) for bad in _apart(found)]
+        proven += stuck_displacement(own) + stuck_force(own) + clipped_force(own)
+        return [self._located(bad) for bad in _separate(proven)]
 
     def _rows(self, own: Channels) -> list[Bad]:
         """Rows in which both channels are outlying, and no platen was so fast."""
         both = [set(range(*run)) for run in self.runs["displacement"]]
         forces = {k for run in self.runs["force"] for k in range(*run)}
-        found = []
-        for places in both:
-            shared = places & forces
-            if shared != places:
+        bad = []
+        for rows in both:
+            shared = rows & forces
+            if shared != rows:
                 continue
-            run = (min(places), max(places) + 1)
+            run = (min(rows), max(rows) + 1)
             if own.row_contradicted(run, self.fastest):
                 kind = _kind(self.displacement[slice(*run)])
-                found.append(Bad(*run, "both", kind))
-        return found
+                bad.append(Bad(*run, "both", kind))
+        return bad
 
-    def _placed(self, bad: Bad) -> Bad:
-        places = self.places
-        return replace(bad, first=int(places[bad.first]), stop=int(places[bad.stop - 1]) + 1)
+    def _located(self, bad: Bad) -> Bad:
+        ticking = self.ticking
+        return replace(bad, first=int(ticking[bad.first]), stop=int(ticking[bad.stop - 1]) + 1)
 
 
 def _kind(values: Array) -> Kind:
@@ -159,10 +161,10 @@ def _kind(values: Array) -> Kind:
     return "lost" if not values.any() or (values.size > 2 and np.ptp(values) == 0.0) else "spike"
 
 
-def _apart(found: list[Bad]) -> list[Bad]:
+def _separate(runs: list[Bad]) -> list[Bad]:
     """Of runs that overlap the first one found."""
     kept: list[Bad] = []
-    for bad in found:
+    for bad in runs:
         if all(bad.stop <= one.first or bad.first >= one.stop for one in kept):
             kept.append(bad)
     return kept

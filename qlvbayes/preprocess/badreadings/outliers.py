@@ -51,9 +51,9 @@ class Scale:
     step: float
     span: float
 
-    def of(self, places: NDArray[np.intp]) -> Scale:
+    def at(self, indices: NDArray[np.intp]) -> Scale:
         """That of some readings among each other."""
-        return replace(self, deviation=self.deviation[places], change=self.change[places])
+        return replace(self, deviation=self.deviation[indices], change=self.change[indices])
 
     def least(self, run: Run, sides: float) -> float:
         """How far a run must lie beyond its neighbours, which differ by ``sides``."""
@@ -102,10 +102,10 @@ def outlying_runs(time: Array, signal: Array, scale: Scale) -> list[Run]:
     mask = np.zeros(signal.size, dtype=bool)
     sound = np.arange(signal.size)
     for _ in range(_PASSES):
-        found = _one_pass(signal[sound], scale.of(sound))
-        if not found:
+        runs = _one_pass(signal[sound], scale.at(sound))
+        if not runs:
             break
-        for first, stop in found:
+        for first, stop in runs:
             mask[sound[first:stop]] = True
         sound = np.flatnonzero(~mask)
     return _alone(time, signal, mask)
@@ -117,29 +117,29 @@ def _alone(time: Array, signal: Array, mask: NDArray[np.bool_]) -> list[Run]:
     if not runs or sound.size < _FEWEST:
         return []
     rough = _off_line(time[sound], signal[sound])
-    found = []
+    single = []
     for first, stop in runs:
         at = int(np.searchsorted(sound, first))  # of the first sound reading after it
         before, after = float(signal[sound[at - 1]]), float(signal[sound[at]])
         near = rough[max(at - 1 - _BESIDE, 0) : at - 1 + _BESIDE]
         least = float(distance(signal[first:stop], before, after).min())
         if least > _ROUGHER * float(near.max(initial=0.0)):
-            found.append((first, stop))
-    return found
+            single.append((first, stop))
+    return single
 
 
 def runs_at_ends(signal: Array, scale: Scale) -> list[Run]:
     """The same of the first and the last readings, which have neighbours on one side only."""
-    found = []
+    runs = []
     for ahead in (signal, signal[::-1]):
         for stop in range(1, _AT_ENDS + 1):
             sides = abs(float(ahead[stop] - ahead[stop + 1]))
             off = distance(ahead[:stop], float(ahead[stop]), float(ahead[stop + 1]))
             run = (0, stop) if ahead is signal else (signal.size - stop, signal.size)
             if off.min() > scale.least(run, sides):
-                found.append(run)
+                runs.append(run)
                 break
-    return found
+    return runs
 
 
 def runs_of(mask: NDArray[np.bool_]) -> list[Run]:
@@ -194,9 +194,9 @@ def _of_equal_gaps(gaps: Array, off: Array) -> Array:
     """
     order = np.argsort(gaps, kind="stable")
     root = np.sqrt(gaps[order])
-    found = np.empty_like(off)
-    found[order] = root * _median(off[order] / root)
-    return found
+    scales = np.empty_like(off)
+    scales[order] = root * _median(off[order] / root)
+    return scales
 
 
 def _step(signal: Array) -> float:
@@ -215,23 +215,23 @@ def _of_length(signal: Array, scale: Scale, length: int, mask: NDArray[np.bool_]
     if signal.size < length + 2:
         return []
     # most readings are too near the one before them to begin a run: the others are few
-    places = np.flatnonzero(np.abs(np.diff(signal[:-length])) > _LEAST * scale.span)
-    before, after = signal[places], signal[places + length + 1]
+    starts = np.flatnonzero(np.abs(np.diff(signal[:-length])) > _LEAST * scale.span)
+    before, after = signal[starts], signal[starts + length + 1]
     low, high = np.minimum(before, after), np.maximum(before, after)
     beyond = np.full(low.size, np.inf)
     for k in range(1, length + 1):
-        value = signal[places + k]
+        value = signal[starts + k]
         beyond = np.minimum(beyond, np.maximum(value - high, low - value))
     # of most of these their own noise disposes: one by one they would take seconds
-    noise = scale.deviation[places + 1 + length // 2]
+    noise = scale.deviation[starts + 1 + length // 2]
     least = np.maximum(_LEAST * scale.span, _BEYOND * np.sqrt(length) * noise)
     likely = beyond > np.maximum(least, high - low)
-    found: list[Run] = []
-    for at in (places[likely] + 1).tolist():
+    runs: list[Run] = []
+    for at in (starts[likely] + 1).tolist():
         run = (at, at + length)
         if not mask[at : at + length].any() and _beyond(signal, scale, run):
-            found.append(run)
-    return found
+            runs.append(run)
+    return runs
 
 
 def _beyond(signal: Array, scale: Scale, run: Run) -> bool:
@@ -248,12 +248,12 @@ def _confirmed(signal: Array, scale: Scale, mask: NDArray[np.bool_]) -> list[Run
 
     A sound reading between two bad ones lies far from both.
     """
-    found: list[Run] = []
+    confirmed: list[Run] = []
     for first, stop in runs_of(mask):
         if first == 0 or stop == signal.size:
             continue
         before, after = float(signal[first - 1]), float(signal[stop])
         least = scale.least((first, first + 1), abs(after - before))
         bad = distance(signal[first:stop], before, after) > least
-        found += [(first + a, first + b) for a, b in runs_of(bad)]
-    return found
+        confirmed += [(first + a, first + b) for a, b in runs_of(bad)]
+    return confirmed

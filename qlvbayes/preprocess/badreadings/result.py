@@ -48,7 +48,9 @@ class BadReadings:
     around: tuple[tuple[Array, Array], ...]
 
     @classmethod
-    def of(cls, time: Array, displacement: Array, force: Array, runs: list[Bad]) -> BadReadings:
+    def from_runs(
+        cls, time: Array, displacement: Array, force: Array, runs: list[Bad]
+    ) -> BadReadings:
         """Those of some runs."""
         runs = sorted(runs, key=lambda run: (run.first, run.stop))
         mask = np.zeros(time.size, dtype=bool)
@@ -56,10 +58,10 @@ class BadReadings:
             mask[run.first : run.stop] = True
         around = []
         for run in runs:
-            places = neighbours(mask, run.first, run.stop)
+            sides = neighbours(mask, run.first, run.stop)
             around.append(
                 tuple(
-                    np.array([np.nan if k is None else values[k] for k in places])
+                    np.array([np.nan if k is None else values[k] for k in sides])
                     for values in (displacement, force)
                 )
             )
@@ -95,17 +97,17 @@ def neighbours(mask: NDArray[np.bool_], first: int, stop: int) -> tuple[int | No
 
 
 def left_out_notice(
-    pad: str, found: Sequence[tuple[str, BadReadings | None]], units: UnitSystem
+    pad: str, tests: Sequence[tuple[str, BadReadings | None]], units: UnitSystem
 ) -> tuple[str, ...]:
     """One sentence on all of a pad, by test name; none where nothing was left out."""
     parts = [
         f"test {name}: {', '.join(_groups(bad, units))}"
-        for name, bad in found
+        for name, bad in tests
         if bad is not None and bad.count
     ]
     if not parts:
         return ()
-    count = sum(bad.count for _, bad in found if bad is not None)
+    count = sum(bad.count for _, bad in tests if bad is not None)
     are = "is" if count == 1 else "are"
     return (
         f"pad {pad}: {'; '.join(parts)}; {_number(count)} {_readings(count)} {are} left out, as "
@@ -119,18 +121,18 @@ def _groups(bad: BadReadings, units: UnitSystem) -> list[str]:
     starts = np.cumsum([0, *(run.stop - run.first for run in bad.runs)])
     items = list(zip(bad.runs, starts[:-1].tolist(), bad.around, strict=True))
     items.sort(key=lambda item: (item[0].channel, item[0].kind))
-    told = []
+    phrases = []
     for (channel, _), group in groupby(items, key=lambda item: (item[0].channel, item[0].kind)):
         runs = list(group)
         count = sum(run.stop - run.first for run, _, _ in runs)
         name = _channel(channel, units)
         when = _times([float(bad.time[start]) for _, start, _ in runs])
         run, start, around = runs[0]
-        told.append(
+        phrases.append(
             f"{_number(count)} {_readings(count)} of {name} at {when}"
             f"{_what(bad, run, start, around, units)}"
         )
-    return told
+    return phrases
 
 
 def _what(

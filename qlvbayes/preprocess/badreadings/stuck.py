@@ -34,15 +34,15 @@ def stuck_force(own: Channels) -> list[Bad]:
 
 def clipped_force(own: Channels) -> list[Bad]:
     """Readings at the largest or smallest value, where the force stays at it against its noise."""
-    found: list[Bad] = []
+    clipped: list[Bad] = []
     for end in {float(own.force.max()), float(own.force.min())}:
         if any(own.force[first] == end for first, _ in _improbable(own)):
-            found += [
+            clipped += [
                 Bad(first, stop, "force", "clipped")
                 for first, stop in equal_runs(own.force, 1)
                 if own.force[first] == end
             ]
-    return found
+    return clipped
 
 
 def stuck_displacement(own: Channels) -> list[Bad]:
@@ -52,21 +52,21 @@ def stuck_displacement(own: Channels) -> list[Bad]:
     the stairs of a coarse encoder, whose steps are as large as any nearby.
     """
     changes = np.abs(np.diff(own.displacement))
-    found = []
+    stuck = []
     for first, stop in equal_runs(own.displacement, 3):
         if stop == own.time.size or first < 2:
             continue
         jump = float(changes[stop - 1])
         if jump <= _CATCHES_UP * own.of_displacement.step:
             continue
-        if jump <= _CATCHES_UP * _usual_change(changes, first, stop):
+        if jump <= _CATCHES_UP * _typical_change(changes, first, stop):
             continue
         if _caught_up(own, (first, stop)) and _went_on(own, (first, stop)):
-            found.append(Bad(first + 1, stop, "displacement", "stuck"))
-    return found
+            stuck.append(Bad(first + 1, stop, "displacement", "stuck"))
+    return stuck
 
 
-def _usual_change(changes: Array, first: int, stop: int) -> float:
+def _typical_change(changes: Array, first: int, stop: int) -> float:
     near = np.concatenate([changes[max(first - 10, 0) : first], changes[stop : stop + 10]])
     near = near[near > 0.0]
     return float(np.median(near)) if near.size else np.inf
@@ -84,7 +84,7 @@ def _caught_up(own: Channels, run: Run) -> bool:
         for a, b in ((before, first), (stop, after))
         if b > a
     ]
-    return any(way != 0.0 and _AS_FAR[0] < jump / way < _AS_FAR[1] for way in ways)
+    return any(travel != 0.0 and _AS_FAR[0] < jump / travel < _AS_FAR[1] for travel in ways)
 
 
 def _went_on(own: Channels, run: Run) -> bool:

@@ -88,8 +88,8 @@ def facts_of(experiment: Experiment) -> Facts:
     holds: list[Hold] = []
     for trial in experiment.trials:
         moves += [move_of(trial, phase) for phase in trial.phases if phase.kind in MOVING]
-        found = (_hold(experiment, trial, phase) for phase in trial.phases)
-        holds += [hold for hold in found if hold is not None]
+        every_hold = (_hold(experiment, trial, phase) for phase in trial.phases)
+        holds += [hold for hold in every_hold if hold is not None]
     # of an uneven record the short ones, which are where it changes quickly
     intervals = [sampling_of(trial.test.time).low for trial in experiment.trials]
     loads = sum(move.kind == "ramp" for move in moves)
@@ -99,10 +99,10 @@ def facts_of(experiment: Experiment) -> Facts:
 def move_of(trial: Trial, phase: Phase) -> Move:
     """Its speed is that of the middle 60 % of its way, as a loading rate is."""
     time = np.linspace(phase.start, phase.stop, _PLACES)
-    way = trial.trajectory.displacement(time)
-    way = np.maximum.accumulate(np.abs(way - way[0]))
-    early, late = np.interp([0.2 * way[-1], 0.8 * way[-1]], way, time)
-    speed = 0.6 * float(way[-1] / (late - early)) if late > early else 0.0
+    depth = trial.trajectory.displacement(time)
+    depth = np.maximum.accumulate(np.abs(depth - depth[0]))
+    early, late = np.interp([0.2 * depth[-1], 0.8 * depth[-1]], depth, time)
+    speed = 0.6 * float(depth[-1] / (late - early)) if late > early else 0.0
     return Move(phase.kind, speed, phase.stop - phase.start, rows(trial, phase).size)
 
 

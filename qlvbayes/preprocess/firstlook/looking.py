@@ -19,7 +19,7 @@ from qlvbayes.preprocess.firstlook.result import (
     TestSeen,
 )
 from qlvbayes.preprocess.firstlook.shown import shown_by
-from qlvbayes.preprocess.past import carried_tests
+from qlvbayes.preprocess.past import remembered_tests
 from qlvbayes.preprocess.pulling import pull_notices
 
 ROUNDED = 0.1
@@ -42,7 +42,7 @@ def look_at(experiment: Experiment, *, bonded: bool, effects: tuple[str, ...] = 
     those that a model has already: with adhesion a specimen may pull.
     """
     floor = experiment.floor
-    tests = tuple(_test(experiment, place) for place in range(len(experiment.trials)))
+    tests = tuple(_test(experiment, index) for index in range(len(experiment.trials)))
     return PadSeen(
         experiment.pad,
         experiment.fluid,
@@ -61,11 +61,11 @@ def look_at(experiment: Experiment, *, bonded: bool, effects: tuple[str, ...] = 
     )
 
 
-def _test(experiment: Experiment, place: int) -> TestSeen:
-    trial = experiment.trials[place]
+def _test(experiment: Experiment, index: int) -> TestSeen:
+    trial = experiment.trials[index]
     test = trial.test
     tests = [one.test for one in experiment.trials]
-    before = () if experiment.rested else carried_tests(place, tests, experiment.longest)
+    before = () if experiment.rested else remembered_tests(index, tests, experiment.longest)
     return TestSeen(
         test=test.name,
         role=trial.role,
@@ -93,8 +93,8 @@ def _test(experiment: Experiment, place: int) -> TestSeen:
 
 def _depth(trial: Trial, units: UnitSystem) -> float:
     """The largest: of a pad that is pressed, whatever way the platen came from."""
-    way = trial.test.displacement
-    return float(np.max(np.abs(way) if units.dimensionless else way))
+    displacement = trial.test.displacement
+    return float(np.max(np.abs(displacement) if units.dimensionless else displacement))
 
 
 def _reached(trial: Trial) -> float | None:
@@ -132,10 +132,10 @@ def _contact(trial: Trial) -> ContactSeen | None:
     """Where the force begins to rise; None where no approach shows it."""
     if trial.control == "force":
         return None
-    found = find_contact(trial.test.displacement, trial.test.force)
-    if found is None or not np.all(np.isfinite([found.place, found.sd, found.force_sd])):
+    contact = find_contact(trial.test.displacement, trial.test.force)
+    if contact is None or not np.all(np.isfinite([contact.place, contact.sd, contact.force_sd])):
         return None
-    return ContactSeen(found.place, found.sd, found.force, float(found.force_sd))
+    return ContactSeen(contact.place, contact.sd, contact.force, float(contact.force_sd))
 
 
 def _at_rest(experiment: Experiment, trial: Trial) -> float | None:
@@ -165,37 +165,37 @@ def _peak_time(trial: Trial) -> float:
 
 def _cautions(experiment: Experiment, tests: tuple[TestSeen, ...]) -> list[str]:
     """What to mend or to decide before a fit, a sentence each."""
-    units, noise, told = experiment.units, noise_of(experiment), []
+    units, noise, cautions = experiment.units, noise_of(experiment), []
     for test, trial in zip(tests, experiment.trials, strict=True):
         name = f"pad {experiment.pad}, test {test.test}"
         if test.peak < _DEAD * noise:
-            told.append(
+            cautions.append(
                 f"{name}: the {units.force_name} never leaves its noise (largest "
                 f"{plain(test.peak)} {units.force}, noise {plain(noise, 2)}): see whether the load "
                 "cell was connected, or leave the test out"
             )
             continue
-        told += [
+        cautions += [
             f"{name}: {text}"
             for text in (*_of_contact(test, units), *_fall(trial, experiment.floor.white, units))
         ]
-    return told
+    return cautions
 
 
 def _of_contact(test: TestSeen, units: UnitSystem) -> list[str]:
-    contact, told = test.contact, []
+    contact, cautions = test.contact, []
     if contact is not None and contact.place > max(_SURE * contact.sd, _TOE * test.depth):
-        told.append(
+        cautions.append(
             f"the force begins to rise at {plain(contact.place)} +- {plain(contact.sd, 2)} "
             f"{units.displacement}, and depth counts from zero: shift the displacement, or let the "
             "fit find it by --add contact_offset"
         )
     if test.at_rest is not None:
-        told.append(
+        cautions.append(
             f"the {units.force_name} before contact is {plain(test.at_rest)} {units.force}: take "
             "it off, or let the fit find it by --add force_offset"
         )
-    return told
+    return cautions
 
 
 def _fall(trial: Trial, noise: float, units: UnitSystem) -> list[str]:
@@ -215,11 +215,11 @@ def _fall(trial: Trial, noise: float, units: UnitSystem) -> list[str]:
         if not np.any(below > clear):
             continue
         top = int(np.argmax(test.force[inside[: int(np.argmax(below > clear)) + 2]]))
-        place = plain(float(test.displacement[inside[top]]))
+        depth = plain(float(test.displacement[inside[top]]))
         unit = "" if units.dimensionless else f" {units.displacement}"
         return [
             f"the {units.force_name} falls by up to {plain(float(below.max()), 2)} {units.force} "
-            f"from {place}{unit} on while the platen moves in, as where a specimen tears, slips or "
+            f"from {depth}{unit} on while the platen moves in, as where a specimen tears, slips or "
             "yields, which no part of the model describes: fit the readings before it alone"
         ]
     return []

@@ -288,8 +288,8 @@ def _longest_hold(pad: PadSeen) -> float:
 
 def apart(values: Sequence[float], factor: float) -> list[float]:
     """The least, and each that is so many times the one before it or more."""
-    found: list[float] = []
+    distinct: list[float] = []
     for value in sorted(abs(value) for value in values):
-        if value > 0.0 and (not found or value >= factor * found[-1]):
-            found.append(value)
-    return found
+        if value > 0.0 and (not distinct or value >= factor * distinct[-1]):
+            distinct.append(value)
+    return distinct

@@ -25,15 +25,15 @@ def phases_in_words(phases: Sequence[PhaseSeen]) -> str:
     """'ramp 16 ms, hold 30 s'; of many phases how many of each kind, and how long they are."""
     if len(phases) <= _EACH:
         return ", ".join(f"{NAMES[p.phase]} {span(p.stop - p.start)}" for p in phases)
-    told = []
+    parts = []
     for kind in KINDS:
         lengths = [phase.stop - phase.start for phase in phases if phase.phase == kind]
         if not lengths:
             continue
         low, high = span(min(lengths)), span(max(lengths))
         name = NAMES[kind] if len(lengths) == 1 else _MANY[kind]
-        told.append(f"{len(lengths)} {name} of {low if low == high else f'{low} to {high}'}")
-    return joined(told)
+        parts.append(f"{len(lengths)} {name} of {low if low == high else f'{low} to {high}'}")
+    return joined(parts)
 
 
 def lines_of(pad: PadSeen, units: UnitSystem) -> list[str]:
@@ -81,59 +81,60 @@ def _motion(pad: PadSeen, units: UnitSystem) -> list[str]:
     worst = max(pad.tests, key=lambda test: test.motion.largest)
     steps = sorted({float(plain(t.motion.step, 2)) for t in pad.tests if t.motion.step_shows})
     of = f" (the encoder's step is {joined([plain(step) for step in steps], 'or')}{unit})"
-    told = [
+    parts = [
         f"motion: fitted to the {name} within {plain(worst.motion.largest, 2)}{unit} of every "
         f"reading{of if steps else ''}"
     ]
-    return told + [test.motion.departure for test in pad.tests if test.motion.departure]
+    return parts + [test.motion.departure for test in pad.tests if test.motion.departure]
 
 
 def _contact(pad: PadSeen, units: UnitSystem) -> list[str]:
     """Of tests of displacement and force; a strip in strain has no contact."""
     if units.dimensionless:
         return []
-    found = [(test.test, test.contact) for test in pad.tests if test.contact is not None]
-    if not found:
+    contacts = [(test.test, test.contact) for test in pad.tests if test.contact is not None]
+    if not contacts:
         return ["contact: no test shows an approach, so that depth counts from the zero as it is"]
     off = [
         f"{plain(seen.place, 2)} +- {plain(seen.sd, 1)} {units.displacement} in test {name}"
-        for name, seen in found
+        for name, seen in contacts
         if abs(seen.place) > _AGREES * seen.sd
     ]
-    agree, most = len(found) - len(off), max(seen.sd for _, seen in found)
-    told = []
+    agree, most = len(contacts) - len(off), max(seen.sd for _, seen in contacts)
+    sentences = []
     if agree:
-        those = "the one test that shows" if len(found) == 1 else f"{agree} of {len(found)} tests"
-        told.append(
+        one = len(contacts) == 1
+        those = "the one test that shows" if one else f"{agree} of {len(contacts)} tests"
+        sentences.append(
             f"the rise of the {units.force_name} agrees with zero depth in {those} "
-            f"{'' if len(found) == 1 else 'that show '}an approach (errors up to {plain(most, 1)} "
+            f"{'' if one else 'that show '}an approach (errors up to {plain(most, 1)} "
             f"{units.displacement})"
         )
     if len(off) > _NAMED:
         off = [*off[:_NAMED], f"others ({len(off) - _NAMED} more in look.json)"]
     if off:
-        told.append(
+        sentences.append(
             f"the {units.force_name} rises out of its noise at {joined(off)}, where a soft "
             "beginning may look alike"
         )
-    return [f"contact: {'; '.join(told)}"]
+    return [f"contact: {'; '.join(sentences)}"]
 
 
 def _clock(pad: PadSeen) -> list[str]:
-    told = []
+    sentences = []
     off = max(pad.tests, key=lambda test: test.clock_sd / test.interval)
     if off.clock_sd > 0.0:
-        told.append(
+        sentences.append(
             f"clock: stamps of test {off.test} are off by {span(off.clock_sd)} (sd), of intervals "
             f"of {span(off.interval)}"
         )
-    carried = [test.test for test in pad.tests if test.after]
-    if carried:
-        told.append(
-            f"rest: {_tests(carried)} begin{'s' if len(carried) == 1 else ''} while the specimen "
-            "still recovers from an earlier test, which a fit takes into account"
+    remembering = [test.test for test in pad.tests if test.after]
+    if remembering:
+        sentences.append(
+            f"rest: {_tests(remembering)} begin{'s' if len(remembering) == 1 else ''} while the "
+            "specimen still recovers from an earlier test, which a fit takes into account"
         )
-    return told
+    return sentences
 
 
 def _control(pad: PadSeen, units: UnitSystem) -> list[str]:

@@ -31,8 +31,8 @@ _SETTLING_DEGREE = 3  # along the stroke, of what changes from cycle to cycle
 
 def find_cycles(tests: Sequence[Record], phases: Sequence[Sequence[Phase]]) -> list[Dwell]:
     """Pressed readings of each test of equal cycles, with the curves that they may follow."""
-    found = [_repeating(test, cut) for test, cut in zip(tests, phases, strict=True)]
-    return [one for one in found if one is not None]
+    cycles = [_repeating(test, cut) for test, cut in zip(tests, phases, strict=True)]
+    return [one for one in cycles if one is not None]
 
 
 def _repeating(test: Record, phases: Sequence[Phase]) -> Dwell | None:
@@ -42,8 +42,8 @@ def _repeating(test: Record, phases: Sequence[Phase]) -> Dwell | None:
     inside = pressed(test, (test.time > turns[1, 0]) & (test.time <= turns[-1, 0]))
     if inside is None:
         return None
-    found = dwell_of(test, inside)
-    return replace(found, curve=found.mean(_curve(found.time, turns)))
+    dwell = dwell_of(test, inside)
+    return replace(dwell, curve=dwell.mean(_curve(dwell.time, turns)))
 
 
 def _turns(phases: Sequence[Phase]) -> Array | None:
@@ -108,6 +108,6 @@ def _stroke(along: Array, settling: Array, samples: float) -> Array:
     count = int(np.clip(samples / _KNOT_SAMPLES, 2, _MOST_KNOTS))
     knots = np.concatenate([[first] * 3, np.linspace(first, last, count), [last] * 3])
     spline = BSpline.design_matrix(along, knots, 3).toarray()
-    place = 2.0 * (along - first) / (last - first) - 1.0
-    powers = legendre.legvander(place, _SETTLING_DEGREE)
-    return np.hstack([spline, *(powers * way[:, None] for way in settling.T)])
+    position = 2.0 * (along - first) / (last - first) - 1.0
+    powers = legendre.legvander(position, _SETTLING_DEGREE)
+    return np.hstack([spline, *(powers * power[:, None] for power in settling.T)])

@@ -113,9 +113,9 @@ def _best_sampled(
 ) -> list[Dwell]:
     ranked: list[tuple[int, int, Dwell]] = []
     for test, cut in zip(tests, phases, strict=True):
-        found = [dwell for phase in cut if (dwell := read(test, phase)) is not None]
-        found.sort(key=lambda one: -one.time.size)
-        ranked += [(turn, -one.time.size, one) for turn, one in enumerate(found)]
+        dwells = [dwell for phase in cut if (dwell := read(test, phase)) is not None]
+        dwells.sort(key=lambda one: -one.time.size)
+        ranked += [(turn, -one.time.size, one) for turn, one in enumerate(dwells)]
     ranked.sort(key=lambda item: item[:2])
     return [dwell for _, _, dwell in ranked[:_MOST]]
 
@@ -168,8 +168,8 @@ def _silent(force: Array, inside: NDArray[np.intp], step: float) -> bool:
     there = force[inside]
     if not np.mean(np.diff(there) == 0.0) > 0.5:
         return False
-    usual = float(np.median(there))
-    return step == 0.0 or abs(usual) < step or usual >= float(force.max())
+    median = float(np.median(there))
+    return step == 0.0 or abs(median) < step or median >= float(force.max())
 
 
 def dwell_of(test: Record, inside: NDArray[np.intp]) -> Dwell:

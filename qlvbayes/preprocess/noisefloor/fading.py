@@ -58,24 +58,24 @@ def with_fading_sd(
     fades = [sd is not None and falls(*sd) for sd in sds]
     if not any(fades):
         return list(tests), ()
-    found, said = [], []
+    rescaled, notices = [], []
     for test, sd, fading in zip(tests, sds, fades, strict=True):
         if sd is None:
-            found.append(test)
+            rescaled.append(test)
             continue
         middle, level = sd
         own = _falling(level) if fading else np.full(level.size, np.median(level))
         every = np.exp(np.interp(np.arange(test.time.size), middle, np.log(own)))
-        found.append(replace(test, force_sd=every))
+        rescaled.append(replace(test, force_sd=every))
         if fading:
             begins, ends = every[0], every[-1]
             until = float(test.time[np.argmax(every < np.sqrt(begins * ends))])
-            said.append(
+            notices.append(
                 f"the noise of test {test.name} dies away: its sd is {begins:.3g} at first and "
                 f"{ends:.3g} at the end, most of it before {until:.3g} s; each reading is "
                 "weighted by its own sd"
             )
-    return found, tuple(said)
+    return rescaled, tuple(notices)
 
 
 def falls(middle: Array, level: Array) -> bool:
@@ -100,14 +100,14 @@ def _levels(test: Test, phases: Sequence[Phase]) -> tuple[Array, Array] | None:
     """Middle reading and sd (N) of each window (W,); None where these show no noise."""
     if test.time.size < _FEWEST * _WINDOW:
         return None
-    e, place = _deviations(test, phases)
+    e, index = _deviations(test, phases)
     count = e.size // _WINDOW
     if count < _FEWEST:
         return None
     size, longer = divmod(e.size, count)
     cut = longer * (size + 1)  # the first windows have one reading more
     level = _by_window(np.median, np.abs(e), cut, size) / _MEDIAN
-    middle = _by_window(np.mean, place, cut, size)
+    middle = _by_window(np.mean, index, cut, size)
     if not np.all(level > 0.0):  # a force that repeats itself, by its digits or its steps
         return None
     return middle, level / np.sqrt(_VARIANCE)
@@ -125,8 +125,8 @@ def _deviations(test: Test, phases: Sequence[Phase]) -> tuple[Array, NDArray[np.
     e = force[2:-2] - (-force[:-4] + 4.0 * (force[1:-3] + force[3:-1]) - force[4:]) / 6.0
     ratio = np.maximum(step[1:] / step[:-1], step[:-1] / step[1:])
     even = np.max([ratio[k : ratio.size - 2 + k] for k in range(3)], axis=0) < _EVEN
-    place = np.arange(2, force.size - 2)
+    index = np.arange(2, force.size - 2)
     changes = np.searchsorted(test.time, [phase.stop for phase in phases[:-1]])
-    away = np.all(np.abs(place[:, None] - changes) > _BESIDE, axis=1)
+    away = np.all(np.abs(index[:, None] - changes) > _BESIDE, axis=1)
     kept = even & away
-    return e[kept], place[kept]
+    return e[kept], index[kept]

@@ -83,13 +83,13 @@ class NoiseFloor:
         """Floors with weights (count,) of sum 1, the unlikely ones among them; see ``draws``."""
         if self.dwells is None:
             return [self], np.ones(1)
-        found, weights = self.dwells.weighted(count)
-        return [self._like(one) for one in found], weights
+        draws, weights = self.dwells.weighted(count)
+        return [self._like(one) for one in draws], weights
 
     def rounded(self) -> NoiseFloor:
         """The same with no less variance than rounding to ``step`` makes."""
         least = np.sqrt(max(self.step**2 / 12.0 - self.ou**2, 0.0))
         return replace(self, white=max(self.white, float(least)))
 
-    def _like(self, found: Noise) -> NoiseFloor:
-        return replace(self, **found._asdict()).rounded()
+    def _like(self, noise: Noise) -> NoiseFloor:
+        return replace(self, **noise._asdict()).rounded()

@@ -21,7 +21,7 @@ from qlvbayes.preprocess.noisefloor.dwells import (
 )
 from qlvbayes.preprocess.noisefloor.floor import NoiseFloor
 from qlvbayes.preprocess.noisefloor.pool import Pool
-from qlvbayes.preprocess.noisefloor.posterior import Dwells, usual_log_tau
+from qlvbayes.preprocess.noisefloor.posterior import Dwells, prior_log_tau
 from qlvbayes.preprocess.phases import MOVING, Phase
 from qlvbayes.preprocess.segments import sensor_noise
 
@@ -129,10 +129,10 @@ def _without_dwells(
         floor = _pooled(strokes, peak, quickest, length)
         about = "it is measured about smooth curves of single strokes"
     else:
-        found = [sensor_noise(t.time, t.force) for t in tests]
+        scatters = [sensor_noise(t.time, t.force) for t in tests]
         # one load cell reads all tests: one fast against its readings shows more than noise
-        white = min((noise for noise in found if noise > 0.0), default=0.0)
-        floor = NoiseFloor(white, 0.0, float(np.exp(usual_log_tau(length))))
+        white = min((noise for noise in scatters if noise > 0.0), default=0.0)
+        floor = NoiseFloor(white, 0.0, float(np.exp(prior_log_tau(length))))
         about = "its white part comes from neighbouring readings"
     if floor.ou == 0.0:
         floor = replace(floor, ou=floor.white, dwells=None)
@@ -170,40 +170,40 @@ def _pooled(dwells: list[Dwell], peak: float, quickest: float, length: float = 0
     """
     pool = _pool(dwells)
     lengths = [float(np.ptp(r.time)) for r in dwells]
-    usual, longest = float(np.median(lengths)), max(lengths)
-    neutral = _NEUTRAL * usual
+    typical, longest = float(np.median(lengths)), max(lengths)
+    neutral = _NEUTRAL * typical
     if length > 0.0:  # strokes: the prior's median is the longest memory that may be told from them
-        usual, neutral = length, float(np.exp(usual_log_tau(length)))
+        typical, neutral = length, float(np.exp(prior_log_tau(length)))
         longest = neutral / _LONGEST
     if not np.any(pool.y):
         return NoiseFloor(0.0, 0.0, neutral)
-    found = _fitted(pool, longest, usual, quickest)
+    posterior = _fitted(pool, longest, typical, quickest)
     growth, level = 0.0, float(np.mean(np.abs(pool.force)))
-    if peak > 0.0 and (grown := _growth(found, peak, level)) is not None:
+    if peak > 0.0 and (grown := _growth(posterior, peak, level)) is not None:
         growth, scaled = grown
-        found = _fitted(scaled, longest, usual, quickest)
-    pool = found.pool
+        posterior = _fitted(scaled, longest, typical, quickest)
+    pool = posterior.pool
     alone, variance = pool.of_white()
-    if found.best - alone < _DECISIVE:
+    if posterior.best - alone < _DECISIVE:
         white = float(np.sqrt(variance))
-        return NoiseFloor(white, 0.0, neutral, growth, level, dwells=found)
-    white = float(np.sqrt(pool.likelihood(found.ratio, found.tau, found.smooth)[1]))
-    ou, tau = white * float(np.exp(0.5 * found.ratio)), float(np.exp(found.tau))
-    return NoiseFloor(white, ou, tau, growth, level, smooth=found.smooth, dwells=found)
+        return NoiseFloor(white, 0.0, neutral, growth, level, dwells=posterior)
+    white = float(np.sqrt(pool.likelihood(posterior.ratio, posterior.tau, posterior.smooth)[1]))
+    ou, tau = white * float(np.exp(0.5 * posterior.ratio)), float(np.exp(posterior.tau))
+    return NoiseFloor(white, ou, tau, growth, level, smooth=posterior.smooth, dwells=posterior)
 
 
 def _pool(dwells: list[Dwell]) -> Pool:
     """With the finer trend where the coarser one would leave more than the noise."""
     span = max(float(np.ptp(r.force)) for r in dwells)
     for ratio in _TREND_RATIOS:
-        pool = Pool.of(dwells, ratio)
+        pool = Pool.from_dwells(dwells, ratio)
         averaged = pool.y[pool.count == pool.count.max()]
         if np.sqrt(np.mean(averaged**2)) > _QUIET * span:
             break
     return pool
 
 
-def _fitted(pool: Pool, longest: float, usual: float, quickest: float) -> Dwells:
+def _fitted(pool: Pool, longest: float, typical: float, quickest: float) -> Dwells:
     """The more likely of both kinds of correlated noise, at its mode, and the other beside it.
 
     Smooth noise is that of a low-pass, which makes the force late as well: its time is no longer
@@ -215,7 +215,7 @@ def _fitted(pool: Pool, longest: float, usual: float, quickest: float) -> Dwells
     taus = np.log([shortest, most])
     bounds = np.array([[_LEAST_RATIO, taus[0]], [_MOST_RATIO, taus[1]]])
     starts = [(r, t) for t in np.linspace(float(taus[0]), float(taus[1]), _TAUS) for r in _RATIOS]
-    rough = _mode(pool, bounds, usual_log_tau(usual), starts, smooth=False)
+    rough = _mode(pool, bounds, prior_log_tau(typical), starts, smooth=False)
     if rough.best - pool.of_white()[0] < _DECISIVE:
         return rough
     if (most := min(taus[1], np.log(quickest))) <= taus[0]:
@@ -223,36 +223,41 @@ def _fitted(pool: Pool, longest: float, usual: float, quickest: float) -> Dwells
     bounds = np.array([bounds[0], [bounds[1, 0], most]])
     lags = np.clip(rough.tau - np.array([0.5, 1.5, 3.0]), taus[0], most)
     around = [(rough.ratio, lag) for lag in lags.tolist()]
-    smooth = _mode(pool, bounds, rough.usual, around, smooth=True)
+    smooth = _mode(pool, bounds, rough.prior_log_tau, around, smooth=True)
     if smooth.best > rough.best + _DECISIVE:
         return replace(smooth, other=rough)
     return replace(rough, other=smooth)
 
 
 def _mode(
-    pool: Pool, bounds: Array, usual: float, starts: list[tuple[float, float]], *, smooth: bool
+    pool: Pool,
+    bounds: Array,
+    prior_log_tau: float,
+    starts: list[tuple[float, float]],
+    *,
+    smooth: bool,
 ) -> Dwells:
     """The top of the posterior, from the best of some (log ratio, log tau)."""
-    found = Dwells(pool, 0.0, 0.0, 0.0, bounds, usual, smooth, correlated=False)
-    start = min(starts, key=lambda at: found.loss(np.array(at)))
+    posterior = Dwells(pool, 0.0, 0.0, 0.0, bounds, prior_log_tau, smooth, correlated=False)
+    start = min(starts, key=lambda at: posterior.loss(np.array(at)))
     best = minimize(
-        found.loss, np.array(start), method="L-BFGS-B", bounds=Bounds(*bounds),
+        posterior.loss, np.array(start), method="L-BFGS-B", bounds=Bounds(*bounds),
         options={"maxiter": 15, "ftol": 1e-6},
     )  # fmt: skip
     ratio, tau = map(float, best.x)
     gain = pool.likelihood(ratio, tau, smooth)[0]
     sure = gain - pool.of_white()[0] > 3.0 * _DECISIVE
-    return replace(found, best=gain, ratio=ratio, tau=tau, correlated=sure)
+    return replace(posterior, best=gain, ratio=ratio, tau=tau, correlated=sure)
 
 
-def _growth(found: Dwells, peak: float, level: float) -> tuple[float, Pool] | None:
+def _growth(posterior: Dwells, peak: float, level: float) -> tuple[float, Pool] | None:
     """Growth (1/force) of the sd with the force, and dwells divided by it; None if none shows."""
     best = None
-    least = found.best + _GROWS
+    least = posterior.best + _GROWS
     for growth in _GROWTHS / peak:
-        scale = (1.0 + growth * np.abs(found.pool.force)) / (1.0 + growth * level)
-        scaled = found.pool.scaled(scale)
-        gain = scaled.likelihood(found.ratio, found.tau, found.smooth)[0]
+        scale = (1.0 + growth * np.abs(posterior.pool.force)) / (1.0 + growth * level)
+        scaled = posterior.pool.scaled(scale)
+        gain = scaled.likelihood(posterior.ratio, posterior.tau, posterior.smooth)[0]
         if gain > least:
             least, best = gain, (float(growth), scaled)
     return best

@@ -44,7 +44,7 @@ class Pool:
     constant: float = 0.0
 
     @classmethod
-    def of(cls, dwells: list[Dwell], ratio: float) -> Pool:
+    def from_dwells(cls, dwells: list[Dwell], ratio: float) -> Pool:
         """Means over runs, less their trends; ``ratio`` of neighbouring relaxation times."""
         trends = [trend(dwell, ratio) for dwell in dwells]
         values = [dwell.mean(dwell.force) for dwell in dwells]
@@ -84,7 +84,9 @@ class Pool:
 
     def of_white(self) -> tuple[float, float]:
         """Log-likelihood and variance of white noise alone."""
-        return self._restricted(self.count[:, None] * self._beside(), -np.log(self.count).sum())
+        return self._restricted(
+            self.count[:, None] * self._coefficients(), -np.log(self.count).sum()
+        )
 
     def likelihood(self, log_ratio: float, log_tau: float, smooth: bool) -> tuple[float, float]:
         """Restricted log-likelihood (up to a constant) and the white variance that suits it best.
@@ -101,15 +103,15 @@ class Pool:
         log_precision -= width * self.y.size * log_ratio
         band[-1, ::width] += shrink**2 * self.count
         factor = cholesky_banded(band, check_finite=False)
-        z = self._beside()
-        weighed = np.zeros((width * self.y.size, z.shape[1]))
-        weighed[::width] = (shrink * self.count)[:, None] * z
-        inner = cho_solve_banded((factor, False), weighed, check_finite=False)[::width]
+        z = self._coefficients()
+        weighted = np.zeros((width * self.y.size, z.shape[1]))
+        weighted[::width] = (shrink * self.count)[:, None] * z
+        inner = cho_solve_banded((factor, False), weighted, check_finite=False)[::width]
         solved = self.count[:, None] * (z - shrink[:, None] * inner)
         log_det = 2.0 * float(np.log(factor[-1]).sum()) - log_precision
         return self._restricted(solved, log_det - float(np.log(self.count).sum()))
 
-    def _beside(self) -> Array:
+    def _coefficients(self) -> Array:
         return np.column_stack([self.y, self.columns])
 
     def _restricted(self, solved: Array, log_det: float) -> tuple[float, float]:
@@ -149,8 +151,8 @@ def _smooth_precision(x: Array) -> tuple[Array, float]:
     """
     x = np.minimum(x, 300.0)
     decay, sine, cosine = np.exp(-x), np.sin(x), np.cos(x)
-    beside = np.sqrt(2.0) * sine
-    A = decay * np.array([[cosine + sine, beside], [-beside, cosine - sine]])
+    off_diagonal = np.sqrt(2.0) * sine
+    A = decay * np.array([[cosine + sine, off_diagonal], [-off_diagonal, cosine - sine]])
     own = 1.0 - decay**2 * (2.0 + np.sin(2.0 * x) - np.cos(2.0 * x))
     own = np.where(x < 1e-2, 8.0 * x**3 * (1.0 / 3.0 - 0.5 * x + x**2 / 3.0), own)
     cross = decay**2 * 2.0 * np.sqrt(2.0) * sine**2

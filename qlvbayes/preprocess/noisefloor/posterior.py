@@ -49,7 +49,7 @@ class Dwells:
     ratio: float
     tau: float
     bounds: Array
-    usual: float
+    prior_log_tau: float
     smooth: bool
     correlated: bool
     other: Dwells | None = None
@@ -75,11 +75,11 @@ class Dwells:
         share = self._share
         parts = np.sqrt([1.0 - share, share])
         few = round(count * parts[1] / parts.sum())
-        found, weights = self._own_weighted(count - few)
+        draws, weights = self._own_weighted(count - few)
         if self.other is None or few == 0:
-            return found, weights
-        others, beside = self.other._own_weighted(few)
-        return found + others, np.concatenate([(1.0 - share) * weights, share * beside])
+            return draws, weights
+        others, other_weights = self.other._own_weighted(few)
+        return draws + others, np.concatenate([(1.0 - share) * weights, share * other_weights])
 
     @property
     def _share(self) -> float:
@@ -96,29 +96,29 @@ class Dwells:
 
     def _own_weighted(self, count: int) -> tuple[list[Noise], Array]:
         weights = self._sample[2]
-        found, chosen = self._chosen(count, np.sqrt(weights))
+        draws, chosen = self._chosen(count, np.sqrt(weights))
         shares = np.sqrt(weights[chosen])
-        return found, shares / shares.sum()
+        return draws, shares / shares.sum()
 
     def _chosen(self, count: int, weights: Array) -> tuple[list[Noise], NDArray[np.intp]]:
         """Noises at places drawn by their weights, and which places those are."""
         # here and below, as it takes longer to load than a first look takes
         from scipy.stats import chi2
 
-        places, variances, _ = self._sample
+        points, variances, _ = self._sample
         shares = (np.arange(count) + 0.5) / count
         chosen = np.searchsorted(np.cumsum(weights), shares * weights.sum())
         chosen = np.clip(chosen, 0, weights.size - 1)
         mixed = np.random.default_rng(0).permutation(count)
         freedom = self.pool.freedom
         scales = np.sqrt(freedom / chi2.ppf(shares[mixed], freedom))
-        found = []
+        draws = []
         for k, scale in zip(chosen, scales, strict=True):
             white = float(np.sqrt(variances[k]) * scale)
-            ratio, tau = places[k]
+            ratio, tau = points[k]
             ou = white * float(np.exp(0.5 * ratio))
-            found.append(Noise(white, ou, float(np.exp(tau)), self.smooth))
-        return found, chosen
+            draws.append(Noise(white, ou, float(np.exp(tau)), self.smooth))
+        return draws, chosen
 
     @cached_property
     def _sample(self) -> tuple[Array, Array, Array]:
@@ -128,18 +128,20 @@ class Dwells:
         the density of both; Veach & Guibas 1995): where the dwells say little, nothing near the
         mode reaches what they leave open. -inf for log ratio is white noise alone.
         """
-        places, density = self._proposed()
-        inside = np.all((places > self.bounds[0]) & (places < self.bounds[1]), axis=1)
-        places, count = places[inside], density.size
-        found = [self.pool.likelihood(r, log_tau, self.smooth) for r, log_tau in places.tolist()]
-        logs, variances = np.array(found).T
-        weights = np.exp(logs - self.best) * self._prior(places) / density[inside]
+        points, density = self._proposed()
+        inside = np.all((points > self.bounds[0]) & (points < self.bounds[1]), axis=1)
+        points, count = points[inside], density.size
+        likelihoods = [
+            self.pool.likelihood(r, log_tau, self.smooth) for r, log_tau in points.tolist()
+        ]
+        logs, variances = np.array(likelihoods).T
+        weights = np.exp(logs - self.best) * self._prior(points) / density[inside]
         if not self.correlated:  # white noise alone beside it, as likely beforehand
             log_white, variance = self.pool.of_white()
-            places = np.concatenate([places, [[-np.inf, self.usual]]])
+            points = np.concatenate([points, [[-np.inf, self.prior_log_tau]]])
             variances = np.append(variances, variance)
             weights = np.append(weights, count * np.exp(log_white - self.best))
-        return places, variances, weights / weights.sum()
+        return points, variances, weights / weights.sum()
 
     def _proposed(self) -> tuple[Array, Array]:
         """Places (n, 2) about the mode and all over the prior, and the density of both there."""
@@ -148,20 +150,20 @@ class Dwells:
         mode, root = np.array([self.ratio, self.tau]), self._spread()
         near = mode + student_t(qmc.Sobol(3, seed=0).random(_POINTS)) @ root.T
         z = norm.ppf(qmc.Sobol(2, seed=0).random(_PRIOR_POINTS))
-        places = np.concatenate([near, [0.0, self.usual] + z * [_RATIO_SD, TAU_SD]])
-        z = np.linalg.solve(root, (places - mode).T)
+        points = np.concatenate([near, [0.0, self.prior_log_tau] + z * [_RATIO_SD, TAU_SD]])
+        z = np.linalg.solve(root, (points - mode).T)
         peak = 2.0 * np.pi * abs(float(np.linalg.det(root)))
         about = (1.0 + np.sum(z**2, axis=0) / _HEAVY) ** (-0.5 * (_HEAVY + 2.0)) / peak
-        return places, (_POINTS * about + _PRIOR_POINTS * self._prior(places)) / len(places)
+        return points, (_POINTS * about + _PRIOR_POINTS * self._prior(points)) / len(points)
 
-    def _prior(self, places: Array) -> Array:
+    def _prior(self, points: Array) -> Array:
         """Density (n,) of (log ratio, log tau): independent normals."""
-        ratio, tau = places.T
+        ratio, tau = points.T
         exponent = self._log_prior(tau) - 0.5 * (ratio / _RATIO_SD) ** 2
         return np.asarray(np.exp(exponent) / (2.0 * np.pi * _RATIO_SD * TAU_SD))
 
     def _log_prior(self, tau: Array) -> Array:
-        return -0.5 * ((tau - self.usual) / TAU_SD) ** 2
+        return -0.5 * ((tau - self.prior_log_tau) / TAU_SD) ** 2
 
     def loss(self, at: Array) -> float:
         """Minus log posterior at (log ratio, log tau), up to a constant."""
@@ -195,6 +197,6 @@ def student_t(uniform: Array) -> Array:
     return np.asarray(normal * np.sqrt(_HEAVY / chi2.ppf(clipped[:, 2:], _HEAVY)))
 
 
-def usual_log_tau(longest: float) -> float:
+def prior_log_tau(longest: float) -> float:
     """Log of the prior's median correlation time for dwells of that length (s)."""
     return float(np.log(_USUAL_TAU * longest))

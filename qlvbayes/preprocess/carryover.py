@@ -1,4 +1,4 @@
-"""How much of one test's force was still relaxing when the next began, in words."""
+"""Carryover: how much of one test's force was still relaxing when the next began."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from qlvbayes.laws.motion import Motion
 from qlvbayes.preprocess.experiment import Experiment, Trial
-from qlvbayes.preprocess.past import ROUNDED, carried_tests, pause
+from qlvbayes.preprocess.past import ROUNDED, pause, remembered_tests
 from qlvbayes.preprocess.record import Record
 
 _SEEN = 0.25  # of the noise at rest: what the mean of sixteen independent samples tells from none
@@ -21,8 +21,8 @@ Predict = Callable[[Record], np.ndarray]
 
 
 @dataclass(frozen=True)
-class CarriedOver:
-    """What a test has from the ones before it.
+class Carryover:
+    """The part of a test's force that earlier tests cause.
 
     before: the test just before it; pause: seconds between them; size: largest change of its force
     (N) against a beginning at rest; share: that over the largest force of the test before.
@@ -35,10 +35,10 @@ class CarriedOver:
     share: float
 
 
-def carried_over(
+def carryovers(
     experiment: Experiment, trials: Sequence[Trial], record: Record, predict: Predict
-) -> tuple[CarriedOver, ...]:
-    """What each of ``trials`` has from earlier tests; none where all began at rest.
+) -> tuple[Carryover, ...]:
+    """Return the carryover of each of ``trials``; none where all began at rest.
 
     record: of these trials; predict: block means (T, B) of the model for a record of that shape.
     """
@@ -47,24 +47,24 @@ def carried_over(
     change = np.abs(predict(record) - predict(_forgetting(record)))
     sizes = np.max(np.where(np.asarray(record.blocks.real), change, 0.0), axis=1)
     every = [trial.test for trial in experiment.trials]
-    found = []
+    carryovers = []
     for trial, size in zip(trials, sizes, strict=True):
-        remembered = carried_tests(every.index(trial.test), every, experiment.longest)
+        remembered = remembered_tests(every.index(trial.test), every, experiment.longest)
         if not remembered or experiment.rested:
             continue
         before = every[remembered[0]]
         between = pause(before, trial.test) or 0.0
         peak = float(np.max(np.abs(before.force)))
-        found.append(CarriedOver(trial.name, before.name, between, float(size), size / peak))
-    return tuple(found)
+        carryovers.append(Carryover(trial.name, before.name, between, float(size), size / peak))
+    return tuple(carryovers)
 
 
-def carried_notices(
+def carryover_notices(
     experiment: Experiment, trials: Sequence[Trial], record: Record, predict: Predict
 ) -> tuple[str, ...]:
-    """One sentence, on the test that has most from earlier ones, where that can be seen."""
-    found = carried_over(experiment, trials, record, predict)
-    seen = [one for one in found if one.size > _SEEN * experiment.floor.total]
+    """Return one sentence on the test with the largest carryover, where that can be seen."""
+    every = carryovers(experiment, trials, record, predict)
+    seen = [one for one in every if one.size > _SEEN * experiment.floor.total]
     if not seen:
         return ()
     most = max(seen, key=lambda one: one.share)
@@ -77,11 +77,11 @@ def carried_notices(
 
 
 def clock_notices(experiment: Experiment) -> tuple[str, ...]:
-    """Tests that began, by the clock that was declared, before another had ended."""
+    """Return one sentence on a test that began, by the declared clock, before another ended."""
     tests = sorted((t.test for t in experiment.trials), key=lambda test: test.start_s)
     early = [
         f"pad {experiment.pad}: test {after.name} begins, by its start_s, before {before.name} has "
-        "ended: nothing is carried from one to the other"
+        "ended: no carryover from one to the other is modelled"
         for before, after in pairwise(tests)
         if (pause(before, after) or 0.0) < -ROUNDED
     ]
@@ -93,7 +93,7 @@ def _percent(share: float) -> str:
 
 
 def _forgetting(record: Record) -> Record:
-    """The record, of the same shape, with every test begun at rest."""
+    """Return the record, of the same shape, with every test begun at rest."""
 
     def alone(motion: Motion) -> Motion:
         return replace(motion.alone, ago=motion.ago)
