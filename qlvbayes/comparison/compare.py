@@ -1,4 +1,4 @@
-"""Pads or fluids set against each other: every constant, and what an engineer reads from them."""
+"""Comparison of two pads or fluids: every constant, and the quantities derived from them."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def compare(
     frequencies: Sequence[float] | None = None,
     seed: int = 0,
 ) -> Comparison:
-    """Set two pads, or two groups of specimens, against each other.
+    """Compare two pads, or two groups of specimens.
 
     The draws of two pads are independent and are paired at random. With two specimens or more of
     each, their spread is estimated with the fluids' own values (normal, in the logarithm of what is
@@ -122,7 +122,7 @@ def _in_units(sides: Sequence[Side], units: UnitSystem) -> list[Side]:
 
 
 def _sides(source: Source | Sequence[Source], label: str) -> list[Side]:
-    """One pad or more; draws, which have no name of their own, are called by the label."""
+    """Return the pads of one side; draws, which have no name, get the label."""
     several = [source] if isinstance(source, (Fit, Saved, Mapping)) else source
     suffixes = [""] if len(several) == 1 else [f" {k}" for k in range(1, len(several) + 1)]
     sides = [side_of(one, f"{label}{n}") for one, n in zip(several, suffixes, strict=True)]
@@ -144,7 +144,7 @@ def _contrasts(
     rng: np.random.Generator,
     apart: Sequence[str],
 ) -> tuple[list[Contrast], list[str]]:
-    """Every contrast, constants first; and the quantities that no model could give.
+    """Return every contrast, constants first, and the quantities that no model could give.
 
     apart: times that some tests do not hold; what these do not show cannot be told then.
     """
@@ -170,7 +170,7 @@ def _contrasts(
 
 
 def _table(side: Side, shared: Sequence[Reading], settings: Settings) -> np.ndarray:
-    """(n, Q) draws of the shared constants and of what is read."""
+    """Return draws (n, Q) of the shared constants and of the derived quantities."""
     constants = [side.constants[reading.quantity] for reading in shared]
     return np.column_stack([*constants, side.read(settings)])
 
@@ -186,7 +186,7 @@ def _omnibus(
 
 
 def _of_shown(contrasts: Sequence[Contrast]) -> Omnibus | None:
-    """Of what all tests show; what is equal within the region speaks for no difference.
+    """Test the quantities that all tests show; those equal within the region count as equal.
 
     Models of tests that are unlike miss by more than their intervals say, but not by that much.
     """
@@ -196,7 +196,7 @@ def _of_shown(contrasts: Sequence[Contrast]) -> Omnibus | None:
 
 
 def _differ(omnibus: Omnibus | None, constants: Sequence[Contrast]) -> bool | None:
-    """True, False where all are shown to be equal, None where the data cannot tell."""
+    """Return True, False where all are shown to be equal, None where the data are undecided."""
     if omnibus is None:
         return None
     if omnibus.p_value < omnibus.false_alarms:
@@ -205,7 +205,7 @@ def _differ(omnibus: Omnibus | None, constants: Sequence[Contrast]) -> bool | No
 
 
 def contrast(reading: Reading, first: np.ndarray, second: np.ndarray, region: float) -> Contrast:
-    """Set draws (n,) of the first against draws (n,) of the second, independent of each other."""
+    """Compare draws (n,) of the first with draws (n,) of the second, independent of each other."""
     positive = bool(np.min(first) > 0.0 and np.min(second) > 0.0)
     direction = float(np.mean(first > second) + 0.5 * np.mean(first == second))
     equivalence = float(np.mean(alike(first, second, region)))
@@ -225,20 +225,20 @@ def contrast(reading: Reading, first: np.ndarray, second: np.ndarray, region: fl
 
 
 def interval(draws: np.ndarray) -> Interval:
-    """Median and central 90 %."""
+    """Return the median and the central 90 % interval."""
     tail = 0.5 * (1.0 - SHARE)
     low, median, high = np.quantile(draws, [tail, 0.5, 1.0 - tail])
     return Interval(float(median), float(low), float(high))
 
 
 def alike(first: np.ndarray, second: np.ndarray, region: float) -> np.ndarray:
-    """Whether the ratio lies within 1/(1 + region) .. 1 + region; two zeros are alike."""
+    """Return whether the ratio lies within 1/(1 + region) .. 1 + region; two zeros do."""
     larger = np.maximum(np.abs(first), np.abs(second))
     return np.abs(first - second) <= larger * (region / (1.0 + region))
 
 
 def answer(direction: float, equivalence: float) -> str:
-    """Equal before different: what differs within the region is practically equal."""
+    """Return the answer; what differs only within the region counts as equal."""
     if equivalence >= EQUAL:
         return "equal"
     if direction >= DECIDED:

@@ -1,4 +1,4 @@
-"""Several specimens of each of two fluids: the fluids' own values, with specimens' spread."""
+"""Hierarchical comparison of two fluids, each with several specimens."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Specimens:
 def fluid_draws(
     groups: Sequence[Sequence[np.ndarray]], rng: np.random.Generator
 ) -> list[np.ndarray]:
-    """Draws (4000,) of one quantity of each fluid, from draws (n,) of each of its specimens.
+    """Return draws (4000,) of one quantity of each fluid, from draws (n,) of its specimens.
 
     In the logarithm where every draw is positive, else as it is.
     """
@@ -47,7 +47,7 @@ def fluid_draws(
 
 
 def spread_posterior(groups: Sequence[Specimens], scale: float) -> tuple[np.ndarray, np.ndarray]:
-    r"""Grid of the spread tau between specimens, one for all fluids, and its probabilities.
+    r"""Return a grid of the spread tau between specimens, and its probabilities.
 
     .. math:: y_{gj} \sim N(\theta_{gj}, s_{gj}), \theta_{gj} \sim N(\mu_g, \tau),
               p(\mu_g) \propto 1, \tau \sim \text{half-Cauchy}(\text{scale})
@@ -70,7 +70,7 @@ def spread_posterior(groups: Sequence[Specimens], scale: float) -> tuple[np.ndar
 
 
 def _centre(specimens: Specimens, spreads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and variance (T,) of a fluid's own value, given the spread (T,)."""
+    """Return mean and variance (T,) of a fluid's own value, given the spread (T,)."""
     precision = 1.0 / (spreads[:, None] ** 2 + specimens.sd**2)
     variance = 1.0 / precision.sum(axis=1)
     return variance * (precision * specimens.mean).sum(axis=1), variance

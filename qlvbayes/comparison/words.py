@@ -1,4 +1,4 @@
-"""A comparison in plain words: do they differ, in what, what cannot be told, what to know of it."""
+"""Sentences of a comparison."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _SHARED = {"constants": "in every shared constant", "shown": "in all that both t
 
 
 def paragraphs(comparison: Comparison) -> list[str]:
-    """The answer: first whether they differ, then quantity by quantity, then what limits it."""
+    """Return the answer: whether they differ, each quantity, and the limits of the comparison."""
     return [
         _verdict(comparison),
         *_relaxation(comparison),
@@ -61,7 +61,7 @@ def _test(comparison: Comparison) -> str:
 
 
 def _most(comparison: Comparison, region: str) -> str:
-    """The quantity that differs most."""
+    """Name the quantity that differs most."""
     apart = [c for c in comparison.contrasts if c.answer in ("greater", "less") and c.ratio]
     if all(c.answer == "equal" for c in comparison.contrasts):
         return f" Yet every quantity is equal within {region}: the difference is real but small."
@@ -74,7 +74,7 @@ def _most(comparison: Comparison, region: str) -> str:
 
 
 def _relaxation(comparison: Comparison) -> list[str]:
-    """The relaxation rates, which the paper's table gives as the same for both fluids."""
+    """Describe the relaxation rates, which the paper's table gives as equal for both fluids."""
     rates = [c for c in comparison.of_group("constants") if c.quantity.startswith("v[")]
     if not rates:
         return []
@@ -136,7 +136,7 @@ def _unit(unit: str) -> str:
 
 
 def _share(probability: float) -> str:
-    """Per cent, never a certainty that so many draws cannot show."""
+    """Format per cent, never a certainty that so many draws cannot show."""
     if probability > 0.999:
         return "> 99.9 %"
     return "< 0.1 %" if probability < 0.001 else f"{100 * probability:.1f} %"
@@ -155,7 +155,7 @@ def notices(
     lost: Sequence[str],
     apart: Sequence[str],
 ) -> Iterator[str]:
-    """One sentence each."""
+    """Yield one sentence on each limit of the comparison."""
     sides = [*groups[0], *groups[1]]
     yield from _specimens(groups, labels)
     if apart:

@@ -1,4 +1,4 @@
-"""A comparison on disk: JSON, CSV, LaTeX and plain words."""
+"""Files of a comparison: JSON, CSV, LaTeX and text."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def write_comparison(folder: Path, comparison: Comparison) -> list[Path]:
 
 
 def as_csv(comparison: Comparison) -> str:
-    """A row a quantity: medians and central 90 % intervals, probabilities, the answer."""
+    """Return a row for each quantity: medians, central 90 % intervals, probabilities, answer."""
     file = io.StringIO()
     table = csv.writer(file, lineterminator="\n")
     heads = [f"{what}_{c}" for what in ("first", "second", "difference", "ratio") for c in _COLUMNS]
@@ -56,7 +56,7 @@ def _numbers(value: Interval | None) -> list[str]:
 
 
 def as_latex(comparison: Comparison) -> str:
-    """A table for the booktabs package: values, ratio (or difference), probabilities, answer."""
+    """Return a table for the booktabs package: values, ratio (or difference), answer."""
     one, other = (tex(name) for name in comparison.names)
     lines = [
         "% needs \\usepackage{booktabs}",

@@ -1,4 +1,4 @@
-"""One task run for every item of many, in order, by whatever works for it."""
+"""Execution of one task for every item of many, in order, by any engine."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _IN_TURN = threading.Lock()  # figures have settings of the whole process: one t
 
 @dataclass(frozen=True, eq=False)
 class Outcome(Generic[Item, Answer]):
-    """What became of one item: the task's answer, or why there is none."""
+    """Result of one item: the task's answer, or its fault."""
 
     item: Item
     answer: Answer | None
@@ -76,7 +76,7 @@ def run_all(
 
 @cache
 def package_digest() -> str:
-    """Of the package's source: results of other code are not taken for finished."""
+    """Return the digest of the package's source; results of other code are not reused."""
     digest = hashlib.sha256()
     root = Path(qlvbayes.__file__).parent
     for file in sorted(root.rglob("*.py")):
@@ -85,14 +85,14 @@ def package_digest() -> str:
 
 
 def _passed(item: Any) -> Outcome[Any, Any] | None:
-    """What needs no work: a fault, or an outcome that is known already."""
+    """Return the outcome of an item that needs no work: a fault, or a known outcome."""
     if isinstance(item, Outcome):
         return item
     return Outcome(item, None, item) if isinstance(item, Fault) else None
 
 
 def _tried(task: Callable[[Item], Answer], item: Item) -> tuple[Answer | None, Fault | None]:
-    """The task's answer, or its fault; both can be pickled where an exception may not be."""
+    """Return the task's answer, or its fault; both can be pickled, an exception may not."""
     # numbers must not depend on how many threads there are
     with _IN_TURN, one_blas_thread(), _without_scheduler():
         try:
@@ -107,7 +107,7 @@ def _tried(task: Callable[[Item], Answer], item: Item) -> tuple[Answer | None, F
 def _tried_elsewhere(
     code: str, task: Callable[[Item], Answer], item: Item
 ) -> tuple[Answer | None, Fault | None]:
-    """As `_tried`, where the worker has the same package: results of two are not mixed."""
+    """Run `_tried` if the worker has the same package, so that results are not mixed."""
     if code != package_digest():
         version = f"the worker has another version of qlvbayes ({qlvbayes.__version__})"
         return None, Fault(f"{version}; install the same one where it runs")
@@ -115,7 +115,7 @@ def _tried_elsewhere(
 
 
 def _without_scheduler() -> AbstractContextManager[object]:
-    """In a worker of Dask: xarray would ask the scheduler for a lock on each file it writes."""
+    """Stop xarray, in a worker of Dask, from asking the scheduler for locks on files."""
     if "distributed" not in sys.modules:
         return nullcontext()
     import dask
@@ -126,7 +126,7 @@ def _without_scheduler() -> AbstractContextManager[object]:
 
 @dataclass(eq=False)
 class _Run(Generic[Item, Answer]):
-    """Items on their way through an engine.
+    """Items that pass through an engine.
 
     A process that dies takes all others of its pool with it. What was being worked on then is done
     again one by one, so that the item at fault is known and no other pays for it.
@@ -144,7 +144,7 @@ class _Run(Generic[Item, Answer]):
     deaths: int = 0
 
     def through(self, items: Iterator[Item]) -> Iterator[Outcome[Item, Answer]]:
-        """All outcomes in order."""
+        """Yield all outcomes in order."""
         numbered, next_index = enumerate(items), 0
         more = True
         while True:
@@ -158,7 +158,7 @@ class _Run(Generic[Item, Answer]):
                 return
 
     def _hand_over(self, numbered: Iterator[tuple[int, Item]]) -> bool:
-        """As many items as the engine takes; whether there may be more of them."""
+        """Submit as many items as the engine takes; return whether more may follow."""
         if self.suspects:
             if not self.handed:
                 index, item = self.suspects.popleft()
@@ -228,5 +228,5 @@ _DIED = Fault(
 
 
 def _of_engine(error: Exception) -> Fault:
-    """Dask gives up on what its workers die of; anything else is an error of the program."""
+    """Return the fault of an error in the engine: Dask raises it when workers die."""
     return _DIED if type(error).__name__ == "KilledWorker" else fault_of(error)

@@ -1,4 +1,4 @@
-"""How far readings may lie from the path of the platen, alone and in runs of neighbours.
+"""Bounds on the residuals of a fitted motion, of single readings and of runs of neighbours.
 
 A reading alone shows no misfit below several standard deviations of the scatter. The mean of m
 neighbours scatters by 1 / sqrt(m) of that: what is too small to be seen in one reading shows in a
@@ -24,7 +24,7 @@ _TINY = 1e-300  # for a platen that never moves
 
 @dataclass(frozen=True)
 class Tolerance:
-    """How far a faithful curve may stay from readings, all in units of displacement.
+    """Largest residuals of a motion that agrees with its readings, in units of displacement.
 
     ``sample`` bounds each residual, ``rest`` the half-range of readings at rest; with sensor noise
     above the encoder step (``noise`` > 0, its sd) the means of runs of readings are bounded as
@@ -41,27 +41,27 @@ class Tolerance:
 
     @property
     def farthest(self) -> float:
-        """From a reading that a path may be: two resolutions, or what is bounded above if more."""
+        """Largest distance of a path from a reading: two resolutions, or more with noise."""
         return max(2.0 * self.step, 2.0 * self.noise, 1.25 * max(self.sample, self.rest))
 
     @property
     def variance(self) -> float:
-        """Mean square of a reading's error: rounding, scatter, or what needs no following."""
+        """Variance of a reading's error, from rounding and scatter."""
         known = self.step**2 / 12.0 + self.noise**2
         return max(known, (_UNSEEN * self.sample) ** 2 if known == 0.0 else 0.0)
 
     @property
     def resolution(self) -> float:
-        """The largest of step, scatter's sd and floor."""
+        """Largest of the encoder step, the scatter's sd and the floor."""
         return max(self.step, self.noise, self.floor)
 
     def run(self, length: int) -> float:
-        """What the mean of so many neighbouring residuals may be."""
+        """Return the largest allowed mean of this many neighbouring residuals."""
         return max(0.5 * self.step + self.spread / float(np.sqrt(length)), self.floor)
 
 
 def excess(residual: Array, tol: Tolerance, alone: float, common: float = 0.0) -> Array:
-    """How far each reading (n,) is off, or a run about it, over what is allowed: at most 1.
+    """Return the residual (n,) of each reading, or of a run around it, over its bound.
 
     residual (n,): readings less a path, in order of time; alone: what one reading may be off;
     common: what all may be off together.
@@ -74,7 +74,7 @@ def excess(residual: Array, tol: Tolerance, alone: float, common: float = 0.0) -
 
 
 def runs(residual: Array, tol: Tolerance) -> Iterator[tuple[int, Array]]:
-    """Lengths m = 2, 4, 8, ... with the sizes (n - m + 1,) of the means of m neighbours.
+    """Yield the lengths m = 2, 4, 8, ... with the absolute means (n - m + 1,) of m neighbours.
 
     In an exact record, whose readings do not scatter, there are none.
     """
@@ -89,7 +89,7 @@ def runs(residual: Array, tol: Tolerance) -> Iterator[tuple[int, Array]]:
 
 @dataclass(frozen=True)
 class Departure:
-    """Where a motion is farthest from its readings, beyond what their errors explain.
+    """The largest deviation of a motion from its readings, beyond what their errors explain.
 
     time: s; distance, explained: in units of displacement, of the mean of so many neighbouring
     ``readings`` about that time.
@@ -101,7 +101,7 @@ class Departure:
     readings: int = 1
 
     def notice(self, test: str, unit: str) -> str:
-        """In a sentence."""
+        """Describe the deviation in a sentence."""
         those = "reading" if self.readings == 1 else f"mean of {self.readings} readings"
         return (
             f"test {test}: the fitted motion is {self.distance:.3g} {unit} from the {those} at "
@@ -111,7 +111,7 @@ class Departure:
 
 
 def departure_of(time: Array, residual: Array, tol: Tolerance) -> Departure | None:
-    """Return where a path leaves its readings most; None where it is with all of them.
+    """Return the largest deviation of a path from its readings; None if none is significant.
 
     residual (n,): readings at times (n,) in s less the path. Each reading is looked at, and each
     run of neighbours: its mean may be off by two resolutions, or by what rounding and scatter make

@@ -1,4 +1,4 @@
-"""How exact a record's time stamps are."""
+"""Errors of a record's time stamps."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def clock_error(time: Array) -> float:
 
 
 def _on_a_lattice(gaps: Array) -> bool:
-    """Whether all are multiples of the least, or of more than one unit of their last decimal."""
+    """Return whether all intervals are multiples of one, or of several last decimals."""
     if _multiples(gaps, float(gaps.min())):
         return True
     step = last_decimal(gaps)

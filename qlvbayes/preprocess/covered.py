@@ -1,4 +1,4 @@
-"""What a pad's tests cover: depths, speeds and times, beyond which a model extrapolates."""
+"""Ranges that a pad's tests cover: depths, speeds and times, outside which a model extrapolates."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from qlvbayes.preprocess.experiment import Experiment
 
 @dataclass(frozen=True)
 class Covered:
-    """The ranges of one pad's tests.
+    """Ranges of depth, speed and time of one pad's tests.
 
     depth: largest depth, slowest, fastest: loading rates, in the pad's units; quickest: duration
     of the shortest ramp (s); hold: duration of the longest dwell (s); tests: how many.
@@ -25,17 +25,17 @@ class Covered:
     tests: int
 
     def as_dict(self) -> dict[str, float]:
-        """For JSON."""
+        """Return plain values for JSON."""
         return asdict(self)
 
     def times(self, factor: float) -> Covered:
-        """The same in a unit of displacement that is 1/factor as large."""
+        """Return the ranges in a unit of displacement that is 1/factor as large."""
         sizes = {name: factor * getattr(self, name) for name in ("depth", "slowest", "fastest")}
         return replace(self, **sizes)
 
 
 def covered(experiment: Experiment) -> Covered:
-    """Ranges of all tests of a pad; without any dwell the longest phase stands for ``hold``."""
+    """Return the ranges of a pad's tests; without a dwell ``hold`` is the longest phase."""
     trials = experiment.trials
     phases = [phase for trial in trials for phase in trial.phases]
     ramps = [p.stop - p.start for p in phases if p.kind == "ramp"]

@@ -1,4 +1,4 @@
-"""Tests of which the user wants a part alone: up to where a specimen tears, or without a phase."""
+"""Selection of a part of a test, such as the part before the specimen tears."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _REMEDY = "write --use 'TEST:0..18mm' for its part to a displacement, 'TEST:0..1
 
 @dataclass(frozen=True)
 class Cut:
-    """The part of a test that is used: from low to high, in time (s) or displacement (``unit``)."""
+    """The part of a test from low to high, in time (s) or displacement (``unit``)."""
 
     test: str
     low: float
@@ -30,7 +30,7 @@ class Cut:
 
     @classmethod
     def from_text(cls, text: str) -> Cut:
-        """From ``TEST:0..18mm``; InputError where it is none."""
+        """Read ``TEST:0..18mm``; raise InputError if the text has another form."""
         match = _FORM.fullmatch(text.strip())
         units = (*SUFFIXES["time"], *SUFFIXES["displacement"], "")
         if match is None or match["unit"].strip() not in units:
@@ -42,11 +42,11 @@ class Cut:
         return cls(match["test"].strip(), low, high, match["unit"].strip(), text)
 
     def names(self, test: Test) -> bool:
-        """Whether it is of this test: by the test's name, or PAD/TEST."""
+        """Return whether the cut is of this test, by the test's name or PAD/TEST."""
         return self.test in (test.name, f"{test.pad}/{test.name}")
 
     def of_test(self, test: Test, pad: Pad) -> Test:
-        """From where a test first reaches ``low`` to where it first goes beyond ``high``.
+        """Return the test from where it first reaches ``low`` to where it first exceeds ``high``.
 
         Time begins anew where the beginning is cut. Raises InputError where fewer than ten rows are
         left, or the unit is not one of the pad's.
@@ -76,7 +76,7 @@ class Cut:
         )
 
     def _factor(self, pad: Pad) -> float:
-        """From the pad's unit of displacement to the cut's."""
+        """Return the factor from the pad's unit of displacement to the cut's unit."""
         own = pad.units.displacement
         if not self.unit:
             return 1.0
@@ -87,7 +87,7 @@ class Cut:
 
 
 def cut(pad: Pad, use: Sequence[str]) -> tuple[Pad, tuple[str, ...]]:
-    """A pad whose tests have the parts that are used, and a sentence on each that was cut."""
+    """Return a pad with the selected parts of its tests, and a sentence on each cut."""
     tests, notices = list(pad.tests), []
     for one in map(Cut.from_text, use):
         for k, test in enumerate(tests):
@@ -103,7 +103,7 @@ def cut(pad: Pad, use: Sequence[str]) -> tuple[Pad, tuple[str, ...]]:
 
 
 def refuse_unknown(pads: Sequence[Pad], use: Sequence[str]) -> None:
-    """Raise InputError where a cut names a test that no pad has, or is none."""
+    """Raise InputError if a cut names a test that no pad has, or cannot be read."""
     for one in map(Cut.from_text, use):
         tests = [test for pad in pads for test in pad.tests]
         if not any(one.names(test) for test in tests):

@@ -1,4 +1,4 @@
-"""The step to which an encoder rounds the displacement."""
+"""The resolution to which an encoder rounds the displacement."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def encoder_step(displacement: Array) -> float:
 
 
 def _lattice(displacement: Array) -> float:
-    """The step of which all changes are multiples; 0 if there is none or it does not show.
+    """Return the step of which all changes are multiples; 0 if there is none or it is not visible.
 
     A record of exactly straight lines has equal changes too, so the changes must come in more
     than one size, or now and then be missing (or come) for a single reading. Of a large step the
@@ -81,7 +81,7 @@ def encoder_steps(displacements: Sequence[Array]) -> list[float]:
 
 
 def averaged(displacement: Array, step: float) -> int:
-    """Return of how many rounded readings each is the mean; 1 if of one, 0 if it does not show.
+    """Return how many rounded readings each reading is the mean of; 1 for one, 0 if unknown.
 
     A slow motion repeats readings that were rounded. Where their means change by a fraction of the
     rounding, they repeat only at whole multiples of it, and pass from one to the next within a
@@ -105,7 +105,7 @@ def averaged(displacement: Array, step: float) -> int:
 
 
 def _divides(step: float, displacement: Array) -> bool:
-    """Whether all changes are multiples of a step."""
+    """Return whether all changes are multiples of a step."""
     changes = np.abs(np.diff(displacement))
     rest = np.abs(changes - np.round(changes / step) * step)
     return bool(np.all(rest <= max(0.05 * step, 1e-9 * float(np.ptp(displacement)))))

@@ -1,4 +1,4 @@
-r"""How far a fitted motion may be from the true one, from the readings' own error.
+r"""Errors of a fitted motion that follow from the errors of its readings.
 
 For readings of variance s_i^2 and a least-squares spline with basis B the errors of displacement
 and of its derivatives have the variance
@@ -68,7 +68,7 @@ def errors(stretch: Stretch, tol: Tolerance) -> Errors:
 
 
 def _variance(stretch: Stretch, inside: NDArray[np.intp], tol: Tolerance) -> Array:
-    """(n,) of each reading: as residuals have it in an exact record, else from its encoder."""
+    """Return the variance (n,) of each reading, of residuals or of the encoder."""
     x, t = stretch.window.displacement[inside], stretch.window.time[inside]
     if tol.step == 0.0 and tol.noise == 0.0:
         left = x - evaluated(stretch, t)
@@ -81,7 +81,7 @@ def _variance(stretch: Stretch, inside: NDArray[np.intp], tol: Tolerance) -> Arr
 
 
 def repeated_knots(joints: Joints, degree: int) -> tuple[Array, slice]:
-    """Knots with multiplicity, and the coefficients that dwells at the ends leave free."""
+    """Return the knots with multiplicity, and the coefficients that are free at the ends."""
     smooth = 2 if degree == 2 else 1  # a quintic's knots are not looked for
     repeats = np.where(joints.kinked, 3, smooth)
     repeats[0] = repeats[-1] = degree + 1
@@ -92,7 +92,7 @@ def repeated_knots(joints: Joints, degree: int) -> tuple[Array, slice]:
 
 
 def derivative(t: Array, full: Array, degree: int, order: int) -> csr_array:
-    """Derivatives of the B-splines (n, coefficients)."""
+    """Return the matrix (n, coefficients) of derivatives of the B-splines."""
     size = full.size - degree - 1
     shift = None
     for step in range(order):
@@ -112,7 +112,7 @@ def derivative(t: Array, full: Array, degree: int, order: int) -> csr_array:
 
 
 def _quadratic_forms(basis: csr_array, rows: list[csr_array]) -> Array:
-    """(len(rows), n) diagonals of rows (basis^T basis)^-1 rows^T, some coefficients at a time.
+    """Return the diagonals (len(rows), n) of rows (basis^T basis)^-1 rows^T, in chunks.
 
     Far coefficients hardly matter, so that each chunk is inverted with a margin about it.
     """
@@ -134,6 +134,6 @@ def _quadratic_forms(basis: csr_array, rows: list[csr_array]) -> Array:
 
 
 def _middle(basis: csr_array) -> NDArray[np.intp]:
-    """A column near the middle of each row's entries."""
+    """Return a column near the middle of each row's entries."""
     start, stop = basis.indptr[:-1], basis.indptr[1:]
     return np.asarray(basis.indices[np.minimum((start + stop) // 2, basis.indices.size - 1)])

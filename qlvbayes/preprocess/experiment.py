@@ -1,4 +1,4 @@
-"""A pad's tests made ready: motion, phases, rates, roles and the noise floor."""
+"""A pad's tests prepared for a fit: motion, phases, rates, roles and the noise floor."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _CHORD_SHARE = 0.1  # of the noise, that the grid's straight lines may add
 
 @dataclass(frozen=True)
 class Trial:
-    """One test with what was found in it; ``rate`` is the loading rate, displacement over s.
+    """One test with its motion and phases; ``rate`` is the loading rate, displacement over s.
 
     control: what was prescribed; phases are those of the force where that was; left_out: the bad
     readings, which ``test`` no longer has; None where there were none.
@@ -54,19 +54,19 @@ class Trial:
 
     @property
     def name(self) -> str:
-        """The test's name."""
+        """Name of the test."""
         return self.test.name
 
     @property
     def approached(self) -> bool:
-        """Whether a record that begins on the move came from zero by an approach before it.
+        """Whether a record that begins in motion was preceded by an approach from zero.
 
         Under a prescribed force it is creep from the beginning: the weight was put on at once.
         """
         return self.control == "displacement"
 
     def phase_of(self, time: np.ndarray) -> np.ndarray:
-        """Kind of phase (N,) at each time."""
+        """Return the kind of phase (N,) at each time."""
         return np.array([phase.kind for phase in self.phases])[phase_index(self.phases, time)]
 
 
@@ -88,7 +88,7 @@ class Experiment:
 
     @property
     def care(self) -> Care:
-        """How finely records are to be described for this noise.
+        """How finely records are to be reduced, given the noise.
 
         Straight lines may make a tenth of what the noise changes by between two readings.
         """
@@ -101,7 +101,7 @@ class Experiment:
 
     @property
     def notices(self) -> tuple[str, ...]:
-        """What one should know of the readings, in words.
+        """Sentences on the readings that a user should know of.
 
         Those left out, those from which the fitted motion is far, and what was prescribed.
         """
@@ -110,14 +110,14 @@ class Experiment:
 
     @property
     def _departures(self) -> tuple[str, ...]:
-        """One sentence on each test whose motion is farther from a reading than errors explain."""
+        """Sentences on the tests whose motion deviates from a reading by more than its error."""
         unit = self.units.displacement
         departures = [(trial.name, trial.trajectory.departure) for trial in self.trials]
         return tuple(f"pad {self.pad}: {off.notice(name, unit)}" for name, off in departures if off)
 
     @property
     def _load_controlled(self) -> tuple[str, ...]:
-        """One sentence on the tests that were taken as load-controlled without being told so."""
+        """A sentence on the tests that were classified as load-controlled."""
         names = [t.name for t in self.trials if t.control == "force" and t.test.control is None]
         if not names:
             return ()
@@ -128,7 +128,7 @@ class Experiment:
         )
 
     def with_role(self, role: str) -> tuple[Trial, ...]:
-        """The trials that are fitted, or those that validate."""
+        """Return the trials that are fitted, or those that validate."""
         return tuple(trial for trial in self.trials if trial.role == role)
 
     @property
@@ -149,7 +149,7 @@ class Experiment:
 
     @property
     def scales(self) -> Scales:
-        """The sizes that default priors are scaled to."""
+        """Sizes that the default priors are scaled to."""
         from qlvbayes.laws.scales import Scales
 
         tests = [trial.test for trial in self.trials]
@@ -173,21 +173,21 @@ class Experiment:
 
     @property
     def clock_zero(self) -> float:
-        """The clock (s) at the beginning of the pad's first test."""
+        """Clock (s) at the beginning of the pad's first test."""
         return min(trial.test.start_s + float(trial.test.time[0]) for trial in self.trials)
 
     def tests_before(self, trial: Trial) -> int:
-        """How many tests of the pad began before this one."""
+        """Return the number of the pad's tests that began before this one."""
         return sum(other.test.start_s < trial.test.start_s for other in self.trials)
 
     def record(self, trials: Sequence[Trial]) -> Record:
-        """Block averages of some trials, as one batch."""
+        """Return the block averages of some trials, as one batch."""
         from qlvbayes.preprocess.record import batch
 
         return batch([self.reduced(trial) for trial in trials])
 
     def reduced(self, trial: Trial, some: Test | None = None) -> Record:
-        """The record of a trial; of some of its samples each is its own block."""
+        """Return the record of a trial; each of ``some`` of its samples is a block of its own."""
         from qlvbayes.preprocess.reduction import reduce_test  # which loads JAX
 
         test = trial.test
@@ -206,7 +206,7 @@ class Experiment:
         )
 
     def past(self, trial: Trial) -> Past | None:
-        """What a test remembers of those before it; None where it began at rest."""
+        """Return the earlier tests that a test remembers; None if it began at rest."""
         if self.rested:
             return None
         names = [t.name for t in self.trials]
@@ -226,7 +226,7 @@ def prepare(
     keep_all_readings: bool = False,
     use: Sequence[str] = (),
 ) -> Experiment:
-    """Find motion, phases, rates and the noise floor of a pad, and settle which tests are fitted.
+    """Find motion, phases, rates and noise floor of a pad, and decide which tests are fitted.
 
     Tests without a role: the one whose rate is nearest to 20 mm/s (in the logarithm) is fitted,
     the others validate; ``all_tests`` fits every one. Readings that their neighbours contradict
@@ -266,7 +266,7 @@ def _trial(test: Test, step: float, scatter: float, left_out: BadReadings | None
 
 
 def _rate(trajectory: Trajectory, phases: tuple[Phase, ...], control: Control) -> float:
-    """The loading rate; of a weight that was put on at once the largest speed of the creep."""
+    """Return the loading rate; under a weight put on at once, the creep's largest speed."""
     if control == "force" and not any(phase.kind == "ramp" for phase in phases):
         return trajectory.top_speed
     return loading_rate(trajectory, phases)

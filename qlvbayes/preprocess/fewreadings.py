@@ -39,7 +39,7 @@ _MOVED = 1e-3  # of the stroke, from which a reading is taken to be in motion
 def trapezoid(
     window: Window, left: float, right: float, variance: float
 ) -> tuple[Joints, Pieces, float] | None:
-    """The gentlest trapezoid that readings allow between two levels, and how far the worst is off.
+    """Return the trapezoid of least acceleration that fits the readings, and its largest residual.
 
     variance: of a reading; among those that explain the readings as well, up to two sds of the
     likelihood, the one of least acceleration is taken. None where not even three readings are in
@@ -59,7 +59,7 @@ def trapezoid(
         return _shape(time, *parameters) - share
 
     def fit(start: Array, free: int) -> Array:
-        """The first of the three numbers fitted, the others as they are."""
+        """Fit the first ``free`` of the three parameters and keep the others."""
 
         def left_over(some: Array) -> Array:
             return off(np.concatenate([some, start[free:]]))
@@ -85,14 +85,14 @@ def trapezoid(
 
 
 def _shape(time: Array, begin: Any, duration: Any, r: Any) -> Array:
-    """Share of the stroke at times (n,) in s."""
+    """Return the share of the stroke at times (n,) in s."""
     s = np.clip((time - begin) / duration, 0.0, 1.0)
     early, late = s**2 / (2.0 * r), 1.0 - r - (1.0 - s) ** 2 / (2.0 * r)
     return np.where(s < r, early, np.where(s > 1.0 - r, late, s - 0.5 * r)) / (1.0 - r)
 
 
 def monotone(time: Array, displacement: Array, *, rests: tuple[bool, bool]) -> Pieces:
-    """Through readings (n,), n >= 2; rests: whether the platen stands before the first and after.
+    """Return cubics through readings (n,), n >= 2; rests: whether the platen rests at each end.
 
     There the velocity is 0.
     """
@@ -111,7 +111,7 @@ def monotone(time: Array, displacement: Array, *, rests: tuple[bool, bool]) -> P
 
 
 def strays_between(path_at: Array, path_between: Array, readings: Array, most: float) -> Array:
-    """(n - 1,) where a path leaves the range of two readings that only rise, or fall, with others.
+    """Return where (n - 1,) a path leaves the range of two readings.
 
     path_at (n,), path_between (n - 1, k): the path at readings (n,) and at k places after each;
     most: what it may leave the range by. Where readings turn about, a path may turn between them.
@@ -127,7 +127,7 @@ def strays_between(path_at: Array, path_between: Array, readings: Array, most: f
 
 
 def corners(time: Array, displacement: Array, tolerance: float) -> NDArray[np.intp]:
-    """Places of the readings that straight lines join so that none is farther off than a tolerance.
+    """Return the indices of readings whose connecting lines stay within a tolerance.
 
     Each stretch is divided at its farthest reading (Ramer 1972; Douglas and Peucker 1973).
     """

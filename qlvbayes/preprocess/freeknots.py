@@ -1,4 +1,4 @@
-"""Least-squares quadratic splines whose knots may move.
+"""Least-squares quadratic splines with free knots.
 
 A spline has ``knots`` tau_0 < ... < tau_k; between two of them the acceleration is constant. The
 displacement is continuous. The velocity is continuous too, except at the knots marked in
@@ -73,7 +73,7 @@ def _full_knots(joints: Joints) -> Array:
 
 
 def _spans(full: Array, time: Array) -> tuple[NDArray[np.intp], Array]:
-    """Index of the span of each time and the three basis functions alive there (3, n).
+    """Return the span of each time and the three basis functions (3, n) that are non-zero there.
 
     The times must lie between the first knot and the last.
     """
@@ -89,7 +89,7 @@ def _spans(full: Array, time: Array) -> tuple[NDArray[np.intp], Array]:
 
 
 def _straightening(full: Array) -> tuple[NDArray[np.intp], Array]:
-    """Per span: weights of its coefficients in length^2 x acceleration."""
+    """Return, for each span, the weights of its coefficients in length^2 x acceleration."""
     span = np.flatnonzero(np.diff(full) > 0.0)
     a, b, c, d = full[span - 1], full[span], full[span + 1], full[span + 2]
     first = 2.0 * (c - b) / (c - a)
@@ -98,7 +98,7 @@ def _straightening(full: Array) -> tuple[NDArray[np.intp], Array]:
 
 
 def _band(span: NDArray[np.intp], weights: Array, size: int) -> Array:
-    """Upper banded form of the sum of the outer products of (3, n) weights."""
+    """Return the upper banded form of the sum of the outer products of (3, n) weights."""
     band = np.zeros((3, size))
     for q in range(3):
         at = span - 2 + q
@@ -118,7 +118,7 @@ class _Solved:
 
 
 def _solved(joints: Joints, time: Array, displacement: Array, *, pull: bool = False) -> _Solved:
-    """The spline that minimises the squared residuals.
+    """Return the spline that minimises the squared residuals.
 
     pull: towards straight lines between readings where no reading tells.
     """
@@ -162,7 +162,7 @@ def _solved(joints: Joints, time: Array, displacement: Array, *, pull: bool = Fa
 def _between(
     joints: Joints, full: Array, time: Array, y: Array
 ) -> tuple[NDArray[np.intp], Array, Array]:
-    """Span, basis (3, k) and value on straight lines between readings, at k lonely inner knots.
+    """Return span, basis (3, k) and interpolated reading at k knots without readings.
 
     Beside such a one lies a piece without readings.
     """
@@ -194,7 +194,7 @@ def pieces(joints: Joints, window: Window) -> Pieces:
 
 
 def _thinned(joints: Joints, window: Window) -> tuple[Array, Array]:
-    """At most a few hundred samples of each piece and each margin, so short pieces keep theirs."""
+    """Return at most a few hundred samples of each piece and each margin."""
     edges = np.searchsorted(window.time, joints.knots)
     edges = np.unique(np.concatenate([[0], edges, [window.time.size]]))
     keep = [
@@ -244,7 +244,7 @@ def optimise(joints: Joints, window: Window) -> Joints:
 def _jacobian(
     joints: Joints, time: Array, x: Array, which: NDArray[np.intp], nudge: float, now: Array
 ) -> Array:
-    """Slopes (n, knots) of the residuals, which are ``now``.
+    """Return the derivatives (n, knots) of the residuals, which are ``now``.
 
     A knot is felt by a few pieces around it: distant knots are nudged at once, and each takes the
     change about it.
@@ -274,7 +274,7 @@ def _ordered(knots: Array, window: Window, gap: float) -> Array:
 
 
 def with_knot_at_worst(joints: Joints, window: Window, tol: Tolerance) -> Joints:
-    """Halve the piece with the reading, or run of readings, that is farthest off."""
+    """Halve the piece that has the reading, or run of readings, with the largest residual."""
     error = excess(residuals(joints, window.time, window.displacement), tol, tol.rest)
     at = float(window.time[int(np.argmax(error))])
     k = int(np.clip(np.searchsorted(joints.knots, at) - 1, 0, joints.knots.size - 2))
@@ -287,7 +287,7 @@ def with_knot_at_worst(joints: Joints, window: Window, tol: Tolerance) -> Joints
 
 
 def insert_until_faithful(joints: Joints, window: Window, tol: Tolerance) -> Joints:
-    """Add knots where readings are off by more than their errors; in the end interpolate them.
+    """Add knots until no residual exceeds its bound; in the limit the spline interpolates.
 
     Each round halves the pieces that fail; a piece too short to halve is followed from sample to
     sample by straight lines. So it ends after about log2 of the number of samples.

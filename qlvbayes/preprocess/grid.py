@@ -1,4 +1,4 @@
-"""The times at which a test's motion is told: lines between them are near enough to it."""
+"""The times at which a test's motion is tabulated, with negligible error in between."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def grid_times(
     begun: bool = True,
     curved: bool = True,
 ) -> np.ndarray:
-    """Nodes, the beginning, kinks, and enough points between for lines to do.
+    """Return the nodes, the beginning, the kinks, and as many points between as accuracy needs.
 
     first: time of the first sample; chord: how far the lines may be from the motion (in units of
     displacement), where less than usual; begun: whether a record that begins on the move came from
@@ -47,12 +47,12 @@ def grid_times(
 
 
 def path_at(trajectory: Trajectory, grid: np.ndarray, first: float) -> np.ndarray:
-    """Displacement on the grid; the approach before the first sample begins at zero."""
+    """Return the displacement on the grid; the approach before the first sample begins at zero."""
     return np.where(grid < first, 0.0, trajectory.displacement(grid))
 
 
 def _approach(trajectory: Trajectory, first: float) -> np.ndarray:
-    """When a record that begins on the move was last at zero displacement."""
+    """Return when a record that begins in motion was last at zero displacement."""
     depth = float(trajectory.displacement(np.array([first]))[0])
     speed = float(trajectory.velocity(np.array([first]))[0])
     return np.array([first - depth / speed]) if depth * speed > 0.0 else np.zeros(0)

@@ -1,4 +1,4 @@
-r"""How far the knots of a fitted motion may be from the true moments, in time.
+r"""Errors of the times of a fitted motion's knots.
 
 A knot that is late by d lets a velocity that jumps by J there jump by -J d in displacement, to
 first order, and an acceleration that jumps by J by -J d in velocity. So the spline with that jump
@@ -80,7 +80,7 @@ def _from_readings(
     level_sd: tuple[float, float],
     clock: float,
 ) -> Array:
-    """Sds (k,) as the least squares have them; infinite where nothing jumps."""
+    """Return the sds (k,) by least squares; infinite where neither speed nor acceleration jumps."""
     joints, degree, time = stretch.joints, stretch.degree, stretch.window.time[inside]
     full, kept = repeated_knots(joints, degree)
     basis = csr_array(BSpline.design_matrix(time, full, degree))
@@ -104,7 +104,7 @@ def _from_readings(
 
 
 def _variance(stretch: Stretch, inside: NDArray[np.intp], tol: Tolerance) -> Array:
-    """(n,) of each reading, times the number of readings that share its error."""
+    """Return the variance (n,) of each reading, times the readings that share its error."""
     time, x = stretch.window.time[inside], stretch.window.displacement[inside]
     path = evaluated(stretch, time)
     rounding = max(tol.step, last_decimal(x)) ** 2 / 12.0
@@ -123,7 +123,7 @@ def _variance(stretch: Stretch, inside: NDArray[np.intp], tol: Tolerance) -> Arr
 
 
 def _jumps(stretch: Stretch, full: Array) -> tuple[csr_array, Array]:
-    """For each knot the row of the jump that its shift makes, and the jump (k,) one order higher.
+    """Return the row of the jump that a shift of each knot makes, and the next higher jump (k,).
 
     At a kink that is the displacement's jump and the velocity's size; elsewhere the velocity's and
     the acceleration's.
@@ -149,7 +149,7 @@ def _jumps(stretch: Stretch, full: Array) -> tuple[csr_array, Array]:
 
 
 def _ends(stretch: Stretch) -> tuple[Array, Array]:
-    """Velocity and acceleration (k,) at the end of each piece."""
+    """Return velocity and acceleration (k,) at the end of each piece."""
     p = stretch.pieces
     s = np.diff(p.knots)
     v, a = p.velocity + p.acceleration * s, p.acceleration.copy()
@@ -161,7 +161,7 @@ def _ends(stretch: Stretch) -> tuple[Array, Array]:
 
 
 def _speed(stretch: Stretch, time: Array) -> Array:
-    """Speed (n,) at some times, from the path's differences."""
+    """Return the speed (n,) at some times, from differences of the path."""
     if time.size < 2:
         return np.zeros(time.shape)
     return np.abs(np.gradient(evaluated(stretch, time), time))

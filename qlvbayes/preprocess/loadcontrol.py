@@ -1,4 +1,4 @@
-r"""Tests whose force was prescribed and whose displacement answers: creep, weights, force ramps.
+r"""Load-controlled tests: the force is prescribed and the displacement responds.
 
 They are fitted as all others are, by the force of the measured displacement. Where the true force
 is F and the true displacement :math:`\delta`, readings F + e and :math:`\delta + d` leave
@@ -55,14 +55,14 @@ class _Stretch:
 
 
 def control_of(test: Test) -> Control:
-    """What was prescribed: as declared; force where that was plainly held while the pad crept."""
+    """Return what was prescribed: as declared, else force if it is held while the pad creeps."""
     if test.control is not None:
         return test.control
     return "force" if _plainly_crept(test) else "displacement"
 
 
 def crept_path(trajectory: Trajectory, test: Test) -> Trajectory:
-    """The motion with a straight line wherever, between two readings, it leaves what they span.
+    """Replace the motion by a straight line wherever it leaves the range of two readings.
 
     A curve through sparse readings of creep, faithful to each, may swing between them.
     """
@@ -100,7 +100,7 @@ def crept_path(trajectory: Trajectory, test: Test) -> Trajectory:
 
 
 def force_phases(test: Test) -> tuple[Phase, ...]:
-    """Phases of a load-controlled test, which are those of its force: displacement never rests."""
+    """Return the phases of a load-controlled test, which are those of its force."""
     knots, values = [float(test.time[0])], [float(test.force[0])]
     for part in _stretches(test):
         ends = test.time[[part.first, part.stop - 1]]
@@ -119,7 +119,7 @@ def force_phases(test: Test) -> tuple[Phase, ...]:
 
 
 def with_both_errors(tests: Sequence[Test], controls: Sequence[Control]) -> list[Test]:
-    """Tests whose force has the errors of both readings, for the noise: F - K delta.
+    """Return tests whose force has the errors of both readings, to measure noise: F - K delta.
 
     K: the steepest slope of the pad's tests, or the secant as a weight is put on.
     """
@@ -136,14 +136,14 @@ def with_both_errors(tests: Sequence[Test], controls: Sequence[Control]) -> list
 
 
 def _first_secant(test: Test) -> float:
-    """Force over displacement at the first reading near the largest force; 0 at no depth."""
+    """Return force over displacement at the first reading near the largest force; 0 at no depth."""
     first = int(np.argmax(np.abs(test.force) >= (1.0 - _HELD) * np.max(np.abs(test.force))))
     depth = abs(float(test.displacement[first]))
     return abs(float(test.force[first])) / depth if depth > 0.0 else 0.0
 
 
 def _stretches(test: Test) -> list[_Stretch]:
-    """The record in pieces in which the force keeps within its tolerance, the longest first come.
+    """Divide the record into stretches in which the force stays within its tolerance.
 
     A ramp gives pieces that it crosses from one side to the other; a held force crosses none.
     """
@@ -159,7 +159,7 @@ def _stretches(test: Test) -> list[_Stretch]:
 
 
 def _slack(test: Test) -> float:
-    """How far to either side of its level a held force may be read (N)."""
+    """Return how far from its level a held force may be read (N)."""
     return max(
         _HELD * float(np.max(np.abs(test.force))), _NOISY * sensor_noise(test.time, test.force)
     )
@@ -176,7 +176,7 @@ def _stretch(test: Test, first: int, stop: int, most: float) -> _Stretch:
 
 
 def _plainly_crept(test: Test) -> bool:
-    """Whether the force is held at length while displacement goes on, ever more slowly."""
+    """Return whether the force is held for long while the displacement creeps, slowing down."""
     peak, depth = np.max(np.abs(test.force)), float(np.max(np.abs(test.displacement)))
     if peak == 0.0 or depth == 0.0:
         return False

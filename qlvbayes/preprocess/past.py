@@ -43,7 +43,7 @@ _STAYED = 0.02  # of the stroke: depths of an end and a beginning that are one
 
 @dataclass(frozen=True)
 class Past:
-    """What a pad did before a test: straight lines of the depth against the test's own time.
+    """Earlier motion of a pad: straight lines of the depth over the test's own time.
 
     time (H,): s, before the test's first sample, never decreasing; displacement (H,): mm; ago (H,):
     how many tests before, as in `Motion`; stays: whether the platen stood in the last pause where
@@ -57,14 +57,14 @@ class Past:
 
 
 def pause(before: Test, after: Test) -> float | None:
-    """Seconds from a test's last sample to another's first; None where the clock is not known."""
+    """Return the seconds from one test's last sample to another's first; None if unknown."""
     if not (before.start_known and after.start_known):
         return None
     return after.start_s - _end(before)
 
 
 def remembered_tests(index: int, tests: Sequence[Test], longest: float) -> list[int]:
-    """Places of the tests before ``tests[place]`` that it remembers, the last one first.
+    """Return the indices of the tests that ``tests[index]`` remembers, the last one first.
 
     Back from it by the clock, up to a pause that is rest (`REST` times ``longest``, the longest
     phase of the tests in s), or one that is not known, or a test that had not ended.
@@ -82,7 +82,7 @@ def remembered_tests(index: int, tests: Sequence[Test], longest: float) -> list[
 def past_of(
     index: int, tests: Sequence[Test], paths: Sequence[Trajectory], longest: float
 ) -> Past | None:
-    """What ``tests[place]`` remembers, ``paths`` being the motions of all tests; None if nothing.
+    """Return what ``tests[index]`` remembers, given the motions ``paths`` of all tests; else None.
 
     In a pause the platen is at zero from the end of the test before, unless the next test begins
     where that one ended: then it stayed there.
@@ -111,12 +111,12 @@ def past_of(
 
 
 def _end(test: Test) -> float:
-    """The clock (s) at a test's last sample."""
+    """Return the clock (s) at a test's last sample."""
     return test.start_s + float(test.time[-1] - test.time[0])
 
 
 def _stays(before: Test, path: Trajectory, after: Test, next_path: Trajectory) -> bool:
-    """Whether a test begins where the one before ended, away from zero."""
+    """Return whether a test begins where the one before ended, away from zero."""
     near = _STAYED * float(np.ptp(path.displacement(path.knots)))
     end = float(path.displacement(before.time[-1:])[0])
     begin = float(next_path.displacement(after.time[:1])[0])
@@ -124,7 +124,7 @@ def _stays(before: Test, path: Trajectory, after: Test, next_path: Trajectory) -
 
 
 def _lines(test: Test, path: Trajectory, until: float) -> tuple[np.ndarray, np.ndarray]:
-    """Times and depths of a test, as few as are faithful enough for a test that begins later."""
+    """Return times and depths of a test, as few as a test that begins later needs."""
     time = grid_times(path, test.time[-1:], float(test.time[0]), curved=False)
     depth = path_at(path, time, float(test.time[0]))
     kept = _thinned(time, depth, until)
@@ -133,7 +133,7 @@ def _lines(test: Test, path: Trajectory, until: float) -> tuple[np.ndarray, np.n
 
 
 def _split(time: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    """Times of the lines' ends and of points between, on which effects change the lines.
+    """Return the times of the lines' ends, and of points between where effects change the lines.
 
     A frame that gives way creeps on while the platen stands: points grow apart after a stop. Time
     that runs by depth is not even on a ramp: points are even in depth.
@@ -149,7 +149,7 @@ def _split(time: np.ndarray, depth: np.ndarray) -> np.ndarray:
 
 
 def _thinned(time: np.ndarray, depth: np.ndarray, until: float) -> np.ndarray:
-    """Places of the points kept: lines are split where they err most, the worst line first."""
+    """Return the indices of the points kept: the line with the largest error is split first."""
     least = _FAITHFUL * float(np.ptp(depth))
     kept = [0, time.size - 1]
     lines = [_line(time, depth, until, 0, time.size - 1)]
@@ -164,7 +164,7 @@ def _thinned(time: np.ndarray, depth: np.ndarray, until: float) -> np.ndarray:
 def _line(
     time: np.ndarray, depth: np.ndarray, until: float, low: int, high: int
 ) -> tuple[float, int, int, int]:
-    """Minus the bound of a straight line's error, and where it begins, errs most and ends."""
+    """Return minus the bound of a straight line's error, and its first, worst and last index."""
     inner = slice(low, high + 1)
     straight = np.interp(time[inner], [time[low], time[high]], [depth[low], depth[high]])
     error = np.abs(depth[inner] - straight)

@@ -1,4 +1,4 @@
-"""Cut a motion into the phases an experimenter would name."""
+"""Division of a motion into ramps, holds, unloadings and recoveries."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def find_phases(trajectory: Trajectory) -> tuple[Phase, ...]:
 
 
 def _settled(moves: list[tuple[int, int, int]], times: Array, depth: Array) -> list[Move]:
-    """Movements without the small ones in which a platen settles after a larger one."""
+    """Return the movements without the small ones in which a platen settles after a larger one."""
     kept: list[Move] = []
     k = 0
     while k < len(moves):
@@ -103,7 +103,7 @@ def _settled(moves: list[tuple[int, int, int]], times: Array, depth: Array) -> l
 
 
 def _follows(move: Move, end: int, size: float, depth: Array, times: Array) -> bool:
-    """Whether a movement follows the end of another at once and is small beside a size."""
+    """Return whether a movement follows the end of another at once and is much smaller."""
     first, last, _ = move
     pause = times[first] - times[end]
     small = abs(depth[last] - depth[first]) < _SETTLING * size
@@ -111,7 +111,7 @@ def _follows(move: Move, end: int, size: float, depth: Array, times: Array) -> b
 
 
 def _shown(phases: list[Phase], trajectory: Trajectory) -> list[Phase]:
-    """Phases without those that too few readings show: they belong to what is beside them."""
+    """Return the phases without those of too few readings, which join their neighbours."""
     if trajectory.read_at is None:
         return phases
     k = 0
@@ -125,7 +125,7 @@ def _shown(phases: list[Phase], trajectory: Trajectory) -> list[Phase]:
 
 
 def _is_shown(phase: Phase, trajectory: Trajectory, read_at: Array) -> bool:
-    """Whether enough readings lie in it; of a large movement none need to."""
+    """Return whether enough readings lie in a phase; a large movement needs none."""
     first = np.searchsorted(read_at, phase.start - 1e-9, side="left")
     count = int(np.searchsorted(read_at, phase.stop + 1e-9, side="right") - first)
     if phase.kind not in MOVING:
@@ -136,7 +136,7 @@ def _is_shown(phase: Phase, trajectory: Trajectory, read_at: Array) -> bool:
 
 
 def _without(phases: list[Phase], k: int) -> list[Phase]:
-    """The same without one: joined to the one before it, and with the one after if of a kind."""
+    """Return the phases without one, which joins its neighbours."""
     here = phases[k]
     if k == 0:
         return [replace(phases[1], start=here.start), *phases[2:]]
@@ -148,7 +148,7 @@ def _without(phases: list[Phase], k: int) -> list[Phase]:
 
 
 def phase_index(phases: Sequence[Phase], time: Array) -> NDArray[np.intp]:
-    """Place (N,) among the phases of each time (N,); the first one's before they begin."""
+    """Return the index (N,) of the phase at each time (N,); the first one's before it begins."""
     return np.searchsorted([phase.start for phase in phases[1:]], time, side="right")
 
 
@@ -174,7 +174,7 @@ def loading_rate(trajectory: Trajectory, phases: tuple[Phase, ...]) -> float:
 
 
 def _turning_points(trajectory: Trajectory) -> tuple[Array, Array]:
-    """Knots and reversals with their depth: between two of them the motion is monotone."""
+    """Return knots and reversals with their depth: the motion is monotone between two of them."""
     times = np.unique(np.concatenate([trajectory.knots, trajectory.turning_points]))
     return times, trajectory.displacement(times)
 
@@ -182,7 +182,7 @@ def _turning_points(trajectory: Trajectory) -> tuple[Array, Array]:
 def _from_the_start(
     moves: list[tuple[int, int, int]], times: Array, trajectory: Trajectory
 ) -> list[tuple[int, int, int]]:
-    """The first movement begins with the record if the dwell before it is shorter than it is.
+    """Let the first movement begin with the record if the dwell before it is shorter.
 
     The encoder shows a slow start late; a dwell worth the name lasts longer, or for many readings.
     """
@@ -201,7 +201,7 @@ def _from_the_start(
 def _turning(
     moves: list[tuple[int, int, int]], times: Array, trajectory: Trajectory
 ) -> list[tuple[int, int, int]]:
-    """Opposite movements meet where they turn, unless the platen rested there or dwelt long.
+    """Join opposite movements where they turn, unless the platen rested there for long.
 
     The slow ends of smooth cycles are no dwell.
     """
@@ -224,17 +224,17 @@ def _turning(
 
 
 def _all_rest(trajectory: Trajectory, times: Array) -> bool:
-    """Whether the platen stands still between all these neighbouring times."""
+    """Return whether the platen is at rest between all these neighbouring times."""
     return bool(np.all(trajectory.velocity(0.5 * (times[1:] + times[:-1])) == 0.0))
 
 
 def _rests(trajectory: Trajectory, times: Array) -> bool:
-    """Whether the platen stands still between two of these neighbouring times."""
+    """Return whether the platen is at rest between two of these neighbouring times."""
     return bool(np.any(trajectory.velocity(0.5 * (times[1:] + times[:-1])) == 0.0))
 
 
 def _movements(times: Array, depth: Array, resolution: float) -> list[tuple[int, int, int]]:
-    """(first, last, sign) of the movements, as indices of ``times``."""
+    """Return (first, last, sign) of the movements, as indices of ``times``."""
     stroke = float(np.ptp(depth))
     if stroke == 0.0:
         return []
@@ -252,7 +252,7 @@ def _movements(times: Array, depth: Array, resolution: float) -> list[tuple[int,
 
 
 def _swings(depth: Array, least: float) -> list[tuple[int, int, int]]:
-    """Alternating rises and falls of at least ``least``; smaller reversals are ignored."""
+    """Return alternating rises and falls of at least ``least``; smaller reversals are ignored."""
     swings: list[tuple[int, int, int]] = []
     low = high = pivot = extreme = sign = 0
     for i, d in enumerate(depth):

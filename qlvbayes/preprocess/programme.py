@@ -13,7 +13,7 @@ from qlvbayes.preprocess.trajectory import Trajectory
 
 @dataclass(frozen=True)
 class Stroke:
-    """Go to ``target`` no faster than ``speed``, then hold for ``hold`` seconds."""
+    """A movement to ``target`` no faster than ``speed``, followed by a hold of ``hold`` seconds."""
 
     target: float
     speed: float
@@ -21,7 +21,7 @@ class Stroke:
 
 
 def planned(strokes: Sequence[Stroke], acceleration: float) -> Trajectory:
-    """The motion of some strokes from zero displacement, each a trapezoid of velocity.
+    """Return the motion of some strokes from zero displacement, each a trapezoid of velocity.
 
     acceleration: the greatest (mm/s2); the top speed is min(speed, sqrt(acceleration length)).
     """

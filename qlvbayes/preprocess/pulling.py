@@ -1,4 +1,4 @@
-"""A pad that pulls: force clearly below zero, which a loose specimen cannot give."""
+"""Tensile forces: a force clearly below zero, which a loose specimen cannot exert."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _BEYOND = 6.0  # times the noise floor
 
 @dataclass(frozen=True)
 class Pull:
-    """The lowest force (N, below zero): in which test, when (s), and over the peak force."""
+    """The lowest force (N, below zero), its test, its time (s), and its share of the peak force."""
 
     test: str
     time: float
@@ -23,7 +23,7 @@ class Pull:
 
 
 def pull_of(experiment: Experiment) -> Pull | None:
-    """The strongest pull, if it is below zero by more than 5 % of the peak and 6 noise floors."""
+    """Return the strongest pull, if below zero by more than 5 % of the peak and 6 noise floors."""
     trial = min(experiment.trials, key=lambda one: float(np.min(one.test.force)))
     lowest = int(np.argmin(trial.test.force))
     force, peak = float(trial.test.force[lowest]), experiment.peak
@@ -35,7 +35,7 @@ def pull_of(experiment: Experiment) -> Pull | None:
 def pull_notices(
     experiment: Experiment, *, bonded: bool, effects: tuple[str, ...] = ()
 ) -> tuple[str, ...]:
-    """One line where a pad pulls that neither is bonded nor has adhesion in its model."""
+    """Return one line if a pad pulls that neither is bonded nor has adhesion in its model."""
     pull = None if bonded or "adhesion" in effects else pull_of(experiment)
     if pull is None:
         return ()

@@ -1,4 +1,4 @@
-"""Least-squares quintic splines whose knots lie where the record needs them.
+"""Least-squares quintic splines with knots where the residuals need them.
 
 Between knots the displacement is a polynomial of degree 5; at a knot four derivatives are
 continuous. An end may be joined to a dwell: there the level is given and the velocity is 0 unless
@@ -42,7 +42,7 @@ class Quintic:
 
     @property
     def parameters(self) -> int:
-        """How many coefficients the record had to give for it."""
+        """Number of free coefficients."""
         return self.coefficients.size - sum(_fixed(self.joints))
 
 
@@ -71,23 +71,23 @@ def fit(joints: Joints, window: Window) -> Quintic:
 
 
 def displacement(spline: Quintic, time: Array) -> Array:
-    """At times (n,) between the ends."""
+    """Return the displacement at times (n,) between the ends."""
     return np.asarray(design(spline.full, time, spline.joints) @ spline.coefficients)
 
 
 def full_knots(joints: Joints) -> Array:
-    """Knots with their multiplicity: 6 at the ends."""
+    """Return the knots with their multiplicity, 6 at the ends."""
     return np.pad(joints.knots, DEGREE, mode="edge")
 
 
 def design(full: Array, time: Array, joints: Joints) -> csr_array:
-    """B-splines at some times (n, coefficients); beyond the ends their values there."""
+    """Return the B-splines at some times (n, coefficients), constant beyond the ends."""
     inside = np.clip(time, joints.knots[0], joints.knots[-1])
     return csr_array(BSpline.design_matrix(inside, full, DEGREE))
 
 
 def banded_gram(basis: csr_array) -> Array:
-    """Upper banded form (6, size) of basis^T basis."""
+    """Return the upper banded form (6, size) of basis^T basis."""
     gram = (basis.T @ basis).todia()
     size = basis.shape[1]
     band = np.zeros((DEGREE + 1, size))
@@ -108,7 +108,7 @@ def pieces(spline: Quintic) -> Pieces:
 
 
 def refined(joints: Joints, window: Window, tol: Tolerance) -> tuple[Quintic, bool]:
-    """Halve the spans that are not faithful until all are; (the fit, whether all are)."""
+    """Halve spans until all agree with the readings; return the fit and whether all do."""
     spline = fit(joints, window)
     for _ in range(_ROUNDS):
         failing = unfaithful(spline, window, tol)
@@ -122,7 +122,7 @@ def refined(joints: Joints, window: Window, tol: Tolerance) -> tuple[Quintic, bo
 
 
 def unfaithful(spline: Quintic, window: Window, tol: Tolerance) -> NDArray[np.bool_]:
-    """(k,) spans with a residual or a mean square beyond what the readings' own errors make.
+    """Return the spans (k,) whose residuals exceed what the readings' errors explain.
 
     Rounding of a slow motion repeats itself from sample to sample: only a change of reading counts
     as a reading of its own. What no single span shows may show in all of them together.
@@ -148,14 +148,14 @@ def unfaithful(spline: Quintic, window: Window, tol: Tolerance) -> NDArray[np.bo
 
 
 def _fixed(joints: Joints) -> tuple[int, int]:
-    """How many coefficients the dwells at either end give."""
+    """Return how many coefficients the dwells determine at either end."""
     low = 0 if joints.left is None else (1 if joints.kinked[0] else 2)
     high = 0 if joints.right is None else (1 if joints.kinked[-1] else 2)
     return low, high
 
 
 def _halved(joints: Joints, time: Array, failing: NDArray[np.bool_]) -> Joints | None:
-    """Joints with a knot in the middle of each failing span; None if one has too few samples."""
+    """Return joints with a knot in the middle of each failing span; None if one has few samples."""
     knots = [joints.knots]
     for k in np.flatnonzero(failing):
         i, j = np.searchsorted(time, joints.knots[k : k + 2])

@@ -42,7 +42,7 @@ class Blocks(eqx.Module):
 
     @classmethod
     def from_samples(cls, time: np.ndarray, force: np.ndarray, weight: np.ndarray) -> Blocks:
-        """Every sample its own block."""
+        """Make each sample a block of its own."""
         one = np.ones(time.shape)
         none = np.zeros_like(one)
         return cls(*map(held, (force, one, time, time, weight, one, none, none, one > 0.0)))
@@ -60,12 +60,12 @@ class Record(eqx.Module):
     blocks: Blocks
 
     def average(self, force: Array) -> Array:
-        """Block means (B,) of a force (N,) on the grid."""
+        """Return the block means (B,) of a force (N,) on the grid."""
         return 0.5 * (force[self.nodes[:, 0]] + force[self.nodes[:, 1]])
 
 
 def batch(records: Sequence[Record], like: Record | None = None) -> Record:
-    """Records along a leading axis; the grid's last point and masked blocks fill them up.
+    """Stack records along a leading axis; the last grid point and masked blocks pad them.
 
     like: a batch whose sizes are taken where they are large enough.
     """
@@ -83,7 +83,7 @@ def batch(records: Sequence[Record], like: Record | None = None) -> Record:
 
 
 def padded_size(size: int) -> int:
-    """Of so many points or blocks: up to a power of two or three quarters of one.
+    """Return the next size that is a power of two or three quarters of one.
 
     Pads of few sizes share what is compiled: compiling for a size of its own takes longer than
     most pads' evaluations.
@@ -105,7 +105,7 @@ def _pad(record: Record, points: int, blocks: int) -> Record:
 
 
 def with_zeros(record: Record, field: str, dtype: type) -> Record:
-    """The record, with zeros for a field of its motion that is None: others have it."""
+    """Return the record with zeros for a field of its motion that is None."""
     motion = record.motion
     if getattr(motion, field) is not None:
         return record

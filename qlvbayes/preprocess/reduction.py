@@ -1,4 +1,4 @@
-"""Dense records to block averages: short blocks where things change, growing ones in holds.
+"""Reduction of dense records to block averages: short blocks in ramps, growing ones in holds.
 
 No sample is thrown away: each belongs to one block, whose mean enters the likelihood with the
 noise of that mean. Within a block the model is averaged with two nodes at the mean time plus and
@@ -35,7 +35,7 @@ _SURE = 3.0  # sds of the displacement over which a slope is known
 
 @dataclass(frozen=True)
 class Care:
-    """How finely a record is to be described, given what its noise would hide.
+    """How finely a record is to be reduced, given its noise.
 
     floor: tells how noise grows with the force; stiffness: the pad's largest (N/mm), by which an
     error of the motion becomes one of the force; chord: how far the grid's straight lines may be
@@ -48,7 +48,7 @@ class Care:
 
 
 def block_edges(phases: Sequence[Phase], kinks: np.ndarray, shortest: float) -> np.ndarray:
-    """Times at which blocks begin and end; no block crosses a phase's end or a kink."""
+    """Return the times at which blocks begin and end; no block crosses a phase's end or a kink."""
     edges = [np.array([phases[0].start])]
     for phase in phases:
         parts = MOVING_BLOCKS if phase.kind in MOVING else RESTING_BLOCKS
@@ -59,7 +59,7 @@ def block_edges(phases: Sequence[Phase], kinks: np.ndarray, shortest: float) -> 
 
 
 def _phase_edges(phase: Phase, parts: int, shortest: float) -> np.ndarray:
-    """Widths grow with the time since the phase began, up to its length over ``parts``."""
+    """Return edges whose spacing grows with the time since the phase began."""
     length = phase.stop - phase.start
     longest = length / parts
     edges, elapsed = [], 0.0
@@ -71,7 +71,7 @@ def _phase_edges(phase: Phase, parts: int, shortest: float) -> np.ndarray:
 
 
 def _beginnings(time: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """First sample of each block: at an edge, and after a gap that interrupts even spacing.
+    """Return the first sample of each block: at an edge, and after a gap in even spacing.
 
     The noise of a block's mean is that of evenly spaced samples; a burst between sparse samples,
     as loggers leave, is a block of its own.
@@ -85,7 +85,7 @@ def _beginnings(time: np.ndarray, edges: np.ndarray) -> np.ndarray:
 
 
 def clear_of_kinks(time: np.ndarray, trajectory: Trajectory, phases: Sequence[Phase]) -> np.ndarray:
-    """(n,) False for samples so near a kink that they do not tell on which side they lie."""
+    """Return False (n,) for samples so near a kink that their side of it is unknown."""
     clear = np.ones(time.size, dtype=bool)
     for low, high in _doubtful(time, trajectory, phases):
         clear &= (time < low) | (time > high)
@@ -95,7 +95,7 @@ def clear_of_kinks(time: np.ndarray, trajectory: Trajectory, phases: Sequence[Ph
 def _doubtful(
     time: np.ndarray, trajectory: Trajectory, phases: Sequence[Phase]
 ) -> list[tuple[float, float]]:
-    """Stretches around the kinks whose place the samples do not tell.
+    """Return the stretches around kinks whose times the samples do not determine.
 
     A sample either side, and the time in which the change of speed makes an encoder step. Only
     densely sampled records can spare them.
@@ -136,7 +136,7 @@ def reduce_test(
     whole: Test | None = None,
     approached: bool = True,
 ) -> Record:
-    """The record of one test: block means, their nodes, and the motion on a grid of times.
+    """Return the record of one test: block means, their nodes, and the motion on a grid of times.
 
     sd_scale: what measured sds are divided by; start: the pad's clock at time 0 (s); number: how
     many tests the pad has had before; blocks: False keeps every sample by itself; past: what the
@@ -178,7 +178,7 @@ def reduce_test(
 def planned_record(
     trajectory: Trajectory, time: np.ndarray, *, start: float, blocks: bool = True
 ) -> Record:
-    """The record of a test that is not done yet, whose force is 0; see ``reduce_test``."""
+    """Return the record of a test that is not done yet, with zero force; see ``reduce_test``."""
     test = Test("", "", time, trajectory.displacement(time), np.zeros_like(time))
     return reduce_test(test, trajectory, find_phases(trajectory), start=start, blocks=blocks)
 
@@ -186,7 +186,7 @@ def planned_record(
 def _grid(
     trajectory: Trajectory, nodes: np.ndarray, first: float, chord: float, begun: bool
 ) -> tuple[np.ndarray, bool]:
-    """Grid of times, and whether the motion's curves are told: where that makes it shorter."""
+    """Return the grid of times, and whether curvature is stored where that shortens the grid."""
     lines = grid_times(trajectory, nodes, first, chord=chord, begun=begun, curved=False)
     curves = grid_times(trajectory, nodes, first, chord=chord, begun=begun)
     short = padded_size(curves.size) < padded_size(lines.size)
@@ -205,7 +205,7 @@ def _motion(trajectory: Trajectory, grid: np.ndarray, first: float, curved: bool
 
 
 def _remembering(motion: Motion, past: Past) -> Motion:
-    """The motion with the earlier tests before it, at rest between their points."""
+    """Return the motion with the earlier tests before it, at rest between their points."""
     first = np.nextafter(float(motion.time[0]), -np.inf)
     time = held(np.minimum(past.time, first))
     still = np.zeros(time.shape)
@@ -235,7 +235,7 @@ def _average(test: Test, begin: np.ndarray, sd_scale: float) -> Blocks:
 
 
 def _with_care(blocks: Blocks, trajectory: Trajectory, centre: np.ndarray, care: Care) -> Blocks:
-    """Noise at each block's force, and what an error of the motion makes of it.
+    """Add the noise at each block's force, and the force error that the motion's error makes.
 
     The stiffness is the record's own slope, no steeper than the pad's steepest.
     """
@@ -251,7 +251,7 @@ def _with_care(blocks: Blocks, trajectory: Trajectory, centre: np.ndarray, care:
 
 
 def _nodes(time: np.ndarray, begin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and sd (both (B,)) of each block's sample times."""
+    """Return mean and sd (both (B,)) of each block's sample times."""
     count = np.diff(np.append(begin, time.size))
     offset = time - np.repeat(time[begin], count)
     mean = np.add.reduceat(offset, begin) / count

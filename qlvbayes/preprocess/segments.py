@@ -1,4 +1,4 @@
-"""Where a displacement record stands, where it moves, and how far its readings can be trusted."""
+"""Dwells and segments of a displacement record, and the scatter of its readings."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _PER_KNOT = 2.5  # numbers that a path takes from the readings for each of its k
 def known_scatter(
     times: Sequence[Array], displacements: Sequence[Array], steps: Sequence[float]
 ) -> list[float]:
-    """Return what the scatter's sd is at most in each of several records by one sensor.
+    """Return upper bounds on the scatter's sd in several records by one sensor.
 
     Few readings cannot tell it from motion: theirs is the least that longer records show, infinite
     where there are none. So is that of the longer ones, which tell it themselves.
@@ -87,7 +87,7 @@ def sensor_noise(time: Array, signal: Array, step: float = 0.0) -> float:
 
 
 def _trimmed_sd(size: Array, share: float) -> float:
-    """Gaussian sd from the smaller ones of the absolute values, a share of all."""
+    """Return the Gaussian sd from a share of the values with the smallest magnitudes."""
     kept = np.sort(size)[: max(1, int(share * size.size))]
     most = float(ndtri(0.5 + 0.5 * share))
     density = np.exp(-0.5 * most**2) / np.sqrt(2.0 * np.pi)
@@ -95,7 +95,7 @@ def _trimmed_sd(size: Array, share: float) -> float:
 
 
 def _divided_difference(times: Array) -> Array:
-    """Weights (rows of unit norm) that annihilate polynomials of degree points - 2."""
+    """Return weights (rows of unit norm) that annihilate polynomials of degree points - 2."""
     gaps = times[:, :, None] - times[:, None, :]
     gaps /= np.ptp(times, axis=1)[:, None, None]
     gaps[:, np.arange(times.shape[1]), np.arange(times.shape[1])] = 1.0
@@ -104,7 +104,7 @@ def _divided_difference(times: Array) -> Array:
 
 
 def tolerance(time: Array, displacement: Array, step: float, scatter: float = np.inf) -> Tolerance:
-    """Return what step and scatter allow, and never less than 1e-4 of the range.
+    """Return the bounds that step and scatter imply, at least 1e-4 of the range.
 
     Fewer than 100 readings cannot tell scatter from motion for certain: there it counts for no more
     than 5 % of the range. scatter: its largest sd, where that is known.
@@ -128,7 +128,7 @@ def tolerance(time: Array, displacement: Array, step: float, scatter: float = np
 
 
 def _scatter(time: Array, displacement: Array, step: float) -> float:
-    """Of as many readings as show it: windows of all of a long record take much memory."""
+    """Return the scatter of as many readings as determine it, to limit memory."""
     x = displacement[:_SHOWING]
     return max(sensor_noise(time[:_SHOWING], x, step), dither(x, step))
 
@@ -197,7 +197,7 @@ def _quadratic_fits(time: Array, x: Array, tol: Tolerance) -> bool:
 
 
 def _fewer(u: Array, x: Array, tol: Tolerance) -> tuple[Array, Array]:
-    """At most a few hundred samples; where they scatter, means of all of them."""
+    """Return at most a few hundred samples; where they scatter, means of all of them."""
     if u.size <= _FIT_SAMPLES:
         return u, x
     if tol.noise == 0.0:
@@ -209,7 +209,7 @@ def _fewer(u: Array, x: Array, tol: Tolerance) -> tuple[Array, Array]:
 
 
 def _about_zero(residual: Array, tol: Tolerance) -> bool:
-    """Whether means of neighbours are zero within their errors: finds misfits far below scatter."""
+    """Return whether means of neighbours are zero within their errors."""
     alone = tol.rest if tol.noise > 0.0 else np.inf
     return bool(np.max(excess(residual, tol, alone)) <= 1.0)
 
@@ -285,7 +285,7 @@ class _Rest:
 
 
 def _longest_rest(displacement: Array, begin: int, end: int, tol: Tolerance) -> tuple[int, int]:
-    """The readings of a segment, or where they scatter the most neighbours about its median.
+    """Return a segment, or where it scatters the longest run of readings about its median.
 
     A parabola that scatter allows may take in the end of a movement, or its last small swings.
     """
@@ -299,7 +299,7 @@ def _longest_rest(displacement: Array, begin: int, end: int, tol: Tolerance) -> 
 
 
 def _joined(displacement: Array, rests: list[_Rest], tol: Tolerance) -> list[_Rest]:
-    """Rests that scatter alone has divided are one: about a common level they scatter as usual."""
+    """Join rests that scatter alone has divided: they share one level."""
     out: list[_Rest] = []
     for rest in rests:
         out.append(rest)
@@ -313,7 +313,7 @@ def _joined(displacement: Array, rests: list[_Rest], tol: Tolerance) -> list[_Re
 
 
 def _turns(time: Array, displacement: Array, dwell: Dwell, tol: Tolerance) -> bool:
-    """Whether one parabola follows the dwell and twice its length on either side: it only turns."""
+    """Return whether one parabola fits the dwell and twice its length on either side."""
     reach = 2 * (dwell.stop - dwell.first)
     around = slice(max(dwell.first - reach, 0), dwell.stop + reach)
     x = displacement[around]
@@ -332,7 +332,7 @@ def _speed(time: Array, displacement: Array, segment: tuple[int, int]) -> float:
 
 
 def _distinct(dwells: list[Dwell], tol: Tolerance) -> list[Dwell]:
-    """Leave out touching dwells of nearly one level: that is a creep, not two dwells and a jump."""
+    """Leave out touching dwells of nearly one level, which are a creep."""
     creeping = {
         r
         for a, b in pairwise(dwells)

@@ -1,4 +1,4 @@
-"""The pad's stiffness, measured without the model."""
+"""The pad's stiffness, measured without a model."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _LAST = 0.25  # of the way to the largest force, where the slope is taken
 
 
 def largest_stiffness(tests: Sequence[Test]) -> float:
-    """Slope (N/mm) of the force over the last quarter of the way to the largest one.
+    """Return the slope (N/mm) of the force over the last quarter of the way to its maximum.
 
     At least the secant's, which also stands where the way has too few points there or the force is
     largest at a small depth.

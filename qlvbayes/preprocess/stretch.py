@@ -1,4 +1,4 @@
-"""The motion between two dwells: constant accelerations or a smooth curve, as the record says.
+"""The motion between two dwells: constant accelerations or a smooth curve, whichever is simpler.
 
 Both are fitted, and of those that are faithful to the readings the one that takes fewer numbers
 from the record is kept: a trapezoid of velocity needs a few pieces of constant acceleration, a
@@ -87,7 +87,7 @@ def fitted(
 
 
 def _one_move(stretch: Stretch, left: float, after: Dwell | None, tol: Tolerance) -> Stretch | None:
-    """A trapezoid of velocity from a level to a dwell, where few readings show the motion.
+    """Return a trapezoid of velocity from a level to a dwell, if few readings show the motion.
 
     None where they are many, or do not lie on a trapezoid. What it accelerates by they do not tell.
     """
@@ -108,14 +108,14 @@ def _one_move(stretch: Stretch, left: float, after: Dwell | None, tol: Tolerance
 
 
 def _misfit(stretch: Stretch) -> float:
-    """Sum of the squares of what readings are off."""
+    """Return the sum of the squared residuals."""
     time, knots = stretch.window.time, stretch.pieces.knots
     path = evaluated(stretch, np.clip(time, knots[0], knots[-1]))
     return float(np.sum((path - stretch.window.displacement) ** 2))
 
 
 def strays(stretch: Stretch, tol: Tolerance) -> bool:
-    """Whether a path is farther from a reading than its errors explain, or leaves them between two.
+    """Return whether a path deviates from a reading, or between two, by more than errors explain.
 
     Between two readings it may leave their line by as much as these or those beside them differ.
     """
@@ -138,7 +138,7 @@ def strays(stretch: Stretch, tol: Tolerance) -> bool:
 
 
 def evaluated(stretch: Stretch, t: Array) -> Array:
-    """Displacement of the fitted pieces at times inside them."""
+    """Return the displacement of the fitted pieces at times inside them."""
     part = stretch.pieces
     k = np.clip(np.searchsorted(part.knots, t, side="right") - 1, 0, part.knots.size - 2)
     s = t - part.knots[k]
@@ -150,7 +150,7 @@ def evaluated(stretch: Stretch, t: Array) -> Array:
 
 
 def _lines(time: Array, x: Array, stretch: Stretch, tol: Tolerance) -> Stretch:
-    """Straight lines through some of the readings instead, from one dwell's last to the other's."""
+    """Return straight lines through some of the readings, from one dwell to the other."""
     left, right = stretch.joints.left, stretch.joints.right
     x = _to_levels(x, left, right)
     kept = corners(time, x, tol.rest)
@@ -162,7 +162,7 @@ def _lines(time: Array, x: Array, stretch: Stretch, tol: Tolerance) -> Stretch:
 
 
 def _through(time: Array, x: Array, ends: Joints, window: Window) -> Stretch:
-    """A smooth path through all of some readings that turns about nowhere else."""
+    """Return a smooth path through all readings, with no other turning points."""
     joints = Joints(time, np.ones(time.size, dtype=bool), ends.left, ends.right)
     rests = (ends.left is not None, ends.right is not None)
     path = monotone(time, _to_levels(x, ends.left, ends.right), rests=rests)
@@ -170,7 +170,7 @@ def _through(time: Array, x: Array, ends: Joints, window: Window) -> Stretch:
 
 
 def _to_levels(x: Array, left: float | None, right: float | None) -> Array:
-    """Readings (n,), the first and the last at the levels of the dwells that they belong to."""
+    """Return the readings (n,) with the first and the last at the levels of their dwells."""
     adjusted = x.copy()
     adjusted[0], adjusted[-1] = (
         (x[0] if left is None else left),
@@ -180,7 +180,7 @@ def _to_levels(x: Array, left: float | None, right: float | None) -> Array:
 
 
 def _patched(stretch: Stretch, tol: Tolerance) -> Stretch:
-    """Through the readings about where a path leaves the range of two that do not turn about."""
+    """Interpolate the readings where the path leaves the range of two that do not turn."""
     knots, window = stretch.joints.knots, stretch.window
     inside = (window.time >= knots[0]) & (window.time <= knots[-1])
     time, x = window.time[inside], window.displacement[inside]
@@ -197,7 +197,7 @@ def _patched(stretch: Stretch, tol: Tolerance) -> Stretch:
 
 
 def _patch(stretch: Stretch, time: Array, x: Array, begin: float, end: float) -> Stretch:
-    """With what few readings show about two of them replaced: pieces, or parts of longer ones."""
+    """Replace the pieces, or parts of pieces, that few readings around two of them show."""
     knots = stretch.pieces.knots
     few = np.diff(np.searchsorted(time, knots)) < _FEWEST_PER_PIECE
     low = int(np.searchsorted(knots, begin, side="right")) - 1
@@ -220,7 +220,7 @@ def _patch(stretch: Stretch, time: Array, x: Array, begin: float, end: float) ->
 
 
 def _spliced(stretch: Stretch, made: Pieces) -> Stretch:
-    """With other pieces from the first of their knots to the last."""
+    """Replace the pieces between the first knot of others and their last."""
     old, begin, end = stretch.pieces, made.knots[0], made.knots[-1]
     rows, new = _coefficients(old), _coefficients(made)
     before = old.knots[:-1] < begin
@@ -243,7 +243,7 @@ def _spliced(stretch: Stretch, made: Pieces) -> Stretch:
 
 
 def _coefficients(part: Pieces) -> Array:
-    """(4, k) displacement, velocity, acceleration and the coefficient of the cube of each piece."""
+    """Return displacement, velocity, acceleration and cubic coefficient (4, k) of each piece."""
     cubes = np.zeros((1, part.velocity.size)) if part.higher is None else part.higher
     return np.array([part.displacement, part.velocity, part.acceleration, *cubes])
 
@@ -289,14 +289,14 @@ def _fitted(
 
 
 def _constant(joints: Joints, window: Window) -> Stretch:
-    """Pieces of constant acceleration; a free knot costs its place beside its coefficient."""
+    """Return pieces of constant acceleration; a free knot counts as a parameter."""
     inner = joints.kinked[1:-1]
     parameters = 2 * inner.size + int(inner.sum()) + 3
     return Stretch(window, joints, 2, pieces(joints, window), parameters)
 
 
 def _smooth(ends: Joints, window: Window, tol: Tolerance) -> Stretch | None:
-    """A quintic spline; None if none is faithful."""
+    """Return a quintic spline; None if none agrees with the readings."""
     spline, faithful = quintic.refined(ends, window, tol)
     if ends.left is not None or ends.right is not None:
         for side in (0, -1):
@@ -311,7 +311,7 @@ def _smooth(ends: Joints, window: Window, tol: Tolerance) -> Stretch | None:
 
 
 def _wanders(spline: quintic.Quintic, window: Window, tol: Tolerance) -> bool:
-    """Whether it leaves the straight line between two readings by more than these or those beside.
+    """Return whether a path deviates from the line between two readings by more than their change.
 
     A smooth curve that readings show does not: it has room to where they are far apart.
     """
@@ -328,7 +328,7 @@ def _wanders(spline: quintic.Quintic, window: Window, tol: Tolerance) -> bool:
 
 
 def _with_better_end(spline: quintic.Quintic, side: int, window: Window) -> quintic.Quintic:
-    """Move an end that joins a dwell to where the squared residuals nearby are least."""
+    """Move an end that joins a dwell to where the squared residuals nearby are smallest."""
     joints = spline.joints
     if (joints.left if side == 0 else joints.right) is None:
         return spline
@@ -352,7 +352,7 @@ def _with_better_end(spline: quintic.Quintic, side: int, window: Window) -> quin
 
 
 def _local(joints: Joints, side: int, end: float) -> Joints:
-    """The joints next to one end, with that end elsewhere."""
+    """Return the joints next to one end, with that end moved."""
     part = slice(0, 6) if side == 0 else slice(-6, None)
     knots = joints.knots[part].copy()
     knots[side] = end
@@ -365,7 +365,7 @@ def _local(joints: Joints, side: int, end: float) -> Joints:
 def _window(
     t: Array, x: Array, first: int, stop: int, before: Dwell | None, after: Dwell | None
 ) -> Window:
-    """Take in part of the dwells beside a stretch, so that its end knots can move.
+    """Include part of the dwells next to a stretch, so that its end knots can move.
 
     A dwell is at its level between its readings too, and in a gap beside the stretch until the
     motion can have begun: where readings are sparser there than the stretch's, some are put between
@@ -390,7 +390,7 @@ def _window(
 def _unseen(
     t: Array, x: Array, first: int, stop: int, end: int, dwell: Dwell | None, between: Array
 ) -> Array:
-    """Times after a stretch first:stop at which a dwell's level held and nothing was read.
+    """Return times after a stretch first:stop at which a dwell's level held without readings.
 
     Up to the reading ``end``; between: multiples of the usual spacing of the stretch's readings.
     """
@@ -402,7 +402,7 @@ def _unseen(
 
 
 def _unread(t: Array, times: Array) -> Array:
-    """Those of evenly spaced times between the first reading and the last that have none near."""
+    """Return those of evenly spaced times, between first and last reading, with no reading near."""
     after = np.clip(np.searchsorted(t, times), 1, t.size - 1)
     gap = np.minimum(np.abs(times - t[after - 1]), np.abs(times - t[after]))
     near = gap <= abs(times[1] - times[0])
@@ -410,7 +410,7 @@ def _unread(t: Array, times: Array) -> Array:
 
 
 def _at_rest(t: Array, away: Array, resting: float, between: Array) -> Array:
-    """Times at which a motion is over before the first reading at rest, closest where it ends.
+    """Return times between the end of a motion and the first reading at rest.
 
     t, away (n,): its readings, the last one first, and how far each is from the dwell's level;
     between: multiples of their usual spacing. As a motion ends with the cube of the time at the
@@ -428,7 +428,7 @@ def _at_rest(t: Array, away: Array, resting: float, between: Array) -> Array:
 def _simplest(
     knots: Array, left: float | None, right: float | None, window: Window, tol: Tolerance
 ) -> Joints:
-    """Return the first faithful choice of joints.
+    """Return the first choice of joints that agrees with the readings.
 
     In order: smooth; kinks between the long pieces only; smooth with one or two more knots than
     the segments have; kinks throughout. If none is faithful, the one with the smallest largest
@@ -460,7 +460,7 @@ def _simplest(
 
 
 def _worth(joints: Joints, window: Window, tol: Tolerance) -> Joints:
-    """Take away and add knots by what each takes from the squared residuals and its numbers cost.
+    """Remove and add knots by the gain in squared residuals against the cost of their parameters.
 
     Where readings scatter, several may each be off by less than scatter could make, and all
     together by more. A knot, and a kink, must lower the squares by 2 ln n variances for each of
@@ -484,7 +484,7 @@ def _worth(joints: Joints, window: Window, tol: Tolerance) -> Joints:
 
 
 def _spared(joints: Joints, window: Window, tol: Tolerance, number: float) -> Joints:
-    """Without knots of which the readings tell nothing: scatter now and then divides a piece."""
+    """Remove knots that the readings do not support, as scatter may divide a piece."""
     while 2 < joints.knots.size <= _FEW_KNOTS:
         trials = [
             optimise(replace(joints, knots=knots, kinked=kinked), window)
@@ -504,7 +504,7 @@ def _squares(joints: Joints, window: Window) -> float:
 
 
 def _worst(joints: Joints, window: Window, tol: Tolerance) -> float:
-    """How far the worst reading is off; or the worst run of readings, as far beyond its bound."""
+    """Return the largest residual, or that of a run of readings scaled to its bound."""
     off = residuals(joints, window.time, window.displacement)
     return tol.rest * float(excess(off, tol, tol.rest).max())
 

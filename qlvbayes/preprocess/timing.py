@@ -1,4 +1,4 @@
-r"""What is not known of the moments at which a test was read, and at which its motion changed.
+r"""Force errors from uncertain times: of the readings, and of the kinks of the motion.
 
 A reading at a distance d from a kink of the motion, of which both together are known to within
 sigma, lies beyond it with the probability p = Phi(-d / sigma). Where the force jumps by Delta F
@@ -30,7 +30,7 @@ _UNRESOLVED = 12.0**-0.5
 
 
 def kink_doubt(time: Array, trajectory: Trajectory) -> Array:
-    """(p (1 - p))^1/2 of each reading at times (n,) in s, by its nearest kink.
+    """Return (p (1 - p))^1/2 of each reading at times (n,) in s, by its nearest kink.
 
     Where the velocity jumps, the change itself takes up to a sampling interval, as it would be
     resolved otherwise.
@@ -47,7 +47,7 @@ def kink_doubt(time: Array, trajectory: Trajectory) -> Array:
 
 
 def _nearest(kinks: Array, at: Array) -> NDArray[np.intp]:
-    """(n,) which of kinks (k,), in order, is nearest to each time."""
+    """Return the index (n,) of the nearest of the sorted kinks (k,) to each time."""
     after = np.clip(np.searchsorted(kinks, at), 1, max(kinks.size - 1, 1))
     sides = np.stack([after - 1, np.minimum(after, kinks.size - 1)])
     nearer = np.argmin(np.abs(kinks[sides] - at), axis=0)
@@ -55,14 +55,14 @@ def _nearest(kinks: Array, at: Array) -> NDArray[np.intp]:
 
 
 def kink_sds(time: Array, trajectory: Trajectory) -> Array:
-    """Sd (k,) in s of the time of each kink against the readings' clock."""
+    """Return the sd (k,) in s of the time of each kink relative to the readings' clock."""
     interval = _intervals(trajectory.kinks, time)
     width = np.where(trajectory.speed_jumps > 0.0, _UNRESOLVED, _EXACT) * interval
     return np.asarray(np.sqrt(width**2 + trajectory.kink_sd**2 + trajectory.clock_sd**2))
 
 
 def _intervals(at: Array, time: Array) -> Array:
-    """(k,) the shorter of the sampling intervals (s) about some times: loggers thin out dwells."""
+    """Return the shorter (k,) of the sampling intervals (s) next to some times."""
     step = np.diff(time)
     after = np.clip(np.searchsorted(time, at), 1, step.size)
     return np.asarray(np.minimum(step[after - 1], step[np.minimum(after, step.size - 1)]))
@@ -76,7 +76,7 @@ def timing_sd(
     white: float,
     rows: NDArray[np.intp] | None = None,
 ) -> Array:
-    """Sd (B,) in N of block means from what is not known of the readings' moments.
+    """Return the sd (B,) in N of block means that uncertain times cause.
 
     time, force: (n,) readings; begin (B,): the first reading of each block; white: sd in N of a
     reading's own noise; rows: which readings the blocks are made of, all by default. The doubt
@@ -93,7 +93,7 @@ def timing_sd(
 
 
 def _jumps(time: Array, force: Array, white: float) -> Array:
-    """(n,) how much the force jumps to one side of each reading (N).
+    """Return the jump (n,) of the force (N) to one side of each reading.
 
     A jump by Delta F puts the readings on both sides of it off the line by half of that.
     """
@@ -107,7 +107,7 @@ def _jumps(time: Array, force: Array, white: float) -> Array:
 
 
 def off_kinks(centre: Array, half: Array, time: Array, trajectory: Trajectory) -> Array:
-    """Half the distance (B,) in s of a block's two nodes, neither of which lies at a kink.
+    """Return half the distance (B,) in s of a block's two nodes, neither of them at a kink.
 
     centre, half (B,): mean and sd of the times of a block's readings; time (n,): of all. Where a
     single reading lies at a kink the model is averaged over both sides of it: a force that jumps

@@ -78,12 +78,12 @@ class Trajectory:
 
     @property
     def path(self) -> PPoly:
-        """The motion from the first knot to the last as a piecewise polynomial of the time."""
+        """Motion from the first knot to the last as a piecewise polynomial of time."""
         return self._path[0]
 
     @cached_property
     def _jumps(self) -> tuple[Array, Array]:
-        """Size (k-1,) of the jumps of velocity and acceleration at the inner knots."""
+        """Sizes (k-1,) of the jumps of velocity and acceleration at the inner knots."""
         _, velocity, acceleration = self._path
         length, inner = np.diff(self.knots)[:-1], slice(0, -1)
         jumps = []
@@ -102,7 +102,7 @@ class Trajectory:
 
     @property
     def speed_jumps(self) -> Array:
-        """Size (j,) of the jump of velocity at each kink: changes too quick to resolve."""
+        """Size (j,) of the jump of velocity at each kink."""
         return self._jumps[0][self._at_kinks]
 
     @property
@@ -160,19 +160,19 @@ class Trajectory:
         return np.where(inside, value, 0.0)
 
     def displacement(self, t: ArrayLike) -> Array:
-        """Displacement at times ``t`` (any shape)."""
+        """Return the displacement at times ``t`` (any shape)."""
         return self._at(0, t)
 
     def velocity(self, t: ArrayLike) -> Array:
-        """Velocity at times ``t`` (any shape); 0 outside the record."""
+        """Return the velocity at times ``t`` (any shape); 0 outside the record."""
         return self._at(1, t)
 
     def acceleration(self, t: ArrayLike) -> Array:
-        """Acceleration at times ``t`` (any shape); 0 outside the record."""
+        """Return the acceleration at times ``t`` (any shape); 0 outside the record."""
         return self._at(2, t)
 
     def displacement_sd(self, t: ArrayLike) -> Array:
-        """Sd of the error of ``displacement(t)`` (any shape), in units of displacement.
+        """Return the sd of ``displacement(t)`` (any shape), in units of displacement.
 
         It comes from the encoder's rounding and the sensor's scatter, less what the fit averages
         out; 0 for a planned motion.
@@ -184,7 +184,7 @@ class Trajectory:
 
 
 def _largest(poly: PPoly, slope: PPoly) -> float:
-    """Largest magnitude of a piecewise polynomial whose derivative is given."""
+    """Return the largest magnitude of a piecewise polynomial whose derivative is given."""
     ends = [poly.c[-1], sum(c * np.diff(poly.x) ** k for k, c in enumerate(poly.c[::-1]))]
     if poly.c.shape[0] > 2:
         roots = slope.roots(discontinuity=False, extrapolate=False)
@@ -198,7 +198,7 @@ def smooth(
     resolution: float | None = None,
     scatter: float = np.inf,
 ) -> Trajectory:
-    """Return the motion behind an encoder record: few pieces, faithful to every reading.
+    """Return the motion that an encoder recorded: few pieces, in agreement with every reading.
 
     Dwells come out exactly constant. Each stretch between dwells becomes a quadratic spline with
     knots where least squares puts them, as few as keep all residuals within what the encoder step
@@ -250,7 +250,7 @@ def _check(time: Array, displacement: Array) -> None:
 def _stretches(
     t: Array, x: Array, segments: list[tuple[int, int]], dwells: list[Dwell], tol: Tolerance
 ) -> list[Stretch]:
-    """Fit what lies between the dwells."""
+    """Fit the motion between the dwells."""
     parts: list[Stretch] = []
     for before, after in pairwise([None, *dwells, None]):
         if before is None and after is not None and after.first == 0:
@@ -286,7 +286,7 @@ def _with_errors(
     dwells: list[Dwell],
     tol: Tolerance,
 ) -> Trajectory:
-    """The path with all that the readings tell of its errors."""
+    """Return the path with its errors, as far as the readings determine them."""
     part_errors = [errors(part, tol) for part in parts]
     clock = _clock_sd(t, x, path)
     return replace(
@@ -301,7 +301,7 @@ def _with_errors(
 
 
 def _clock_sd(t: Array, x: Array, motion: Trajectory) -> float:
-    """What the stamps show, and no more than would have moved the readings by what they are off."""
+    """Return the sd of the stamps, bounded by the residuals of the moving platen's readings."""
     speed = motion.velocity(t)
     stamped = clock_error(t)
     if stamped == 0.0 or _FREEDOM * motion.knots.size > np.count_nonzero(speed):
@@ -314,7 +314,7 @@ def _clock_sd(t: Array, x: Array, motion: Trajectory) -> float:
 def _all_moments(
     t: Array, parts: list[Stretch], dwells: list[Dwell], tol: Tolerance, clock: float
 ) -> Moments:
-    """Of all stretches' knots, in order of time."""
+    """Return the errors of all stretches' knots, in order of time."""
     times, sds = [np.array([t[0], t[-1]])], [np.zeros(2)]
     for part in parts:
         begin, end = part.joints.knots[[0, -1]]
@@ -339,7 +339,7 @@ def _order(part: Stretch) -> int:
 
 
 def _rows(part: Stretch, most: int) -> Array:
-    """Displacement, velocity, acceleration and ``most`` higher coefficients of each piece."""
+    """Return displacement, velocity, acceleration and ``most`` higher coefficients."""
     p = part.pieces
     higher = np.zeros((0, p.velocity.size)) if p.higher is None else p.higher
     missing = np.zeros((most - len(higher), p.velocity.size))
@@ -349,7 +349,7 @@ def _rows(part: Stretch, most: int) -> Array:
 def _all_errors(
     t: Array, parts: list[Stretch], part_errors: list[Errors], dwells: list[Dwell], tol: Tolerance
 ) -> Errors:
-    """Of stretches and dwells, in order of time."""
+    """Return the errors of stretches and dwells, in order of time."""
     begins = np.array([p.joints.knots[0] for p in parts] + [t[-1]])
     ends = np.array([t[0]] + [p.joints.knots[-1] for p in parts])
     every = list(part_errors)
@@ -371,7 +371,7 @@ def _concatenated(parts: list[Errors]) -> Errors:
 def _unresolved(
     motion: Trajectory, parts: list[Stretch], part_errors: list[Errors]
 ) -> tuple[tuple[str, str], ...]:
-    """What the readings do not give of velocity and acceleration, and why."""
+    """Return why the readings do not determine velocity or acceleration."""
     if not parts:
         return (("velocity", "the platen never moves"), ("acceleration", "the platen never moves"))
     doubts = []
@@ -388,7 +388,7 @@ def _unresolved(
 
 
 def _share(sds: Array, values: Array) -> float:
-    """The median sd over the largest value, each weighted by the square of its value."""
+    """Return the median sd over the largest value, each weighted by the square of its value."""
     most = float(np.max(np.abs(values)))
     if most == 0.0:
         return np.inf

@@ -49,7 +49,7 @@ class Constants:
         return self.m / self.b * np.expm1(self.b * depth)
 
     def stiffness(self, depth: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Its slope (N/mm): m e^{b d}."""
+        """Slope of the elastic force (N/mm): m e^{b d}."""
         return self.m * np.exp(self.b * depth)
 
 
@@ -80,7 +80,7 @@ _SHARES_ALIKE = 300.0  # Dirichlet concentration of their shares: sds of about 0
 def specimens_of(
     words: Iterable[str], rng: np.random.Generator
 ) -> tuple[dict[str, Constants], dict[str, str]]:
-    """Constants by name, and the kinds of those of which several were asked for.
+    """Return constants by name, and the kind of each specimen of several.
 
     words: names of `SPECIMENS`; `finger:4` is four of a kind, `finger-1` to `finger-4`, each with
     constants of its own about those of the kind.
@@ -107,7 +107,7 @@ def specimens_of(
 
 
 def _another(kind: Constants, rng: np.random.Generator) -> Constants:
-    """A specimen like others of its kind."""
+    """Draw a specimen like others of its kind."""
     m, b = np.array([kind.m, kind.b]) * np.exp(_STIFFNESS_SPREAD * rng.standard_normal(2))
     v = np.array(kind.v) * np.exp(_RATE_SPREAD * rng.standard_normal(len(kind.v)))
     c = rng.dirichlet(_SHARES_ALIKE * np.array(kind.c))
@@ -115,7 +115,7 @@ def _another(kind: Constants, rng: np.random.Generator) -> Constants:
 
 
 def pads_of_table_1(names: Iterable[str]) -> dict[str, Constants]:
-    """Constants of the named pads, in the order given.
+    """Return the constants of the named pads, in the order given.
 
     Raises
     ------
@@ -133,7 +133,7 @@ def pads_of_table_1(names: Iterable[str]) -> dict[str, Constants]:
 
 
 def draw_constants(rng: np.random.Generator) -> Constants:
-    """Random two-mode constants around the paper's pads.
+    """Draw random two-mode constants around the paper's pads.
 
     m 0.2..1.2 N/mm, b 0.3..1.5 1/mm, v1 2..15 1/s, v2 0.05..0.5 1/s, all log-uniform;
     shares 0.03 + 0.91 Dirichlet(3, 5, 1), so that every mode is there to be seen.

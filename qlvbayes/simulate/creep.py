@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Load:
-    """Go to a force (N) within a time (s; 0 is a weight put on at once) and hold it (s)."""
+    """Change the force to a value (N) within a time (s; 0: at once) and hold it (s)."""
 
     force: float
     within: float
@@ -43,7 +43,7 @@ def creep_protocol(load: float) -> tuple[Load, ...]:
 
 
 def prescribed(program: Iterable[Load], sample_rate: float = SAMPLE_RATE) -> tuple[Array, Array]:
-    """Times (s) and forces (N), both (n,), of a program sampled evenly.
+    """Return times (s) and forces (N), both (n,), of a program sampled evenly.
 
     Raises
     ------
@@ -64,7 +64,7 @@ def prescribed(program: Iterable[Load], sample_rate: float = SAMPLE_RATE) -> tup
 
 
 def displacement_under(constants: Constants, time: Array, force: Array) -> Array:
-    """Displacement (n,) in mm under a force (n,) in N, straight between ascending times (n,).
+    """Return the displacement (n,) in mm under a force (n,) in N, linear between times (n,).
 
     The pad is at rest until the first time; a first force other than 0 is put on at once. Right to
     1e-9 of the displacement where no step is longer than a fifth of 1/v.

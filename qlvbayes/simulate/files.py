@@ -1,4 +1,4 @@
-"""Simulated tests as a tidy CSV that says that it is simulated."""
+"""Simulated tests as a tidy CSV whose heading says that it is simulated."""
 
 from __future__ import annotations
 

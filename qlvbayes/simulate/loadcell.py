@@ -1,4 +1,4 @@
-"""Load cells, amplifiers and clocks as they are met: errors beyond white noise and its memory."""
+"""Load cells, amplifiers and clocks with errors beyond white and correlated noise."""
 
 from __future__ import annotations
 
@@ -43,12 +43,12 @@ class LoadCell:
     encoder: float = 0.001
 
     def draw(self, times: Array, rng: np.random.Generator) -> Array:
-        """Errors (N) at ascending times (s) before growth and rounding."""
+        """Draw errors (N) at ascending times (s) before growth and rounding."""
         both = Noise(self.white, self.correlated, self.time).draw(times, rng)
         return both + self.low * _twice_filtered(np.diff(times) / self.lag, rng)
 
     def moments(self, times: Array, rng: np.random.Generator) -> Array:
-        """When the force is really read, s: within 0.4 of a spacing of the stated times."""
+        """Return when the force is really read, s: within 0.4 of a spacing of the stated times."""
         if self.jitter == 0.0 or times.size < 2:
             return times
         most = 0.4 * np.min(np.diff(times))
@@ -56,12 +56,12 @@ class LoadCell:
         return np.clip(times + late, times[0], times[-1])
 
     def read(self, force: Array, errors: Array, peak: float) -> Array:
-        """Reading (N) of a true force with the errors drawn."""
+        """Return the reading (N) of a true force with the errors drawn."""
         noisy = force + errors * (1.0 + self.growth * np.abs(force) / peak)
         return np.round(noisy / self.step) * self.step if self.step else noisy
 
     def position(self, displacement: Array) -> Array:
-        """What the encoder reads, mm."""
+        """Return the encoder's reading, mm."""
         if not self.encoder:
             return displacement
         return np.round(displacement / self.encoder) * self.encoder + 0.0
@@ -109,7 +109,7 @@ def _twice_filtered(steps: Array, rng: np.random.Generator) -> Array:
 
 
 def draw_cell(kind: str, peak: float, hold: float, rng: np.random.Generator) -> LoadCell:
-    """A load cell of one kind, of a pad with a peak force (N) and a longest hold (s).
+    """Draw a load cell of one kind, for a pad with a peak force (N) and a longest hold (s).
 
     The noise has 0.2 to 0.8 % of the peak in all. ``usual`` is white and correlated; ``white``
     is white noise alone; ``long_memory`` has a correlation time of a quarter of the longest hold;

@@ -122,7 +122,7 @@ class Track(Motion):
 
 
 def joined(parts: Iterable[Sequence[Piece]]) -> tuple[Piece, ...]:
-    """Pieces of motions one after the other: each begins when and where the one before ends."""
+    """Join pieces of motions: each begins when and where the one before ends."""
     pieces: list[Piece] = []
     for part in parts:
         clock = pieces[-1].start + pieces[-1].duration if pieces else 0.0

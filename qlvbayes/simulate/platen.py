@@ -1,4 +1,4 @@
-"""What the rig's platen does: strokes with finite acceleration, and standstills."""
+"""Motion of the rig's platen: strokes with finite acceleration, and holds."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ PROTOCOLS = {"paper": paper_protocol, "retraction": full_retraction_protocol}
 
 
 def _stroke(clock: float, position: float, move: Move, limit: float) -> list[Piece]:
-    """Speed up, cruise and brake; no piece of zero length."""
+    """Accelerate, cruise and brake; no piece has zero length."""
     stroke = abs(move.target - position)
     if stroke == 0.0:
         return []

@@ -30,7 +30,7 @@ PROTOCOL_NAMES = (
 
 @dataclass(frozen=True)
 class Session:
-    """Tests of one pad: a motion each, by name, in order.
+    """Tests of one pad, a motion each by name, in order.
 
     continuous: whether each test follows the one before by `pause` (s), in which the platen goes
     back to 0 and the pad has not forgotten; else every test begins at rest. The motions know their
@@ -60,7 +60,7 @@ class Session:
 def session(
     protocol: str, continuous: bool, hold: float, creep: float, rng: np.random.Generator
 ) -> Session:
-    """Tests of one protocol.
+    """Return the tests of one protocol.
 
     hold: length of the holds (s) where the protocol leaves it open; creep: by how much the platen
     moves on in every hold, mm.
@@ -112,7 +112,7 @@ def _programs(
 
 
 def _ramp_hold(protocol: str, rate: float, hold: float) -> tuple[Step, ...]:
-    """One test of ramps and holds."""
+    """Return one test of ramps and holds."""
     up: tuple[Step, ...] = (Move(_STROKE_MM, rate), Hold(hold))
     if protocol == "no_unloading":
         return up
@@ -125,7 +125,7 @@ def _ramp_hold(protocol: str, rate: float, hold: float) -> tuple[Step, ...]:
 
 
 def _jerk_limited(hold: float, rng: np.random.Generator) -> dict[str, tuple[Step, ...] | Track]:
-    """Six tests to one random depth (0.6 to 2.5 mm) at random speeds (0.05 to 60 mm/s)."""
+    """Return six tests to a random depth (0.6 to 2.5 mm) at random speeds (0.05 to 60 mm/s)."""
     depth = float(rng.uniform(0.6, 2.5))
     speeds = np.sort(np.exp(rng.uniform(np.log(0.05), np.log(60.0), 6)))
     programs: dict[str, tuple[Step, ...] | Track] = {}
@@ -137,7 +137,7 @@ def _jerk_limited(hold: float, rng: np.random.Generator) -> dict[str, tuple[Step
 
 
 def sine(stroke: float, frequency: float, cycles: int) -> Track:
-    """Sine stroke (1 - cos(2 pi f t))/2 in pieces of constant acceleration, their ends exact."""
+    """Return a sine stroke (1 - cos(2 pi f t))/2 in pieces of constant acceleration."""
     omega, count = 2.0 * pi * frequency, cycles * _PIECES_A_CYCLE
     step = 1.0 / (frequency * _PIECES_A_CYCLE)
     velocities = [0.5 * stroke * omega * sin(omega * step * k) for k in range(count + 1)]
@@ -145,7 +145,7 @@ def sine(stroke: float, frequency: float, cycles: int) -> Track:
 
 
 def swing(stroke: float, speed: float) -> tuple[Piece, ...]:
-    """From rest to rest by `stroke` (mm), v = speed (1 - cos(2 pi t/T))/2 sgn(stroke): no jerk."""
+    """Return a move from rest by `stroke` (mm), v = speed (1 - cos(2 pi t/T))/2 sgn(stroke)."""
     total = 2.0 * abs(stroke) / speed
     step = total / _PIECES_A_STROKE
     sign = 1.0 if stroke > 0 else -1.0
@@ -154,7 +154,7 @@ def swing(stroke: float, speed: float) -> tuple[Piece, ...]:
 
 
 def _of_velocities(velocities: Sequence[float], step: float) -> tuple[Piece, ...]:
-    """Pieces between velocities (mm/s) at even steps (s), from displacement 0."""
+    """Return pieces between velocities (mm/s) at even steps (s), from displacement 0."""
     pieces, position = [], 0.0
     for k, (v, w) in enumerate(pairwise(velocities)):
         pieces.append(Piece(k * step, step, position, v, (w - v) / step))
@@ -167,7 +167,7 @@ def _creeping(program: Sequence[Step], creep: float) -> tuple[Step, ...]:
 
 
 def _back(position: float, pause: float) -> tuple[Piece, ...]:
-    """Back to 0 at 20 mm/s, and rest until the pause is over."""
+    """Return to 0 at 20 mm/s, and rest until the pause is over."""
     if abs(position) < 1e-9:
         return (Piece(0.0, pause, position, 0.0, 0.0),)
     duration = abs(position) / _RETURN_MM_S

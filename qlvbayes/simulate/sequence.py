@@ -1,4 +1,4 @@
-"""Tests of one pad after one another, with what relaxes in the pauses between them."""
+"""Consecutive tests of one pad, which relaxes in the pauses between them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ RETURN_SPEED = 20.0
 
 @dataclass(frozen=True)
 class Sequence:
-    """Programs joined to one by pauses in which the platen goes back to zero and waits.
+    """Programs joined by pauses in which the platen goes back to zero and waits.
 
     platen: of the whole; names: of the tests; begins, ends: their times (s) in the whole.
     """
@@ -40,7 +40,7 @@ def join_programs(
     return_speed: float | None = RETURN_SPEED,
     acceleration_limit: float = PAPER_ACCELERATION,
 ) -> Sequence:
-    """One program of all, with ``pause_s`` (s) between a test's end and the next one's beginning.
+    """Join programs with ``pause_s`` (s) between a test's end and the next one's beginning.
 
     return_speed: at which the platen goes back to zero when a pause begins (mm/s); None leaves it
     where the test ended. The next program goes on from there.
@@ -115,7 +115,7 @@ def record_sequence(
 
 @dataclass(frozen=True)
 class _Test:
-    """A test's samples: its name, its beginning in the whole (s), times and readings, whole."""
+    """A test's samples: name, beginning in the sequence (s), times and readings."""
 
     name: str
     begin: float
@@ -126,7 +126,7 @@ class _Test:
     def recorded(
         self, pad: str, whole: Sequence, force: NDArray[np.float64], noise: Noise, seed: int
     ) -> SimulatedTest:
-        """The test with its noise, which is that of all samples, kept or not."""
+        """Return the test with its noise, which is drawn for all samples, kept or not."""
         own = self.time - self.begin
         errors = noise.draw(own, stream(seed, self.name))[self.kept]
         time, true = own[self.kept], whole.platen.displacement(self.time[self.kept])
@@ -137,7 +137,7 @@ class _Test:
 def _sampled(
     whole: Sequence, begin: float, end: float, rate: float, max_rows: int | None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]:
-    """Times of a test in the whole, encoder readings, and the places that the logger keeps."""
+    """Return times of a test in the sequence, encoder readings, and the indices of kept rows."""
     if not rate > 0:
         raise InputError(f"the sample rate must be above 0, not {rate} 1/s")
     time = np.minimum(begin + np.arange(int((end - begin) * rate + 1e-6) + 1) / rate, end)
@@ -149,7 +149,7 @@ def _sampled(
 def _continuous(
     material: Material, whole: Sequence, tests: list[_Test]
 ) -> list[NDArray[np.float64]]:
-    """Forces of the samples kept, solved along all tests and pauses."""
+    """Return forces of the kept samples, solved along all tests and pauses."""
     times = [test.time[test.kept] for test in tests]
     force = material.force(whole.platen, np.concatenate(times))
     return np.split(force, np.cumsum([time.size for time in times])[:-1])
@@ -161,7 +161,7 @@ def _rested(
     acceleration_limit: float,
     tests: list[_Test],
 ) -> list[NDArray[np.float64]]:
-    """Forces of the samples kept, every test begun on a rested pad."""
+    """Return forces of the kept samples, every test begun on a rested pad."""
     forces = []
     for program, test in zip(programs.values(), tests, strict=True):
         platen = Platen(tuple(program), acceleration_limit, test.begin)
@@ -173,7 +173,7 @@ def _rested(
 def _pause(
     done: list[Step], pause_s: float, return_speed: float | None, acceleration_limit: float
 ) -> list[Step]:
-    """The way back and the wait, together as long as the pause."""
+    """Return the way back and the wait, together as long as the pause."""
     back: list[Step] = [] if return_speed is None else [Move(0.0, return_speed)]
     duration = _duration([*done, *back], acceleration_limit) - _duration(done, acceleration_limit)
     if not pause_s > duration:
@@ -185,5 +185,5 @@ def _pause(
 
 
 def _duration(steps: list[Step], acceleration_limit: float) -> float:
-    """Length (s) of a program that may be empty."""
+    """Return the length (s) of a program that may be empty."""
     return Platen(tuple(steps), acceleration_limit).duration if steps else 0.0

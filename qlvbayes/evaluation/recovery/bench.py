@@ -1,4 +1,4 @@
-"""The bench: a small study, a pad with one relaxation mode, and the priors of both."""
+"""Simulated tests of a pad with one relaxation mode, and the priors of its constants."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _SOONEST = 0.02  # s from the beginning of a hold to its first sample
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """Tests whose record holds no force yet, their scales, the law's priors and the noise's."""
+    """Tests whose record holds no force yet, their scales, and the priors of law and noise."""
 
     record: Record
     scales: Scales
@@ -47,7 +47,7 @@ class Bench:
     noise: AbstractNoise
 
     def space(self, effects: Sequence[AbstractEffect]) -> Space:
-        """Hypotheses with some effects; the noise is of no account."""
+        """Return the hypotheses with some effects; the noise has no influence."""
         return Space(
             self.record,
             {self.elastic.name: in_own_numbers(self.elastic)},
@@ -58,13 +58,13 @@ class Bench:
         )
 
     def hypothesis(self, effect: str) -> Hypothesis:
-        """The law with one effect."""
+        """Return the law with one effect."""
         return Hypothesis(self.elastic.name, self.relaxation.name, frozenset((effect,)))
 
 
 @cache
 def bench() -> Bench:
-    """A test at 1 mm/s that goes back to half depth, and one at 10 mm/s that retracts fully.
+    """Return a test at 1 mm/s back to half depth, and one at 10 mm/s with full retraction.
 
     Pads differ from one like the paper's pad B by a factor 1.2 in m and b and 1.5 in the rate (one
     sd). The package's own priors are for pads of which nothing is known; a draw from them may weigh
@@ -100,7 +100,7 @@ def _record(path: Trajectory, start: float) -> Record:
 
 
 def _times(path: Trajectory) -> np.ndarray:
-    """Few samples, each a block by itself: even ones on the move, ever fewer in a hold."""
+    """Return few samples, each a block: even ones in motion, geometrically spaced in holds."""
     moving = (np.arange(_MOVING) + 0.5) / _MOVING
     resting = np.geomspace(_SOONEST / _HOLD, 1.0, _RESTING)
     times = [np.zeros(1)]

@@ -1,4 +1,4 @@
-"""Pads with one effect of several, drawn from the priors, tested on the bench, and fitted."""
+"""Simulated pads with one effect each, drawn from the priors, and their posteriors."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Slice:
 
 
 def slices(density: Density, own: Parameters, effect: str, best: Mode) -> Iterator[Slice]:
-    """At quantiles of each constant of the effect, from the best mode's other numbers.
+    """Yield slices at quantiles of each constant of the effect, from the best mode.
 
     Where the amplitude may be zero the posterior has an arm along the whole prior of each constant
     beside it, such as a rate; where that is a rate of the pad, one along the amplitude.
@@ -78,7 +78,7 @@ def slices(density: Density, own: Parameters, effect: str, best: Mode) -> Iterat
 
 
 def _held(density: Density, effect: str, field: str, leaf: Leaf, theta: Array) -> Density:
-    """The density with one field of an effect fixed at its value at theta (F,)."""
+    """Return the density with one field of an effect fixed at its value at theta (F,)."""
     space = density.space
     value = leaf.values(theta[None])[0]
     fixed = eqx.tree_at(lambda e: getattr(e, field), space.effects[effect], value, is_leaf=is_prior)
@@ -86,7 +86,7 @@ def _held(density: Density, effect: str, field: str, leaf: Leaf, theta: Array) -
 
 
 def _along(density: Density, own: Parameters, theta: Array, held: list[int], sds: Array) -> Array:
-    """Covariance (F, F) of what is free beside numbers of sds (H,), and follows them on its way."""
+    """Return the covariance (F, F) given and along the held parameters of sds (H,)."""
     point = density.at(own.hypothesis, theta)
     assert point is not None  # it was finite in the slice
     between = np.isfinite(own.lowest) & np.isfinite(own.highest)
@@ -109,12 +109,12 @@ class Pads:
 
     @cached_property
     def own(self) -> Parameters:
-        """What is free: the law's constants and the effect's."""
+        """Free parameters: the law's constants and the effect's."""
         return self.space.parameters(bench().hypothesis(self.effect))
 
     @cached_property
     def constants(self) -> dict[str, int]:
-        """The effect's free constants: their names and their places among all."""
+        """Free constants of the effect: their names and indices."""
         stem = f"{self.effect}."
         return {
             name.removeprefix(stem): index
@@ -123,7 +123,7 @@ class Pads:
         }
 
     def recovered(self, seed: int, k: int, shares: tuple[float, ...]) -> tuple[Array, Array, float]:
-        """Of one pad: truth (C,), posterior quantiles (len(shares), C), effective draws ()."""
+        """Return truth (C,), posterior quantiles (len(shares), C) and effective draws."""
         rng = np.random.default_rng([seed, zlib.crc32(self.effect.encode()), k])
         truth = self.own.constants(draw_priors(self.own.posterior, 1, rng))
         sampled = self._sampled(self._tested(truth, rng), rng)
@@ -135,7 +135,7 @@ class Pads:
         return truth[0, indices], np.array(ends).T, sampled.effective
 
     def _tested(self, constants: Array, rng: np.random.Generator) -> Density:
-        """With the forces that constants (1, P) give, and noise whose sizes are drawn too."""
+        """Return the density given simulated forces of constants (1, P), with random noise."""
         noise: Correlated = jax.tree.map(
             lambda prior: jnp.asarray(prior.draw(rng)), bench().noise, is_leaf=is_prior
         )
@@ -149,7 +149,7 @@ class Pads:
         return Density(self.space.with_forces(forces), whitener, none)
 
     def _sampled(self, density: Density, rng: np.random.Generator) -> Sampled:
-        """From clouds about the modes and between slices; every amplitude counts."""
+        """Sample from clouds about the modes and between slices; every amplitude counts."""
         hypothesis = self.own.hypothesis
         best_modes = modes(density, hypothesis, self.space.plain_draws(hypothesis)[:_STARTS])
         if not best_modes:
@@ -168,7 +168,7 @@ class Pads:
 
 
 def _quantiles(values: Array, weights: Array, shares: tuple[float, ...]) -> Array:
-    """Of weighted values (K,)."""
+    """Return quantiles of weighted values (K,)."""
     order = np.argsort(values)
     below = np.cumsum(weights[order]) - 0.5 * weights[order]
     return np.interp(shares, below, values[order])

@@ -1,4 +1,4 @@
-"""Whether the other channel shows what one channel reads.
+"""Comparison of the two channels of a test: whether one channel confirms what the other reads.
 
 Where the platen goes the force follows, and the force changes where the platen went: a reading of
 one channel that the other bears out is the specimen's, however sudden.
@@ -32,7 +32,7 @@ _SMALL = 0.02  # of the range: a larger step is one of the motion, sampled seldo
 
 @dataclass(frozen=True)
 class Channels:
-    """Both channels of one test of n readings, and what is known of them.
+    """The displacement and force channels of one test of n readings.
 
     doubtful: (n,) readings that either channel doubts by itself; fastest: largest speed that other
     readings of the pad's tests show; lost: (n,) readings of displacement found to be bad.
@@ -49,23 +49,23 @@ class Channels:
 
     @property
     def stiffness(self) -> float:
-        """Range of the force over that of the displacement."""
+        """Range of the force divided by the range of the displacement."""
         span = self.of_displacement.span
         return self.of_force.span / span if span > 0.0 else 0.0
 
     def moved(self, run: Run) -> float:
-        """How far the platen went about a run, 0 where its sensor's step and noise make as much."""
+        """Return how far the platen moved around a run; 0 if step and noise explain as much."""
         d = self.displacement[self._about(run, _BESIDE)]
         travel = float(np.ptp(d)) if d.size else 0.0
         return travel if travel > self._flicker(run) else 0.0
 
     def bends(self, run: Run) -> bool:
-        """Whether the platen's speed changes nearby, more than it does all the time."""
+        """Return whether the platen's speed changes nearby by more than it does elsewhere."""
         departure = self._departure(run)
         return departure > max(_BENT * self._flicker(run), _SHARPLY * self.typical_departure)
 
     def force_contradicted(self, run: Run) -> bool:
-        """Whether the platen did nothing that explains how the force reads in a run.
+        """Return whether no motion of the platen explains the force readings of a run.
 
         An inertial force needs no way. Contact does to be lost: a force of exactly 0.
         """
@@ -78,7 +78,7 @@ class Channels:
         return float(off.min()) > stiffer * self.stiffness * self.moved(run)
 
     def displacement_contradicted(self, run: Run) -> bool:
-        """Whether the force shows nothing of how the displacement reads in a run."""
+        """Return whether the force shows no sign of the displacement readings of a run."""
         before, after = self._sides(run)
         one, other = self.displacement[before], self.displacement[after]
         inside = slice(*run)
@@ -94,7 +94,7 @@ class Channels:
         return bool(returns and self.speed(run) > _IMPOSSIBLE * self.fastest)
 
     def row_contradicted(self, run: Run, own_fastest: float) -> bool:
-        """Whether both channels read 0, and the platen cannot have gone there and back.
+        """Return whether both channels read 0 although the platen cannot have moved that far.
 
         own_fastest: largest speed that the test's other readings show.
         """
@@ -103,7 +103,7 @@ class Channels:
         return nothing and self.speed(run) > _IMPOSSIBLE * own_fastest
 
     def speed(self, run: Run) -> float:
-        """The least speed with which the platen would have made the excursion."""
+        """Return the lowest speed with which the platen could have made the excursion."""
         before, after = self._sides(run)
         first, last = run[0], run[1] - 1
         away = abs(self.displacement[first] - self.displacement[before])
@@ -116,7 +116,7 @@ class Channels:
         )
 
     def force_change(self, run: Run, before: int, after: int) -> float:
-        """How far the force in a run leaves the line between both sides.
+        """Return how far the force in a run deviates from the line between its two sides.
 
         That is as it begins, as it ends or in most of it, whichever is more.
         """
@@ -126,7 +126,7 @@ class Channels:
         return float(max(off[0], off[-1], np.median(off)))
 
     def _sides(self, run: Run) -> tuple[int, int]:
-        """The sound readings before and after a run; at the record's end one of them twice."""
+        """Return the sound readings before and after a run; at the record's end one twice."""
         before, after = neighbours(self.doubtful, *run)
         if before is None:
             before = after
@@ -137,13 +137,13 @@ class Channels:
         return before, after
 
     def _flicker(self, run: Run) -> float:
-        """How far readings at rest may differ: a step of the encoder (not of the motion), noise."""
+        """Return how far readings at rest may differ: a step of the encoder, and noise."""
         noise = self.of_displacement
         step = noise.step if noise.step < _SMALL * noise.span else 0.0
         return 1.01 * step + 4.0 * float(noise.deviation[run[0]])
 
     def _about(self, run: Run, reach: int) -> NDArray[np.intp]:
-        """Readings in and about a run whose displacement counts."""
+        """Return the indices of the readings in and around a run whose displacement counts."""
         low, high = max(run[0] - reach, 0), min(run[1] + reach, self.time.size)
         indices = np.arange(low, high)
         return indices[~self.lost[indices]]
@@ -154,7 +154,7 @@ class Channels:
 
     @cached_property
     def typical_departure(self) -> float:
-        """Median departure from a line, of stretches as long, all over the record."""
+        """Median deviation from a straight line, over all stretches of this length."""
         sound = np.flatnonzero(~self.doubtful)
         width = 2 * _BENDS + 1
         if sound.size < 2 * width:
@@ -165,13 +165,13 @@ class Channels:
 
 
 def fastest(time: Array, displacement: Array, sound: NDArray[np.bool_]) -> float:
-    """Largest speed from one sound reading to the next."""
+    """Return the largest speed from one sound reading to the next."""
     t, d = time[sound], displacement[sound]
     return float(np.max(np.abs(np.diff(d)) / np.diff(t), initial=0.0))
 
 
 def _deflection(time: Array, values: Array) -> float:
-    """How far values leave the line between their ends."""
+    """Return the largest deviation of values from the line between their ends."""
     if time.size < 3:
         return 0.0
     line = np.interp(time, time[[0, -1]], values[[0, -1]])

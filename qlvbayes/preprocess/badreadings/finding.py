@@ -1,4 +1,4 @@
-"""The bad readings of a pad's tests, and the tests without them."""
+"""Detection of the bad readings of a pad's tests, and the tests without them."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ KEEP = "--keep-all-readings"
 def sound_tests(
     tests: Sequence[Test], *, keep_all: bool = False
 ) -> list[tuple[Test, BadReadings | None]]:
-    """Each test without its bad readings, and these; None where it has none.
+    """Return each test without its bad readings, and the bad readings (None if there are none).
 
     keep_all: only slips of the clock are looked for, which nothing can be made of.
 
@@ -65,12 +65,12 @@ def sound_tests(
 
 
 def smooth_readings(test: Test) -> Test:
-    """A test without readings that either channel doubts by itself: what its noise is told from."""
+    """Return a test without readings that either channel marks as outlying."""
     return without(test, outlying(test.time, test.displacement) | outlying(test.time, test.force))
 
 
 def without(test: Test, mask: NDArray[np.bool_]) -> Test:
-    """A test without some of its readings; its clock goes on as it did."""
+    """Return a test without some of its readings; the times of the others do not change."""
     sound = ~mask
     time = test.time[sound]
     return replace(
@@ -84,7 +84,7 @@ def without(test: Test, mask: NDArray[np.bool_]) -> Test:
 
 
 class _Doubts:
-    """What each channel of a test doubts by itself, before the other is asked."""
+    """The readings of each channel of a test that are outlying within that channel alone."""
 
     def __init__(self, test: Test, ticking: NDArray[np.intp]) -> None:
         self.ticking = ticking  # of the readings whose clock ticks
@@ -108,7 +108,7 @@ class _Doubts:
         self.fastest = fastest(self.time, self.displacement, ~self.doubtful)
 
     def settled(self, top: float) -> list[Bad]:
-        """The bad readings, by their place in the test; top: the pad's largest speed."""
+        """Return the bad readings by their index in the test; top: the pad's largest speed."""
         if self.few:
             return []
         own = Channels(
@@ -137,7 +137,7 @@ class _Doubts:
         return [self._located(bad) for bad in _separate(proven)]
 
     def _rows(self, own: Channels) -> list[Bad]:
-        """Rows in which both channels are outlying, and no platen was so fast."""
+        """Return rows in which both channels are outlying and that the platen could not reach."""
         both = [set(range(*run)) for run in self.runs["displacement"]]
         forces = {k for run in self.runs["force"] for k in range(*run)}
         bad = []
@@ -157,12 +157,12 @@ class _Doubts:
 
 
 def _kind(values: Array) -> Kind:
-    """Lost readings are zeros or repeat a value; spikes are each their own."""
+    """Return the kind of a run: lost readings are zeros or repeat a value, spikes differ."""
     return "lost" if not values.any() or (values.size > 2 and np.ptp(values) == 0.0) else "spike"
 
 
 def _separate(runs: list[Bad]) -> list[Bad]:
-    """Of runs that overlap the first one found."""
+    """Return the runs without those that overlap an earlier one."""
     kept: list[Bad] = []
     for bad in runs:
         if all(bad.stop <= one.first or bad.first >= one.stop for one in kept):

@@ -1,4 +1,4 @@
-r"""Which readings of one channel their neighbours on both sides contradict.
+r"""Outlying readings of one channel: those that differ from their neighbours on both sides.
 
 A run of k readings is held against the sound ones before and after it, at a and b: it is outlying
 if each of its values lies beyond both by more than
@@ -40,7 +40,7 @@ _FEWEST = 12  # readings of which anything can be said
 
 @dataclass(frozen=True)
 class Scale:
-    """How one channel's readings change of themselves.
+    """Size of the changes from reading to reading in one channel.
 
     deviation: (n,) median distance of a reading from the line through its neighbours; change: (n,)
     median change nearby; step: of a digitised channel, 0 where none shows; span: its range.
@@ -52,11 +52,11 @@ class Scale:
     span: float
 
     def at(self, indices: NDArray[np.intp]) -> Scale:
-        """That of some readings among each other."""
+        """Return the scale of some of the readings."""
         return replace(self, deviation=self.deviation[indices], change=self.change[indices])
 
     def least(self, run: Run, sides: float) -> float:
-        """How far a run must lie beyond its neighbours, which differ by ``sides``."""
+        """Return how far a run must lie outside its neighbours, which differ by ``sides``."""
         first, stop = run
         at = min((first + stop) // 2, self.deviation.size - 1)
         return max(
@@ -69,7 +69,7 @@ class Scale:
 
 
 def scale_of(time: Array, signal: Array) -> Scale:
-    """The scale of one channel, whatever few of its readings say."""
+    """Return the scale of one channel, which few bad readings do not change."""
     off = _off_line(time, signal)
     change = np.abs(np.diff(signal))
     near = _median(off)
@@ -85,7 +85,7 @@ def scale_of(time: Array, signal: Array) -> Scale:
 
 
 def outlying(time: Array, signal: Array) -> NDArray[np.bool_]:
-    """Which readings (n,) lie far beyond those before and after them."""
+    """Return a mask of the readings (n,) that lie far outside those before and after them."""
     mask = np.zeros(signal.size, dtype=bool)
     if signal.size >= _FEWEST:
         for first, stop in outlying_runs(time, signal, scale_of(time, signal)):
@@ -94,7 +94,7 @@ def outlying(time: Array, signal: Array) -> NDArray[np.bool_]:
 
 
 def outlying_runs(time: Array, signal: Array, scale: Scale) -> list[Run]:
-    """The runs [first, stop) of outlying readings, none of them touching another.
+    """Return the runs [first, stop) of outlying readings; no two of them touch.
 
     Without those that are found others may stand alone: looked for again until none does. What is
     left about a run must be smooth: else it rings, or the signal leaps there for a reason.
@@ -112,7 +112,7 @@ def outlying_runs(time: Array, signal: Array, scale: Scale) -> list[Run]:
 
 
 def _alone(time: Array, signal: Array, mask: NDArray[np.bool_]) -> list[Run]:
-    """The runs that lie much farther from their neighbours than these do from each other."""
+    """Return the runs that lie much farther from their neighbours than these from each other."""
     runs, sound = runs_of(mask), np.flatnonzero(~mask)
     if not runs or sound.size < _FEWEST:
         return []
@@ -129,7 +129,7 @@ def _alone(time: Array, signal: Array, mask: NDArray[np.bool_]) -> list[Run]:
 
 
 def runs_at_ends(signal: Array, scale: Scale) -> list[Run]:
-    """The same of the first and the last readings, which have neighbours on one side only."""
+    """Return outlying runs at the record's ends, which have neighbours on one side only."""
     runs = []
     for ahead in (signal, signal[::-1]):
         for stop in range(1, _AT_ENDS + 1):
@@ -143,7 +143,7 @@ def runs_at_ends(signal: Array, scale: Scale) -> list[Run]:
 
 
 def runs_of(mask: NDArray[np.bool_]) -> list[Run]:
-    """The runs [first, stop) of masked readings."""
+    """Return the runs [first, stop) of masked readings."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
     return [(int(first), int(stop)) for first, stop in edges.reshape(-1, 2)]
 
@@ -161,7 +161,7 @@ def _one_pass(signal: Array, scale: Scale) -> list[Run]:
 
 
 def equal_runs(signal: Array, least: int) -> list[Run]:
-    """Runs [first, stop) of at least so many readings that repeat one value."""
+    """Return the runs [first, stop) of at least this many readings that repeat one value."""
     edges = np.flatnonzero(np.diff(signal) != 0.0) + 1
     edges = np.concatenate([[0], edges, [signal.size]])
     long = np.flatnonzero(np.diff(edges) >= least)
@@ -169,13 +169,13 @@ def equal_runs(signal: Array, least: int) -> list[Run]:
 
 
 def distance(values: Array, one: float, other: float) -> Array:
-    """How far values lie beyond both of two levels."""
+    """Return how far values lie outside the interval between two levels."""
     low, high = min(one, other), max(one, other)
     return np.maximum(np.maximum(values - high, low - values), 0.0)
 
 
 def _off_line(time: Array, signal: Array) -> Array:
-    """Distance (n - 2,) of each inner reading from the line through its neighbours."""
+    """Return the distance (n - 2,) of each inner reading from the line through its neighbours."""
     weight = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
     line = signal[:-2] + weight * (signal[2:] - signal[:-2])
     return np.abs(signal[1:-1] - line)
@@ -187,7 +187,7 @@ def _median(values: Array) -> Array:
 
 
 def _of_equal_gaps(gaps: Array, off: Array) -> Array:
-    """Median distance of the readings that are about as far from their neighbours as each one.
+    """Return the median distance of readings with similar intervals to their neighbours.
 
     Slow noise differs little between readings near in time, and much between distant ones: as a
     random walk does at the most, which is reckoned with.
@@ -200,7 +200,7 @@ def _of_equal_gaps(gaps: Array, off: Array) -> Array:
 
 
 def _step(signal: Array) -> float:
-    """Step of a digitised channel, of which the bad readings need not be multiples."""
+    """Return the step of a digitised channel, of which bad readings need not be multiples."""
     few = signal[:_STEP_READINGS]
     step = encoder_step(few)
     if step > 0.0:
@@ -211,7 +211,7 @@ def _step(signal: Array) -> float:
 
 
 def _of_length(signal: Array, scale: Scale, length: int, mask: NDArray[np.bool_]) -> list[Run]:
-    """Outlying runs of a length that do not overlap and hold none known."""
+    """Return the outlying runs of one length that do not overlap known ones."""
     if signal.size < length + 2:
         return []
     # most readings are too near the one before them to begin a run: the others are few
@@ -244,7 +244,7 @@ def _beyond(signal: Array, scale: Scale, run: Run) -> bool:
 
 
 def _confirmed(signal: Array, scale: Scale, mask: NDArray[np.bool_]) -> list[Run]:
-    """The runs of masked readings, less those that the nearest sound ones on both sides bear out.
+    """Return the runs of masked readings that the nearest sound ones do not confirm as sound.
 
     A sound reading between two bad ones lies far from both.
     """

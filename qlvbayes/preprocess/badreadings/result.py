@@ -33,7 +33,7 @@ class Bad:
 
 @dataclass(frozen=True, eq=False)
 class BadReadings:
-    """The bad readings of one test of n.
+    """The bad readings of one test of n readings.
 
     time, displacement, force: (k,) of the bad ones, as they were read; runs: which they are and
     why; mask: (n,) True for the bad ones; around: of each run the displacement and the force of the
@@ -51,7 +51,7 @@ class BadReadings:
     def from_runs(
         cls, time: Array, displacement: Array, force: Array, runs: list[Bad]
     ) -> BadReadings:
-        """Those of some runs."""
+        """Collect the bad readings of some runs."""
         runs = sorted(runs, key=lambda run: (run.first, run.stop))
         mask = np.zeros(time.size, dtype=bool)
         for run in runs:
@@ -72,22 +72,22 @@ class BadReadings:
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """Number of bad readings."""
         return int(np.count_nonzero(self.mask))
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """Of each run its channel."""
+        """Channel of each run."""
         return tuple(run.channel for run in self.runs)
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Of each run its kind."""
+        """Kind of each run."""
         return tuple(run.kind for run in self.runs)
 
 
 def neighbours(mask: NDArray[np.bool_], first: int, stop: int) -> tuple[int | None, int | None]:
-    """The nearest readings before and after some that are not masked."""
+    """Return the nearest readings before and after a run that are not masked."""
     before, after = first - 1, stop
     while before >= 0 and mask[before]:
         before -= 1
@@ -99,7 +99,7 @@ def neighbours(mask: NDArray[np.bool_], first: int, stop: int) -> tuple[int | No
 def left_out_notice(
     pad: str, tests: Sequence[tuple[str, BadReadings | None]], units: UnitSystem
 ) -> tuple[str, ...]:
-    """One sentence on all of a pad, by test name; none where nothing was left out."""
+    """Return one sentence on the readings of a pad that were left out; none if there are none."""
     parts = [
         f"test {name}: {', '.join(_groups(bad, units))}"
         for name, bad in tests
@@ -117,7 +117,7 @@ def left_out_notice(
 
 
 def _groups(bad: BadReadings, units: UnitSystem) -> list[str]:
-    """Of each channel and kind: how many, when, and what was read amid what."""
+    """Describe the runs of each channel and kind: number, times and values."""
     starts = np.cumsum([0, *(run.stop - run.first for run in bad.runs)])
     items = list(zip(bad.runs, starts[:-1].tolist(), bad.around, strict=True))
     items.sort(key=lambda item: (item[0].channel, item[0].kind))

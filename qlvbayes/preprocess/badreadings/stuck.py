@@ -1,4 +1,4 @@
-"""Channels that repeat one value while the other goes on: stuck, or clipped at their largest."""
+"""Channels that repeat one value while the other one changes: stuck, or clipped at the range."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _GOES_ON = 0.5  # of the change of force meanwhile: it does not jump along
 
 
 def stuck_force(own: Channels) -> list[Bad]:
-    """Runs in which the force repeats one value that its noise should not let it repeat."""
+    """Return runs in which the force repeats a value although its noise should change it."""
     top, bottom = float(own.force.max()), float(own.force.min())
     return [
         Bad(first + 1, stop, "force", "stuck")
@@ -33,7 +33,7 @@ def stuck_force(own: Channels) -> list[Bad]:
 
 
 def clipped_force(own: Channels) -> list[Bad]:
-    """Readings at the largest or smallest value, where the force stays at it against its noise."""
+    """Return readings that stay at the largest or smallest force in spite of noise."""
     clipped: list[Bad] = []
     for end in {float(own.force.max()), float(own.force.min())}:
         if any(own.force[first] == end for first, _ in _improbable(own)):
@@ -46,7 +46,7 @@ def clipped_force(own: Channels) -> list[Bad]:
 
 
 def stuck_displacement(own: Channels) -> list[Bad]:
-    """Runs in which the displacement stays and then jumps to where it would have been.
+    """Return runs in which the displacement stays constant and then jumps to catch up.
 
     The force goes on meanwhile and does not jump along. A platen that rests is no such run, nor
     the stairs of a coarse encoder, whose steps are as large as any nearby.
@@ -73,7 +73,7 @@ def _typical_change(changes: Array, first: int, stop: int) -> float:
 
 
 def _caught_up(own: Channels, run: Run) -> bool:
-    """Whether the jump is as far as the speed before or after would have gone meanwhile."""
+    """Return whether the jump is as large as the motion at the speed before or after the run."""
     first, stop = run
     after = min(stop + 5, own.time.size - 1)
     before = max(first - 5, 0)
@@ -96,7 +96,7 @@ def _went_on(own: Channels, run: Run) -> bool:
 
 
 def _improbable(own: Channels) -> list[Run]:
-    """Runs of one value, away from zero, that noise as around them would not let stand.
+    """Return runs of one value, away from zero, that noise as around them would not produce.
 
     Noise below a step of the force lets values stand wherever the force is level.
     """

@@ -1,4 +1,4 @@
-"""What a pad's tests do, as far as it decides what of the model they can show."""
+"""What a pad's tests do: movements, holds, unloadings; the parts of a model depend on these."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _LATE = 0.1  # of a hold, about its middle and at its end, whose readings are se
 
 @dataclass(frozen=True)
 class Move:
-    """A movement: its speed (displacement over s), duration (s) and readings."""
+    """A movement: its speed (displacement over s), duration (s) and number of readings."""
 
     kind: str
     speed: float
@@ -31,7 +31,7 @@ class Move:
 
 @dataclass(frozen=True)
 class Hold:
-    """A dwell under load: where (displacement, or force where that is prescribed), how long (s).
+    """A dwell under load: its level (displacement, or the prescribed force) and duration (s).
 
     control: which of both is prescribed; change: of the other in its second half, over the pad's
     largest.
@@ -45,7 +45,7 @@ class Hold:
 
 @dataclass(frozen=True)
 class Facts:
-    """All movements, and all dwells under load with readings enough.
+    """All movements, and all dwells under load with enough readings.
 
     interval: shortest usual time (s) between readings of a test; loads: ramps of all tests.
     """
@@ -57,33 +57,33 @@ class Facts:
 
     @property
     def longest_hold(self) -> float:
-        """Duration (s), 0 where there is none."""
+        """Duration (s) of the longest hold; 0 without holds."""
         return max((hold.duration for hold in self.holds), default=0.0)
 
     @property
     def speeds(self) -> list[float]:
-        """Of all movements."""
+        """Speeds of all movements."""
         return [move.speed for move in self.moves]
 
     @property
     def held(self) -> Control:
-        """What is held: the displacement, or the force where no hold is of that."""
+        """Quantity that is held: the displacement, or the force where it never is."""
         return "force" if all(hold.control == "force" for hold in self.holds) else "displacement"
 
     @property
     def levels(self) -> list[float]:
-        """Where that is held."""
+        """Levels of the holds."""
         return [hold.level for hold in self.holds if hold.control == self.held]
 
     @property
     def durations(self) -> tuple[float, float]:
-        """Of the shortest and the longest movement (s)."""
+        """Durations (s) of the shortest and the longest movement."""
         lengths = [move.duration for move in self.moves] or [0.0]
         return min(lengths), max(lengths)
 
 
 def facts_of(experiment: Experiment) -> Facts:
-    """Read off the phases of all tests."""
+    """Collect movements and holds from the phases of all tests."""
     moves: list[Move] = []
     holds: list[Hold] = []
     for trial in experiment.trials:
@@ -97,7 +97,7 @@ def facts_of(experiment: Experiment) -> Facts:
 
 
 def move_of(trial: Trial, phase: Phase) -> Move:
-    """Its speed is that of the middle 60 % of its way, as a loading rate is."""
+    """Return a movement, with the speed over the middle 60 % of its stroke."""
     time = np.linspace(phase.start, phase.stop, _PLACES)
     depth = trial.trajectory.displacement(time)
     depth = np.maximum.accumulate(np.abs(depth - depth[0]))
@@ -107,13 +107,13 @@ def move_of(trial: Trial, phase: Phase) -> Move:
 
 
 def rows(trial: Trial, phase: Phase) -> np.ndarray:
-    """Places of the readings in a phase."""
+    """Return the indices of the readings in a phase."""
     first, stop = np.searchsorted(trial.test.time, [phase.start, phase.stop])
     return np.arange(first, max(stop, first))
 
 
 def _hold(experiment: Experiment, trial: Trial, phase: Phase) -> Hold | None:
-    """None where it moves, bears no load or has too few readings."""
+    """Return a hold; None if it moves, bears no load or has too few readings."""
     inside = rows(trial, phase)
     if phase.kind in MOVING or inside.size < _FEWEST:
         return None
@@ -138,7 +138,7 @@ def _hold(experiment: Experiment, trial: Trial, phase: Phase) -> Hold | None:
 
 
 def noise_of(experiment: Experiment) -> float:
-    """Sd of the median reading: the floor's own, or with sds that differ that of the middle one."""
+    """Return the sd of the median reading: the floor's, or that of the measured sds."""
     sds = [t.test.force_sd for t in experiment.trials if t.test.force_sd is not None]
     if not sds:
         return experiment.floor.total
@@ -146,7 +146,7 @@ def noise_of(experiment: Experiment) -> float:
 
 
 def unloads(experiment: Experiment, nearly: float = NEARLY) -> bool:
-    """Whether a test moves back by more than the fitted motion may ripple."""
+    """Return whether a test moves back by more than the fitted motion may ripple."""
     return any(
         back > nearly * experiment.depth
         for trial in experiment.trials
@@ -162,7 +162,7 @@ def _way_back(trial: Trial, phase: Phase) -> float:
 
 
 def returns(experiment: Experiment, nearly: float = NEARLY) -> bool:
-    """Whether an unloading ends at zero depth, or the force comes to nothing in it or after it."""
+    """Return whether an unloading ends at zero depth, or the force vanishes in or after it."""
     return any(_returns(experiment, trial, nearly) for trial in experiment.trials)
 
 
@@ -182,7 +182,7 @@ def _returns(experiment: Experiment, trial: Trial, nearly: float) -> bool:
 
 
 def at_one_depth(experiment: Experiment, nearly: float = NEARLY) -> bool:
-    """Whether tests rest in contact at a depth, and none of them at another one."""
+    """Return whether all rests in contact are at one depth."""
     ends = [
         float(trial.trajectory.displacement(np.array([phase.stop]))[0])
         for trial in experiment.trials

@@ -1,4 +1,4 @@
-"""A pad's tests as a first look tells them; nothing is fitted."""
+"""A first look at a pad's tests, before anything is fitted."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _DEAD = 6.0  # times the noise, below which a test's force has not answered, or 
 
 
 def look_at(experiment: Experiment, *, bonded: bool, effects: tuple[str, ...] = ()) -> PadSeen:
-    """Tell what was found in a pad's tests, and what of the model they can show.
+    """Describe a pad's tests, and which parts of the model they can show.
 
     bonded: whether the specimen is fixed to the platen, which then can show no adhesion; effects:
     those that a model has already: with adhesion a specimen may pull.
@@ -92,7 +92,7 @@ def _test(experiment: Experiment, index: int) -> TestSeen:
 
 
 def _depth(trial: Trial, units: UnitSystem) -> float:
-    """The largest: of a pad that is pressed, whatever way the platen came from."""
+    """Return the largest displacement, in magnitude, of a test."""
     displacement = trial.test.displacement
     return float(np.max(np.abs(displacement) if units.dimensionless else displacement))
 
@@ -129,7 +129,7 @@ def _motion(trial: Trial, units: UnitSystem) -> MotionSeen:
 
 
 def _contact(trial: Trial) -> ContactSeen | None:
-    """Where the force begins to rise; None where no approach shows it."""
+    """Return where the force begins to rise; None if no approach shows it."""
     if trial.control == "force":
         return None
     contact = find_contact(trial.test.displacement, trial.test.force)
@@ -139,7 +139,7 @@ def _contact(trial: Trial) -> ContactSeen | None:
 
 
 def _at_rest(experiment: Experiment, trial: Trial) -> float | None:
-    """The force before contact, where it is clearly not zero; None where it is, or does not show.
+    """Return the force before contact if it is clearly not zero; else None.
 
     Before the first movement, or before the file's zero; a specimen that is fixed has no contact.
     """
@@ -164,7 +164,7 @@ def _peak_time(trial: Trial) -> float:
 
 
 def _cautions(experiment: Experiment, tests: tuple[TestSeen, ...]) -> list[str]:
-    """What to mend or to decide before a fit, a sentence each."""
+    """Return sentences on what to correct or to decide before a fit."""
     units, noise, cautions = experiment.units, noise_of(experiment), []
     for test, trial in zip(tests, experiment.trials, strict=True):
         name = f"pad {experiment.pad}, test {test.test}"
@@ -199,7 +199,7 @@ def _of_contact(test: TestSeen, units: UnitSystem) -> list[str]:
 
 
 def _fall(trial: Trial, noise: float, units: UnitSystem) -> list[str]:
-    """A force that falls while the platen moves in, which no relaxation makes at an even speed."""
+    """Describe a force that falls while the platen moves in at an even speed."""
     test = trial.test
     if trial.control == "force":
         return []

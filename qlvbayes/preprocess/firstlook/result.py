@@ -1,4 +1,4 @@
-"""What a first look finds, as ``look.json`` holds it."""
+"""The records of a first look, as ``look.json`` stores them."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class MotionSeen(
     frozen=True,
     rename={"step": "step_mm", "rms": "rms_mm", "largest": "largest_mm", "at": "at_s"},
 ):
-    """How far the fitted motion is from the readings of displacement.
+    """Deviation of the fitted motion from the readings of displacement.
 
     step: of the encoder, 0 where none shows; step_shows: whether readings are off by as much as it
     makes them; rms, largest: of readings less motion; at: where (s)
@@ -50,7 +50,7 @@ class ContactSeen(
     frozen=True,
     rename={"place": "place_mm", "sd": "sd_mm", "force": "force_N", "force_sd": "force_sd_N"},
 ):
-    """Where the force begins to rise, against the file's zero; force: before it."""
+    """Displacement where the force begins to rise, from the file's zero; force: before it."""
 
     place: float
     sd: float
@@ -73,7 +73,7 @@ class TestSeen(
         "at_rest": "at_rest_N",
     },
 ):
-    """One test: how it was sampled, what the platen did, and what was found in its readings.
+    """One test: its sampling, its phases and its readings.
 
     interval: median time between readings, sampling: in words; clock_sd: error of one time stamp;
     start: the pad's clock at its first reading, and whether the file says it; after: names of the
@@ -128,7 +128,7 @@ class NoiseSeen(
 
 
 class Shown(Part, frozen=True):
-    """Whether tests show a part of the model.
+    """Whether tests can show a part of the model.
 
     about: which; constants, effects: their names; reason: the fact behind the answer; remedy: the
     test that would show it, empty where they do.
@@ -143,7 +143,7 @@ class Shown(Part, frozen=True):
 
 
 class PadSeen(Part, frozen=True):
-    """One pad: its tests, its noise, what its tests show, and what to mend before a fit."""
+    """One pad: its tests, its noise, what its tests can show, and what to correct before a fit."""
 
     pad: str
     fluid: str | None

@@ -1,4 +1,4 @@
-"""Which parts of the model a pad's tests show, from what they do alone.
+"""Which parts of a model a pad's tests can show, from their movements and holds alone.
 
 A part is shown where a change of it changes the force in a way that no other part makes as well,
 in tests like these: relaxation in a hold as long as its time constant, a force that grows with the
@@ -48,7 +48,7 @@ _NAMED = 4  # depths or speeds that are named
 
 
 def shown_by(experiment: Experiment, facts: Facts, *, bonded: bool) -> tuple[Shown, ...]:
-    """What a pad's tests show of each part, in the order in which a model is built."""
+    """Return whether a pad's tests can show each part of the model."""
     return (
         _stiffness(experiment, facts),
         _relaxation(experiment, facts),
@@ -115,7 +115,7 @@ def _relaxation(experiment: Experiment, facts: Facts) -> Shown:
 
 
 def _whose(facts: Facts) -> str:
-    """What bounds the shortest time."""
+    """Return what bounds the shortest time."""
     if facts.interval > _LEFT * facts.durations[0]:
         return "the interval between readings"
     return "a tenth of the quickest movement"
@@ -134,7 +134,7 @@ def _without_holds(facts: Facts, about: str, constants: tuple[str, ...]) -> Show
 
 
 def _still_changing(facts: Facts) -> Hold:
-    """The hold, as long as the longest one or nearly, in whose second half most changes."""
+    """Return the hold, of nearly the longest ones, whose second half changes most."""
     long = [hold for hold in facts.holds if _ALIKE * hold.duration > facts.longest_hold]
     return max(long, key=lambda hold: abs(hold.change))
 
@@ -251,7 +251,7 @@ def _validation(experiment: Experiment, facts: Facts) -> Shown:
 
 
 def shown_between(pads: Sequence[PadSeen], units: UnitSystem) -> tuple[Shown, ...]:
-    """Whether constants of pads can be compared: they were held, and pressed, alike."""
+    """Return whether constants of pads can be compared: tested with similar holds and depths."""
     if len(pads) < 2:
         return ()
     holds = {pad.pad: _longest_hold(pad) for pad in pads}
@@ -287,7 +287,7 @@ def _longest_hold(pad: PadSeen) -> float:
 
 
 def apart(values: Sequence[float], factor: float) -> list[float]:
-    """The least, and each that is so many times the one before it or more."""
+    """Return the smallest value, and each that is at least ``factor`` times the one before it."""
     distinct: list[float] = []
     for value in sorted(abs(value) for value in values):
         if value > 0.0 and (not distinct or value >= factor * distinct[-1]):

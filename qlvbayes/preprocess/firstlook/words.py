@@ -1,4 +1,4 @@
-"""What a first look finds, in words."""
+"""Sentences of a first look."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ _MANY = {"ramp": "ramps", "hold": "holds", "unload": "unloadings", "recovery": "
 
 
 def span(seconds: float) -> str:
-    """'16 ms', '0.8 s', '30 s', with two digits."""
+    """Format a time with two digits, as '16 ms', '0.8 s', '30 s'."""
     return f"{plain(1e3 * seconds, 2)} ms" if seconds < 0.0995 else f"{plain(seconds, 2)} s"
 
 
 def phases_in_words(phases: Sequence[PhaseSeen]) -> str:
-    """'ramp 16 ms, hold 30 s'; of many phases how many of each kind, and how long they are."""
+    """Format phases as 'ramp 16 ms, hold 30 s', or by number and length if there are many."""
     if len(phases) <= _EACH:
         return ", ".join(f"{NAMES[p.phase]} {span(p.stop - p.start)}" for p in phases)
     parts = []
@@ -37,7 +37,7 @@ def phases_in_words(phases: Sequence[PhaseSeen]) -> str:
 
 
 def lines_of(pad: PadSeen, units: UnitSystem) -> list[str]:
-    """What was found in a pad's readings, a line each."""
+    """Return one line each on a pad's readings."""
     return [
         *_noise(pad, units),
         *_speeds(pad, units),
@@ -66,7 +66,7 @@ def _noise(pad: PadSeen, units: UnitSystem) -> list[str]:
 
 
 def _speeds(pad: PadSeen, units: UnitSystem) -> list[str]:
-    """Where a test does not reach the speed that the file declares."""
+    """Describe the tests that do not reach the speed that the file declares."""
     off = [
         f"test {test.test} declares {plain(test.rate)} and reaches {plain(test.reached)}"
         for test in pad.tests
@@ -89,7 +89,7 @@ def _motion(pad: PadSeen, units: UnitSystem) -> list[str]:
 
 
 def _contact(pad: PadSeen, units: UnitSystem) -> list[str]:
-    """Of tests of displacement and force; a strip in strain has no contact."""
+    """Describe the contact of tests of displacement and force; a strip in strain has none."""
     if units.dimensionless:
         return []
     contacts = [(test.test, test.contact) for test in pad.tests if test.contact is not None]
@@ -138,7 +138,7 @@ def _clock(pad: PadSeen) -> list[str]:
 
 
 def _control(pad: PadSeen, units: UnitSystem) -> list[str]:
-    """Where it is not the displacement of all tests, found."""
+    """Describe which tests are load-controlled, if any."""
     force = [test.test for test in pad.tests if test.control == "force"]
     if not force:
         return []

@@ -21,18 +21,18 @@ _NONE = 1e-9  # of tau: readings nearer are one, to first order in their distanc
 
 
 def rate(tau: float, smooth: bool) -> complex:
-    """Rate z (1/s) of an Ornstein-Uhlenbeck process or of a smooth one; the module says which."""
+    """Return the rate z (1/s) of an Ornstein-Uhlenbeck process, or of a smooth one."""
     return (1.0 - 1.0j if smooth else 1.0) / tau
 
 
 def regression(length: Array, count: Array, z: complex) -> NDArray[np.complex128]:
-    """Coefficient a (n,): means of ``count`` readings, ``length`` from the first to the last."""
+    """Return the coefficient a (n,) of means of ``count`` readings over ``length``."""
     several, x = _steps(length, count, z)
     return np.where(several, np.expm1(-x * count) / (count * np.expm1(-x)), 1.0)
 
 
 def variance(length: Array, count: Array, z: complex) -> NDArray[np.complex128]:
-    """Variance v (n,) of the same means; times f, the real part is theirs."""
+    """Return the variance v (n,) of the same means; times f, its real part is theirs."""
     several, x = _steps(length, count, z)
     loss = -np.expm1(-x)
     a = np.expm1(-x * count) / (count * -loss)

@@ -1,4 +1,4 @@
-"""Which readings of equal cycles show the noise: what repeats from one to the next is none.
+"""Noise from equal cycles: what does not repeat from one cycle to the next.
 
 Within a cycle the force is any smooth curve of each stroke, the same in all cycles but for what has
 not settled yet, which is smoother along the stroke and levels off or grows steadily with the number
@@ -30,7 +30,7 @@ _SETTLING_DEGREE = 3  # along the stroke, of what changes from cycle to cycle
 
 
 def find_cycles(tests: Sequence[Record], phases: Sequence[Sequence[Phase]]) -> list[Dwell]:
-    """Pressed readings of each test of equal cycles, with the curves that they may follow."""
+    """Return the readings of each test of equal cycles while pressed, with their smooth curves."""
     cycles = [_repeating(test, cut) for test, cut in zip(tests, phases, strict=True)]
     return [one for one in cycles if one is not None]
 
@@ -47,7 +47,7 @@ def _repeating(test: Record, phases: Sequence[Phase]) -> Dwell | None:
 
 
 def _turns(phases: Sequence[Phase]) -> Array | None:
-    """Times (N + 1, 2) at which each of N cycles begins and turns, the end after the last.
+    """Return the times (N + 1, 2) at which each of N cycles begins and turns, and the end.
 
     As a clock would have them (Theil 1950; Sen 1968): when a cycle turns is known to a few samples
     only. None where there are too few cycles, or they are not equally long.
@@ -81,7 +81,7 @@ def _equally_deep(test: Record, turns: Array) -> bool:
 
 
 def _curve(time: Array, turns: Array) -> Array:
-    """Columns (n, p) of the curve along both strokes, and of how it settles with the cycles."""
+    """Return columns (n, p) of the curve along both strokes, and of its change over the cycles."""
     cycle = np.searchsorted(turns[:, 0], time, side="left") - 1
     way_back = time > turns[cycle, 1]
     begin = np.where(way_back, turns[cycle, 1], turns[cycle, 0])
@@ -101,7 +101,7 @@ def _curve(time: Array, turns: Array) -> Array:
 
 
 def _stroke(along: Array, settling: Array, samples: float) -> Array:
-    """A cubic spline along one stroke, and a cubic of each way of settling; samples: of a cycle."""
+    """Return a cubic spline along one stroke, and a cubic for each mode of settling."""
     first, last = float(along.min()), float(along.max())
     if first == last:
         return np.ones((along.size, 1))

@@ -1,4 +1,4 @@
-"""Which readings of a record show the noise alone: those of its holds and recoveries.
+"""Readings of holds and recoveries, which show the noise alone.
 
 Where there are none, those of strokes in which the force is a smooth curve of time.
 """
@@ -29,7 +29,7 @@ _DEGREE = 8  # of a stroke's trend: it leaves far less than noise of a soft law'
 
 
 class Record(Protocol):
-    """The part of a test that is read here."""
+    """The fields of a test that the noise floor needs."""
 
     @property
     def time(self) -> Array:
@@ -89,7 +89,7 @@ class Dwell:
         return np.asarray(self.time[last] - self.time[self.begin])
 
     def mean(self, values: Array) -> Array:
-        """Means over the runs (k, ...) of values (n, ...)."""
+        """Return means over the runs (k, ...) of values (n, ...)."""
         total = np.add.reduceat(values, self.begin, axis=0)
         return np.asarray(total / self.count.reshape(-1, *[1] * (values.ndim - 1)))
 
@@ -97,12 +97,12 @@ class Dwell:
 def find_dwells(
     tests: Sequence[Record], phases: Sequence[Sequence[Phase]], step: float
 ) -> list[Dwell]:
-    """The best-sampled dwells, one of each test before a second of any."""
+    """Return the best-sampled dwells, one of each test before a second of any."""
     return _best_sampled(tests, phases, lambda test, phase: _at_rest(test, phase, step))
 
 
 def find_strokes(tests: Sequence[Record], phases: Sequence[Sequence[Phase]]) -> list[Dwell]:
-    """The same of loading and unloading, where the pad is surely pressed."""
+    """Return the best-sampled loading and unloading strokes while the pad is pressed."""
     return _best_sampled(tests, phases, _stroke)
 
 
@@ -145,14 +145,14 @@ def _stroke(test: Record, phase: Phase) -> Dwell | None:
 
 
 def pressed(test: Record, among: NDArray[np.bool_]) -> NDArray[np.intp] | None:
-    """Readings among some (n,) at which the pad is surely pressed; None where these are few."""
+    """Return the readings among some (n,) at which the pad is pressed; None if there are few."""
     least = _PRESSED * float(np.abs(test.force).max(initial=0.0))
     inside = np.flatnonzero(among & (np.abs(test.force) > least))
     return inside if inside.size >= 3 * _FEWEST_SAMPLES else None
 
 
 def _regained(force: Array, inside: NDArray[np.intp]) -> int:
-    """First reading of a dwell after which a pad that had lost contact is pressed again; 0 if none.
+    """Return the first reading of a dwell after contact is regained; 0 if it was not lost.
 
     Until then it reads zero; a trend with a kink would be taken for noise.
     """
@@ -161,7 +161,7 @@ def _regained(force: Array, inside: NDArray[np.intp]) -> int:
 
 
 def _silent(force: Array, inside: NDArray[np.intp], step: float) -> bool:
-    """Tell a reading that repeats itself and shows no noise: out of contact or clipped.
+    """Return whether readings repeat and show no noise: out of contact or clipped.
 
     A digitised force repeats itself too; it is silent only at zero or at the end of its range.
     """
@@ -173,7 +173,7 @@ def _silent(force: Array, inside: NDArray[np.intp], step: float) -> bool:
 
 
 def dwell_of(test: Record, inside: NDArray[np.intp]) -> Dwell:
-    """Readings of a test at some places, thinned where they are many."""
+    """Return the readings of a test at some indices, thinned where there are many."""
     scale = np.ones(inside.size)
     if test.force_sd is not None:
         scale = test.force_sd[inside] / np.sqrt(np.mean(np.square(test.force_sd)))
@@ -184,7 +184,7 @@ def dwell_of(test: Record, inside: NDArray[np.intp]) -> Dwell:
 
 
 def _kept(time: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Readings that are used, and which of them begin a run that is averaged.
+    """Return the readings that are used, and which of them begin a run that is averaged.
 
     Single readings at gaps of many sizes, where they are densest, show the white noise and short
     memories alike; means over a quarter of the way to the next show the long ones. Early runs are
@@ -211,7 +211,7 @@ def _kept(time: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 
 def trend(dwell: Dwell, ratio: float) -> Array:
-    """Orthonormal basis (k, p) of all but the noise, as means over the runs.
+    """Return an orthonormal basis (k, p) of everything but the noise, as means over the runs.
 
     The dwell's own curve, or any combination of a polynomial and exp(-t/T_j), the T_j a factor
     ``ratio`` apart, from a few thousandths of the length of the dwell to all of it.
@@ -223,7 +223,7 @@ def trend(dwell: Dwell, ratio: float) -> Array:
 
 
 def _relaxing(dwell: Dwell, ratio: float) -> Array:
-    """Columns (n, p) of a polynomial in time and of exponentials."""
+    """Return columns (n, p) of a polynomial in time and of exponentials."""
     t = dwell.time - dwell.time[0]
     length = float(t[-1])
     shortest = max(2.0 * float(t[1]), 2e-4 * length)
@@ -234,5 +234,5 @@ def _relaxing(dwell: Dwell, ratio: float) -> Array:
 
 
 def run_scale(dwell: Dwell) -> Array:
-    """Relative sd (k,) of a reading in each run: root mean square."""
+    """Return the relative sd (k,) of a reading in each run, as a root mean square."""
     return np.sqrt(dwell.mean(dwell.scale**2))

@@ -1,4 +1,4 @@
-r"""Noise that dies away along a test, as of a rheometer in its first tenths of a second.
+r"""Noise that decays along a test, as a rheometer's in its first tenths of a second.
 
 Of readings F_k at evenly growing times
 
@@ -48,7 +48,7 @@ _MEDIAN = 0.6744897501960817
 def with_fading_sd(
     tests: Sequence[Test], phases: Sequence[Sequence[Phase]]
 ) -> tuple[list[Test], tuple[str, ...]]:
-    """Tests whose noise dies away with a sd for each of their readings, and a sentence on each.
+    """Return tests with an sd of each reading where the noise decays, and a sentence on each.
 
     A measured ``force_sd`` is never replaced. Where any test's noise dies away, those whose noise
     does not have their own sd all along, so that both kinds are weighed alike.
@@ -79,7 +79,7 @@ def with_fading_sd(
 
 
 def falls(middle: Array, level: Array) -> bool:
-    """Whether sds (W,) of windows fall by much and beyond doubt."""
+    """Return whether the sds (W,) of windows decrease significantly."""
     if level.size < _FEWEST:
         return False
     own = _falling(level)
@@ -92,12 +92,12 @@ def falls(middle: Array, level: Array) -> bool:
 
 
 def _falling(level: Array) -> Array:
-    """The nearest sds that do not rise, in their logarithms."""
+    """Return the nearest non-increasing sds, in their logarithms."""
     return np.asarray(np.exp(isotonic_regression(np.log(level), increasing=False).x))
 
 
 def _levels(test: Test, phases: Sequence[Phase]) -> tuple[Array, Array] | None:
-    """Middle reading and sd (N) of each window (W,); None where these show no noise."""
+    """Return the middle reading and the sd (N) of each window (W,); None without noise."""
     if test.time.size < _FEWEST * _WINDOW:
         return None
     e, index = _deviations(test, phases)
@@ -114,13 +114,13 @@ def _levels(test: Test, phases: Sequence[Phase]) -> tuple[Array, Array] | None:
 
 
 def _by_window(what: Callable[..., Any], values: NDArray[Any], cut: int, size: int) -> Array:
-    """(W,) of windows of ``size`` readings, of one more up to a cut."""
+    """Return the values (W,) of windows of ``size`` readings, one more up to a cut."""
     parts = values[:cut].reshape(-1, size + 1), values[cut:].reshape(-1, size)
     return np.concatenate([what(part, axis=1) for part in parts])
 
 
 def _deviations(test: Test, phases: Sequence[Phase]) -> tuple[Array, NDArray[np.intp]]:
-    """e_k (n,) and the readings that they belong to."""
+    """Return the deviations e_k (n,) and the indices of their readings."""
     force, step = test.force, np.diff(test.time)
     e = force[2:-2] - (-force[:-4] + 4.0 * (force[1:-3] + force[3:-1]) - force[4:]) / 6.0
     ratio = np.maximum(step[1:] / step[:-1], step[:-1] / step[1:])

@@ -1,4 +1,4 @@
-"""What is known of the noise, and how well."""
+"""The noise floor and its uncertainty."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class NoiseFloor:
 
     @property
     def total(self) -> float:
-        """The sd of a single reading."""
+        """Sd of a single reading."""
         return float(np.hypot(self.white, self.ou))
 
     @property
@@ -55,23 +55,23 @@ class NoiseFloor:
 
     @property
     def is_sure(self) -> bool:
-        """Whether the dwells leave no doubt of what kind the noise is."""
+        """Whether the dwells determine the kind of noise."""
         return self.dwells is None or self.dwells.is_sure
 
     def scale(self, force: ArrayLike) -> Array:
-        """Sd at a force, any shape, over the one at ``level``."""
+        """Return the sd at a force, of any shape, over the sd at ``level``."""
         size = np.abs(np.asarray(force, dtype=np.float64))
         return np.asarray((1.0 + self.growth * size) / (1.0 + self.growth * self.level))
 
     def factor(self, name: str) -> float:
-        """By which one sd of what the dwells leave open changes ``white`` or ``tau``, 5 at most."""
+        """Return the factor of one sd of uncertainty in ``white`` or ``tau``, at most 5."""
         if self.ou == 0.0:  # its time is nobody's then
             return 1.0
         spread = np.std(np.log([getattr(floor, name) for floor in self.draws(_SPREAD)]))
         return float(np.exp(min(spread, np.log(_MOST))))
 
     def draws(self, count: int) -> list[NoiseFloor]:
-        """Equally likely floors (count of them, the same at every call), given the dwells alone.
+        """Return equally likely noise floors given the dwells (the same at every call).
 
         Without dwells nothing is known of the uncertainty: all are this one.
         """
@@ -80,14 +80,14 @@ class NoiseFloor:
         return [self._like(one) for one in self.dwells.draw(count)]
 
     def weighted(self, count: int) -> tuple[list[NoiseFloor], Array]:
-        """Floors with weights (count,) of sum 1, the unlikely ones among them; see ``draws``."""
+        """Return noise floors with weights (count,) of sum 1; see ``draws``."""
         if self.dwells is None:
             return [self], np.ones(1)
         draws, weights = self.dwells.weighted(count)
         return [self._like(one) for one in draws], weights
 
     def rounded(self) -> NoiseFloor:
-        """The same with no less variance than rounding to ``step`` makes."""
+        """Return the floor with at least the variance that rounding to ``step`` makes."""
         least = np.sqrt(max(self.step**2 / 12.0 - self.ou**2, 0.0))
         return replace(self, white=max(self.white, float(least)))
 

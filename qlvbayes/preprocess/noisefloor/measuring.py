@@ -1,4 +1,4 @@
-"""The noise of the load cell, measured at rest and without any model of the material."""
+"""Measurement of the load cell's noise at rest, without a model of the material."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def _without_outliers(test: Record) -> Record:
 
 
 def _force_step(tests: Sequence[Record]) -> float:
-    """Step of the digitised force; 0 if none is seen or only that of the file's last digit."""
+    """Return the step of the digitised force; 0 if there is none or only the file's last digit."""
     steps = [encoder_step(t.force[:_STEP_SAMPLES]) for t in tests if t.force.size > 2]
     span = max((float(np.ptp(t.force)) for t in tests if t.force.size), default=0.0)
     step = min(steps, default=0.0)
@@ -111,7 +111,7 @@ def _force_step(tests: Sequence[Record]) -> float:
 
 
 def _quickest(phases: Sequence[Sequence[Phase]]) -> float:
-    """Time (s) of the shortest movement: a low-pass much slower would have smeared it."""
+    """Return the time (s) of the shortest movement, which bounds the time of a low-pass filter."""
     moves = [one.stop - one.start for cut in phases for one in cut if one.kind in MOVING]
     return min(moves, default=np.inf)
 
@@ -119,7 +119,7 @@ def _quickest(phases: Sequence[Sequence[Phase]]) -> float:
 def _without_dwells(
     tests: Sequence[Record], phases: Sequence[Sequence[Phase]], peak: float, quickest: float
 ) -> NoiseFloor:
-    """About smooth curves of strokes; what these do not show is as the prior has it at its middle.
+    """Measure the noise about smooth curves of strokes, with the prior where these leave it open.
 
     That is correlated noise as large as the white one, with a dwell's memory were it a whole test.
     """
@@ -163,7 +163,7 @@ def _at_least(floor: NoiseFloor, step: float, least: float) -> NoiseFloor:
 
 
 def _pooled(dwells: list[Dwell], peak: float, quickest: float, length: float = 0.0) -> NoiseFloor:
-    """White sd, correlated sd, its time and the growth, by restricted maximum likelihood.
+    """Return white sd, correlated sd, its time and the growth, by restricted maximum likelihood.
 
     peak: largest force; 0 where sds were measured, so that growth is not looked for; quickest (s):
     time of the shortest movement; length (s): of a test without dwells, whose strokes these are.
@@ -193,7 +193,7 @@ def _pooled(dwells: list[Dwell], peak: float, quickest: float, length: float = 0
 
 
 def _pool(dwells: list[Dwell]) -> Pool:
-    """With the finer trend where the coarser one would leave more than the noise."""
+    """Return the pooled dwells, with the finer trend if the coarser one leaves more than noise."""
     span = max(float(np.ptp(r.force)) for r in dwells)
     for ratio in _TREND_RATIOS:
         pool = Pool.from_dwells(dwells, ratio)
@@ -204,7 +204,7 @@ def _pool(dwells: list[Dwell]) -> Pool:
 
 
 def _fitted(pool: Pool, longest: float, typical: float, quickest: float) -> Dwells:
-    """The more likely of both kinds of correlated noise, at its mode, and the other beside it.
+    """Return the more likely of both kinds of correlated noise at its mode, with the other one.
 
     Smooth noise is that of a low-pass, which makes the force late as well: its time is no longer
     than the quickest movement, of which the record would show little otherwise.
@@ -237,7 +237,7 @@ def _mode(
     *,
     smooth: bool,
 ) -> Dwells:
-    """The top of the posterior, from the best of some (log ratio, log tau)."""
+    """Return the mode of the posterior, from the best of some starts (log ratio, log tau)."""
     posterior = Dwells(pool, 0.0, 0.0, 0.0, bounds, prior_log_tau, smooth, correlated=False)
     start = min(starts, key=lambda at: posterior.loss(np.array(at)))
     best = minimize(
@@ -251,7 +251,7 @@ def _mode(
 
 
 def _growth(posterior: Dwells, peak: float, level: float) -> tuple[float, Pool] | None:
-    """Growth (1/force) of the sd with the force, and dwells divided by it; None if none shows."""
+    """Return the growth (1/force) of the sd with force, and the dwells divided by it; else None."""
     best = None
     least = posterior.best + _GROWS
     for growth in _GROWTHS / peak:

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Pool:
-    """All dwells one after another.
+    """Data of all dwells, one after another.
 
     gaps (n - 1,): time between neighbouring runs' middles (inf between dwells); count, length (n,):
     readings in a run and its duration; force (n,): smooth force; y (n,): what the trends leave;
@@ -45,7 +45,7 @@ class Pool:
 
     @classmethod
     def from_dwells(cls, dwells: list[Dwell], ratio: float) -> Pool:
-        """Means over runs, less their trends; ``ratio`` of neighbouring relaxation times."""
+        """Return means over runs without trends; ``ratio`` of neighbouring relaxation times."""
         trends = [trend(dwell, ratio) for dwell in dwells]
         values = [dwell.mean(dwell.force) for dwell in dwells]
         scales = [run_scale(dwell) for dwell in dwells]
@@ -67,7 +67,7 @@ class Pool:
         )
 
     def scaled(self, scale: Array) -> Pool:
-        """The same for noise whose sd is proportional to ``scale`` (n,)."""
+        """Return the same data for noise whose sd is proportional to ``scale`` (n,)."""
         trends, y, constant, at = [], [], -float(np.log(scale).sum()), 0
         for q in self.trends:
             rows, at = slice(at, at + q.shape[0]), at + q.shape[0]
@@ -83,13 +83,13 @@ class Pool:
         )  # fmt: skip
 
     def of_white(self) -> tuple[float, float]:
-        """Log-likelihood and variance of white noise alone."""
+        """Return log-likelihood and variance of white noise alone."""
         return self._restricted(
             self.count[:, None] * self._coefficients(), -np.log(self.count).sum()
         )
 
     def likelihood(self, log_ratio: float, log_tau: float, smooth: bool) -> tuple[float, float]:
-        """Restricted log-likelihood (up to a constant) and the white variance that suits it best.
+        """Return the restricted log-likelihood (up to a constant) and the best white variance.
 
         log_ratio: of the correlated variance to the white one; smooth: see ``NoiseFloor``.
         """
@@ -115,7 +115,7 @@ class Pool:
         return np.column_stack([self.y, self.columns])
 
     def _restricted(self, solved: Array, log_det: float) -> tuple[float, float]:
-        """From V^-1 (y, trends) and log det V."""
+        """Return the restricted likelihood from V^-1 (y, trends) and log det V."""
         power, at = float(self.y @ solved[:, 0]), 0
         for q in self.trends:
             rows, at = slice(at, at + q.shape[0]), at + q.shape[0]
@@ -133,7 +133,7 @@ def _side_by_side(trends: list[Array]) -> Array:
 
 
 def _precision(x: Array) -> tuple[Array, float]:
-    """Upper band (2, n) of an OU process's precision at gaps x (n - 1,) in tau, and its log det."""
+    """Return the upper band (2, n) of an OU process's precision, and its log det."""
     a, left = np.exp(-x), -np.expm1(-2.0 * x)
     band = np.zeros((2, x.size + 1))
     band[1] = 1.0

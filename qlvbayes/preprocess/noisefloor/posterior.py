@@ -1,4 +1,4 @@
-"""How well the dwells know the noise: draws of its white sd, correlated sd and correlation time."""
+"""Posterior of the noise given the dwells: white sd, correlated sd and correlation time."""
 
 from __future__ import annotations
 
@@ -55,14 +55,14 @@ class Dwells:
     other: Dwells | None = None
 
     def log_likelihood(self, white: float, ou: float, tau: float) -> float:
-        """Restricted log-likelihood (up to a constant) of some noise."""
+        """Return the restricted log-likelihood (up to a constant) of some noise."""
         log_ratio = 2.0 * np.log(max(ou / white, 1e-3))
         profile, variance = self.pool.likelihood(float(log_ratio), float(np.log(tau)), self.smooth)
         size = variance / white**2
         return profile - 0.5 * self.pool.freedom * (size - 1.0 - float(np.log(size)))
 
     def draw(self, count: int) -> list[Noise]:
-        """Equally likely noises, the same at every call.
+        """Return equally likely noises, the same at every call.
 
         The scale's posterior at a given ratio and time is an inverse chi-square, exactly.
         """
@@ -71,7 +71,7 @@ class Dwells:
         return [*self._own(count - few), *others]
 
     def weighted(self, count: int) -> tuple[list[Noise], Array]:
-        """The same, with weights (count,) of sum 1, so that unlikely noises are among them."""
+        """Return noises with weights (count,) of sum 1, so that unlikely ones are included."""
         share = self._share
         parts = np.sqrt([1.0 - share, share])
         few = round(count * parts[1] / parts.sum())
@@ -83,7 +83,7 @@ class Dwells:
 
     @property
     def _share(self) -> float:
-        """Probability of the other kind of correlated noise, both modes being equally wide."""
+        """Return the probability of the other kind of correlated noise."""
         return float(expit(self.other.best - self.best)) if self.other else 0.0
 
     @property
@@ -101,7 +101,7 @@ class Dwells:
         return draws, shares / shares.sum()
 
     def _chosen(self, count: int, weights: Array) -> tuple[list[Noise], NDArray[np.intp]]:
-        """Noises at places drawn by their weights, and which places those are."""
+        """Return noises at points drawn by their weights, and the indices of those points."""
         # here and below, as it takes longer to load than a first look takes
         from scipy.stats import chi2
 
@@ -122,7 +122,7 @@ class Dwells:
 
     @cached_property
     def _sample(self) -> tuple[Array, Array, Array]:
-        """Places (n, 2) of (log ratio, log tau), their white variances and weights (n,).
+        """Points (n, 2) of (log ratio, log tau), their white variances and weights (n,).
 
         Importance sampling from a Student-t at the mode and from the prior together (each weight by
         the density of both; Veach & Guibas 1995): where the dwells say little, nothing near the
@@ -144,7 +144,7 @@ class Dwells:
         return points, variances, weights / weights.sum()
 
     def _proposed(self) -> tuple[Array, Array]:
-        """Places (n, 2) about the mode and all over the prior, and the density of both there."""
+        """Return points (n, 2) about the mode and all over the prior, and their density."""
         from scipy.stats import norm, qmc
 
         mode, root = np.array([self.ratio, self.tau]), self._spread()
@@ -157,7 +157,7 @@ class Dwells:
         return points, (_POINTS * about + _PRIOR_POINTS * self._prior(points)) / len(points)
 
     def _prior(self, points: Array) -> Array:
-        """Density (n,) of (log ratio, log tau): independent normals."""
+        """Return the density (n,) of (log ratio, log tau), which are independent normals."""
         ratio, tau = points.T
         exponent = self._log_prior(tau) - 0.5 * (ratio / _RATIO_SD) ** 2
         return np.asarray(np.exp(exponent) / (2.0 * np.pi * _RATIO_SD * TAU_SD))
@@ -166,13 +166,13 @@ class Dwells:
         return -0.5 * ((tau - self.prior_log_tau) / TAU_SD) ** 2
 
     def loss(self, at: Array) -> float:
-        """Minus log posterior at (log ratio, log tau), up to a constant."""
+        """Return minus the log posterior at (log ratio, log tau), up to a constant."""
         return -self.pool.likelihood(float(at[0]), float(at[1]), self.smooth)[0] - float(
             self._log_prior(np.asarray(at[1]))
         )
 
     def _spread(self) -> Array:
-        """(2, 2) root of the covariance at the mode; a direction left open is made wide."""
+        """Square root (2, 2) of the covariance at the mode; wide in directions left open."""
         mode = np.array([self.ratio, self.tau])
         mode = np.clip(mode, self.bounds[0] + _STEP, self.bounds[1] - _STEP)
         here = self.loss(mode)
@@ -188,7 +188,7 @@ class Dwells:
 
 
 def student_t(uniform: Array) -> Array:
-    """(n, 2) draws of a bivariate Student-t from uniform ones (n, 3)."""
+    """Return draws (n, 2) of a bivariate Student-t from uniform ones (n, 3)."""
     from scipy.stats import chi2
     from scipy.stats import t as student
 
@@ -198,5 +198,5 @@ def student_t(uniform: Array) -> Array:
 
 
 def prior_log_tau(longest: float) -> float:
-    """Log of the prior's median correlation time for dwells of that length (s)."""
+    """Return the log of the prior's median correlation time for dwells of this length (s)."""
     return float(np.log(_USUAL_TAU * longest))
