@@ -146,7 +146,8 @@ def _contrasts(
 ) -> tuple[list[Contrast], list[str]]:
     """Return every contrast, constants first, and the quantities that no model could give.
 
-    apart: times that some tests do not hold; what these do not show cannot be told then.
+    apart: relaxation times that some tests do not hold; quantities that depend on them stay
+    undecided.
     """
     units = groups[0][0].units
     every = [*shared, *readings(settings, units)]

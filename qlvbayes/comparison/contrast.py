@@ -55,7 +55,7 @@ class Omnibus(Part, frozen=True):
     probability of so large a difference between equals; false_alarms: the level at which they are
     called different, which is the share of equal pairs so called; over: ``constants``, or
     ``shown`` where the tests do not hold each other's relaxation times, and what all of them show
-    is tested in their place.
+    is tested instead.
     """
 
     statistic: float | None

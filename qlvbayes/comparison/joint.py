@@ -32,7 +32,7 @@ def joint_test(first: Mapping[str, np.ndarray], second: Mapping[str, np.ndarray]
     tables = [np.stack([m[k] for k in names]) for m in moved]
     gap = tables[0].mean(axis=1) - tables[1].mean(axis=1)
     spread = sum(np.cov(table).reshape(len(names), -1) for table in tables)
-    scale = np.sqrt(np.diag(spread))  # numbers of one size, so that the rank can be told
+    scale = np.sqrt(np.diag(spread))  # scaled to one size, so that the rank is well defined
     statistic = float(
         (gap / scale) @ np.linalg.pinv(spread / np.outer(scale, scale)) @ (gap / scale)
     )

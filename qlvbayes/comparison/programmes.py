@@ -60,7 +60,7 @@ def oscillation(
 ) -> Course:
     """Return a ramp, a hold and a burst of a sine (Hz) about ``depth`` in a Hann window.
 
-    So short a signal tells the response at its frequency as well as an endless one: transients are
+    So short a signal gives the response at its frequency as well as an endless one: transients are
     part of the force that is transformed. It consists of straight pieces, each with its middle,
     where the speed is right to second order (at the ends it is that of the piece before).
     """

@@ -54,11 +54,11 @@ def run_all(
     task
         A function that can be pickled, of an item that can.
     items
-        What is worked on; a `Fault` or an `Outcome` among them is passed on in its place.
+        What is worked on; a `Fault` or an `Outcome` among them is passed on.
     engine
         What works; this process itself where it is None.
     keep
-        Hears of each outcome as soon as it is there, whatever its place.
+        Called with each outcome as soon as it is there, in any order.
 
     Raises
     ------
@@ -130,7 +130,8 @@ class _Run(Generic[Item, Answer]):
 
     A process that dies takes all others of its pool with it. What was being worked on then is done
     again one by one, so that the item at fault is known and no other pays for it.
-    ``alone``: the place of the item that was last handed over so, which saw so many ``deaths``.
+    ``alone``: the index of the item that was last submitted alone; ``deaths``: how often its
+    process died.
     """
 
     task: Callable[[Item], Answer]

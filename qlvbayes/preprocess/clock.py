@@ -11,7 +11,7 @@ _ALIKE = 0.4  # of their mean: neighbouring intervals that differ by more are no
 _CLIPPED = 5.0  # times the median: larger changes are gaps
 _DENSE = 3.0  # times the shorter intervals (their quartile): up to these, readings are dense
 _EXACT = 1e-6  # of an interval: less is rounding of the computer's
-_DECIMALS = range(10)  # places after the point to which a file may round
+_DECIMALS = range(10)  # digits after the point to which a file may round
 
 
 def clock_error(time: Array) -> float:

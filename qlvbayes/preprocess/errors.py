@@ -5,7 +5,7 @@ and of its derivatives have the variance
 
 .. math:: \mathrm{var}\, \delta^{(k)}(t) = s^2 B^{(k)}(t) (B^T B)^{-1} B^{(k)}(t)^T
 
-A knot whose place was found from the record lets the derivative of the next lower order jump
+A knot that was fitted to the record lets the derivative of the next lower order jump
 there, to first order in its shift, so its multiplicity is raised by one. Readings of an encoder
 that repeat themselves share one rounding error: their variance is multiplied by their number.
 """
@@ -26,7 +26,7 @@ from qlvbayes.preprocess.stretch import FEWEST_OF_A_MOVE, Stretch, evaluated
 Array = NDArray[np.float64]
 
 _MOST_TIMES = 3000  # of a stretch at which errors are computed
-_CHUNK, _MARGIN = 60, 20  # coefficients inverted at once, and those on either side beside them
+_CHUNK, _MARGIN = 60, 20  # coefficients inverted at once, and those on either side of them
 _ROUNDOFF = 1e-11
 
 

@@ -1,4 +1,4 @@
-r"""Moves that few readings show: paths that do nothing of which these tell nothing.
+r"""Paths through few readings, without features that the readings do not show.
 
 Many paths go through few readings. A fit of pieces may overshoot between two of them, turn there or
 bend the wrong way, and a force that remembers which way the platen went (friction) is then wrong
@@ -113,7 +113,7 @@ def monotone(time: Array, displacement: Array, *, rests: tuple[bool, bool]) -> P
 def strays_between(path_at: Array, path_between: Array, readings: Array, most: float) -> Array:
     """Return where (n - 1,) a path leaves the range of two readings.
 
-    path_at (n,), path_between (n - 1, k): the path at readings (n,) and at k places after each;
+    path_at (n,), path_between (n - 1, k): the path at readings (n,) and at k times after each;
     most: what it may leave the range by. Where readings turn about, a path may turn between them.
     """
     moves = np.diff(readings)

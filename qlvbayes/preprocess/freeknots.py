@@ -22,7 +22,7 @@ Flags = NDArray[np.bool_]
 
 _STIFFNESS = 1e-9  # keeps a piece without samples straight
 PULL = 1e-8
-"""Weight, of a reading's, of straight lines between readings: they hold where no reading tells."""
+"""Weight, over a reading's, of straight lines between readings, for pieces without readings."""
 _FEW = 10  # knots that are moved one by one;
 _APART = 6  # of more, every sixth is nudged at once
 _GAIN = 1e-4  # share of the squares: of a few hundred readings 0.02 in the log likelihood
@@ -120,7 +120,7 @@ class _Solved:
 def _solved(joints: Joints, time: Array, displacement: Array, *, pull: bool = False) -> _Solved:
     """Return the spline that minimises the squared residuals.
 
-    pull: towards straight lines between readings where no reading tells.
+    pull: towards straight lines between readings in pieces without readings.
     """
     full = _full_knots(joints)
     size = full.size - 3

@@ -8,9 +8,7 @@ from qlvbayes.preprocess.trajectory import Trajectory
 
 _CHORD = 1e-4  # of the stroke: how far the grid's straight lines may be from the motion,
 _FINEST = 3e-6  # and the least that very quiet noise asks for
-_CURVED = (
-    10.0  # times that, where it is told how far the motion curves off the lines: on a sine half
-)
+_CURVED = 10.0  # times that, where the curvature between the points is stored too: on a sine half
 # as many points, and a tenth of the error of the force that straight lines make (2e-6 of its peak)
 
 
@@ -26,9 +24,9 @@ def grid_times(
     """Return the nodes, the beginning, the kinks, and as many points between as accuracy needs.
 
     first: time of the first sample; chord: how far the lines may be from the motion (in units of
-    displacement), where less than usual; begun: whether a record that begins on the move came from
-    zero displacement, by an approach that goes before it; curved: whether it is told how far the
-    motion curves off the lines.
+    displacement), where less than the default; begun: whether a record that begins on the move came from
+    zero displacement, by an approach that goes before it; curved: whether the curvature of the
+    motion between the points is stored too.
     """
     stroke = np.ptp(trajectory.displacement(trajectory.knots))
     tolerance = max(0.25 * trajectory.resolution, _CHORD * stroke)

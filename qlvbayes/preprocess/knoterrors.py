@@ -7,8 +7,8 @@ moment:
 
 .. math:: \mathrm{var}\, t_k = \mathrm{var}(\text{jump of the next lower order at } t_k) / J_k^2
 
-Free are the jumps at all knots at once: moments that readings can only tell together have large
-sds. The level of a dwell beside the stretch counts with its own error, which rounding makes as
+Free are the jumps at all knots at once: times that readings only determine together have large
+sds. The level of a dwell next to the stretch counts with its own error, which rounding makes as
 large as a step over sqrt(12) however long it lasted. Rounding errors of a motion that passes nearly
 a whole number of steps from reading to reading repeat themselves, as those of a slow one do: they
 are taken as one error until the motion has gained or lost a step against that number.
@@ -50,9 +50,9 @@ def moments(stretch: Stretch, tol: Tolerance, level_sd: tuple[float, float], clo
     """Return the sds (k,) in s of a stretch's knots.
 
     level_sd: of the dwells on either side; clock: sd of the time stamps (s), which in motion makes
-    an error of the reading. A moment cannot leave the pieces beside it, so that the sd is at most
+    an error of the reading. A knot cannot leave the pieces next to it, so that the sd is at most
     the shorter of them over sqrt(12), where that is longer than the interval between readings; and
-    where a piece beside it has fewer than three readings it is at least that interval over
+    where a piece next to it has fewer than three readings it is at least that interval over
     sqrt(12). Ends that join no dwell are where the record begins or ends: they have no error.
     """
     joints, time = stretch.joints, stretch.window.time

@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 _HELD = 0.05  # of the largest force: so far to either side a held force may be read,
 _NOISY = 8.0  # or so many sds of neighbouring readings, whose slow errors may be as large
 _FEWEST = 20  # readings in a hold
-_LONG = 0.2  # of a test, that the force must be held to tell by itself that it was prescribed,
+_LONG = 0.2  # of a test, for which the force must be held to count as prescribed,
 _LOADED = 0.2  # of the largest force, at which it must be held,
 _CREPT = 0.03  # of the largest displacement, by which the specimen must creep meanwhile,
 _PLAIN = 2.0  # times what the scatter of the force would explain,
@@ -41,7 +41,10 @@ _ENDS = 0.05  # of the hold, at either end, that are not looked at for that
 
 
 _BETWEEN = np.arange(1, 8) / 8.0  # of the time between two readings, where the motion is looked at
-_SWING, _SWUNG = 1e-4, 0.1  # of the stroke, of the way between: how far a curve may lie beside both
+_SWING, _SWUNG = (
+    1e-4,
+    0.1,
+)  # of the stroke, of the way between: how far a curve may lie outside both
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ from qlvbayes.preprocess.trajectory import Trajectory
 REST = 3.0
 """Pauses of so many longest phases are rest.
 
-The slowest rate that tests can tell is about one over their longest phase; of such a mode a pause
+The slowest rate that tests can determine is about one over their longest phase; of such a mode a pause
 like this leaves e^-3 = 5 %, and of quicker ones less.
 """
 
@@ -37,7 +37,9 @@ _FAITHFUL = 2e-5  # of the stroke: bound of a straight line's error, see above; 
 _MOST = 64  # points of an earlier test
 _STEPS = 6  # points of a stroke, as a frame that yields makes the pad's own stroke no straight line
 _STAND = 0.02  # of a test: shorter lines are not split
-_AFTER_STOP = np.geomspace(0.004, 0.7, 8)  # places of points in a longer one, for the same reason
+_AFTER_STOP = np.geomspace(
+    0.004, 0.7, 8
+)  # positions of points in a longer one, for the same reason
 _STAYED = 0.02  # of the stroke: depths of an end and a beginning that are one
 
 

@@ -27,7 +27,7 @@ MOVING = ("ramp", "unload")  # there and back
 _LEAST_SHARE = 0.01  # of the stroke: a smaller movement is drift or jitter
 _LEAST_STEPS = 5.0  # encoder steps, for the same reason
 _CREEP = 0.02  # of a movement's own speed: slower ends of it belong to the rest
-_DWELL = 0.2  # of the shorter movement beside it: a longer slow turn is a dwell
+_DWELL = 0.2  # of the shorter movement next to it: a longer slow turn is a dwell
 _SETTLING = 0.1  # of a movement: what follows it at once and is smaller is the platen settling,
 _REST = 4.0  # if the rest after it lasts so many times as long,
 _LATE = 10.0  # and it is over within so many times the movement's duration
@@ -57,7 +57,7 @@ def find_phases(trajectory: Trajectory) -> tuple[Phase, ...]:
     A movement counts if it covers more than 1 % of the stroke and five encoder steps; less is
     drift or jitter and belongs to the rest around it. A pause too short for such a movement at the
     neighbouring speed does not divide a ramp. A dwell before the first movement is a hold if it is
-    longer than that movement, or than a tenth of it and 4.5 usual intervals between readings;
+    longer than that movement, or than a tenth of it and 4.5 median intervals between readings;
     else part of it. Where a platen overshoots and settles, the rest begins at its farthest point:
     movements of less than a tenth of the one before them that follow it at once and end in a longer
     rest belong to that rest. A rest that lasts no two intervals between readings is none, nor is a

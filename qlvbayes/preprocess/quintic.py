@@ -27,7 +27,7 @@ _MANY = 16  # samples in a span that is halved because all together leave too mu
 _LITTLE = 0.1  # of the readings' variance: less is not worth more knots
 _ROUNDS = 24  # of halving: enough for 2^24 readings
 _SURE = 3.0  # sds by which a span's mean square must exceed its expectation
-_BETWEEN = np.linspace(0.0, 1.0, DEGREE + 1)[None]  # places in a span
+_BETWEEN = np.linspace(0.0, 1.0, DEGREE + 1)[None]  # points of a span
 _ROUNDOFF = 1e-11  # of the normal matrix, so that it can be inverted
 
 

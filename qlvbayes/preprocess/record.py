@@ -51,7 +51,7 @@ class Blocks(eqx.Module):
 class Record(eqx.Module):
     """One test (or, with a leading axis, several padded to one size).
 
-    motion: on the grid (N,); nodes: (B, 2) places on the grid whose forces average to the block's
+    motion: on the grid (N,); nodes: (B, 2) indices on the grid whose forces average to the block's
     mean; blocks: (B,).
     """
 

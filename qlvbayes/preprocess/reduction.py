@@ -29,7 +29,7 @@ RESTING_BLOCKS = 8  # and in a hold
 _MOST_KINKS = 40
 _BESIDE = 1.2  # sampling intervals either side of a kink that are left out,
 _SPARED = 0.03  # if they are at most this share of the phases around it
-_EVEN = 1.5  # a gap this much longer than one beside it ends a block
+_EVEN = 1.5  # a gap this much longer than the one next to it ends a block
 _SURE = 3.0  # sds of the displacement over which a slope is known
 
 
@@ -37,9 +37,9 @@ _SURE = 3.0  # sds of the displacement over which a slope is known
 class Care:
     """How finely a record is to be reduced, given its noise.
 
-    floor: tells how noise grows with the force; stiffness: the pad's largest (N/mm), by which an
+    floor: noise and its growth with the force; stiffness: the pad's largest (N/mm), by which an
     error of the motion becomes one of the force; chord: how far the grid's straight lines may be
-    from the motion (mm), where less than usual.
+    from the motion (mm), where less than the default.
     """
 
     floor: NoiseFloor

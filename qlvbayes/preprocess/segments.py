@@ -36,8 +36,8 @@ def known_scatter(
 ) -> list[float]:
     """Return upper bounds on the scatter's sd in several records by one sensor.
 
-    Few readings cannot tell it from motion: theirs is the least that longer records show, infinite
-    where there are none. So is that of the longer ones, which tell it themselves.
+    Few readings cannot distinguish it from motion: their bound is the least scatter of the longer
+    records, or infinite without these. Longer records determine their own and have no bound.
     """
     few = [time.size < _MANY for time in times]
     if not any(few):
@@ -53,12 +53,12 @@ def sensor_noise(time: Array, signal: Array, step: float = 0.0) -> float:
     """Return a robust sd of the scatter about local polynomials beyond rounding to ``step``.
 
     Combinations of 3 to 6 neighbouring readings that cancel polynomials of degree 1 to 4 leave the
-    scatter; windows of equal readings tell nothing about a quantised sensor and are left out. The
+    scatter; windows of equal readings contain nothing about a quantised sensor and are left out. The
     least of the degrees is taken: a smooth motion shrinks with the degree, scatter does not.
     Scatter no larger than rounding can make is no noise. Nor can it be larger than readings allow
     that repeat exactly in most windows: what else moves there is the motion, too quick for them.
     Nor is it larger than a step where they do in some. Of few readings most may be near changes of
-    the motion: there the quietest windows tell.
+    the motion: there the quietest windows count.
     """
     best, most = np.inf, np.inf
     shares = (_QUIET, _QUIETEST) if time.size < _FEW else (_QUIET,)
@@ -134,11 +134,11 @@ def _scatter(time: Array, displacement: Array, step: float) -> float:
 
 
 def scatter_left(residual: Array, displacement: Array, knots: int, tol: Tolerance) -> float:
-    """Return the sd of the scatter about a fitted path; infinite where it cannot tell.
+    """Return the sd of the scatter about a fitted path; infinite where it is not determined.
 
     The scatter of readings that were thinned out, or that are few and mostly moving, is first taken
     for larger than it is: what a path leaves that was held to no more than that is the most it can
-    be. Single places from which the path is far do not count, nor do the knots' own numbers.
+    be. Single readings far from the path do not count, nor do the knots' own parameters.
     """
     freedom = residual.size - _PER_KNOT * knots
     if tol.noise == 0.0 or freedom < 0.5 * residual.size:

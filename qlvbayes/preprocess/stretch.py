@@ -31,7 +31,7 @@ from qlvbayes.preprocess.segments import Dwell
 Array = NDArray[np.float64]
 
 FEWEST_OF_A_MOVE = 15
-"""Readings of speeding up, cruising and slowing down, five each: fewer tell no acceleration."""
+"""Readings of speeding up, cruising and slowing down, five each: fewer show no acceleration."""
 
 _FEWEST_PER_PIECE = 5
 _FEWEST_RESOLVED = 3  # samples that show an acceleration
@@ -89,7 +89,7 @@ def fitted(
 def _one_move(stretch: Stretch, left: float, after: Dwell | None, tol: Tolerance) -> Stretch | None:
     """Return a trapezoid of velocity from a level to a dwell, if few readings show the motion.
 
-    None where they are many, or do not lie on a trapezoid. What it accelerates by they do not tell.
+    None where they are many, or do not lie on a trapezoid. They do not determine its acceleration.
     """
     time, knots = stretch.window.time, stretch.joints.knots
     readings = np.count_nonzero((time >= knots[0]) & (time <= knots[-1]))
@@ -117,7 +117,7 @@ def _misfit(stretch: Stretch) -> float:
 def strays(stretch: Stretch, tol: Tolerance) -> bool:
     """Return whether a path deviates from a reading, or between two, by more than errors explain.
 
-    Between two readings it may leave their line by as much as these or those beside them differ.
+    Between two readings it may leave their line by as much as these or their neighbours differ.
     """
     knots, time, x = stretch.joints.knots, stretch.window.time, stretch.window.displacement
     path = evaluated(stretch, np.clip(time, knots[0], knots[-1]))
@@ -367,7 +367,7 @@ def _window(
 ) -> Window:
     """Include part of the dwells next to a stretch, so that its end knots can move.
 
-    A dwell is at its level between its readings too, and in a gap beside the stretch until the
+    A dwell is at its level between its readings too, and in a gap next to the stretch until the
     motion can have begun: where readings are sparser there than the stretch's, some are put between
     them, or the motion could do anything.
     """
@@ -392,7 +392,7 @@ def _unseen(
 ) -> Array:
     """Return times after a stretch first:stop at which a dwell's level held without readings.
 
-    Up to the reading ``end``; between: multiples of the usual spacing of the stretch's readings.
+    Up to the reading ``end``; between: multiples of the median spacing of the stretch's readings.
     """
     if dwell is None or not first < stop < end:
         return t[:0]
@@ -413,7 +413,7 @@ def _at_rest(t: Array, away: Array, resting: float, between: Array) -> Array:
     """Return times between the end of a motion and the first reading at rest.
 
     t, away (n,): its readings, the last one first, and how far each is from the dwell's level;
-    between: multiples of their usual spacing. As a motion ends with the cube of the time at the
+    between: multiples of their median spacing. As a motion ends with the cube of the time at the
     latest (a bounded jerk), it is over as long after a reading as one eight times as far lies
     before it.
     """
@@ -464,7 +464,7 @@ def _worth(joints: Joints, window: Window, tol: Tolerance) -> Joints:
 
     Where readings scatter, several may each be off by less than scatter could make, and all
     together by more. A knot, and a kink, must lower the squares by 2 ln n variances for each of
-    its numbers, as the best of n places makes more of scatter than a given one does (Zhang &
+    its numbers, as the best of n positions fits more of the scatter than a given one does (Zhang &
     Siegmund 2007). No path is asked to be better than the floor.
     """
     if tol.noise == 0.0:

@@ -27,11 +27,11 @@ from qlvbayes.preprocess.stretch import Stretch, fitted
 
 Array = NDArray[np.float64]
 
-_SPEED_KNOWN = 0.05  # of the top speed: the usual error, at most, of a known velocity,
+_SPEED_KNOWN = 0.05  # of the top speed: largest median error of a known velocity,
 _ACCELERATION_KNOWN = 0.2  # and the same for the acceleration
 _JUMPS = 0.5  # share of the changes of velocity that are too quick to be resolved
 _EXACT = 1e-6  # of the range: no record is better than that
-_FREEDOM = 10  # readings in motion, a knot, that tell errors of readings from the path
+_FREEDOM = 10  # readings in motion for each knot, at which residuals show errors
 _SAME = 1e-6  # of the largest: smaller jumps are rounding
 _TRIALS = 5  # fits at most, each with the scatter that the one before it left,
 _LESS = 0.7  # if that is less than so much of what was assumed
@@ -110,10 +110,10 @@ class Trajectory:
         """Sd (j,) in s of the time of each kink, from the readings' errors and spacing.
 
         It is that of the least squares that placed the kink (``knoterrors.moments``), with the
-        levels of the dwells beside it and the clock's error; at most the shorter piece beside it
+        levels of the dwells next to it and the clock's error; at most the shorter piece next to it
         over sqrt(12), and where less than three readings show that piece at least the interval
         between readings over sqrt(12). Errors of neighbouring kinks may be correlated. What the
-        clock has in error at a kink is that of one moment, found from many readings; a single
+        clock has in error at a kink is that of one time, fitted to many readings; a single
         reading's is ``clock_sd``. 0 for a planned motion.
         """
         if self.moments is None:
@@ -211,7 +211,7 @@ def smooth(
     time, displacement
         (n,) readings, n >= 2, time increasing in s, evenly spaced or not.
     resolution
-        Encoder step in units of displacement; found from the readings if None.
+        Encoder step in units of displacement; estimated from the readings if None.
     scatter
         Largest sd of the sensor's scatter, where other records show it.
 

@@ -65,11 +65,11 @@ SPECIMENS = TABLE_1 | {
     "homogeneous": Constants(1.1, 0.35, (0.50, 0.30, 0.20), (2.5, 0.08)),
     "finger": Constants(0.25, 2.0, (0.35, 0.35, 0.30), (14.0, 0.7)),
 }
-"""Pads of the paper, and two specimens beside them.
+"""Pads of the paper, and two other specimens.
 
 homogeneous: a pad of one solid, stiffer and with less to relax; made up. finger: stiffness of 1 to
 6 N/mm under 0.4 to 3 N, relaxation times of 70 ms and 1.4 s as Pawluk & Howe 1999
-(doi:10.1115/1.2835100) found in vivo beside one of 4 ms, which this rig is too slow for; the shares
+(doi:10.1115/1.2835100) measured in vivo together with one of 4 ms, which this rig is too slow for; the shares
 are made up.
 """
 

@@ -84,7 +84,7 @@ def simulate_file(
     ----------
     effects : hidden in every pad
     protocol : one of `PROTOCOLS`
-    answer : JSON file that gets effects, constants, noise and seed; the heading then tells none
+    answer : JSON file that gets effects, constants, noise and seed; the heading then has none
         of them but the noise, nor the command
     loads : each adds a load-controlled test, N
     groups : kinds of some of the pads, by their names

@@ -48,7 +48,7 @@ class Record:
 
 @dataclass(frozen=True)
 class SimulatedTest:
-    """A record with its place in a study; `start_s` is the clock at its first sample.
+    """A record with its pad and test in a study; `start_s` is the clock at its first sample.
 
     control: what was prescribed, displacement or force
     """

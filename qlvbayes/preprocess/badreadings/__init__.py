@@ -1,7 +1,7 @@
 """Readings that are none: lost, spikes, stuck, clipped, or of a clock that slipped.
 
 What its neighbours on both sides contradict and the other channel does not show is no reading of
-the specimen. It is found before anything is made of the record, in medians and differences of
+the specimen. It is detected before the record is used, in medians and differences of
 neighbours alone, O(n), and without a model of the material.
 """
 

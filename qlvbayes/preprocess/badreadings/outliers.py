@@ -28,7 +28,7 @@ _BESIDE = 6  # readings on either side that must be smooth without it,
 _ROUGHER = 3.0  # times less off a line than the run
 _PASSES = 4  # over the readings that are left
 _AT_ENDS = 3  # readings at either end of the record
-_NEARBY = 61  # readings whose median tells the noise here
+_NEARBY = 61  # readings whose median gives the noise here
 _BEYOND = 12.0  # of these medians: 10 sds of white noise
 _CHANGES = 4.0  # of the median change from reading to reading: how sharp a movement may turn
 _STEPS = 4.0  # of a digitised channel
@@ -96,7 +96,7 @@ def outlying(time: Array, signal: Array) -> NDArray[np.bool_]:
 def outlying_runs(time: Array, signal: Array, scale: Scale) -> list[Run]:
     """Return the runs [first, stop) of outlying readings; no two of them touch.
 
-    Without those that are found others may stand alone: looked for again until none does. What is
+    Without the detected ones others may stand out: the search repeats until none does. What is
     left about a run must be smooth: else it rings, or the signal leaps there for a reason.
     """
     mask = np.zeros(signal.size, dtype=bool)

@@ -17,7 +17,7 @@ _CHANCE = 1e-9  # probability of such a run anywhere in the record
 _REPEATING = 0.3  # of the readings around: a channel that repeats more often is coarse or silent
 _ALTERNATING = 0.4  # of the changes of slope: noise changes sign, a curve does not
 _NEAR_ZERO = 0.02  # of the range: a force that says there is no contact
-_CATCHES_UP = 3.5  # times the usual change: the jump of a channel that was stuck
+_CATCHES_UP = 3.5  # times the median change: the jump of a channel that was stuck
 _AS_FAR = (0.4, 2.5)  # of the way that the speed nearby makes meanwhile: that jump
 _GOES_ON = 0.5  # of the change of force meanwhile: it does not jump along
 

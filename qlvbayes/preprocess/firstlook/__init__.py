@@ -1,4 +1,4 @@
-"""A first look at a pad's tests, before anything is fitted: what was found, what they can show."""
+"""A first look at a pad's tests, before anything is fitted: readings, and what they can show."""
 
 from qlvbayes.preprocess.firstlook.looking import look_at
 from qlvbayes.preprocess.firstlook.result import FirstLook, PadSeen, Shown, TestSeen

@@ -47,7 +47,7 @@ class Hold:
 class Facts:
     """All movements, and all dwells under load with enough readings.
 
-    interval: shortest usual time (s) between readings of a test; loads: ramps of all tests.
+    interval: shortest median time (s) between readings of a test; loads: ramps of all tests.
     """
 
     moves: tuple[Move, ...]

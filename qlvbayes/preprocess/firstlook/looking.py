@@ -31,7 +31,7 @@ _NOISY = 3.0  # and times the noise
 _AT_ZERO = 0.01  # of the depth, within which the platen has not left the file's zero
 _RESTS = 5  # readings there, that show the force at rest
 _FALLEN = 0.1  # of the largest force, by which it may fall within a movement in
-_FEWEST = 6  # readings of a movement that tell such a fall
+_FEWEST = 6  # readings of a movement that show such a fall
 _DEAD = 6.0  # times the noise, below which a test's force has not answered, or not fallen
 
 

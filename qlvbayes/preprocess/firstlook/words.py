@@ -9,7 +9,7 @@ from qlvbayes.io.wording import joined, plain
 from qlvbayes.preprocess.firstlook.result import PadSeen, PhaseSeen
 from qlvbayes.preprocess.phases import KINDS, NAMES
 
-_EACH = 6  # phases that are told one by one
+_EACH = 6  # phases that are listed one by one
 _SLOWER = 0.1  # of its declared speed, by which a test may miss it
 _AGREES = 2.0  # standard errors from zero depth
 _NAMED = 3  # tests that are named

@@ -5,10 +5,10 @@ Of readings F_k at evenly growing times
 .. math:: e_k = F_k - \tfrac16 \left(-F_{k-2} + 4 F_{k-1} + 4 F_{k+1} - F_{k+2}\right)
 
 is the noise alone as long as the force is a cubic of the readings' number; independent noise of sd
-sigma gives it the variance 35/18 sigma^2. In windows of readings its median size tells sigma; a sd
+sigma gives it the variance 35/18 sigma^2. In windows of readings its median size gives sigma; a sd
 that does not rise from window to window is fitted to them (isotonic regression; Barlow et al.
-1972). Where it falls by much and beyond doubt, every reading has the sd of its place, as if the
-testing machine had told it.
+1972). Where it falls by much and beyond doubt, every reading has the sd at its time, as if the
+testing machine had reported it.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def with_fading_sd(
     """Return tests with an sd of each reading where the noise decays, and a sentence on each.
 
     A measured ``force_sd`` is never replaced. Where any test's noise dies away, those whose noise
-    does not have their own sd all along, so that both kinds are weighed alike.
+    does not have their own sd all along, so that both kinds are weighted alike.
     """
     sds = [None if test.force_sd is not None else _levels(test, cut) for test, cut in
            zip(tests, phases, strict=True)]  # fmt: skip

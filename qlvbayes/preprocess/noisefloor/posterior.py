@@ -39,7 +39,8 @@ class Dwells:
     """The pooled dwells, and the noise of highest restricted likelihood.
 
     ratio, tau: logarithms of the correlated variance over the white one, and of its time; bounds:
-    (2, 2) lowest and highest of both; usual: log of the prior's median time; correlated: whether
+    (2, 2) lowest and highest of both; prior_log_tau: log of
+    the prior's median time; correlated: whether
     the correlated part is beyond doubt (else white noise alone has half the prior probability);
     other: the other kind of correlated noise, as likely beforehand, at its own mode.
     """
@@ -136,7 +137,7 @@ class Dwells:
         ]
         logs, variances = np.array(likelihoods).T
         weights = np.exp(logs - self.best) * self._prior(points) / density[inside]
-        if not self.correlated:  # white noise alone beside it, as likely beforehand
+        if not self.correlated:  # and white noise alone, as likely a priori
             log_white, variance = self.pool.of_white()
             points = np.concatenate([points, [[-np.inf, self.prior_log_tau]]])
             variances = np.append(variances, variance)
