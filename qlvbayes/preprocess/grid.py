@@ -24,9 +24,9 @@ def grid_times(
     """Return the nodes, the beginning, the kinks, and as many points between as accuracy needs.
 
     first: time of the first sample; chord: how far the lines may be from the motion (in units of
-    displacement), where less than the default; begun: whether a record that begins on the move came from
-    zero displacement, by an approach that goes before it; curved: whether the curvature of the
-    motion between the points is stored too.
+    displacement), where less than the default; begun: whether a record that begins on the move
+    came from zero displacement, by an approach that goes before it; curved: whether the curvature
+    of the motion between the points is stored too.
     """
     stroke = np.ptp(trajectory.displacement(trajectory.knots))
     tolerance = max(0.25 * trajectory.resolution, _CHORD * stroke)

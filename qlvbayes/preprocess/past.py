@@ -28,8 +28,8 @@ from qlvbayes.preprocess.trajectory import Trajectory
 REST = 3.0
 """Pauses of so many longest phases are rest.
 
-The slowest rate that tests can determine is about one over their longest phase; of such a mode a pause
-like this leaves e^-3 = 5 %, and of quicker ones less.
+The slowest rate that tests can determine is about one over their longest phase; of such a mode a
+pause like this leaves e^-3 = 5 %, and of quicker ones less.
 """
 
 ROUNDED = 0.01  # s, by which a declared clock may be rounded

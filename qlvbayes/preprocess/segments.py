@@ -53,7 +53,7 @@ def sensor_noise(time: Array, signal: Array, step: float = 0.0) -> float:
     """Return a robust sd of the scatter about local polynomials beyond rounding to ``step``.
 
     Combinations of 3 to 6 neighbouring readings that cancel polynomials of degree 1 to 4 leave the
-    scatter; windows of equal readings contain nothing about a quantised sensor and are left out. The
+    scatter; windows of equal readings say nothing of a quantised sensor and are left out. The
     least of the degrees is taken: a smooth motion shrinks with the degree, scatter does not.
     Scatter no larger than rounding can make is no noise. Nor can it be larger than readings allow
     that repeat exactly in most windows: what else moves there is the motion, too quick for them.

@@ -69,8 +69,8 @@ SPECIMENS = TABLE_1 | {
 
 homogeneous: a pad of one solid, stiffer and with less to relax; made up. finger: stiffness of 1 to
 6 N/mm under 0.4 to 3 N, relaxation times of 70 ms and 1.4 s as Pawluk & Howe 1999
-(doi:10.1115/1.2835100) measured in vivo together with one of 4 ms, which this rig is too slow for; the shares
-are made up.
+(doi:10.1115/1.2835100) measured in vivo, with one of 4 ms for which this rig is too slow; the
+shares are made up.
 """
 
 _STIFFNESS_SPREAD, _RATE_SPREAD = 0.2, 0.15  # sds of the logarithms between specimens of a kind
