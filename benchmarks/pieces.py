@@ -8,8 +8,8 @@ import numpy as np
 from qlvbayes import read_study
 from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.inference.forward.hypothesis import Hypothesis
-from qlvbayes.preprocess.experiment import prepare
-from qlvbayes.preprocess.record import with_zeros
+from qlvbayes.motion.experiment import prepare
+from qlvbayes.motion.record import with_zeros
 
 REPEATS = 7  # of some calls each: the two take turns, and the quickest counts
 CALLS = 10

@@ -14,11 +14,11 @@ from qlvbayes.io.data import Pad, read_measurements
 from qlvbayes.io.data import Test as Record
 from qlvbayes.io.units import PAD
 from qlvbayes.model.choices import Choices
+from qlvbayes.motion.badreadings import BadReadings, left_out_notice, outlying, sound_tests
+from qlvbayes.motion.badreadings.result import Bad
+from qlvbayes.motion.experiment import prepare
 from qlvbayes.plots.forces import plot_forces
 from qlvbayes.plots.leftout import LABEL
-from qlvbayes.preprocess.badreadings import BadReadings, left_out_notice, outlying, sound_tests
-from qlvbayes.preprocess.badreadings.result import Bad
-from qlvbayes.preprocess.experiment import prepare
 
 SHARED = Path(__file__).parents[2] / "shared"  # measurements of others
 TIME = np.arange(4000) * 0.01

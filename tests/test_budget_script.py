@@ -11,7 +11,7 @@ from qlvbayes.evaluation.population import Population
 from qlvbayes.evaluation.study import make_study
 from qlvbayes.inference.modes import rough_mode
 from qlvbayes.model.choices import Choices
-from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.motion.experiment import prepare
 
 ORIGIN = Origin("command", "today", "commit", "machine")
 

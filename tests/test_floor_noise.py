@@ -6,10 +6,10 @@ import pytest
 from qlvbayes.diagnosis.checks.adequacy import combined
 from qlvbayes.fitting.drawn_errors import realisations
 from qlvbayes.inference.errors.whitening import covariance
-from qlvbayes.preprocess.noisefloor import NoiseFloor
-from qlvbayes.preprocess.noisefloor.dwells import Dwell
-from qlvbayes.preprocess.noisefloor.pool import Pool
-from qlvbayes.preprocess.record import Blocks
+from qlvbayes.motion.noisefloor import NoiseFloor
+from qlvbayes.motion.noisefloor.dwells import Dwell
+from qlvbayes.motion.noisefloor.pool import Pool
+from qlvbayes.motion.record import Blocks
 
 
 def correlation(lag, tau, smooth):

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from qlvbayes.model.noise import Correlated, StudentT, White
-from qlvbayes.preprocess.record import Blocks
+from qlvbayes.motion.record import Blocks
 
 log_likelihoods = jax.jit(lambda noise, residual, blocks: noise.log_likelihoods(residual, blocks))
 likelihood_slopes = jax.jit(

@@ -14,7 +14,7 @@ from qlvbayes.model.noise import NOISES
 from qlvbayes.model.overrides import in_words, override, parse, parse_prior
 from qlvbayes.model.parameters import fields_of, names, unit_kinds
 from qlvbayes.model.posterior import Posterior, draw_priors
-from qlvbayes.preprocess.record import Blocks, Record, batch
+from qlvbayes.motion.record import Blocks, Record, batch
 from qlvbayes.priors import (
     Dirichlet,
     HalfNormal,

@@ -17,7 +17,7 @@ from qlvbayes.evaluation.population import Population
 from qlvbayes.evaluation.study import make_study
 from qlvbayes.laws.catalogue import find_elastic, find_relaxation
 from qlvbayes.model.model import Model
-from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.motion.experiment import prepare
 from qlvbayes.simulate import (
     FOREIGN,
     FORMS,

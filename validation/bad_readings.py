@@ -25,7 +25,7 @@ from qlvbayes.evaluation.study import make_study, measured
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Pad, Test
 from qlvbayes.io.files import write_whole
-from qlvbayes.preprocess.badreadings import sound_tests
+from qlvbayes.motion.badreadings import sound_tests
 from qlvbayes.simulate import NOISES, PROTOCOLS, TABLE_1, HiddenPad, record_study
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -39,7 +39,7 @@ Spoil = Callable[[Test, np.random.Generator], Spoiled | None]
 
 _SECTION = """## Bad readings
 
-What is left out of records before anything is made of them (`qlvbayes/preprocess/badreadings`).
+What is left out of records before anything is made of them (`qlvbayes/motion/badreadings`).
 {pads} pads were simulated: {wide} of the wide population (seed {seed}: many protocols, laws, load
 cells with white, correlated, growing, low-passed and quantised noise, loggers of 50 Hz and 1 kHz
 and thinned ones, effects hidden in five of six), the others by the paper's and the retracting

@@ -46,7 +46,7 @@ from qlvbayes.inference.modes import find_mode, rough_mode
 from qlvbayes.io.data import Pad, read_measurements
 from qlvbayes.io.files import write_json, write_whole
 from qlvbayes.model.choices import Choices
-from qlvbayes.preprocess.experiment import Experiment, prepare
+from qlvbayes.motion.experiment import Experiment, prepare
 
 ROOT = Path(__file__).resolve().parents[1]
 _BEFORE_PRIORS = 0.3  # sd of the white noise of least squares over what a fit leaves: readings rule

@@ -31,7 +31,7 @@ from qlvbayes.inference.modes import base_modes
 from qlvbayes.io.data import Pad, read_measurements
 from qlvbayes.io.files import write_whole
 from qlvbayes.io.runtime import forget_compiled, one_blas_thread
-from qlvbayes.preprocess.experiment import Experiment, prepare
+from qlvbayes.motion.experiment import Experiment, prepare
 
 ROOT = Path(__file__).resolve().parents[1]
 _BREADTH = Breadth()

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from qlvbayes.evaluation.study import Study
 from qlvbayes.inference.forward.hypothesis import Hypothesis, Parameters
-from qlvbayes.preprocess.experiment import Experiment
+from qlvbayes.motion.experiment import Experiment
 from qlvbayes.simulate import HIDDEN, Effect
 from qlvbayes.simulate.laws import Law
 

@@ -43,7 +43,7 @@ from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.modes import Mode, distinct, find_modes
 from qlvbayes.io.files import write_json, write_whole
 from qlvbayes.model.choices import Choices
-from qlvbayes.preprocess.experiment import Experiment, prepare
+from qlvbayes.motion.experiment import Experiment, prepare
 
 ROOT = Path(__file__).resolve().parents[1]
 Array = NDArray[np.float64]

@@ -16,7 +16,7 @@ from qlvbayes.evaluation.population import Population, kin
 from qlvbayes.evaluation.study import Study, make_study
 from qlvbayes.evaluation.visible import SEEN, visible
 from qlvbayes.model.choices import Choices
-from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.motion.experiment import prepare
 
 THRESHOLDS = Settings()
 """Thresholds with which every study is diagnosed."""

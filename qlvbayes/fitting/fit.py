@@ -27,9 +27,9 @@ from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import Floor
 from qlvbayes.model.parameters import names, unit_kinds
 from qlvbayes.model.posterior import Posterior
-from qlvbayes.preprocess.carryover import carryover_notices, clock_notices
-from qlvbayes.preprocess.experiment import Experiment, Trial
-from qlvbayes.preprocess.record import Record
+from qlvbayes.motion.carryover import carryover_notices, clock_notices
+from qlvbayes.motion.experiment import Experiment, Trial
+from qlvbayes.motion.record import Record
 
 Sampler = Callable[
     [Posterior, NormalApproximation, Settings, ChainStore | None, Progress | None], Chain

@@ -40,9 +40,9 @@ from qlvbayes.diagnosis.weighed import Weighed
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.io.wording import percent
 from qlvbayes.laws.unresolved import unresolved_times
-from qlvbayes.preprocess.carryover import carryover_notices, clock_notices
-from qlvbayes.preprocess.experiment import Experiment
-from qlvbayes.preprocess.record import Record
+from qlvbayes.motion.carryover import carryover_notices, clock_notices
+from qlvbayes.motion.experiment import Experiment
+from qlvbayes.motion.record import Record
 
 Array = NDArray[np.float64]
 

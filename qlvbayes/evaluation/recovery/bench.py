@@ -17,10 +17,10 @@ from qlvbayes.laws.relaxation.law import AbstractRelaxation
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.model.noise import AbstractNoise, Correlated
-from qlvbayes.preprocess.programme import Stroke, planned
-from qlvbayes.preprocess.record import Record, batch
-from qlvbayes.preprocess.reduction import planned_record
-from qlvbayes.preprocess.trajectory import Trajectory
+from qlvbayes.motion.programme import Stroke, planned
+from qlvbayes.motion.record import Record, batch
+from qlvbayes.motion.reduction import planned_record
+from qlvbayes.motion.trajectory import Trajectory
 from qlvbayes.priors import Dirichlet, Ordered
 from qlvbayes.priors.natural import in_own_numbers
 

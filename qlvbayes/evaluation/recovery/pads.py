@@ -26,7 +26,7 @@ from qlvbayes.inference.modes import Mode, distinct, find_mode, modes
 from qlvbayes.io.checks import NoFiniteForceError
 from qlvbayes.model.noise import Correlated
 from qlvbayes.model.posterior import draw_priors, is_prior
-from qlvbayes.preprocess.noisefloor import NoiseFloor
+from qlvbayes.motion.noisefloor import NoiseFloor
 
 Array = NDArray[np.float64]
 

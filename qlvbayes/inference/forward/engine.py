@@ -32,7 +32,7 @@ from qlvbayes.inference.forward.pieces import (
 from qlvbayes.io.runtime import cores
 from qlvbayes.laws.layered import Law
 from qlvbayes.laws.motion import Motion
-from qlvbayes.preprocess.record import Record, with_zeros
+from qlvbayes.motion.record import Record, with_zeros
 
 Array = NDArray[np.float64]
 Leaves = tuple[Any, ...]
