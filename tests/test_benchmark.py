@@ -306,6 +306,14 @@ def test_left_out_tests_before_and_after():
     assert found["double"]["plain"] is None
 
 
+def test_a_study_without_left_out_tests_is_skipped():
+    one = case() | {"stages": [stage(None), stage(None)]}
+    report = Report(Population(0, paper=True), (one,))
+    assert report.heldout()["single"]["n"] == 0
+    json.dumps(report.as_dict(), allow_nan=False)
+    figure_of(plot_benchmark(report))
+
+
 # what people see
 
 

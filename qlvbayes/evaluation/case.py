@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from dataclasses import asdict
-from math import nan
 
 from msgspec import to_builtins
 
@@ -91,7 +90,7 @@ def _stage(stage: Stage) -> dict:
         "base": list(stage.base.pair),
         "effects": list(stage.effects),
         "rmse": stage.rmse,
-        "heldout_rmse": nan if stage.heldout_rmse is None else stage.heldout_rmse,
+        "heldout_rmse": stage.heldout_rmse,
         "log_evidence": stage.log_evidence,
         "p_value": stage.p_value,
         "testable": stage.testable,

@@ -118,10 +118,10 @@ class Report:
         return rows
 
     def heldout(self) -> dict[str, dict[str, float | int | None]]:
-        """Return the median of `heldout_ratios` by kind, of the studies that could be seen."""
+        """Return the medians of `heldout_ratios` by kind, of the studies that could be seen."""
         medians: dict[str, dict[str, float | int | None]] = {}
         for kind in KINDS:
-            ratios = [heldout_ratios(c) for c in self.seen if c["kind"] == kind and "stages" in c]
+            ratios = heldout_ratios([case for case in self.seen if case["kind"] == kind])
             before, after = np.median(ratios, axis=0).tolist() if ratios else (None, None)
             medians[kind] = {"n": len(ratios), "plain": before, "final": after}
         return medians
@@ -152,10 +152,18 @@ class Report:
         }
 
 
-def heldout_ratios(case: Case) -> tuple[float, float]:
-    """Return the error on left-out tests over the noise, of the first model and the last one."""
-    first, last = case["stages"][0], case["stages"][-1]
-    return first["heldout_rmse"] / case["floor"], last["heldout_rmse"] / case["floor"]
+def heldout_ratios(cases: Sequence[Case]) -> list[tuple[float, float]]:
+    """Return the error on left-out tests over the noise, of the first model and the last one.
+
+    Studies without left-out tests, or in which the program stopped, are skipped.
+    """
+    ratios = []
+    for case in cases:
+        stages = case.get("stages", ())
+        errors = [stage["heldout_rmse"] for stage in (*stages[:1], *stages[-1:])]
+        if errors and None not in errors:
+            ratios.append((errors[0] / case["floor"], errors[1] / case["floor"]))
+    return ratios
 
 
 def _bounded(rate: Rate, good: bool) -> dict:

@@ -142,9 +142,8 @@ def _draw_reliability(axis: Axes, reliability: list[dict]) -> None:
 
 
 def _draw_heldout(axis: Axes, report: Report) -> None:
-    cases = [case for case in report.seen if "stages" in case]
     for (kind, label), colour in zip(_LEGEND.items(), colours(), strict=False):
-        pairs = [heldout_ratios(case) for case in cases if case["kind"] == kind]
+        pairs = heldout_ratios([case for case in report.seen if case["kind"] == kind])
         if pairs:
             axis.plot(
                 *zip(*pairs, strict=True), _MARKS[kind], color=colour, markersize=3, alpha=0.7,
@@ -159,5 +158,5 @@ def _draw_heldout(axis: Axes, report: Report) -> None:
     axis.set_xlabel("first model")
     axis.set_ylabel("last model")
     axis.set_title("error on left-out tests / noise floor", loc="left")
-    if cases:
+    if axis.get_legend_handles_labels()[0]:
         axis.legend(loc="best", handletextpad=0.2)
