@@ -40,7 +40,7 @@ validate: $(VENV)/installed-dev
 	$(BIN)/python validation/adequacy.py --pads 300 --seed 1 -o docs/adequacy.md
 	$(BIN)/python validation/budget.py $(RECORDS) --pads 100 --seed 418 -o docs/budget.md
 	$(BIN)/python validation/modes.py --pads 100 --sets 20 --seed 303 -o docs/modes.md
-	$(BIN)/python validation/blind.py --studies 400 --seed 417 --workers 2 -o docs/blind_studies.md
+	$(BIN)/qlvbayes benchmark --studies 400 --seed 417 --jobs 2 -o build/validation/benchmark
 
 notebooks: $(VENV)/installed-dev
 	$(BIN)/python notebooks/execute.py

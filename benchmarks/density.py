@@ -9,7 +9,7 @@ from qlvbayes import Choices, read_study
 from qlvbayes.fitting import compiled
 from qlvbayes.fitting.fit import build_posterior
 from qlvbayes.fitting.optimum import starting_point
-from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.motion.experiment import prepare
 
 WALKERS = (1, 32, 1024)
 

@@ -8,8 +8,8 @@ import numpy as np
 from qlvbayes import read_study
 from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.inference.forward.hypothesis import Hypothesis
-from qlvbayes.preprocess.batching import told
-from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.motion.experiment import prepare
+from qlvbayes.motion.record import with_zeros
 
 REPEATS = 7  # of some calls each: the two take turns, and the quickest counts
 CALLS = 10
@@ -48,7 +48,7 @@ def _name(hypothesis):
 
 def _in_turn(space, hypothesis, constants):
     """Quickest microseconds a set: in pieces, and by one call of one compiled function."""
-    record = told(space.record, "bow", float)
+    record = with_zeros(space.record, "bow", float)
     posterior = space.parameters(hypothesis).posterior
 
     def one(row, motion):

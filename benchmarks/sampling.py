@@ -11,7 +11,7 @@ from qlvbayes.fitting import compiled
 from qlvbayes.fitting.ensemble import autocorrelation_time, sample
 from qlvbayes.fitting.fit import build_posterior
 from qlvbayes.fitting.optimum import starting_point
-from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.motion.experiment import prepare
 
 RIVAL_STEPS = 500
 

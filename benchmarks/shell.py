@@ -24,7 +24,7 @@ def where_time_goes():
     from qlvbayes.fitting.ensemble import Settings, sample
     from qlvbayes.fitting.fit import build_posterior
     from qlvbayes.fitting.optimum import starting_point
-    from qlvbayes.preprocess.experiment import prepare
+    from qlvbayes.motion.experiment import prepare
 
     marks = [("imports", time.perf_counter() - began)]
 

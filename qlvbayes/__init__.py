@@ -40,10 +40,10 @@ if TYPE_CHECKING:
     from qlvbayes.model.choices import Choices
     from qlvbayes.model.dual import displacement_from_force
     from qlvbayes.model.model import Model
+    from qlvbayes.motion.experiment import Experiment
+    from qlvbayes.motion.firstlook.result import FirstLook
     from qlvbayes.pipeline.run import run_study
     from qlvbayes.pipeline.specimen import Specimen, Study, read_study
-    from qlvbayes.preprocess.experiment import Experiment
-    from qlvbayes.preprocess.firstlook.result import FirstLook
     from qlvbayes.report.page import write_report
     from qlvbayes.use import exports
     from qlvbayes.use.exports.write import export
@@ -62,8 +62,8 @@ _HOMES = {
     "Comparison": "comparison.contrast.Comparison",
     "Diagnosis": "diagnosis.telling.verdict.Diagnosis",
     "DiagnosisResult": "diagnosis.result.DiagnosisResult",
-    "Experiment": "preprocess.experiment.Experiment",
-    "FirstLook": "preprocess.firstlook.result.FirstLook",
+    "Experiment": "motion.experiment.Experiment",
+    "FirstLook": "motion.firstlook.result.FirstLook",
     "Fit": "fitting.fit.Fit",
     "FitSummary": "fitting.summary.FitSummary",
     "Hypotheses": "use.prescribed.hypotheses.Hypotheses",

@@ -14,11 +14,11 @@ from qlvbayes.io.data import Pad, read_measurements
 from qlvbayes.io.data import Test as Record
 from qlvbayes.io.units import PAD
 from qlvbayes.model.choices import Choices
+from qlvbayes.motion.badreadings import BadReadings, left_out_notice, outlying, sound_tests
+from qlvbayes.motion.badreadings.result import Bad
+from qlvbayes.motion.experiment import prepare
 from qlvbayes.plots.forces import plot_forces
 from qlvbayes.plots.leftout import LABEL
-from qlvbayes.preprocess.badreadings import BadReadings, left_out_notice, outlying, sound_tests
-from qlvbayes.preprocess.badreadings.result import Bad
-from qlvbayes.preprocess.experiment import prepare
 
 SHARED = Path(__file__).parents[2] / "shared"  # measurements of others
 TIME = np.arange(4000) * 0.01
@@ -335,7 +335,7 @@ def test_crosses_mark_what_is_left_out_and_leave_the_axis_alone():
     (plain,) = {axis.get_ylim() for axis in plot_forces([made], PAD)}
     when = np.array([phases[0].start + 1.0, phases[1].start + 3.0])
     runs = [Bad(0, 1, "force", "spike"), Bad(1, 2, "force", "spike")]
-    bad = BadReadings.of(when, np.array([0.1, 1.6]), np.array([0.5, 99.0]), runs)
+    bad = BadReadings.from_runs(when, np.array([0.1, 1.6]), np.array([0.5, 99.0]), runs)
     axes = plot_forces([replace(made, trial=replace(made.trial, left_out=bad))], PAD)
     crosses = [line for axis in axes for line in axis.lines if line.get_gid() == LABEL]
     assert len(crosses) == 2

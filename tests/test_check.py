@@ -19,8 +19,8 @@ from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.hereditary import hereditary_force
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model.choices import Choices
-from qlvbayes.preprocess.experiment import prepare
-from qlvbayes.preprocess.noisefloor import NoiseFloor
+from qlvbayes.motion.experiment import prepare
+from qlvbayes.motion.noisefloor import NoiseFloor
 from qlvbayes.simulate import NOISES, simulate_study
 
 ETA = 0.003  # N s/mm, of the drag that some tests below suffer from

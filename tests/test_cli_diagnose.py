@@ -20,9 +20,9 @@ from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.runs import Runs
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.model.choices import Choices
+from qlvbayes.motion.experiment import prepare
+from qlvbayes.motion.firstlook import FirstLook
 from qlvbayes.pipeline.run import _on_laws
-from qlvbayes.preprocess.experiment import prepare
-from qlvbayes.preprocess.firstlook import FirstLook
 from qlvbayes.use.prescribed.hypotheses import Hypotheses
 
 ROOT = Path(__file__).parents[1]

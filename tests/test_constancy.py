@@ -15,7 +15,7 @@ from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.modes import find_mode
 from qlvbayes.io.data import Pad
 from qlvbayes.io.units import PAD
-from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.motion.experiment import prepare
 from qlvbayes.simulate import HIDDEN
 
 IMITATION = Imitation()

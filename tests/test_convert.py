@@ -16,8 +16,8 @@ from qlvbayes.io.data import read_measurements
 from qlvbayes.io.formats.answers import Answers
 from qlvbayes.io.formats.conversion import convert
 from qlvbayes.io.formats.tidy import tidy_text
+from qlvbayes.motion.experiment import prepare
 from qlvbayes.plots import figure_of, plot_conversion
-from qlvbayes.preprocess.experiment import prepare
 
 TEST = pressed()
 CYCLES = Pressed(TEST.time, np.sin(9.0 * TEST.time), np.sin(9.0 * TEST.time))

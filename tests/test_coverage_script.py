@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from calibration import alarms, calibrations, predicted
-from keeping import Kept
 from page import Origin, page
 from simulated_fits import Setting, run
 
 from qlvbayes import Settings
+from qlvbayes.evaluation.store import Store
 
 ROOT = Path(__file__).parents[1]
 
@@ -81,13 +81,13 @@ def test_predictive_share_weighs_samples_and_leaves_fitted_tests_out():
 
 
 def test_a_line_cut_short_is_fitted_again(tmp_path):
-    kept = Kept(tmp_path / "fits.jsonl")
+    kept = Store(tmp_path / "fits.jsonl")
     for fit in normal_fits(3):
         kept.add(fit)
     text = kept.path.read_text()
     kept.path.write_text(text[:-20])
-    again = Kept(kept.path)
-    assert sorted(again.fits) == [0, 1]
+    again = Store(kept.path)
+    assert sorted(again.cases) == [0, 1]
     again.add(normal_fits(3)[2])
     assert kept.path.read_text() == text
 
@@ -123,10 +123,10 @@ def test_a_fit_covers_every_constant_once(two_fits):
 
 @pytest.mark.slow
 def test_fits_survive_the_file_and_make_a_page(two_fits, tmp_path):
-    kept = Kept(tmp_path / "fits.jsonl")
+    kept = Store(tmp_path / "fits.jsonl")
     for fit in two_fits:
         kept.add(json.loads(json.dumps(fit)))
-    results = {Setting("white", 300, (20.0,)): Kept(kept.path).first(2)}
+    results = {Setting("white", 300, (20.0,)): Store(kept.path).first(2)}
     text = page(results, Origin("command", "2026-01-01", "abc1234", "2 cores"))
     assert all(f"| {name} |" in text for name in PAD)
-    assert len({fit["parameters"]["m"]["truth"] for fit in kept.fits.values()}) == 2
+    assert len({fit["parameters"]["m"]["truth"] for fit in kept.cases.values()}) == 2

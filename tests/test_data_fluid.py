@@ -4,7 +4,7 @@ import pytest
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
-from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.motion.experiment import prepare
 
 ROWS = [f"{k / 100:.2f},{min(k, 12) / 10:.2f},{min(k, 12) / 20:.5f}" for k in range(20)]
 

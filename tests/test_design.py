@@ -18,7 +18,7 @@ from qlvbayes.inference.modes import find_mode
 from qlvbayes.io.data import Pad
 from qlvbayes.io.units import PAD
 from qlvbayes.model.choices import Choices
-from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.motion.experiment import prepare
 from qlvbayes.simulate import (
     HIDDEN,
     NOISES,

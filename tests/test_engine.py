@@ -21,7 +21,7 @@ from qlvbayes.laws.catalogue import LAWS
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.relaxation.spectrum import Spectrum
 from qlvbayes.model.model import Model
-from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.motion.experiment import prepare
 
 HIDDEN = Path(__file__).parents[1] / "data" / "hidden.csv"
 SETS = 9  # one more than run together

@@ -23,7 +23,7 @@ from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.forward.space import median
 from qlvbayes.inference.modes import bounded_step, find_mode, modes, promised
 from qlvbayes.inference.projection import projected
-from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.motion.experiment import prepare
 
 HIDDEN = Path(__file__).parents[1] / "data" / "hidden.csv"
 PEAK = 1.0

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from qlvbayes.preprocess.fewreadings import monotone, strays_between, trapezoid
-from qlvbayes.preprocess.freeknots import Window
-from qlvbayes.preprocess.trajectory import smooth
+from qlvbayes.motion.fewreadings import monotone, strays_between, trapezoid
+from qlvbayes.motion.freeknots import Window
+from qlvbayes.motion.trajectory import smooth
 from qlvbayes.simulate.platen import Hold, Move, Platen
 
 INTERVAL = 0.02  # s

@@ -13,7 +13,7 @@ from qlvbayes.fitting.least_squares import least_squares, without_noise
 from qlvbayes.fitting.optimum import block_scale, starting_point
 from qlvbayes.io.checks import InputError
 from qlvbayes.model.choices import Choices
-from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.motion.experiment import prepare
 
 
 def mean(found, name):

@@ -11,7 +11,7 @@ from support.endtoend import CONSTANTS
 
 from qlvbayes.io.data import read_measurements
 from qlvbayes.model.choices import Choices
-from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.motion.experiment import prepare
 
 ROOT = Path(__file__).parents[1]
 

@@ -6,10 +6,10 @@ import pytest
 from qlvbayes.diagnosis.checks.adequacy import combined
 from qlvbayes.fitting.drawn_errors import realisations
 from qlvbayes.inference.errors.whitening import covariance
-from qlvbayes.preprocess.noisefloor import NoiseFloor
-from qlvbayes.preprocess.noisefloor.dwells import Dwell
-from qlvbayes.preprocess.noisefloor.pool import Pool
-from qlvbayes.preprocess.record import Blocks
+from qlvbayes.motion.noisefloor import NoiseFloor
+from qlvbayes.motion.noisefloor.dwells import Dwell
+from qlvbayes.motion.noisefloor.pool import Pool
+from qlvbayes.motion.record import Blocks
 
 
 def correlation(lag, tau, smooth):
@@ -28,7 +28,7 @@ def test_the_banded_likelihood_is_that_of_the_dense_covariance(smooth, ratio, ta
     """With the trends' own directions taken out of data and covariance (Patterson & Thompson)."""
     rng = np.random.default_rng(0)
     dwells = [rest(rng), rest(rng)]
-    pool = Pool.of(dwells, 2.0)
+    pool = Pool.from_dwells(dwells, 2.0)
     dense, freedom, power = 0.0, 0, 0.0
     for k, (one, q) in enumerate(zip(dwells, pool.trends, strict=True)):
         lag = one.time[:, None] - one.time

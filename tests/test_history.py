@@ -19,10 +19,10 @@ from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.model import Model
-from qlvbayes.preprocess.carried import carried_over
-from qlvbayes.preprocess.experiment import prepare
-from qlvbayes.preprocess.past import REST, carried_tests, past_of
-from qlvbayes.preprocess.trajectory import Trajectory
+from qlvbayes.motion.carryover import carryovers
+from qlvbayes.motion.experiment import prepare
+from qlvbayes.motion.past import REST, past_of, remembered_tests
+from qlvbayes.motion.trajectory import Trajectory
 from qlvbayes.simulate import (
     NOISES,
     Constants,
@@ -205,18 +205,18 @@ def clocked(*starts, known=True):
 
 def test_a_pause_that_is_rest_ends_the_memory():
     rest = REST * 30.0
-    assert carried_tests(3, clocked(0.0, 65.0, 125.0 + rest, 190.0 + rest), 30.0) == [2]
-    assert carried_tests(2, clocked(0.0, 65.0, 130.0), 30.0) == [1, 0]
-    assert carried_tests(1, clocked(0.0, 60.0 + rest), 30.0) == []
+    assert remembered_tests(3, clocked(0.0, 65.0, 125.0 + rest, 190.0 + rest), 30.0) == [2]
+    assert remembered_tests(2, clocked(0.0, 65.0, 130.0), 30.0) == [1, 0]
+    assert remembered_tests(1, clocked(0.0, 60.0 + rest), 30.0) == []
 
 
 def test_an_unknown_or_impossible_clock_carries_nothing():
-    assert carried_tests(1, clocked(0.0, 65.0, known=False), 30.0) == []
-    assert carried_tests(1, clocked(0.0, 30.0), 30.0) == []
+    assert remembered_tests(1, clocked(0.0, 65.0, known=False), 30.0) == []
+    assert remembered_tests(1, clocked(0.0, 30.0), 30.0) == []
 
 
 def test_the_order_is_that_of_the_clock():
-    assert carried_tests(0, clocked(65.0, 0.0), 30.0) == [1]
+    assert remembered_tests(0, clocked(65.0, 0.0), 30.0) == [1]
 
 
 @cache
@@ -224,7 +224,7 @@ def measured(known=True, carried=True):
     """Tests 5 s after one another on a pad of two modes, as a file would give them."""
     programs = {f"{rate:g}": paper_protocol(rate) for rate in (1.0, 20.0, 5.0)}
     found = record_sequence(
-        Pad(SLOW), programs, NOISES["white"], 3, pause_s=PAUSE, carried=carried, max_rows=400
+        Pad(SLOW), programs, NOISES["white"], 3, pause_s=PAUSE, continuous=carried, max_rows=400
     )
     return MeasuredPad(
         "P",
@@ -299,7 +299,7 @@ def test_the_share_that_is_told_is_that_of_the_equations():
     def predict(record):
         return np.asarray(compiled.predictions(replace(fit.posterior, record=record), constants))[0]
 
-    _, second = carried_over(fit.experiment, fit.trials, fit.posterior.record, predict)
+    _, second = carryovers(fit.experiment, fit.trials, fit.posterior.record, predict)
     with_it, without = (measured(carried=c).tests[2].force for c in (True, False))
     # the noise of both is the same
     true = np.max(np.abs(with_it - without)) / np.max(measured().tests[1].force)

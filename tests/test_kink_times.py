@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from support.motions import constant_jerk, sampled, trapezoids, triangle
 
-from qlvbayes.preprocess.clock import clock_error, last_decimal
-from qlvbayes.preprocess.programme import Stroke, planned
-from qlvbayes.preprocess.trajectory import smooth
+from qlvbayes.motion.clock import clock_error, last_decimal
+from qlvbayes.motion.programme import Stroke, planned
+from qlvbayes.motion.trajectory import smooth
 
 RECORDS = 40
 

@@ -21,7 +21,7 @@ HOUSE = [
     },
     {
         "effects": "what may be missing, one effect a file",
-        "preprocess": "from readings to records: motion, phases, noise floor, blocks",
+        "motion": "from readings to records: motion, phases, noise floor, blocks",
     },
     {"model": "a specimen with its noise: force, likelihood, posterior, and a user's choices"},
     {"inference": "the evidence of hypotheses: density, modes, sampling"},
@@ -100,8 +100,8 @@ def test_files_motion_and_simulator_need_no_jax():
     plain = [
         *ROOT.glob("io/**/*.py"),
         *ROOT.glob("simulate/**/*.py"),
-        *ROOT.glob("preprocess/noisefloor/*.py"),
-        *(ROOT / "preprocess" / f"{name}.py" for name in ("trajectory", "phases", "stretch")),
+        *ROOT.glob("motion/noisefloor/*.py"),
+        *(ROOT / "motion" / f"{name}.py" for name in ("trajectory", "phases", "stretch")),
     ]
     assert len(plain) > 50
     for path in plain:

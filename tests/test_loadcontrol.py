@@ -18,9 +18,9 @@ from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.parameters import names
-from qlvbayes.preprocess.experiment import prepare
-from qlvbayes.preprocess.loadcontrol import control_of, crept_path, force_phases
-from qlvbayes.preprocess.trajectory import smooth
+from qlvbayes.motion.experiment import prepare
+from qlvbayes.motion.loadcontrol import control_of, crept_path, force_phases
+from qlvbayes.motion.trajectory import smooth
 from qlvbayes.simulate import (
     NOISES,
     TABLE_1,

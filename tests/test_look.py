@@ -15,11 +15,11 @@ from qlvbayes.diagnosis.protocol import protocol_of
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
+from qlvbayes.motion.experiment import prepare
+from qlvbayes.motion.firstlook import FirstLook, look_at
 from qlvbayes.pipeline.run import run_study
 from qlvbayes.pipeline.watcher import Watcher
 from qlvbayes.plots.look import plot_look
-from qlvbayes.preprocess.experiment import prepare
-from qlvbayes.preprocess.firstlook import FirstLook, look_at
 
 STEP = 0.01  # s between readings
 NOISE = 0.002  # N

@@ -21,9 +21,9 @@ from support.motions import (
     uneven,
 )
 
-from qlvbayes.preprocess.encoder import encoder_step, encoder_steps
-from qlvbayes.preprocess.phases import find_phases, loading_rate
-from qlvbayes.preprocess.trajectory import smooth
+from qlvbayes.motion.encoder import encoder_step, encoder_steps
+from qlvbayes.motion.phases import find_phases, loading_rate
+from qlvbayes.motion.trajectory import smooth
 
 STEPS = [0.0, 1e-4, 1e-3, 1e-2]  # mm
 JITTERS = [0.0, 0.01, 0.1]  # of the interval between samples

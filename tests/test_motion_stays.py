@@ -7,12 +7,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from qlvbayes.preprocess.departure import departure_of
-from qlvbayes.preprocess.encoder import encoder_step
-from qlvbayes.preprocess.phases import find_phases
-from qlvbayes.preprocess.polyline import corners
-from qlvbayes.preprocess.segments import dither, tolerance
-from qlvbayes.preprocess.trajectory import smooth
+from qlvbayes.motion.bounds import departure_of
+from qlvbayes.motion.encoder import encoder_step
+from qlvbayes.motion.fewreadings import corners
+from qlvbayes.motion.phases import find_phases
+from qlvbayes.motion.segments import dither, tolerance
+from qlvbayes.motion.trajectory import smooth
 
 RECORD = Path(__file__).parents[2] / "shared" / "records" / "scatter_quarter_step.csv"
 STEP = 1e-3

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from qlvbayes.model.noise import Correlated, StudentT, White
-from qlvbayes.preprocess.record import Blocks
+from qlvbayes.motion.record import Blocks
 
 log_likelihoods = jax.jit(lambda noise, residual, blocks: noise.log_likelihoods(residual, blocks))
 likelihood_slopes = jax.jit(
@@ -98,7 +98,7 @@ def test_blocks_of_one_are_the_samples_themselves():
     rng = np.random.default_rng(6)
     time = np.cumsum(rng.exponential(1.0, BLOCKS))
     residual = rng.standard_normal(BLOCKS)
-    blocks = Blocks.of_samples(time, residual, np.ones(BLOCKS))
+    blocks = Blocks.from_samples(time, residual, np.ones(BLOCKS))
     noise = Correlated(0.3, 0.9, 2.0)
     matrix = covariance(noise, blocks, [np.array([t]) for t in time])
     found = np.sum(log_likelihoods(noise, residual, blocks))

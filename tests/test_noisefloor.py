@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from qlvbayes.preprocess.noisefloor import measure
-from qlvbayes.preprocess.phases import Phase
+from qlvbayes.motion.noisefloor import measure
+from qlvbayes.motion.phases import Phase
 
 WHITE, OU, TAU = 0.006, 0.008, 0.5
 

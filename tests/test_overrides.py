@@ -14,8 +14,7 @@ from qlvbayes.model.noise import NOISES
 from qlvbayes.model.overrides import in_words, override, parse, parse_prior
 from qlvbayes.model.parameters import fields_of, names, unit_kinds
 from qlvbayes.model.posterior import Posterior, draw_priors
-from qlvbayes.preprocess.batching import batch
-from qlvbayes.preprocess.record import Blocks, Record
+from qlvbayes.motion.record import Blocks, Record, batch
 from qlvbayes.priors import (
     Dirichlet,
     HalfNormal,
@@ -37,7 +36,7 @@ def applied(*texts, part=MODEL, fixed=False):
 
 def posterior(model=MODEL, noise=NOISE):
     time, depth = np.array([0.0, 1.0, 2.0]), np.array([0.0, 1.6, 1.6])
-    blocks = Blocks.of_samples(time, depth, np.ones(3))
+    blocks = Blocks.from_samples(time, depth, np.ones(3))
     motion = Motion(time, depth, np.zeros(3), np.zeros(3))
     nodes = np.stack([np.arange(3)] * 2, axis=1)
     return Posterior(model, noise, batch([Record(motion, nodes, blocks)]))

@@ -17,7 +17,7 @@ from qlvbayes.model import parameters
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.drawn import described_fields, factors
 from qlvbayes.model.posterior import central
-from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.motion.experiment import prepare
 
 LENGTHS = {"mm": 1.0, "um": 1e3, "nm": 1e6, "m": 1e-3}
 FORCES = {"N": 1.0, "mN": 1e3, "uN": 1e6, "nN": 1e9}

@@ -171,19 +171,19 @@ def test_shards_are_everything_once(total, count):
 
 
 def test_a_shard_is_written_or_is_slurms(monkeypatch):
-    assert Shard.of(" 3/200 ") == Shard(3, 200)
+    assert Shard.from_text(" 3/200 ") == Shard(3, 200)
     for text in ("0/2", "3/2", "a/2", "3", "3/", "1/0", "-1/2"):
         with pytest.raises(InputError):
-            Shard.of(text)
+            Shard.from_text(text)
     with pytest.raises(InputError, match="SLURM_ARRAY_TASK_ID is not set"):
-        Shard.of("slurm")
+        Shard.from_text("slurm")
     for name, value in (("ID", "7"), ("MIN", "5"), ("COUNT", "4")):
         monkeypatch.setenv(f"SLURM_ARRAY_TASK_{name}", value)
-    assert Shard.of("slurm") == Shard(3, 4)
-    assert Shard.of("slurm/200") == Shard(3, 200)
+    assert Shard.from_text("slurm") == Shard(3, 4)
+    assert Shard.from_text("slurm/200") == Shard(3, 200)
     monkeypatch.setenv("SLURM_ARRAY_TASK_ID", "20")
     with pytest.raises(InputError, match="has gaps"):
-        Shard.of("slurm")
+        Shard.from_text("slurm")
 
 
 def test_faults_are_lines_and_those_alike_are_one():

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.preprocess.phases import find_phases, loading_rate
-from qlvbayes.preprocess.trajectory import smooth
+from qlvbayes.motion.phases import find_phases, loading_rate
+from qlvbayes.motion.trajectory import smooth
 
 REAL = Path(__file__).parents[2] / "shared" / "real"
 STEP = 1e-3

@@ -15,10 +15,10 @@ from support.figures import DWELLS, NOISE, drawn, page, prediction, protocol
 from qlvbayes import plots
 from qlvbayes.fitting.residuals import Cell, CheckResult, check
 from qlvbayes.io.units import PAD, STRAIN
+from qlvbayes.motion.phases import KINDS, Phase
 from qlvbayes.plots.files import save_figure
 from qlvbayes.plots.forces import plot_forces
 from qlvbayes.plots.residual_map import plot_residual_map
-from qlvbayes.preprocess.phases import KINDS, Phase
 
 
 def paper(rates=(20.0, 0.1, 1.0)):

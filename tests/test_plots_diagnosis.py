@@ -31,12 +31,12 @@ from qlvbayes.effects.catalogue import names
 from qlvbayes.io.data import Pad
 from qlvbayes.io.data import Test as Record
 from qlvbayes.io.units import PAD, STRAIN
+from qlvbayes.motion.experiment import prepare
 from qlvbayes.plots.diagnosis_files import FIGURES, save_diagnosis_figures
 from qlvbayes.plots.error_staircase import plot_error_staircase
 from qlvbayes.plots.evidence import plot_evidence
 from qlvbayes.plots.forces_before_after import plot_forces_before_after
 from qlvbayes.plots.residuals_before_after import plot_residuals_before_after
-from qlvbayes.preprocess.experiment import prepare
 from qlvbayes.simulate import NOISES, TABLE_1, paper_protocol, record_study
 from qlvbayes.simulate.hidden import HiddenPad, draw_effect
 

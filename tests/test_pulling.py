@@ -7,8 +7,8 @@ import pytest
 
 from qlvbayes.evaluation.study import measured
 from qlvbayes.io.units import PAD, STRAIN
-from qlvbayes.preprocess.experiment import prepare
-from qlvbayes.preprocess.pulling import pull_notices, pull_of
+from qlvbayes.motion.experiment import prepare
+from qlvbayes.motion.pulling import pull_notices, pull_of
 from qlvbayes.simulate import NOISES, TABLE_1, HiddenPad, paper_protocol, record_study
 
 

@@ -7,7 +7,7 @@ import pytest
 from support.endtoend import call, keeps_check_contract, keeps_summary_contract, read_json
 
 from qlvbayes.io.data import read_measurements
-from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.motion.experiment import prepare
 
 REAL = Path(__file__).parents[2] / "shared" / "real"
 MUSCLE, ADHESIVE = REAL / "muscle_ramps.csv", REAL / "adhesive_shear.csv"

@@ -21,9 +21,9 @@ from qlvbayes.io.formats.conversion import convert
 from qlvbayes.io.formats.naming import is_mean
 from qlvbayes.io.units import PAD
 from qlvbayes.model.choices import Choices
-from qlvbayes.preprocess.covered import Covered
-from qlvbayes.preprocess.cutting import cut, refuse_unknown
-from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.motion.covered import Covered
+from qlvbayes.motion.cutting import cut, refuse_unknown
+from qlvbayes.motion.experiment import prepare
 from qlvbayes.use.exports.card import card
 from qlvbayes.use.exports.json_file import JsonFile
 from qlvbayes.use.exports.pad import Interval

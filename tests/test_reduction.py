@@ -10,10 +10,10 @@ from qlvbayes.laws.scales import Scales
 from qlvbayes.model.choices import default_model
 from qlvbayes.model.noise import Correlated, White
 from qlvbayes.model.posterior import Posterior
-from qlvbayes.preprocess.batching import batch
-from qlvbayes.preprocess.phases import find_phases
-from qlvbayes.preprocess.reduction import clear_of_kinks, reduce_test
-from qlvbayes.preprocess.trajectory import smooth
+from qlvbayes.motion.phases import find_phases
+from qlvbayes.motion.record import batch
+from qlvbayes.motion.reduction import clear_of_kinks, reduce_test
+from qlvbayes.motion.trajectory import smooth
 from qlvbayes.simulate import NOISES, TABLE_1, Platen, encode, paper_protocol
 from qlvbayes.simulate import Pad as SimulatedPad
 

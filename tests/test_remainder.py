@@ -16,7 +16,7 @@ from qlvbayes.evaluation.study import measured
 from qlvbayes.inference.errors.discrepancy import TOLERANCE
 from qlvbayes.inference.noticeable import log_noticeable
 from qlvbayes.io.checks import InputError
-from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.motion.experiment import prepare
 from qlvbayes.priors import HalfNormal
 from qlvbayes.simulate import NOISES, TABLE_1, HiddenPad, paper_protocol, record_study
 

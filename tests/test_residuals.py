@@ -8,7 +8,7 @@ import pytest
 
 from qlvbayes.fitting.prediction import Prediction
 from qlvbayes.fitting.residuals import check
-from qlvbayes.preprocess.phases import Phase
+from qlvbayes.motion.phases import Phase
 
 WHITE, OU, TAU = 0.006, 0.008, 0.5
 DRAWS, REPEATS, SAMPLES = 200, 1000, 50

@@ -18,7 +18,7 @@ from qlvbayes.fitting import compiled
 from qlvbayes.fitting.results import load, save, to_arviz
 from qlvbayes.io.checks import InputError
 from qlvbayes.model.choices import Choices
-from qlvbayes.preprocess.reduction import clear_of_kinks
+from qlvbayes.motion.reduction import clear_of_kinks
 
 GROUPS = {
     "curve",

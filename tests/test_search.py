@@ -19,7 +19,7 @@ from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.io.data import Pad, Test
 from qlvbayes.io.units import PAD
 from qlvbayes.model.choices import Choices
-from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.motion.experiment import prepare
 from qlvbayes.priors import LogNormal, Normal
 from qlvbayes.simulate import HIDDEN, HiddenPad, encode, thin
 from qlvbayes.simulate.laws import Law

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from qlvbayes.preprocess.stiffness import largest_stiffness
+from qlvbayes.motion.stiffness import largest_stiffness
 
 
 def pressed(force_of, depth=1.6, points=400, back=True):

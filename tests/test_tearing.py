@@ -8,8 +8,8 @@ import pytest
 
 from qlvbayes.io.data import Pad, Test, read_measurements
 from qlvbayes.io.units import UnitSystem
-from qlvbayes.preprocess.experiment import prepare
-from qlvbayes.preprocess.tearing import tears_of
+from qlvbayes.motion.experiment import prepare
+from qlvbayes.motion.tearing import tears_of
 
 RATE = 20.0  # readings a second
 NOISE = 0.01  # N

@@ -9,8 +9,8 @@ from support.hidden_pads import hidden_pad
 from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.effects.catalogue import EFFECTS, FORMS
 from qlvbayes.inference.extending import amplitude_of, shapes
-from qlvbayes.preprocess.timing import kink_sds, off_kinks, timing_sd
-from qlvbayes.preprocess.trajectory import Trajectory
+from qlvbayes.motion.timing import kink_sds, off_kinks, timing_sd
+from qlvbayes.motion.trajectory import Trajectory
 
 KINK, SPEED = 2.0, 5.0  # s, mm/s
 

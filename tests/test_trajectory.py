@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
-from qlvbayes.preprocess.encoder import encoder_step
-from qlvbayes.preprocess.phases import find_phases
-from qlvbayes.preprocess.segments import known_scatter
-from qlvbayes.preprocess.trajectory import smooth
+from qlvbayes.motion.encoder import encoder_step
+from qlvbayes.motion.phases import find_phases
+from qlvbayes.motion.segments import known_scatter
+from qlvbayes.motion.trajectory import smooth
 
 PADS = Path(__file__).parents[1] / "data" / "pads.csv"
 STEP = 1e-3  # mm

@@ -14,10 +14,10 @@ from why_page import why_page
 from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.effects.catalogue import EFFECTS, EVERY, find
 from qlvbayes.evaluation.population import Population
-from qlvbayes.evaluation.wide import make_wide
+from qlvbayes.evaluation.study import make_study
 from qlvbayes.laws.catalogue import find_elastic, find_relaxation
 from qlvbayes.model.model import Model
-from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.motion.experiment import prepare
 from qlvbayes.simulate import (
     FOREIGN,
     FORMS,
@@ -203,7 +203,7 @@ def test_the_rigs_gap_is_true_beside_all_but_another_contact():
 
 def test_true_constants_come_back_from_the_free_numbers():
     """Of a study with a hidden form: what theta stands for is what was hidden, within bounds."""
-    study = make_wide(Population(416), 283)
+    study = make_study(Population(416), 283)
     experiment = prepare(study.pad)
     density = search_of(experiment).density
     scales = experiment.scales

@@ -13,6 +13,7 @@ from wide import take_up
 from wide_page import wide_page
 
 from qlvbayes.evaluation.counting import (
+    Rate,
     is_grouped,
     is_named,
     lower,
@@ -20,12 +21,11 @@ from qlvbayes.evaluation.counting import (
     names_wrongly,
     upper,
 )
-from qlvbayes.evaluation.keeping import Kept
 from qlvbayes.evaluation.population import STRATA, Population, kin
-from qlvbayes.evaluation.rate import Rate
+from qlvbayes.evaluation.report import Report
+from qlvbayes.evaluation.store import Store
+from qlvbayes.evaluation.study import make_study
 from qlvbayes.evaluation.visible import visible
-from qlvbayes.evaluation.wide import make_wide
-from qlvbayes.evaluation.widereport import WideReport
 from qlvbayes.io.checks import InputError
 from qlvbayes.simulate import FOREIGN, FURTHER, HiddenPad, Hold, Move, Platen
 from qlvbayes.simulate.hidden import NearContact
@@ -200,7 +200,7 @@ def place():
 
 
 def test_a_study_repeats_and_its_effect_counts(place):
-    one, two = (make_wide(Population(0), place) for _ in range(2))
+    one, two = (make_study(Population(0), place) for _ in range(2))
     for first, second in zip(one.pad.tests, two.pad.tests, strict=True):
         np.testing.assert_array_equal(first.force, second.force)
     found = visible(one)
@@ -288,16 +288,16 @@ def test_bounds_are_those_of_clopper_and_pearson():
 
 def test_a_run_under_other_code_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(registration, "FOLDER", tmp_path)
-    promise = Registration.of_present("a", 1, 10)
-    promise.write()
-    assert Registration.read("a") == promise
+    registered = Registration.of_present("a", 1, 10)
+    registered.write()
+    assert Registration.read("a") == registered
     assert not Registration.read("a").broken()
     with pytest.raises(FileExistsError):
-        promise.write()
+        registered.write()
     monkeypatch.setattr(registration, "code_digest", lambda: "other")
     monkeypatch.setattr(registration, "rules_digest", lambda: "other")
-    assert promise.broken() == ["the code", "the rules of the count"]
-    assert promise.broken(finished=True) == ["the rules of the count"]
+    assert registered.broken() == ["the code", "the rules of the count"]
+    assert registered.broken(finished=True) == ["the rules of the count"]
 
 
 def test_the_page_shows_rates_with_bounds_and_wrong_verdicts():
@@ -307,7 +307,7 @@ def test_the_page_shows_rates_with_bounds_and_wrong_verdicts():
         | {"index": i.index, "strata": i.levels, "seconds": {}, "probabilities": {"none": 0.9}}
         for i in items
     ]
-    report = WideReport(1, tuple(cases))
+    report = Report(Population(1), tuple(cases))
     text = wide_page(report, Registration.of_present("a", 1, 6), Origin("c", "d", "e", "f"))
     assert "nothing hidden: adequate | at least 95 % | 100.0 % | > 5.0 % | 1 | met" in text
     assert "Wrong verdicts where the truth could be seen: 5" in text
@@ -322,7 +322,7 @@ def test_a_stated_probability_is_right_where_the_effect_is_hidden():
     single |= {"probabilities": probabilities, "refused": [["inertia", "a reason"]]}
     outside = case("outside", ("ringing",), "unexplained") | base
     outside |= {"probabilities": {"friction": 0.95, "inertia": 0.35}}
-    low, high = WideReport(1, (single, outside)).reliability()
+    low, high = Report(Population(1), (single, outside)).reliability()
     assert (low["low"], low["all"]["hits"], low["all"]["n"]) == (0.3, 0, 1)
     assert (high["all"]["hits"], high["all"]["n"]) == (1, 3)
     assert (high["kept"]["hits"], high["kept"]["n"]) == (1, 2)
@@ -339,14 +339,14 @@ def test_before_and_after_stand_side_by_side():
 
 
 def test_published_studies_of_the_same_run_are_taken_up_once(tmp_path):
-    promise = Registration.of_present("some", 1, 5)
-    ours = {"plan": Population(1).key, "code": promise.code}
+    registered = Registration.of_present("some", 1, 5)
+    ours = {"plan": Population(1).key, "code": registered.code}
     cases = [ours | {"index": 0}, ours | {"index": 1}, ours | {"index": 2, "code": "another"}]
     published = tmp_path / "wide_some.json"
     published.write_text(json.dumps({"cases": cases}))
-    kept = Kept(tmp_path / "some.jsonl", Population(1).key)
-    kept.add(ours | {"index": 1, "verdict": "adequate"})
-    take_up(published, promise, kept)
-    again = Kept(tmp_path / "some.jsonl", Population(1).key)
+    store = Store(tmp_path / "some.jsonl", Population(1).key)
+    store.add(ours | {"index": 1, "verdict": "adequate"})
+    take_up(published, registered, store)
+    again = Store(tmp_path / "some.jsonl", Population(1).key)
     assert again.missing(5) == [2, 3, 4]
     assert again.cases[1]["verdict"] == "adequate"

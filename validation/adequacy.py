@@ -13,8 +13,9 @@ from pathlib import Path
 from adequacy_pads import KINDS, Bench
 from adequacy_page import write
 from coverage import progress
-from keeping import Kept, code_digest
 from page import Origin
+
+from qlvbayes.evaluation.store import Store, code_digest
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -40,15 +41,15 @@ def _options() -> argparse.Namespace:
 
 def _of_kind(kind: str, options: argparse.Namespace, folder: Path) -> list[dict]:
     """Test the pads that are not on disk yet."""
-    kept = Kept(folder / f"adequacy-{kind}-seed{options.seed}.jsonl")
+    store = Store(folder / f"adequacy-{kind}-seed{options.seed}.jsonl")
     pads = options.pads if KINDS[kind].noisy else min(options.pads, KINDS[kind].pads)
-    missing = [index for index in range(pads) if index not in kept.fits]
+    missing = [index for index in range(pads) if index not in store.cases]
     if missing:
         bench = Bench(kind, options.seed)
         with progress() as bar:
             for index in bar.track(missing, description=KINDS[kind].words):
-                kept.add(bench.run(index))
-    return kept.first(pads)
+                store.add(bench.run(index))
+    return store.first(pads)
 
 
 if __name__ == "__main__":

@@ -24,8 +24,8 @@ from qlvbayes.inference.modes import find_mode
 from qlvbayes.io.units import PAD
 from qlvbayes.model.parameters import names
 from qlvbayes.model.posterior import Posterior
-from qlvbayes.preprocess.experiment import Experiment, prepare
-from qlvbayes.preprocess.record import Record
+from qlvbayes.motion.experiment import Experiment, prepare
+from qlvbayes.motion.record import Record
 from qlvbayes.simulate import Noise, SimulatedTest, draw_constants, simulate_study, thin
 
 RATES = (1.0, 20.0, 100.0)

@@ -21,12 +21,11 @@ from coverage import progress
 from page import Origin, with_section
 
 from qlvbayes.evaluation.population import Population
-from qlvbayes.evaluation.study import measured
-from qlvbayes.evaluation.wide import make_wide
+from qlvbayes.evaluation.study import make_study, measured
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Pad, Test
 from qlvbayes.io.files import write_whole
-from qlvbayes.preprocess.badreadings import sound_tests
+from qlvbayes.motion.badreadings import sound_tests
 from qlvbayes.simulate import NOISES, PROTOCOLS, TABLE_1, HiddenPad, record_study
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -40,7 +39,7 @@ Spoil = Callable[[Test, np.random.Generator], Spoiled | None]
 
 _SECTION = """## Bad readings
 
-What is left out of records before anything is made of them (`qlvbayes/preprocess/badreadings`).
+What is left out of records before anything is made of them (`qlvbayes/motion/badreadings`).
 {pads} pads were simulated: {wide} of the wide population (seed {seed}: many protocols, laws, load
 cells with white, correlated, growing, low-passed and quantised noise, loggers of 50 Hz and 1 kHz
 and thinned ones, effects hidden in five of six), the others by the paper's and the retracting
@@ -114,7 +113,7 @@ def _kept(options: argparse.Namespace, index: int) -> Pad:
     file = folder / f"{'wide' if inside else 'paper'}-{options.seed}-{number}.pkl"
     if file.is_file():
         return pickle.loads(file.read_bytes())
-    pad = make_wide(Population(options.seed), number).pad if inside else _paper(options, number)
+    pad = make_study(Population(options.seed), number).pad if inside else _paper(options, number)
     folder.mkdir(parents=True, exist_ok=True)
     write_whole(file, pickle.dumps(pad))
     return pad

@@ -33,10 +33,10 @@ from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.telling.verdict import Diagnosis
 from qlvbayes.diagnosis.weighed import Weighed
 from qlvbayes.evaluation.case import THRESHOLDS
-from qlvbayes.evaluation.keeping import Kept, kept_file, run_missing
+from qlvbayes.evaluation.counting import Case
 from qlvbayes.evaluation.population import Population
-from qlvbayes.evaluation.rate import Case
-from qlvbayes.evaluation.wide import make_wide
+from qlvbayes.evaluation.store import Store, run_missing, store_path
+from qlvbayes.evaluation.study import make_study
 from qlvbayes.fitting import compiled
 from qlvbayes.fitting.fit import build_posterior, separated_start
 from qlvbayes.fitting.optimum import least_squares_points
@@ -46,7 +46,7 @@ from qlvbayes.inference.modes import find_mode, rough_mode
 from qlvbayes.io.data import Pad, read_measurements
 from qlvbayes.io.files import write_json, write_whole
 from qlvbayes.model.choices import Choices
-from qlvbayes.preprocess.experiment import Experiment, prepare
+from qlvbayes.motion.experiment import Experiment, prepare
 
 ROOT = Path(__file__).resolve().parents[1]
 _BEFORE_PRIORS = 0.3  # sd of the white noise of least squares over what a fit leaves: readings rule
@@ -58,11 +58,11 @@ Make = Callable[[], Pad]
 def main() -> None:
     options = _options()
     pads = dict(_recorded(options.folders)) | dict(_simulated(options.seed, options.pads))
-    kept = Kept(kept_file(ROOT / "build" / "validation", "budget"), "budget")
+    store = Store(store_path(ROOT / "build" / "validation", "budget"), "budget")
     if not options.finished:
-        with counting("pads") as tell:
-            run_missing(partial(_checked, pads, options.bonded.split(",")), kept, pads, tell)
-    found = [kept.cases[name] for name in pads if name in kept.cases]
+        with counting("pads") as report:
+            run_missing(partial(_checked, pads, options.bonded.split(",")), store, pads, report)
+    found = [store.cases[name] for name in pads if name in store.cases]
     command = shlex.join([".venv/bin/python", "validation/budget.py", *sys.argv[1:]])
     origin = Origin.now(command, ROOT)
     write_whole(options.output, budget_page(found, len(pads), origin).encode())
@@ -108,7 +108,7 @@ def _simulated(seed: int, count: int) -> list[tuple[str, Make]]:
 
 
 def _made(population: Population, index: int) -> Pad:
-    return make_wide(population, index).pad
+    return make_study(population, index).pad
 
 
 def _checked(pads: dict[str, Make], bonded: Sequence[str], name: str) -> Case:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from page import Origin
 
-from qlvbayes.evaluation.rate import Case
+from qlvbayes.evaluation.counting import Case
 
 MOST = 1.05
 """Times what least squares leaves."""

@@ -11,7 +11,6 @@ import shlex
 import sys
 from pathlib import Path
 
-from keeping import Kept, code_digest
 from page import Origin, write_page
 from rich.console import Console
 from rich.progress import (
@@ -23,6 +22,8 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 from simulated_fits import Setting, run
+
+from qlvbayes.evaluation.store import Store, code_digest
 
 ROOT = Path(__file__).resolve().parents[1]
 MAIN = (Setting("white", 500), Setting("correlated", 500))
@@ -57,20 +58,20 @@ def _name() -> str:
 
 def _all_fits(plan: dict[Setting, int], seed: int, folder: Path) -> dict[Setting, list[dict]]:
     """Fit what is not on disk yet; the longest part of the run."""
-    kept = {setting: Kept(folder / f"{setting.name}-seed{seed}.jsonl") for setting in plan}
+    store = {setting: Store(folder / f"{setting.name}-seed{seed}.jsonl") for setting in plan}
     missing = [
         (setting, index)
         for setting, count in plan.items()
         for index in range(count)
-        if index not in kept[setting].fits
+        if index not in store[setting].cases
     ]
     with progress() as bar:
         task = bar.add_task("", total=len(missing))
         for setting, index in missing:
             bar.update(task, description=setting.describe())
-            kept[setting].add(run(setting, seed, index))
+            store[setting].add(run(setting, seed, index))
             bar.advance(task)
-    return {setting: kept[setting].first(count) for setting, count in plan.items()}
+    return {setting: store[setting].first(count) for setting, count in plan.items()}
 
 
 def progress() -> Progress:

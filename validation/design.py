@@ -1,4 +1,4 @@
-"""Does a proposed test bring what it promises, and more than another of the same length? A page.
+"""Does a proposed test bring what it predicts, and more than another of the same length? A page.
 
 `--register NAME --rounds N --seed S` writes validation/registered/design_NAME.json, to be committed
 before the run. `--run NAME` does what is missing, in an order that is fixed: interrupted, it goes
@@ -18,10 +18,10 @@ from pathlib import Path
 from coverage import progress
 from design_cases import cause_case, constants_case, outside_case
 from design_page import page
-from keeping import Kept, code_digest
 from page import Origin
 from registration import FOLDER
 
+from qlvbayes.evaluation.store import Store, code_digest
 from qlvbayes.io.files import write_whole
 from qlvbayes.io.runtime import forget_compiled
 
@@ -38,25 +38,25 @@ def main() -> None:
     if options.register:
         path = FOLDER / f"design_{options.register}.json"
         with path.open("x", encoding="utf-8") as file:
-            file.write(json.dumps(_promise(options), indent=2) + "\n")
+            file.write(json.dumps(_registration(options), indent=2) + "\n")
         print(f"wrote {path}; commit it before the run")
         return
     name = options.run or options.page
-    promise = json.loads((FOLDER / f"design_{name}.json").read_text(encoding="utf-8"))
-    kept = Kept(ROOT / "build" / "validation" / promise["code"] / f"design_{name}.jsonl")
-    work = _work(promise["rounds"])
+    registered = json.loads((FOLDER / f"design_{name}.json").read_text(encoding="utf-8"))
+    store = Store(ROOT / "build" / "validation" / registered["code"] / f"design_{name}.jsonl")
+    work = _work(registered["rounds"])
     if options.run:
-        if changed := [key for key in ("code", "rules") if promise[key] != _digests()[key]]:
+        if changed := [key for key in ("code", "rules") if registered[key] != _digests()[key]]:
             raise SystemExit(f"{' and '.join(changed)} changed since the registration: register")
-        missing = [one for one in work if one[2] not in kept.fits][: options.most]
+        missing = [one for one in work if one[2] not in store.cases][: options.most]
         with progress() as bar:
             for case, k, _ in bar.track(missing, description="pads"):
-                kept.add(case(k, promise["seed"]))
+                store.add(case(k, registered["seed"]))
                 forget_compiled()
         return
     command = shlex.join([".venv/bin/python", "validation/design.py", "--run", name])
-    cases = [kept.fits[key] for *_, key in work if key in kept.fits]
-    written = page(cases, len(work), name, promise, Origin.now(command, ROOT))
+    cases = [store.cases[key] for *_, key in work if key in store.cases]
+    written = page(cases, len(work), name, registered, Origin.now(command, ROOT))
     write_whole(options.output, written.encode())
     print(f"wrote {options.output}")
 
@@ -72,7 +72,7 @@ def _work(rounds: int) -> list[tuple]:
     return found
 
 
-def _promise(options: argparse.Namespace) -> dict:
+def _registration(options: argparse.Namespace) -> dict:
     return {"seed": options.seed, "rounds": options.rounds, **_digests(), "note": options.note}
 
 

@@ -27,9 +27,9 @@ from qlvbayes.evaluation.study import measured
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.io.data import Pad, Test
 from qlvbayes.io.units import PAD
+from qlvbayes.motion.experiment import Experiment, prepare
+from qlvbayes.motion.noisefloor import NoiseFloor
 from qlvbayes.pipeline.designing import likely
-from qlvbayes.preprocess.experiment import Experiment, prepare
-from qlvbayes.preprocess.noisefloor import NoiseFloor
 from qlvbayes.simulate import (
     HIDDEN,
     NOISES,

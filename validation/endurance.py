@@ -70,8 +70,8 @@ def attempt(path: Path, number: int) -> str:
     from qlvbayes.io.data import read_measurements
     from qlvbayes.io.formats.answers import Answers
     from qlvbayes.io.formats.conversion import convert
-    from qlvbayes.preprocess.experiment import prepare
-    from qlvbayes.preprocess.firstlook import look_at
+    from qlvbayes.motion.experiment import prepare
+    from qlvbayes.motion.firstlook import look_at
 
     outcomes = []
     try:

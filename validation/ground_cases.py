@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from qlvbayes.evaluation.wide import run
+from qlvbayes.evaluation.study import run
 from qlvbayes.simulate import HIDDEN, Effect, HiddenPad, draw_effect_in, encode, thin
 from qlvbayes.simulate.hidden.sensor_effects import Inertia
 from qlvbayes.simulate.laws import Law
@@ -45,7 +45,7 @@ class Ground:
     law: Law = _PLAIN
     cell: LoadCell = _USUAL
     hidden: tuple[str, ...] = ()
-    carried: bool = False
+    continuous: bool = False
     exact: bool = False
 
     @property
@@ -71,7 +71,7 @@ def grounds() -> Iterator[Ground]:
         yield Ground("cycles, friction", k, "cycles", hidden=("friction",))
         yield Ground("Hertz pad", k, law=hertz)
         yield Ground("power-law relaxation", k, law=power)
-        yield Ground("tests 5 s apart", k, carried=True)
+        yield Ground("tests 5 s apart", k, continuous=True)
         yield Ground("holds of 5 s, memory 1 s", k, "short_holds", cell=long)
     for k in range(1, 9):
         yield Ground("noise all correlated, nothing", k, cell=_ALL_CORRELATED)
@@ -89,7 +89,9 @@ def make(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for index, ground in enumerate(grounds()):
         rng = np.random.default_rng([18, index])
-        plan = _air() if ground.in_air else session(ground.protocol, ground.carried, 30.0, 0.0, rng)
+        plan = (
+            _air() if ground.in_air else session(ground.protocol, ground.continuous, 30.0, 0.0, rng)
+        )
         pad = HiddenPad(
             ground.law, cells=12 if plan.smooth else 150, frame_speed=True, settled=1e-7
         )

@@ -14,7 +14,7 @@ from qlvbayes.evaluation.study import measured
 from qlvbayes.fitting.ensemble import Settings
 from qlvbayes.fitting.fit import fit_pad
 from qlvbayes.model.choices import Choices
-from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.motion.experiment import prepare
 from qlvbayes.simulate import NOISES, TABLE_1, HiddenPad, paper_protocol, record_study
 from qlvbayes.simulate.hidden.draw import draw_effect
 

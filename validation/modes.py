@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 from coverage import progress
-from keeping import Kept, code_digest
 from page import Origin
 from truth import Rig, truths
 
@@ -25,13 +24,14 @@ from qlvbayes.diagnosis.settings import Breadth
 from qlvbayes.diagnosis.weighed import described
 from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.evaluation.population import Population
-from qlvbayes.evaluation.wide import WideStudy, make_wide
+from qlvbayes.evaluation.store import Store, code_digest
+from qlvbayes.evaluation.study import Study, make_study
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.modes import base_modes
 from qlvbayes.io.data import Pad, read_measurements
 from qlvbayes.io.files import write_whole
 from qlvbayes.io.runtime import forget_compiled, one_blas_thread
-from qlvbayes.preprocess.experiment import Experiment, prepare
+from qlvbayes.motion.experiment import Experiment, prepare
 
 ROOT = Path(__file__).resolve().parents[1]
 _BREADTH = Breadth()
@@ -73,12 +73,10 @@ def main() -> None:
     origin = Origin.now(command, ROOT)
     file = ROOT / "build" / "validation" / code_digest() / f"modes-seed{options.seed}.jsonl"
     part, parts = options.part or (0, 1)
-    kept = Kept(file if options.part is None else file.with_name(f"{file.name}.{part}"))
-    finished = [Kept(one).fits for one in sorted(file.parent.glob(f"{file.name}*"))]
-    fits = {index: fit for some in finished for index, fit in some.items()}
+    store = Store(file, part=None if options.part is None else part)
     bundled = _bundled()
     count = len(bundled) + options.pads
-    missing = [index for index in range(part, count, parts) if index not in fits]
+    missing = [index for index in range(part, count, parts) if index not in store.cases]
     with progress() as bar:
         for index in bar.track(missing, description="pads"):
             inside = index < len(bundled)
@@ -86,11 +84,10 @@ def main() -> None:
             if some is not None:
                 name = some.name if isinstance(some, Pad) else some.pad.name
                 found = _looked_for(some, options.sets)
-                fits[index] = {"index": index, "pad": name, "machine": origin.machine, **found}
-                kept.add(fits[index])
+                store.add({"index": index, "pad": name, "machine": origin.machine, **found})
                 forget_compiled()
     if options.part is None:
-        found = [fits[index] for index in sorted(fits) if index < count]
+        found = store.first(count)
         write_whole(options.output, _page(found, len(bundled), options, origin).encode())
         print(options.output)
 
@@ -115,16 +112,16 @@ def _bundled() -> list[Pad]:
     return [pad for file in files for pad in read_measurements(file).pads]
 
 
-def _simulated(seed: int, index: int) -> WideStudy | None:
+def _simulated(seed: int, index: int) -> Study | None:
     """None where the simulator finds no balance."""
     try:
-        return make_wide(Population(seed), index)
+        return make_study(Population(seed), index)
     except RuntimeError as error:
         print(f"pad {index} is not made: {error}", file=sys.stderr)
         return None
 
 
-def _looked_for(some: Pad | WideStudy, sets: int) -> dict[str, Any]:
+def _looked_for(some: Pad | Study, sets: int) -> dict[str, Any]:
     """Loss of the hypothesis asked for: the lowest of every set, and the search's; inf where none.
 
     With the search's checks for missed modes.
@@ -134,7 +131,7 @@ def _looked_for(some: Pad | WideStudy, sets: int) -> dict[str, Any]:
     with one_blas_thread():
         search.run()
         hypothesis = search.best
-        if isinstance(some, WideStudy):
+        if isinstance(some, Study):
             hypothesis = _true(some, experiment, search) or hypothesis
         losses = []
         for seed in range(1, sets + 1):
@@ -181,7 +178,7 @@ def _error(search: Search, hypothesis: Hypothesis) -> float:
     return float(np.nan_to_num(found[0].error)) if found else 0.0
 
 
-def _true(study: WideStudy, experiment: Experiment, search: Search) -> Hypothesis | None:
+def _true(study: Study, experiment: Experiment, search: Search) -> Hypothesis | None:
     """The true hypothesis, with the rig's gap or without, which of them the search takes for more.
 
     None where nothing of the package stands for what is hidden.

@@ -17,8 +17,8 @@ from itertools import groupby, product
 import numpy as np
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.preprocess.phases import find_phases
-from qlvbayes.preprocess.trajectory import smooth
+from qlvbayes.motion.phases import find_phases
+from qlvbayes.motion.trajectory import smooth
 
 STEPS = (0.0, 1e-4, 1e-3, 1e-2)  # mm
 SCATTERS = (0.0, 0.05, 0.1, 0.25, 0.5, 1.0, 3.0, 10.0)  # steps; of 1 um where there is none

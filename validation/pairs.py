@@ -12,11 +12,11 @@ import sys
 from pathlib import Path
 
 from coverage import progress
-from keeping import Kept, code_digest
 from page import Origin
 from pairs_page import pairs_page
 from simulated_pairs import run_pair
 
+from qlvbayes.evaluation.store import Store, code_digest
 from qlvbayes.io.files import write_whole
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -26,15 +26,15 @@ def main() -> None:
     options = _options()
     origin = Origin.now(f".venv/bin/python {shlex.join([_name(), *sys.argv[1:]])}", ROOT)
     folder = ROOT / "build" / "validation" / code_digest()
-    kept = Kept(folder / f"pairs-seed{options.seed}.jsonl")
-    missing = [index for index in range(options.pairs) if index not in kept.fits]
+    store = Store(folder / f"pairs-seed{options.seed}.jsonl")
+    missing = [index for index in range(options.pairs) if index not in store.cases]
     with progress() as bar:
         task = bar.add_task("pairs", total=len(missing))
         for index in missing:
-            kept.add(run_pair(options.seed, index))
+            store.add(run_pair(options.seed, index))
             bar.advance(task)
     options.output.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(options.output, pairs_page(kept.first(options.pairs), origin).encode())
+    write_whole(options.output, pairs_page(store.first(options.pairs), origin).encode())
     print(options.output)
 
 

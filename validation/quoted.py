@@ -28,8 +28,8 @@ from qlvbayes.fitting.summary import Constant
 from qlvbayes.io.data import read_measurements
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.parameters import names
+from qlvbayes.motion.experiment import Experiment, prepare
 from qlvbayes.pipeline.specimen import Specimen
-from qlvbayes.preprocess.experiment import Experiment, prepare
 
 ROOT = Path(__file__).resolve().parents[1]
 TABLE = ROOT / "docs" / "paper.md"

@@ -1,4 +1,4 @@
-"""What is promised before a run: seeds, studies, strata, levels asked, and the code's digests."""
+"""The registration of a run before it: seed, studies, strata, required rates, code digests."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from qlvbayes.evaluation import counting
-from qlvbayes.evaluation.keeping import code_digest
 from qlvbayes.evaluation.population import STRATA
+from qlvbayes.evaluation.store import code_digest
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = Path(__file__).parent / "registered"
@@ -25,7 +25,7 @@ ASKED = {
 
 @dataclass(frozen=True)
 class Registration:
-    """A run as promised.
+    """A registered run.
 
     code: digest of all code that a study's outcome may depend on; tree: git's hash of the package's
     folder; rules: of the file with the rules of the count.
@@ -43,18 +43,18 @@ class Registration:
 
     @classmethod
     def of_present(cls, name: str, seed: int, studies: int, note: str = "") -> Registration:
-        """Of the code as it is."""
+        """Return the registration of a run by the present code."""
         strata = {key: list(levels) for key, levels in STRATA.items()}
         tree = _tree()
         return cls(name, seed, studies, code_digest(), tree, rules_digest(), strata, ASKED, note)
 
     @classmethod
     def read(cls, name: str) -> Registration:
-        """From validation/registered/NAME.json."""
+        """Read validation/registered/NAME.json."""
         return cls(**json.loads((FOLDER / f"{name}.json").read_text(encoding="utf-8")))
 
     def write(self) -> Path:
-        """To its file; a registration is never overwritten.
+        """Write its file; a registration is never overwritten.
 
         Raises
         ------
@@ -68,10 +68,10 @@ class Registration:
         return path
 
     def broken(self, finished: bool = False) -> list[str]:
-        """In what the present code is not what was registered; empty if it is.
+        """Return what has changed since the registration.
 
-        finished: to count studies that the registered code ran, as each of them says, only the
-        rules must be those.
+        finished: whether the studies are only counted, which the registered code has run; then only
+        the rules of the count must be unchanged.
         """
         pairs = {
             "the code": (self.code, code_digest()),
@@ -84,7 +84,7 @@ class Registration:
 
 
 def rules_digest() -> str:
-    """Of the file with the rules of the count."""
+    """Return the digest of the file with the rules of the count."""
     return hashlib.sha256(Path(str(counting.__file__)).read_bytes()).hexdigest()[:12]
 
 

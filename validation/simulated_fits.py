@@ -14,7 +14,7 @@ from qlvbayes.fitting.prediction import predict
 from qlvbayes.fitting.residuals import check
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.units import PAD
-from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.motion.experiment import prepare
 from qlvbayes.simulate import (
     NOISES,
     PAPER_RATES,

@@ -15,7 +15,7 @@ from qlvbayes.comparison.side import side_of
 from qlvbayes.fitting.fit import fit_pad
 from qlvbayes.io.units import PAD
 from qlvbayes.model.drawn import described_model, drawn_models
-from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.motion.experiment import prepare
 from qlvbayes.simulate import NOISES, PAPER_RATES, Constants, draw_constants, simulate_study
 
 KINDS = ("equal", "near", "equal", "far")

@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from qlvbayes.evaluation.wide import WideStudy
+from qlvbayes.evaluation.study import Study
 from qlvbayes.inference.forward.hypothesis import Hypothesis, Parameters
-from qlvbayes.preprocess.experiment import Experiment
+from qlvbayes.motion.experiment import Experiment
 from qlvbayes.simulate import HIDDEN, Effect
 from qlvbayes.simulate.laws import Law
 
@@ -62,7 +62,7 @@ class Rig:
     duration: float
 
     @classmethod
-    def of(cls, study: WideStudy, experiment: Experiment) -> Rig:
+    def of(cls, study: Study, experiment: Experiment) -> Rig:
         """Of a simulated study, made ready for a diagnosis."""
         scales = experiment.scales
         return cls(study.rig.gap, scales.depth, scales.force, scales.clock)

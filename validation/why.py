@@ -34,17 +34,16 @@ from qlvbayes.diagnosis.search import Search
 from qlvbayes.diagnosis.telling.verdict import Diagnosis
 from qlvbayes.diagnosis.weighed import described, weigh
 from qlvbayes.evaluation.case import THRESHOLDS, verdict_of
-from qlvbayes.evaluation.counting import is_right, names_wrongly
-from qlvbayes.evaluation.keeping import Kept, kept_file, run_missing
+from qlvbayes.evaluation.counting import Case, is_right, names_wrongly
 from qlvbayes.evaluation.population import Population
-from qlvbayes.evaluation.rate import Case
-from qlvbayes.evaluation.wide import WideStudy, make_wide
+from qlvbayes.evaluation.store import Store, run_missing, store_path
+from qlvbayes.evaluation.study import Study, make_study
 from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.modes import Mode, distinct, find_modes
 from qlvbayes.io.files import write_json, write_whole
 from qlvbayes.model.choices import Choices
-from qlvbayes.preprocess.experiment import Experiment, prepare
+from qlvbayes.motion.experiment import Experiment, prepare
 
 ROOT = Path(__file__).resolve().parents[1]
 Array = NDArray[np.float64]
@@ -63,18 +62,18 @@ def main() -> None:
     run = json.loads((ROOT / "docs" / f"wide_{options.run}.json").read_text(encoding="utf-8"))
     wrong = [case for case in run["cases"] if case["seen"] and not is_right(case)]
     wanted = _wanted(wrong, options)
-    kept = Kept(
-        kept_file(ROOT / "build" / "validation", f"why-{options.run}"), options.run, options.part
+    store = Store(
+        store_path(ROOT / "build" / "validation", f"why-{options.run}"), options.run, options.part
     )
     if not options.finished:
-        with counting("studies") as tell:
+        with counting("studies") as report:
             by_index = {case["index"]: case for case in wanted}
             run_missing(
-                lambda index: explained(options.run, run["seed"], by_index[index]), kept,
-                by_index, tell,
+                lambda index: explained(options.run, run["seed"], by_index[index]), store,
+                by_index, report,
             )  # fmt: skip
     if options.part is None:
-        found = [kept.cases[c["index"]] for c in wrong if c["index"] in kept.cases]
+        found = [store.cases[c["index"]] for c in wrong if c["index"] in store.cases]
         _publish(options, found, len(wrong))
 
 
@@ -120,7 +119,7 @@ def explained(run: str, seed: int, case: Case) -> Case:
     begun = time.perf_counter()
     found: dict[str, Any] = {"plan": run, "index": case["index"], "kind": case["kind"]}
     found |= {"names": case["names"], "strata": case["strata"]}
-    study = make_wide(Population(seed), case["index"])
+    study = make_study(Population(seed), case["index"])
     if not math.isclose(study.peak, case["peak_N"], rel_tol=1e-6):
         sys.exit(f"study {case['index']} is not what it was: the simulator has changed")
     try:
@@ -133,7 +132,7 @@ def explained(run: str, seed: int, case: Case) -> Case:
     return found | {"seconds": time.perf_counter() - begun}
 
 
-def caused(study: WideStudy, diagnosis: Diagnosis, case: Case) -> Case:
+def caused(study: Study, diagnosis: Diagnosis, case: Case) -> Case:
     """The cause and what it rests on."""
     experiment, search = diagnosis.work.experiment, diagnosis.work.search
     answer = diagnosis.work.told.hypothesis
@@ -201,7 +200,7 @@ def _figures(density: Density, point: Point) -> dict[str, float]:
     return {"loss": float(density.terms(point, size).loss), "size_N": size, "chi2": chi2}
 
 
-def _at_truth(study: WideStudy, density: Density, truth: Truth) -> dict[str, float] | None:
+def _at_truth(study: Study, density: Density, truth: Truth) -> dict[str, float] | None:
     """Figures at the true constants; of chi^2 what the noise makes, and what the model does."""
     theta = truth.theta(density.space.parameters(truth.hypothesis))
     point = density.at(truth.hypothesis, theta)
@@ -214,7 +213,7 @@ def _at_truth(study: WideStudy, density: Density, truth: Truth) -> dict[str, flo
     return _figures(density, point) | {"chi2_noise": noise, "chi2_model": model}
 
 
-def _true_means(study: WideStudy, density: Density) -> Array:
+def _true_means(study: Study, density: Density) -> Array:
     """(T, B) block means of the simulator's forces without noise (N); 0 where there is no block."""
     blocks = density.space.record.blocks
     real, first, last = (np.asarray(x) for x in (blocks.real, blocks.first, blocks.last))

@@ -10,8 +10,8 @@ import causes
 from causes import CAUSES, RIGHT
 from page import Origin
 
+from qlvbayes.evaluation.counting import Case
 from qlvbayes.evaluation.population import KINDS
-from qlvbayes.evaluation.rate import Case
 
 _HEAD = """# Why verdicts of '{run}' were wrong
 

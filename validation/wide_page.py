@@ -9,7 +9,7 @@ from registration import Registration
 
 from qlvbayes.evaluation.counting import COUNTS, bound, is_right
 from qlvbayes.evaluation.population import STRATA
-from qlvbayes.evaluation.widereport import WideReport
+from qlvbayes.evaluation.report import Report
 
 _HEAD = """# Blind studies away from the paper's rig: {name}
 
@@ -34,25 +34,26 @@ alone. Rates are over those studies, with one-sided 95 % bounds (Clopper-Pearson
 and rules were committed before the run."""
 
 
-def wide_page(report: WideReport, promise: Registration, origin: Origin) -> str:
+def wide_page(report: Report, registered: Registration, origin: Origin) -> str:
     """Markdown."""
     head = _HEAD.format(
-        intro=fill(" ".join(_INTRO.split()), 100), name=promise.name, seed=promise.seed,
-        studies=promise.studies, code=promise.code, rules=promise.rules, command=origin.command,
+        intro=fill(" ".join(_INTRO.split()), 100), name=registered.name, seed=registered.seed,
+        studies=registered.studies, code=registered.code, rules=registered.rules,
+        command=origin.command,
         date=origin.date, commit=origin.commit, machine=origin.machine, done=len(report.cases),
         seen=sum(case["seen"] for case in report.cases),
         seconds="-" if report.seconds is None else f"{report.seconds:.0f}",
     )  # fmt: skip
-    note = [fill(f"{promise.note} {_unfinished(report, promise)}".strip(), 100) + "\n"]
-    parts = [head, *note, _rates(report, promise), _strata(report), _reliability(report)]
+    note = [fill(f"{registered.note} {_unfinished(report, registered)}".strip(), 100) + "\n"]
+    parts = [head, *note, _rates(report, registered), _strata(report), _reliability(report)]
     return "\n".join([*parts, _wrong(report)])
 
 
-def _rates(report: WideReport, promise: Registration) -> str:
+def _rates(report: Report, registered: Registration) -> str:
     lines = ["## Rates\n", "| hidden: verdict | asked | found | 95 % bound | n | |"]
     lines.append("|---|---|---|---|---|---|")
     for count in COUNTS:
-        rate, asked = report.rate(count), promise.asked.get(count.name)
+        rate, asked = report.rate(count), registered.asked.get(count.name)
         if rate.share is None:
             continue
         sign, most = (">", "at least") if count.good else ("<", "at most")
@@ -67,7 +68,7 @@ def _rates(report: WideReport, promise: Registration) -> str:
     return "\n".join([*lines, ""])
 
 
-def _strata(report: WideReport) -> str:
+def _strata(report: Report) -> str:
     lines = [
         "## By stratum\n",
         "| stratum | level | studies | right | bound | wrong name | bound |",
@@ -86,7 +87,7 @@ def _share(found: dict, sign: str) -> str:
     return f"{found['hits']}/{found['n']} | {sign} {100 * found['bound95']:.0f} %"
 
 
-def _reliability(report: WideReport) -> str:
+def _reliability(report: Report) -> str:
     intro = """Of every listed effect of every study, whether it could be seen or not: the stated
     probability of its being there against the share in which it is hidden (of another form: its
     family). What counts neither as wanted nor as wrong is left out. Behind each share its two-sided
@@ -96,12 +97,12 @@ def _reliability(report: WideReport) -> str:
     lines += ["| probability | mean | there | n | not refused: mean | there | n |"]
     lines += ["|---|---|---|---|---|---|---|"]
     for row in report.reliability():
-        shown = f"{_promised(row['all'])} | {_promised(row['kept'])}"
+        shown = f"{_shown(row['all'])} | {_shown(row['kept'])}"
         lines.append(f"| {row['low']:.1f} to {row['high']:.1f} | {shown} |")
     return "\n".join([*lines, ""])
 
 
-def _promised(found: dict) -> str:
+def _shown(found: dict) -> str:
     if not found["n"]:
         return "- | - | 0"
     low, high = (100 * limit for limit in found["bounds95"])
@@ -109,7 +110,7 @@ def _promised(found: dict) -> str:
     return f"{found['mean']:.3f} | {share} | {found['n']}"
 
 
-def _wrong(report: WideReport) -> str:
+def _wrong(report: Report) -> str:
     wrong = [case for case in report.cases if case["seen"] and not is_right(case)]
     lines = [f"## Wrong verdicts where the truth could be seen: {len(wrong)}\n"]
     keys = [key for key in STRATA if key != "kind"]
@@ -122,12 +123,12 @@ def _wrong(report: WideReport) -> str:
     return "\n".join([*lines, ""])
 
 
-def _unfinished(report: WideReport, promise: Registration) -> str:
+def _unfinished(report: Report, registered: Registration) -> str:
     """What is to be said of a run that is not finished; nothing of one that is."""
     done = len(report.cases)
-    if done == promise.studies:
+    if done == registered.studies:
         return ""
     return (
-        f"Of the {promise.studies} registered studies {done} are finished: strata may lack the "
+        f"Of the {registered.studies} registered studies {done} are finished: strata may lack the "
         "number that is asked for, and rates have wide bounds."
     )

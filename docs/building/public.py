@@ -10,7 +10,7 @@ from typing import Any
 
 # Which parts of the package stand on which page of the API; what is in none, on the last one.
 SECTIONS = {
-    "measurements": ("io", "preprocess"),
+    "measurements": ("io", "motion"),
     "model": ("model", "laws", "priors"),
     "fitting": ("fitting", "inference"),
     "diagnosis": ("diagnosis", "app"),

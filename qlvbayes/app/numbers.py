@@ -26,7 +26,7 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements, read_measurements
 from qlvbayes.io.runtime import forget_compiled
 from qlvbayes.model.choices import Choices
-from qlvbayes.preprocess.experiment import Experiment, prepare
+from qlvbayes.motion.experiment import Experiment, prepare
 
 _STUDIES = 4  # kept
 _BENCHES = 6  # kept: some ten MB each

@@ -41,9 +41,9 @@ from qlvbayes.io.reading.csvtext import digest
 from qlvbayes.io.reading.dialect import sniff
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain
+from qlvbayes.motion.firstlook import FirstLook, PadSeen, Shown
+from qlvbayes.motion.firstlook.words import lines_of, phases_in_words
 from qlvbayes.pipeline.looking import look_into
-from qlvbayes.preprocess.firstlook import FirstLook, PadSeen, Shown
-from qlvbayes.preprocess.firstlook.words import lines_of, phases_in_words
 
 _STYLES = {"yes": "green", "hardly": "yellow", "no": "red"}
 

@@ -29,10 +29,10 @@ from qlvbayes.laws.catalogue import LAWS, names
 from qlvbayes.laws.relaxation.prony import MOST, Prony
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import NOISES
+from qlvbayes.motion.cutting import refuse_unknown
 from qlvbayes.parallel.engines import Engine, opened_engine
 from qlvbayes.parallel.shards import Shard
 from qlvbayes.pipeline.source import Source
-from qlvbayes.preprocess.cutting import refuse_unknown
 
 # of plainoptions.py, for the commands that take them from here
 __all__ = ["AsJson", "Pads", "Style", "among", "split_names"]
@@ -159,7 +159,7 @@ class WorkOptions:
     @property
     def part(self) -> Shard:
         """Which part; InputError where it is none."""
-        return Shard.of(self.shard) if self.shard else Shard()
+        return Shard.from_text(self.shard) if self.shard else Shard()
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Pads or fluids set against each other: every constant, and what an engineer reads from them."""
+"""Comparison of two pads or fluids: every constant, and the quantities derived from them."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def compare(
     frequencies: Sequence[float] | None = None,
     seed: int = 0,
 ) -> Comparison:
-    """Set two pads, or two groups of specimens, against each other.
+    """Compare two pads, or two groups of specimens.
 
     The draws of two pads are independent and are paired at random. With two specimens or more of
     each, their spread is estimated with the fluids' own values (normal, in the logarithm of what is
@@ -98,10 +98,10 @@ def compare(
     contrasts, lost = _contrasts(groups, shared, settings, region, between, rng, apart)
     tested = contrasts[: len(shared)]
     if apart:
-        shown = {one.quantity for one in readings(settings, units) if one.shown}
-        tested = [c for c in contrasts if c.quantity in shown]
+        observed = {one.quantity for one in readings(settings, units) if one.shown}
+        tested = [c for c in contrasts if c.quantity in observed]
     omnibus = _of_shown(tested) if apart else _omnibus(groups, tested, between)
-    found = Comparison(
+    comparison = Comparison(
         names=labels,
         between=between,
         units=units,
@@ -110,11 +110,11 @@ def compare(
         differ=_differ(omnibus, tested),
         omnibus=omnibus,
         by_chance=BY_CHANCE * len(contrasts),
-        settings=settings.told,
+        settings=settings.as_record,
         contrasts=tuple(contrasts),
         notices=tuple(notices(groups, labels, settings, shared, contrasts, lost, apart)),
     )
-    return replace(found, words=tuple(paragraphs(found)))
+    return replace(comparison, words=tuple(paragraphs(comparison)))
 
 
 def _in_units(sides: Sequence[Side], units: UnitSystem) -> list[Side]:
@@ -122,13 +122,13 @@ def _in_units(sides: Sequence[Side], units: UnitSystem) -> list[Side]:
 
 
 def _sides(source: Source | Sequence[Source], label: str) -> list[Side]:
-    """One pad or more; draws, which have no name of their own, are called by the label."""
+    """Return the pads of one side; draws, which have no name, get the label."""
     several = [source] if isinstance(source, (Fit, Saved, Mapping)) else source
-    numbers = [""] if len(several) == 1 else [f" {k}" for k in range(1, len(several) + 1)]
-    found = [side_of(one, f"{label}{n}") for one, n in zip(several, numbers, strict=True)]
-    if not found:
+    suffixes = [""] if len(several) == 1 else [f" {k}" for k in range(1, len(several) + 1)]
+    sides = [side_of(one, f"{label}{n}") for one, n in zip(several, suffixes, strict=True)]
+    if not sides:
         raise InputError("nothing to compare", remedy="give at least one fit")
-    return found
+    return sides
 
 
 def _label(group: Sequence[Side]) -> str:
@@ -144,15 +144,16 @@ def _contrasts(
     rng: np.random.Generator,
     apart: Sequence[str],
 ) -> tuple[list[Contrast], list[str]]:
-    """Every contrast, constants first; and the quantities that no model could give.
+    """Return every contrast, constants first, and the quantities that no model could give.
 
-    apart: times that some tests do not hold; what these do not show cannot be told then.
+    apart: relaxation times that some tests do not hold; quantities that depend on them stay
+    undecided.
     """
     units = groups[0][0].units
     every = [*shared, *readings(settings, units)]
     tables = [[_table(side, shared, settings) for side in group] for group in groups]
     pairs = [[rng.permutation(_PAIRS) % len(t) for t in group] for group in tables]
-    found, lost = [], []
+    contrasts, lost = [], []
     for k, reading in enumerate(every):
         columns = [[table[:, k] for table in group] for group in tables]
         if not all(np.all(np.isfinite(x)) for group in columns for x in group):
@@ -165,12 +166,12 @@ def _contrasts(
         one_of_all = contrast(reading, one, other, region)
         if apart and not reading.shown:
             one_of_all = replace(one_of_all, answer="cannot tell", extrapolated=True)
-        found.append(one_of_all)
-    return found, lost
+        contrasts.append(one_of_all)
+    return contrasts, lost
 
 
 def _table(side: Side, shared: Sequence[Reading], settings: Settings) -> np.ndarray:
-    """(n, Q) draws of the shared constants and of what is read."""
+    """Return draws (n, Q) of the shared constants and of the derived quantities."""
     constants = [side.constants[reading.quantity] for reading in shared]
     return np.column_stack([*constants, side.read(settings)])
 
@@ -185,18 +186,18 @@ def _omnibus(
     return joint_test(first, second) if names else None
 
 
-def _of_shown(shown: Sequence[Contrast]) -> Omnibus | None:
-    """Of what all tests show; what is equal within the region speaks for no difference.
+def _of_shown(contrasts: Sequence[Contrast]) -> Omnibus | None:
+    """Test the quantities that all tests show; those equal within the region count as equal.
 
     Models of tests that are unlike miss by more than their intervals say, but not by that much.
     """
-    unequal = [c if c.answer != "equal" else replace(c, direction=0.5) for c in shown]
-    found = smallest_tail(unequal, DRAWS)
-    return None if found is None else replace(found, over="shown")
+    unequal = [c if c.answer != "equal" else replace(c, direction=0.5) for c in contrasts]
+    omnibus = smallest_tail(unequal, DRAWS)
+    return None if omnibus is None else replace(omnibus, over="shown")
 
 
 def _differ(omnibus: Omnibus | None, constants: Sequence[Contrast]) -> bool | None:
-    """True, False where all are shown to be equal, None where the data cannot tell."""
+    """Return True, False where all are shown to be equal, None where the data are undecided."""
     if omnibus is None:
         return None
     if omnibus.p_value < omnibus.false_alarms:
@@ -205,7 +206,7 @@ def _differ(omnibus: Omnibus | None, constants: Sequence[Contrast]) -> bool | No
 
 
 def contrast(reading: Reading, first: np.ndarray, second: np.ndarray, region: float) -> Contrast:
-    """Set draws (n,) of the first against draws (n,) of the second, independent of each other."""
+    """Compare draws (n,) of the first with draws (n,) of the second, independent of each other."""
     positive = bool(np.min(first) > 0.0 and np.min(second) > 0.0)
     direction = float(np.mean(first > second) + 0.5 * np.mean(first == second))
     equivalence = float(np.mean(alike(first, second, region)))
@@ -225,20 +226,20 @@ def contrast(reading: Reading, first: np.ndarray, second: np.ndarray, region: fl
 
 
 def interval(draws: np.ndarray) -> Interval:
-    """Median and central 90 %."""
+    """Return the median and the central 90 % interval."""
     tail = 0.5 * (1.0 - SHARE)
     low, median, high = np.quantile(draws, [tail, 0.5, 1.0 - tail])
     return Interval(float(median), float(low), float(high))
 
 
 def alike(first: np.ndarray, second: np.ndarray, region: float) -> np.ndarray:
-    """Whether the ratio lies within 1/(1 + region) .. 1 + region; two zeros are alike."""
+    """Return whether the ratio lies within 1/(1 + region) .. 1 + region; two zeros do."""
     larger = np.maximum(np.abs(first), np.abs(second))
     return np.abs(first - second) <= larger * (region / (1.0 + region))
 
 
 def answer(direction: float, equivalence: float) -> str:
-    """Equal before different: what differs within the region is practically equal."""
+    """Return the answer; what differs only within the region counts as equal."""
     if equivalence >= EQUAL:
         return "equal"
     if direction >= DECIDED:

@@ -1,4 +1,4 @@
-"""What a comparison says: each quantity of both, their difference and ratio, and the answer."""
+"""Results of a comparison: each quantity of both, difference, ratio and answer."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Interval(Part, frozen=True):
 
 
 class Contrast(Part, frozen=True):
-    """One quantity of the first and of the second.
+    """One quantity of both, with its difference and ratio.
 
     first, second: its values; difference: first minus second; ratio: first over second, None where
     one of them may be zero or change its sign; direction: probability that the first is greater;
@@ -55,7 +55,7 @@ class Omnibus(Part, frozen=True):
     probability of so large a difference between equals; false_alarms: the level at which they are
     called different, which is the share of equal pairs so called; over: ``constants``, or
     ``shown`` where the tests do not hold each other's relaxation times, and what all of them show
-    is tested in their place.
+    is tested instead.
     """
 
     statistic: float | None
@@ -97,30 +97,30 @@ class Comparison(Result, frozen=True, kw_only=True):
     words: tuple[str, ...] = ()
 
     def __getitem__(self, quantity: str) -> Contrast:
-        """The contrast of that quantity; KeyError lists the others."""
+        """Return the contrast of that quantity; KeyError lists the others."""
         for contrast in self.contrasts:
             if contrast.quantity == quantity:
                 return contrast
         raise KeyError(f"{quantity} is none of {', '.join(c.quantity for c in self.contrasts)}")
 
     def of_group(self, group: str) -> Sequence[Contrast]:
-        """The contrasts of one kind."""
+        """Return the contrasts of one kind."""
         return [contrast for contrast in self.contrasts if contrast.group == group]
 
 
 def written(value: Interval) -> tuple[str, str, str]:
-    """Median, low and high; the interval's half-width keeps one to two digits."""
-    numbers = value.median, value.low, value.high
+    """Format median, low and high; the interval's half-width keeps one to two digits."""
+    values = value.median, value.low, value.high
     half = 0.5 * (value.high - value.low)
-    if half <= 0.0 or max(map(abs, numbers)) < _SMALL:
-        median, low, high = (f"{x:.3g}" for x in numbers)
+    if half <= 0.0 or max(map(abs, values)) < _SMALL:
+        median, low, high = (f"{x:.3g}" for x in values)
         return median, low, high
     decimals = max(0, -floor(log10(half / 2.5)))
-    median, low, high = (f"{x:z.{decimals}f}" for x in numbers)
+    median, low, high = (f"{x:z.{decimals}f}" for x in values)
     return median, low, high
 
 
 def with_interval(value: Interval) -> str:
-    """``1.07 [1.04, 1.10]``."""
+    """Format as ``1.07 [1.04, 1.10]``."""
     median, low, high = written(value)
     return f"{median} [{low}, {high}]"

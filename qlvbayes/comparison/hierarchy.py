@@ -1,4 +1,4 @@
-"""Several specimens of each of two fluids: the fluids' own values, with specimens' spread."""
+"""Hierarchical comparison of two fluids, each with several specimens."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Specimens:
 def fluid_draws(
     groups: Sequence[Sequence[np.ndarray]], rng: np.random.Generator
 ) -> list[np.ndarray]:
-    """Draws (4000,) of one quantity of each fluid, from draws (n,) of each of its specimens.
+    """Return draws (4000,) of one quantity of each fluid, from draws (n,) of its specimens.
 
     In the logarithm where every draw is positive, else as it is.
     """
@@ -38,16 +38,16 @@ def fluid_draws(
         return [np.zeros(DRAWS) for _ in groups]
     spreads, weights = spread_posterior(seen, SPREAD * size)
     chosen = spreads[rng.choice(len(spreads), DRAWS, p=weights)]
-    found = []
+    columns = []
     for specimens in seen:
         centre, variance = _centre(specimens, chosen)
         draws = centre + np.sqrt(variance) * rng.standard_normal(DRAWS)
-        found.append(np.exp(draws) if logs else draws)
-    return found
+        columns.append(np.exp(draws) if logs else draws)
+    return columns
 
 
 def spread_posterior(groups: Sequence[Specimens], scale: float) -> tuple[np.ndarray, np.ndarray]:
-    r"""Grid of the spread tau between specimens, one for all fluids, and its probabilities.
+    r"""Return a grid of the spread tau between specimens, and its probabilities.
 
     .. math:: y_{gj} \sim N(\theta_{gj}, s_{gj}), \theta_{gj} \sim N(\mu_g, \tau),
               p(\mu_g) \propto 1, \tau \sim \text{half-Cauchy}(\text{scale})
@@ -56,8 +56,8 @@ def spread_posterior(groups: Sequence[Specimens], scale: float) -> tuple[np.ndar
     section 5.4; the prior: Gelman 2006, doi:10.1214/06-BA117A).
     """
     # even in the prior's own probability, so that the prior's weights are equal
-    place = (np.arange(_POINTS) + 0.5) / _POINTS
-    spreads = scale * np.tan(0.5 * np.pi * place)
+    quantile = (np.arange(_POINTS) + 0.5) / _POINTS
+    spreads = scale * np.tan(0.5 * np.pi * quantile)
     log_density = np.zeros(_POINTS)
     for specimens in groups:
         variances = spreads[:, None] ** 2 + specimens.sd**2
@@ -70,7 +70,7 @@ def spread_posterior(groups: Sequence[Specimens], scale: float) -> tuple[np.ndar
 
 
 def _centre(specimens: Specimens, spreads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and variance (T,) of a fluid's own value, given the spread (T,)."""
+    """Return mean and variance (T,) of a fluid's own value, given the spread (T,)."""
     precision = 1.0 / (spreads[:, None] ** 2 + specimens.sd**2)
     variance = 1.0 / precision.sum(axis=1)
     return variance * (precision * specimens.mean).sum(axis=1), variance

@@ -1,4 +1,4 @@
-"""Whether two pads differ at all: one test of all their shared constants together."""
+"""Joint test of all shared constants of two pads."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _FRACTION = re.compile(r"c\[(\d+)\]")
 
 
 def joint_test(first: Mapping[str, np.ndarray], second: Mapping[str, np.ndarray]) -> Omnibus | None:
-    r"""Chi-square of the difference between the posteriors' means.
+    r"""Return the chi-square of the difference between the posteriors' means.
 
     .. math:: T = (x_1 - x_2)^T (S_1 + S_2)^{-1} (x_1 - x_2)
 
@@ -32,7 +32,7 @@ def joint_test(first: Mapping[str, np.ndarray], second: Mapping[str, np.ndarray]
     tables = [np.stack([m[k] for k in names]) for m in moved]
     gap = tables[0].mean(axis=1) - tables[1].mean(axis=1)
     spread = sum(np.cov(table).reshape(len(names), -1) for table in tables)
-    scale = np.sqrt(np.diag(spread))  # numbers of one size, so that the rank can be told
+    scale = np.sqrt(np.diag(spread))  # scaled to one size, so that the rank is well defined
     statistic = float(
         (gap / scale) @ np.linalg.pinv(spread / np.outer(scale, scale)) @ (gap / scale)
     )
@@ -41,7 +41,7 @@ def joint_test(first: Mapping[str, np.ndarray], second: Mapping[str, np.ndarray]
 
 
 def smallest_tail(contrasts: Sequence[Contrast], draws: int) -> Omnibus | None:
-    """The smallest two-sided probability of a wrong direction, times how many there are.
+    """Return the smallest two-sided probability of a wrong direction, times their number.
 
     (Bonferroni.) A tail that no draw is in counts as one of half a draw.
     """
@@ -55,17 +55,17 @@ def smallest_tail(contrasts: Sequence[Contrast], draws: int) -> Omnibus | None:
 def _coordinates(
     draws: Mapping[str, np.ndarray], both: Sequence[Mapping[str, np.ndarray]]
 ) -> dict[str, np.ndarray]:
-    """Numbers whose posteriors are nearer to normal, and free of the sum of the fractions."""
-    found = {}
+    """Return transformed constants, nearer to normal, without the sum of the fractions."""
+    coordinates = {}
     for name, values in draws.items():
         if _FRACTION.fullmatch(name):
             if name != "c[0]":
-                found[name] = _log(values) - _log(draws["c[0]"])
+                coordinates[name] = _log(values) - _log(draws["c[0]"])
         elif all(np.min(side[name]) > 0.0 for side in both):
-            found[name] = np.log(values)
+            coordinates[name] = np.log(values)
         else:
-            found[name] = np.asarray(values)
-    return found
+            coordinates[name] = np.asarray(values)
+    return coordinates
 
 
 def _log(fraction: np.ndarray) -> np.ndarray:

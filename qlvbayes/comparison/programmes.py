@@ -1,4 +1,4 @@
-"""Motions of the platen by which an engineer reads a pad: steps, ramps, cycles, oscillations.
+"""Motions from which quantities are read: steps, ramps, cycles, oscillations.
 
 All have the same number of points, so that one compiled function serves them all.
 """
@@ -32,25 +32,25 @@ class Course:
     velocity: np.ndarray
 
     def filled(self) -> Course:
-        """At rest at its last point up to `POINTS` points; these do nothing."""
+        """Return the motion padded to `POINTS` points at rest, which have no effect."""
         missing = POINTS - self.time.size
         time, depth = (np.pad(x, (0, missing), "edge") for x in (self.time, self.depth))
         return Course(time, depth, np.append(self.velocity, np.zeros(missing)))
 
 
 def step_hold(depth: float, duration: float) -> Course:
-    """As good as at once to ``depth`` (mm), then at rest for ``duration`` (s)."""
+    """Return a step of 1 us to ``depth`` (mm), then rest for ``duration`` (s)."""
     return ramp_hold(depth, depth / _INSTANT, duration)
 
 
 def ramp_hold(depth: float, speed: float, duration: float) -> Course:
-    """From contact to ``depth`` (mm) at ``speed`` (mm/s), then at rest for ``duration`` (s)."""
+    """Return a ramp from contact to ``depth`` (mm) at ``speed`` (mm/s), then rest (s)."""
     up = ramp(0.0, 0.0, depth, speed)
     return joined([up, hold(up.time[-1], depth, duration)])
 
 
 def cycle(depth: float, speed: float) -> Course:
-    """From contact to ``depth`` and back at one speed."""
+    """Return a ramp from contact to ``depth`` and back at one speed."""
     up = ramp(0.0, 0.0, depth, speed)
     return joined([up, ramp(up.time[-1], depth, 0.0, speed)])
 
@@ -58,24 +58,24 @@ def cycle(depth: float, speed: float) -> Course:
 def oscillation(
     depth: float, speed: float, duration: float, frequency: float, amplitude: float
 ) -> Course:
-    """A ramp and a hold, then a burst of a sine (Hz) about ``depth``, swelling and fading (Hann).
+    """Return a ramp, a hold and a burst of a sine (Hz) about ``depth`` in a Hann window.
 
-    So short a signal tells the response at its frequency as well as an endless one: transients are
+    So short a signal gives the response at its frequency as well as an endless one: transients are
     part of the force that is transformed. It consists of straight pieces, each with its middle,
     where the speed is right to second order (at the ends it is that of the piece before).
     """
     before = ramp_hold(depth, speed, duration)
-    place = np.linspace(0.0, CYCLES + REST_CYCLES, (CYCLES + REST_CYCLES) * PIECES + 1)  # cycles
-    window = np.where(place <= CYCLES, np.sin(np.pi * place / CYCLES) ** 2, 0.0)
-    swing = amplitude * window * np.sin(2.0 * np.pi * place)
+    phase = np.linspace(0.0, CYCLES + REST_CYCLES, (CYCLES + REST_CYCLES) * PIECES + 1)  # cycles
+    window = np.where(phase <= CYCLES, np.sin(np.pi * phase / CYCLES) ** 2, 0.0)
+    swing = amplitude * window * np.sin(2.0 * np.pi * phase)
     speeds = np.diff(swing, append=swing[-1]) * PIECES * frequency
-    time = before.time[-1] + _with_middles(place) / frequency
+    time = before.time[-1] + _with_middles(phase) / frequency
     burst = Course(time, depth + _with_middles(swing), np.repeat(speeds, 2)[:-1])
     return joined([before, burst])
 
 
 def middles(values: np.ndarray) -> np.ndarray:
-    """Values (..., N) of an oscillation at the middles of the burst's pieces."""
+    """Return the values (..., N) of an oscillation at the middles of the burst's pieces."""
     return values[..., BURST][..., 1::2]
 
 
@@ -86,22 +86,22 @@ def _with_middles(ends: np.ndarray) -> np.ndarray:
 
 
 def ramp(start: float, first: float, last: float, speed: float) -> Course:
-    """From ``start`` (s) on from one depth to another."""
-    place = np.linspace(0.0, 1.0, RAMP_POINTS)
+    """Return a ramp that begins at ``start`` (s), from one depth to another."""
+    share = np.linspace(0.0, 1.0, RAMP_POINTS)
     travel = last - first
     velocity = np.full(RAMP_POINTS, np.sign(travel) * speed)
-    return Course(start + place * abs(travel) / speed, first + place * travel, velocity)
+    return Course(start + share * abs(travel) / speed, first + share * travel, velocity)
 
 
 def hold(start: float, depth: float, duration: float) -> Course:
-    """Points even in the logarithm of time."""
+    """Return a hold whose points are even in the logarithm of time."""
     shares = np.concatenate([[0.0], np.geomspace(10.0**-_DECADES, 1.0, HOLD_POINTS - 1)])
     nothing = np.zeros(HOLD_POINTS)
     return Course(start + duration * shares, nothing + depth, nothing)
 
 
 def joined(parts: Sequence[Course]) -> Course:
-    """One after the other; at a kink both velocities are there, at the same time."""
+    """Join motions; at a kink both velocities are there, at the same time."""
     return Course(
         np.concatenate([part.time for part in parts]),
         np.concatenate([part.depth for part in parts]),

@@ -1,4 +1,4 @@
-"""What an engineer reads from a model: stiffness, forces, times, lost energy, loss tangent.
+"""Quantities derived from a model: stiffness, forces, times, lost energy, loss tangent.
 
 Every number comes from `Model.force` of a motion, so that effects take part in it.
 """
@@ -24,7 +24,7 @@ _BATCH = 256
 
 @dataclass(frozen=True)
 class Reading:
-    """The name of a quantity, its unit, its kind, and whether the tests do not reach so far.
+    """A derived quantity: name, unit, kind, and whether it is extrapolated.
 
     shown: whether ramps and holds of all tests show it themselves, whatever the model.
     """
@@ -37,7 +37,7 @@ class Reading:
 
 
 def readings(settings: Settings, units: UnitSystem) -> list[Reading]:
-    """The quantities, in the order of `read`.
+    """Return the quantities, in the order of `read`.
 
     instantaneous stiffness: slope of the force just after steps to about the depth; relaxed: after
     the hold; peak force: largest in a ramp to the depth; relaxed force: after a step and the hold;
@@ -52,31 +52,35 @@ def readings(settings: Settings, units: UnitSystem) -> list[Reading]:
     per = "/s" if units.dimensionless else f" {units.speed}"
     energy = units.energy
     deep, force = settings.deeper, units.force_name
-    found = [
+    quantities = [
         Reading(f"instantaneous stiffness at {depth}", units.stiffness, "stiffness", deep),
         Reading(f"relaxed stiffness at {depth}", units.stiffness, "stiffness", deep),
     ]
     for rate in settings.rates:
         far = deep or settings.outside_rates(rate)
-        found.append(Reading(f"peak {force} at {rate:g}{per}", units.force, "force", far, not far))
-    found.append(Reading(f"relaxed {force} at {depth}", units.force, "force", deep))
+        quantities.append(
+            Reading(f"peak {force} at {rate:g}{per}", units.force, "force", far, not far)
+        )
+    quantities.append(Reading(f"relaxed {force} at {depth}", units.force, "force", deep))
     held = f"{settings.after:g} s of a hold at {depth}"
     far = deep or settings.outside_rates(max(settings.rates))
-    found.append(Reading(f"{force} after {held}", units.force, "force", far, not far))
-    found.append(Reading(f"half-relaxation time at {depth}", "s", "relaxation", deep))
-    found.append(Reading(f"share lost in {held}", "1", "relaxation", far, not far))
+    quantities.append(Reading(f"{force} after {held}", units.force, "force", far, not far))
+    quantities.append(Reading(f"half-relaxation time at {depth}", "s", "relaxation", deep))
+    quantities.append(Reading(f"share lost in {held}", "1", "relaxation", far, not far))
     for rate in settings.rates:
         far = deep or settings.outside_rates(rate)
-        found.append(Reading(f"energy lost in a cycle at {rate:g}{per}", energy, "energy", far))
+        quantities.append(
+            Reading(f"energy lost in a cycle at {rate:g}{per}", energy, "energy", far)
+        )
     for frequency in settings.frequencies:
         far = deep or settings.outside_frequencies(frequency)
         name = f"loss tangent at {frequency:g} Hz about {depth}"
-        found.append(Reading(name, "1", "loss tangent", far))
-    return found
+        quantities.append(Reading(name, "1", "loss tangent", far))
+    return quantities
 
 
 def read(models: Model, settings: Settings) -> np.ndarray:
-    """(n, Q) the quantities of `readings` for n models, along the leading axis of their numbers."""
+    """Return the quantities (n, Q) of `readings` for n models, along their leading axis."""
     depth, rest = settings.depth, settings.hold
     fastest = max(settings.rates)
     instant, relaxed, force = _stiffness(models, depth, rest)
@@ -101,18 +105,18 @@ def read(models: Model, settings: Settings) -> np.ndarray:
 
 
 def forces(models: Model, course: programmes.Course) -> np.ndarray:
-    """(n, N) force of each model at the points of a motion."""
+    """Return the force (n, N) of each model at the points of a motion."""
     full = course.filled()
     rest = np.zeros(programmes.POINTS)
     motion = Motion(*map(jnp.asarray, (full.time, full.depth, full.velocity, rest)))
     count = len(jax.tree.leaves(models)[0])
-    found = []
+    parts = []
     for start in range(0, count, _BATCH):
         # the last batch is filled up, so that one compiled function serves any number
         rows = np.minimum(np.arange(start, start + _BATCH), count - 1)
         some = jax.tree.map(lambda x, rows=rows: x[rows], models)
-        found.append(np.asarray(_forces(some, motion)))
-    return np.concatenate(found)[:count, : course.time.size]
+        parts.append(np.asarray(_forces(some, motion)))
+    return np.concatenate(parts)[:count, : course.time.size]
 
 
 @jax.jit
@@ -123,7 +127,7 @@ def _forces(models: Model, motion: Motion) -> Array:
 def _stiffness(
     models: Model, depth: float, rest: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Instantaneous and relaxed slope of the force over the depth of a step; relaxed force."""
+    """Return instantaneous and relaxed slope of the force after a step, and relaxed force."""
     after = [programmes.RAMP_POINTS, -1]  # just after the step, after the hold
     less, more = (
         forces(models, programmes.step_hold(depth * (1.0 + x), rest))[:, after]
@@ -134,7 +138,7 @@ def _stiffness(
 
 
 def _half_time(force: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """Time in a hold (N,) at which the forces (n, N) have lost half of what they lose in it."""
+    """Return the time in a hold (N,) at which forces (n, N) have lost half of their loss."""
     half = 0.5 * (force[:, 0] + force[:, -1])
     after = np.maximum(np.argmax(force <= half[:, None], axis=1), 1)
     rows = np.arange(len(force))
@@ -147,7 +151,7 @@ def _half_time(force: np.ndarray, time: np.ndarray) -> np.ndarray:
 def _loss_tangent(
     models: Model, depth: float, rate: float, rest: float, frequency: float
 ) -> np.ndarray:
-    """Of half the difference between two oscillations of opposite sign: no drift, no mean.
+    """Return the loss tangent from half the difference of two opposite oscillations.
 
     Straight pieces for a sine make it 0.1 % too large at most.
     """

@@ -1,4 +1,4 @@
-"""Where quantities are read: a depth, speeds and frequencies that both pads' tests cover."""
+"""Depth, speeds and frequencies of a comparison, which both pads' tests cover."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from qlvbayes.comparison.contrast import ReadAt
 from qlvbayes.io.checks import InputError
-from qlvbayes.preprocess.covered import Covered
+from qlvbayes.motion.covered import Covered
 
 _ROUND = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
 _UNKNOWN = Covered(depth=1.0, slowest=0.1, fastest=10.0, quickest=0.1, hold=30.0, tests=0)
@@ -17,7 +17,7 @@ _NEAR = 1.05  # of a range, that still counts as inside it
 
 @dataclass(frozen=True)
 class Settings:
-    """Where quantities are read, as in `ReadAt`, and what the tests cover, if that is known."""
+    """Where quantities are read, as in `ReadAt`, and what the tests cover, if known."""
 
     depth: float
     rates: tuple[float, ...]
@@ -28,7 +28,7 @@ class Settings:
 
     @property
     def after(self) -> float:
-        """A round time (s) within which every pad was held."""
+        """Round time (s) within which every pad was held."""
         return _round_below(self.hold)
 
     @property
@@ -47,8 +47,8 @@ class Settings:
         return self.known and not low / _NEAR <= frequency <= _NEAR * high
 
     @property
-    def told(self) -> ReadAt:
-        """What the comparison says of them."""
+    def as_record(self) -> ReadAt:
+        """The settings as the comparison's record stores them."""
         return ReadAt(self.depth, self.rates, self.frequencies, self.hold)
 
 
@@ -58,15 +58,15 @@ def choose(
     rates: Sequence[float] | None = None,
     frequencies: Sequence[float] | None = None,
 ) -> Settings:
-    """What was asked for; else a round depth, three speeds and a few frequencies inside all tests.
+    """Return what was asked for, else a depth, three speeds and frequencies inside all tests.
 
     Frequencies reach from one cycle in the longest dwell to a quarter of a cycle in the quickest
     ramp. Raises InputError on numbers that are not positive.
     """
     known = [reach for reach in reaches if reach is not None]
     reach = _common(known) if known else _UNKNOWN
-    for what, numbers in (("depth", [depth]), ("rate", rates), ("frequency", frequencies)):
-        for number in numbers or ():
+    for what, values in (("depth", [depth]), ("rate", rates), ("frequency", frequencies)):
+        for number in values or ():
             if number is not None and not (math.isfinite(number) and number > 0.0):
                 raise InputError(f"{what} {number:g} is not above 0", remedy="give a positive one")
     return Settings(
@@ -80,7 +80,7 @@ def choose(
 
 
 def _common(reaches: Sequence[Covered]) -> Covered:
-    """What all of them cover."""
+    """Return the ranges that all of them cover."""
     return Covered(
         depth=min(reach.depth for reach in reaches),
         slowest=max(reach.slowest for reach in reaches),
@@ -96,13 +96,13 @@ def _band(reach: Covered) -> tuple[float, float]:
 
 
 def _round_below(value: float) -> float:
-    """The largest round number that is not above ``value``."""
+    """Return the largest round number that is not above ``value``."""
     power = 10.0 ** math.floor(math.log10(value))
     return max(r * power for r in _ROUND if r * power <= value * (1.0 + 1e-6))
 
 
 def _series(low: float, high: float) -> list[float]:
-    """1, 3, 10, 30, ... inside a range; its middle where there is none."""
+    """Return 1, 3, 10, 30, ... inside a range, or its middle if there is none."""
     decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
     steps = [float(f"{r}e{k}") for k in decades for r in (1, 3)]
     inside = [x for x in steps if low / _NEAR <= x <= high * _NEAR]
@@ -110,6 +110,6 @@ def _series(low: float, high: float) -> list[float]:
 
 
 def _spread(low: float, high: float) -> list[float]:
-    """Slowest, middle and fastest of the series."""
+    """Return slowest, middle and fastest of the series."""
     series = _series(low, high)
     return sorted({series[0], series[len(series) // 2], series[-1]})

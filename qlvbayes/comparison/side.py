@@ -1,4 +1,4 @@
-"""One pad of a comparison, from a fit, a results file or plain draws."""
+"""One side of a comparison, from a fit, a results file or draws."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from qlvbayes.model.drawn import described_model, drawn_models, factors, pad_alo
 from qlvbayes.model.elsewhere import check_draws, infer_choices, wanted_names
 from qlvbayes.model.model import Model
 from qlvbayes.model.parameters import fields_of
-from qlvbayes.preprocess.covered import Covered, covered
+from qlvbayes.motion.covered import Covered, covered
 
 _LONGER = 1.5  # times as long a hold, or as quick a ramp, from which on tests are unlike
 _WITHIN = 0.1  # of a ramp: what relaxes in less has gone when it ends
@@ -32,7 +32,7 @@ Source = Fit | Saved | Mapping[str, np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """draws (n, P) of the named constants, the model that they are of, and what its tests cover.
+    """Draws (n, P) of the named constants, their model, and the ranges of its tests.
 
     fitted: names of the fitted tests, where they are known; converged: whether nothing spoke
     against the sampling, where that is known.
@@ -50,22 +50,22 @@ class Side:
 
     @property
     def constants(self) -> dict[str, np.ndarray]:
-        """The draws (n,) of each constant."""
+        """Draws (n,) of each constant."""
         return {name: self.draws[:, k] for k, name in enumerate(self.names)}
 
     @property
     def kinds(self) -> dict[str, str]:
-        """Kind of unit of each constant of the pad: neither the noise nor the rig is part of it."""
+        """Kind of unit of each constant of the pad, without noise and rig."""
         alone = pad_alone(described_model(self.choices))
         return {name: field.unit for field in fields_of(alone) for name in field.names}
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """The effects of the rig."""
+        """Effects of the rig, which are not compared."""
         return rig_effects(described_model(self.choices))
 
     def in_units(self, units: UnitSystem) -> Side:
-        """The same pad in other units; InputError where strain would have to become a length."""
+        """Return the pad in other units; InputError where strain would have to become a length."""
         if units == self.units:
             return self
         by = factors(self.choices, self.constants, self.units, units)
@@ -77,7 +77,7 @@ class Side:
 
     @property
     def models(self) -> Model:
-        """The whole model, the rig's effects too, whose numbers have the draws as leading axis.
+        """Whole model with the rig's effects, whose constants have the draws as leading axis.
 
         Raises InputError where its stiffness is a curve over a depth that nobody knows.
         """
@@ -92,19 +92,19 @@ class Side:
         return drawn_models(described_model(self.choices, depth), self.names, self.draws)
 
     def some(self, count: int) -> Side:
-        """The same with at most so many draws, evenly out of all; one is their mean."""
+        """Return the side with at most ``count`` draws, evenly spaced; one is their mean."""
         if count == 1:
             return replace(self, draws=self.draws.mean(axis=0, keepdims=True))
-        places = np.linspace(0, len(self.draws) - 1, min(count, len(self.draws)))
-        return replace(self, draws=self.draws[places.astype(int)])
+        indices = np.linspace(0, len(self.draws) - 1, min(count, len(self.draws)))
+        return replace(self, draws=self.draws[indices.astype(int)])
 
     def read(self, settings: Settings) -> np.ndarray:
-        """(n, Q) what an engineer reads from each draw."""
+        """Return the derived quantities (n, Q) of each draw."""
         return read(pad_alone(self.models), settings)
 
 
 def side_of(source: Source, name: str) -> Side:
-    """A pad from a fit, a results file, or a dict of draws (any shape) by the constants' names.
+    """Return a side from a fit, a results file, or a dict of draws by the constants' names.
 
     name: what a dict is called, which has no name of its own.
 
@@ -157,43 +157,43 @@ def _some(draws: np.ndarray) -> np.ndarray:
 
 
 def unheld_times(sides: Sequence[Side]) -> list[str]:
-    """Relaxation times that a pad has and the tests of another do not hold, as sentences.
+    """Return sentences on relaxation times of a pad that another's tests do not hold.
 
     Where one pad was held longer than another, or pressed more quickly, a time of its fit may lie
     beyond the other's longest hold, or far within its quickest ramp. The other's fit then shares
     out the same relaxation in another way, and has another stiffness at once: their constants mean
     different things.
     """
-    found = []
+    unheld = []
     for side, other in permutations(sides, 2):
         if side.reach is None or other.reach is None:
             continue
-        mean = jax.tree.map(lambda numbers: numbers[0], side.some(1).models.relaxation)
+        mean = jax.tree.map(lambda leaf: leaf[0], side.some(1).models.relaxation)
         for name, value in mean.times().items():
             time = float(value)
             longer = side.reach.hold > _LONGER * other.reach.hold
             quicker = _LONGER * side.reach.quickest < other.reach.quickest
             if longer and time > other.reach.hold:
-                found.append(
+                unheld.append(
                     f"{name} of {side.name} is {time:.2g} s, and {other.name} was held for "
                     f"{other.reach.hold:.2g} s"
                 )
             elif quicker and time < _WITHIN * other.reach.quickest:
-                found.append(
+                unheld.append(
                     f"{name} of {side.name} is {time:.2g} s, and the quickest ramp of {other.name} "
                     f"took {other.reach.quickest:.2g} s"
                 )
-    return found
+    return unheld
 
 
 def shared_constants(sides: Sequence[Side]) -> list[Reading]:
-    """Constants that mean the same in all models and vary in one of them at least.
+    """Return constants that mean the same in all models and vary in one at least.
 
     Those of an elastic law need the same law, those of a relaxation the same one (of as many
     modes), an effect's that all models have it. Noise and the rig's effects are not the pad's.
     """
     first = sides[0]
-    found = []
+    shared = []
     for name, kind in first.kinds.items():
         everywhere = all(name in side.kinds for side in sides)
         if not everywhere or name not in _comparable(sides, name):
@@ -202,12 +202,12 @@ def shared_constants(sides: Sequence[Side]) -> list[Reading]:
             continue
         unit = first.units.of(kind)
         group = "effects" if "." in name else "constants"
-        found.append(Reading(name, unit, group, False))
-    return found
+        shared.append(Reading(name, unit, group, False))
+    return shared
 
 
 def _comparable(sides: Sequence[Side], name: str) -> tuple[str, ...]:
-    """The name where it means the same in all models."""
+    """Return the name where it means the same in all models."""
     stem = name.split("[")[0]
     if "." in name:
         return (name,)
@@ -218,7 +218,7 @@ def _comparable(sides: Sequence[Side], name: str) -> tuple[str, ...]:
 
 
 def fixed_constants(sides: Sequence[Side]) -> list[str]:
-    """Constants that were fixed in all models."""
+    """Return constants that were fixed in all models."""
     first = sides[0]
     return [
         name

@@ -1,4 +1,4 @@
-"""A comparison in plain words: do they differ, in what, what cannot be told, what to know of it."""
+"""Sentences of a comparison."""
 
 from __future__ import annotations
 
@@ -20,73 +20,73 @@ _TESTS = {
 _SHARED = {"constants": "in every shared constant", "shown": "in all that both tests show"}
 
 
-def paragraphs(found: Comparison) -> list[str]:
-    """The answer: first whether they differ, then quantity by quantity, then what limits it."""
+def paragraphs(comparison: Comparison) -> list[str]:
+    """Return the answer: whether they differ, each quantity, and the limits of the comparison."""
     return [
-        _verdict(found),
-        *_relaxation(found),
-        *_listed(found),
-        _chance(found),
-        *(_sentence(notice) for notice in found.notices),
+        _verdict(comparison),
+        *_relaxation(comparison),
+        *_listed(comparison),
+        _chance(comparison),
+        *(_sentence(notice) for notice in comparison.notices),
     ]
 
 
-def _verdict(found: Comparison) -> str:
-    one, other = found.names
-    region = f"{100 * found.region:g} %"
-    if found.differ is None and found.omnibus is None:
+def _verdict(comparison: Comparison) -> str:
+    one, other = comparison.names
+    region = f"{100 * comparison.region:g} %"
+    if comparison.differ is None and comparison.omnibus is None:
         return f"Cannot tell whether {one} and {other} differ: they share no constant."
-    if found.differ:
-        return f"Yes: {one} and {other} differ ({_test(found)}).{_most(found, region)}"
-    if found.differ is None:
+    if comparison.differ:
+        return f"Yes: {one} and {other} differ ({_test(comparison)}).{_most(comparison, region)}"
+    if comparison.differ is None:
         return (
             f"Cannot tell whether {one} and {other} differ: no difference is shown "
-            f"({_test(found)}), but the intervals are too wide to call them equal within {region}."
+            f"({_test(comparison)}), but the intervals are too wide to call them equal within "
+            f"{region}."
         )
-    assert found.omnibus is not None
+    assert comparison.omnibus is not None
     return (
-        f"No: {one} and {other} are equal within {region} {_SHARED[found.omnibus.over]}, and no "
-        f"difference is shown ({_test(found)})."
+        f"No: {one} and {other} are equal within {region} {_SHARED[comparison.omnibus.over]}, and "
+        f"no difference is shown ({_test(comparison)})."
     )
 
 
-def _test(found: Comparison) -> str:
-    omnibus = found.omnibus
+def _test(comparison: Comparison) -> str:
+    omnibus = comparison.omnibus
     assert omnibus is not None
     p_value = f"p = {omnibus.p_value:.2g}" if omnibus.p_value >= 1e-4 else "p < 0.0001"
     level = 100 * omnibus.false_alarms
-    return (
-        f"{_TESTS[found.between, omnibus.over]}, {p_value}; equals fail it in {level:g} % of cases"
-    )
+    test = _TESTS[comparison.between, omnibus.over]
+    return f"{test}, {p_value}; equals fail it in {level:g} % of cases"
 
 
-def _most(found: Comparison, region: str) -> str:
-    """The quantity that differs most."""
-    apart = [c for c in found.contrasts if c.answer in ("greater", "less") and c.ratio]
-    if all(c.answer == "equal" for c in found.contrasts):
+def _most(comparison: Comparison, region: str) -> str:
+    """Name the quantity that differs most."""
+    apart = [c for c in comparison.contrasts if c.answer in ("greater", "less") and c.ratio]
+    if all(c.answer == "equal" for c in comparison.contrasts):
         return f" Yet every quantity is equal within {region}: the difference is real but small."
     if not apart:
         return ""
-    one, other = found.names
+    one, other = comparison.names
     most = max(apart, key=lambda c: abs(log(c.ratio.median)) if c.ratio else 0.0)
     ratio = with_interval(most.ratio) if most.ratio else ""
     return f" Most of all in {most.quantity}: {one}'s is {ratio} times {other}'s."
 
 
-def _relaxation(found: Comparison) -> list[str]:
-    """The relaxation rates, which the paper's table gives as the same for both fluids."""
-    rates = [c for c in found.of_group("constants") if c.quantity.startswith("v[")]
+def _relaxation(comparison: Comparison) -> list[str]:
+    """Describe the relaxation rates, which the paper's table gives as equal for both fluids."""
+    rates = [c for c in comparison.of_group("constants") if c.quantity.startswith("v[")]
     if not rates:
         return []
-    return [f"Relaxation rates: {'; '.join(_one(c, found) for c in rates)}."]
+    return [f"Relaxation rates: {'; '.join(_one(c, comparison) for c in rates)}."]
 
 
-def _one(c: Contrast, found: Comparison) -> str:
-    one, other = found.names
+def _one(c: Contrast, comparison: Comparison) -> str:
+    one, other = comparison.names
     values = f"{c.quantity} {written(c.first)[0]} and {written(c.second)[0]}{_unit(c.unit)}"
     ratio = "" if c.ratio is None else f", ratio {with_interval(c.ratio)}"
-    region = f"{100 * found.region:g} %"
-    said = {
+    region = f"{100 * comparison.region:g} %"
+    answers = {
         "equal": f"the data say equal within {region} (probability {_share(c.equivalence)})",
         "greater": f"{one}'s is greater (probability {_share(c.direction)})",
         "less": f"{one}'s is less (probability {_share(1.0 - c.direction)})",
@@ -96,20 +96,20 @@ def _one(c: Contrast, found: Comparison) -> str:
             f"({_share(c.equivalence)})"
         ),
     }
-    return f"{values} ({one}, {other}){ratio}: {said[c.answer]}"
+    return f"{values} ({one}, {other}){ratio}: {answers[c.answer]}"
 
 
-def _listed(found: Comparison) -> list[str]:
-    one, _ = found.names
+def _listed(comparison: Comparison) -> list[str]:
+    one, _ = comparison.names
     texts = {
         "greater": f"Greater in {one}",
         "less": f"Less in {one}",
-        "equal": f"Equal within {100 * found.region:g} %",
+        "equal": f"Equal within {100 * comparison.region:g} %",
         "cannot tell": "Cannot tell",
     }
     lines = []
     for answer, text in texts.items():
-        chosen = [c for c in found.contrasts if c.answer == answer]
+        chosen = [c for c in comparison.contrasts if c.answer == answer]
         if chosen:
             lines.append(f"{text}: {', '.join(_brief(c) for c in chosen)}.")
     return lines
@@ -121,12 +121,12 @@ def _brief(c: Contrast) -> str:
     return f"{c.quantity} (x {with_interval(c.ratio)})"
 
 
-def _chance(found: Comparison) -> str:
-    count = len(found.contrasts)
-    different = sum(c.answer in ("greater", "less") for c in found.contrasts)
+def _chance(comparison: Comparison) -> str:
+    count = len(comparison.contrasts)
+    different = sum(c.answer in ("greater", "less") for c in comparison.contrasts)
     return (
         f"{different} of {count} quantities are called different one by one; were the two equal in "
-        f"all of them, up to {found.by_chance:.1f} would be by chance ({100 * BY_CHANCE:g} % "
+        f"all of them, up to {comparison.by_chance:.1f} would be by chance ({100 * BY_CHANCE:g} % "
         "each). Whether they differ at all is therefore judged by the joint test above."
     )
 
@@ -136,7 +136,7 @@ def _unit(unit: str) -> str:
 
 
 def _share(probability: float) -> str:
-    """Per cent, never a certainty that so many draws cannot show."""
+    """Format per cent, never a certainty that so many draws cannot show."""
     if probability > 0.999:
         return "> 99.9 %"
     return "< 0.1 %" if probability < 0.001 else f"{100 * probability:.1f} %"
@@ -155,7 +155,7 @@ def notices(
     lost: Sequence[str],
     apart: Sequence[str],
 ) -> Iterator[str]:
-    """One sentence each."""
+    """Yield one sentence on each limit of the comparison."""
     sides = [*groups[0], *groups[1]]
     yield from _specimens(groups, labels)
     if apart:

@@ -1,4 +1,4 @@
-"""A comparison on disk: JSON, CSV, LaTeX and plain words."""
+"""Files of a comparison: JSON, CSV, LaTeX and text."""
 
 from __future__ import annotations
 
@@ -13,40 +13,40 @@ from qlvbayes.io.files import results_folder, write_whole
 _COLUMNS = ("median", "low90", "high90")
 
 
-def write_comparison(folder: Path, found: Comparison) -> list[Path]:
+def write_comparison(folder: Path, comparison: Comparison) -> list[Path]:
     """Write compare.json, .csv, .tex and .txt; return their paths.
 
     Raises InputError where the folder cannot be written.
     """
     results_folder(folder)
-    found.write(folder / "compare.json")
+    comparison.write(folder / "compare.json")
     texts = {
-        "csv": as_csv(found),
-        "tex": as_latex(found),
-        "txt": "\n\n".join(found.words) + "\n",
+        "csv": as_csv(comparison),
+        "tex": as_latex(comparison),
+        "txt": "\n\n".join(comparison.words) + "\n",
     }
     for suffix, text in texts.items():
         write_whole(folder / f"compare.{suffix}", text.encode())
     return [folder / f"compare.{suffix}" for suffix in ("json", *texts)]
 
 
-def as_csv(found: Comparison) -> str:
-    """A row a quantity: medians and central 90 % intervals, probabilities, the answer."""
+def as_csv(comparison: Comparison) -> str:
+    """Return a row for each quantity: medians, central 90 % intervals, probabilities, answer."""
     file = io.StringIO()
     table = csv.writer(file, lineterminator="\n")
     heads = [f"{what}_{c}" for what in ("first", "second", "difference", "ratio") for c in _COLUMNS]
     table.writerow(
         ["quantity", "unit", *heads, "p_first_greater", "p_equivalent", "answer", "extrapolated"]
     )
-    for c in found.contrasts:
-        numbers = [*_numbers(c.first), *_numbers(c.second)]
-        numbers += [*_numbers(c.difference), *_numbers(c.ratio)]
+    for c in comparison.contrasts:
+        values = [*_numbers(c.first), *_numbers(c.second)]
+        values += [*_numbers(c.difference), *_numbers(c.ratio)]
         shares = [f"{c.direction:.6g}", f"{c.equivalence:.6g}"]
-        row = [*as_cells([c.quantity, c.unit]), *numbers, *shares, c.answer]
+        row = [*as_cells([c.quantity, c.unit]), *values, *shares, c.answer]
         row.append("yes" if c.extrapolated else "no")
         table.writerow(row)
-    one, other = (visible(" ".join(name.split())) for name in found.names)
-    return f"# first = {one}, second = {other}; region {found.region:g}\n{file.getvalue()}"
+    one, other = (visible(" ".join(name.split())) for name in comparison.names)
+    return f"# first = {one}, second = {other}; region {comparison.region:g}\n{file.getvalue()}"
 
 
 def _numbers(value: Interval | None) -> list[str]:
@@ -55,21 +55,21 @@ def _numbers(value: Interval | None) -> list[str]:
     return [f"{x:.6g}" for x in (value.median, value.low, value.high)]
 
 
-def as_latex(found: Comparison) -> str:
-    """A table for the booktabs package: values, ratio (or difference), probabilities, answer."""
-    one, other = (tex(name) for name in found.names)
+def as_latex(comparison: Comparison) -> str:
+    """Return a table for the booktabs package: values, ratio (or difference), answer."""
+    one, other = (tex(name) for name in comparison.names)
     lines = [
         "% needs \\usepackage{booktabs}",
         "\\begin{tabular}{llrrrrrl}",
         "\\toprule",
         f"quantity & unit & {one} & {other} & {one}/{other} & $P(>)$ & $P(\\approx)$ & answer \\\\",
         "\\midrule",
-        *(_latex_row(c) for c in found.contrasts),
+        *(_latex_row(c) for c in comparison.contrasts),
         "\\bottomrule",
         "\\end{tabular}",
         f"% median [central 90 \\% interval]; $P(>)$: probability that {one}'s is greater;",
-        f"% $P(\\approx)$: that the ratio is within 1/{1 + found.region:g} to "
-        f"{1 + found.region:g}; a ratio that may be 0 or change sign is left out",
+        f"% $P(\\approx)$: that the ratio is within 1/{1 + comparison.region:g} to "
+        f"{1 + comparison.region:g}; a ratio that may be 0 or change sign is left out",
     ]
     return "\n".join(lines) + "\n"
 

@@ -19,8 +19,8 @@ from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.io.runtime import forget_compiled, one_blas_thread
 from qlvbayes.model.choices import Choices
-from qlvbayes.preprocess.experiment import Experiment
-from qlvbayes.preprocess.pulling import pull_notices
+from qlvbayes.motion.experiment import Experiment
+from qlvbayes.motion.pulling import pull_notices
 
 EVIDENCES = ("laplace", "nested")
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.effects.effect import Protocol
-from qlvbayes.preprocess.experiment import Experiment
-from qlvbayes.preprocess.firstlook.facts import at_one_depth, returns, unloads
+from qlvbayes.motion.experiment import Experiment
+from qlvbayes.motion.firstlook.facts import at_one_depth, returns, unloads
 
 
 def protocol_of(

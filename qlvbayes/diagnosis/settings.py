@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from qlvbayes.inference.errors.features import UNDECIDED, DiscrepancyPrior
 from qlvbayes.io.checks import InputError
 from qlvbayes.laws.scales import TOLERANCE
-from qlvbayes.preprocess.firstlook.facts import NEARLY
+from qlvbayes.motion.firstlook.facts import NEARLY
 
 _MOST_TOLERANCE = 0.5  # of the peak force, from which it is not a tolerance but a mistake
 

@@ -23,7 +23,7 @@ from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.model import Model
 from qlvbayes.model.noise import AbstractGaussian, Correlated, Floor
-from qlvbayes.preprocess.experiment import Experiment
+from qlvbayes.motion.experiment import Experiment
 from qlvbayes.priors.natural import in_own_numbers
 
 

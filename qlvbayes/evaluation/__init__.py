@@ -1,1 +1,1 @@
-"""How far answers can be trusted: blind studies on what the simulator hides, and their scores."""
+"""Blind studies: simulated pads with known hidden effects, and how often the diagnosis is right."""

@@ -1,22 +1,25 @@
 """The rules of the count: what is right, what is wrong, and how sure a rate is.
 
-named: the verdict names exactly what is hidden and nothing besides, without a rival. group: named,
-or the verdict is `ambiguous` and its own `group`, of at most three, completes what it is sure of to
-exactly what is hidden; a longer list beside a wrong name counts for nothing.
+Named means that the verdict names exactly the hidden effects, without a rival. Grouped means named,
+or that the verdict is `ambiguous` and one effect of its own `group`, of at most three, completes
+its other effects to exactly the hidden ones; a longer group does not count.
 
-Some names are true though nothing of that name was hidden, and count neither as wanted nor as
-wrong: ``contact_offset`` where the platen starts above the pad, as it does in the wide population,
-and ``extra_relaxation_mode`` on a base law of fewer modes than the pad has.
+Some names are true though no effect of that name was hidden, and count neither as wanted nor as
+wrong: ``contact_offset`` where the platen starts above the pad, and ``extra_relaxation_mode`` where
+the base law has fewer modes than the pad.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from math import sqrt
+from typing import Any
 
 from scipy.stats import beta
 
-from qlvbayes.evaluation.rate import Case, Rate
+Case = dict[str, Any]
+"""A finished study, with the keys that `qlvbayes.evaluation.case` writes."""
 
 LARGEST_GROUP = 3  # effects: a longer list singles nothing out
 LEVEL = 0.95  # of the one-sided bounds
@@ -24,104 +27,138 @@ _SURE = ("missing_effect", "partly_explained")
 _OPEN = ("unexplained", "partly_explained")
 
 
-def is_named(case: Case) -> bool:
-    """Exactly what is hidden is named; of nothing hidden, `adequate` is said.
+@dataclass(frozen=True)
+class Rate:
+    """Share of n studies, ``hits`` of them."""
 
-    Beside an outsider the listed effect is to be named; alone it leaves nothing to name.
+    hits: int
+    n: int
+
+    @classmethod
+    def from_cases(cls, cases: Iterable[Case], hit: Callable[[Case], bool]) -> Rate:
+        """Count the cases for which ``hit`` is true."""
+        hits = [hit(case) for case in cases]
+        return cls(sum(hits), len(hits))
+
+    @property
+    def share(self) -> float | None:
+        """Hits over n; None without studies."""
+        return self.hits / self.n if self.n else None
+
+    @property
+    def error(self) -> float | None:
+        """Binomial standard error sqrt(p (1 - p)/n), p = (hits + 1)/(n + 2), never 0."""
+        share = (self.hits + 1.0) / (self.n + 2.0)
+        return sqrt(share * (1.0 - share) / self.n) if self.n else None
+
+    def as_dict(self) -> dict:
+        """Return plain values for JSON."""
+        return {"hits": self.hits, "n": self.n, "share": self.share, "standard_error": self.error}
+
+    def __str__(self) -> str:
+        if self.share is None or self.error is None:
+            return "-"
+        return f"{100 * self.share:.1f} ± {100 * self.error:.1f} %"
+
+
+def is_named(case: Case) -> bool:
+    """Whether exactly the hidden effects are named; without any, whether the verdict is `adequate`.
+
+    Together with an unlisted effect the listed one is to be named; alone it leaves nothing to name.
     """
-    wanted, told = _listed(case), _told(case)
+    wanted, named = _listed(case), _named(case)
     if case["kind"] == "none":
-        gap_alone = case["verdict"] == "missing_effect" and not told
+        gap_alone = case["verdict"] == "missing_effect" and not named
         return bool(case["verdict"] == "adequate" or gap_alone)
     if case["kind"] == "outside":
-        return case["verdict"] in _OPEN and not told
-    return case["verdict"] in _SURE and told == wanted
+        return case["verdict"] in _OPEN and not named
+    return case["verdict"] in _SURE and named == wanted
 
 
 def is_grouped(case: Case) -> bool:
-    """Named, or in an ambiguous verdict's own group of at most three."""
+    """Whether the hidden effects are named, or in an ambiguous verdict's group of at most three."""
     if is_named(case):
         return True
     if case["verdict"] != "ambiguous" or len(case["group"]) > LARGEST_GROUP:
         return False
-    sure = _told(case | {"effects": case["effects"][:-1]})
+    sure = _named(case | {"effects": case["effects"][:-1]})
     return bool(_listed(case)) and _listed(case) in [{*sure, rival} for rival in case["group"]]
 
 
 def names_kin(case: Case) -> bool:
-    """One effect that the hidden form may be called by is named, and nothing besides."""
+    """Whether exactly one effect is named, and the hidden form may be called by it."""
     (name,) = case["names"]
-    told = _told(case)
-    return case["verdict"] in _SURE and len(told) == 1 and told <= set(case["kin"][name])
+    named = _named(case)
+    return case["verdict"] in _SURE and len(named) == 1 and named <= set(case["kin"][name])
 
 
 def names_wrongly(case: Case) -> bool:
-    """Something that is not hidden is named without a rival."""
-    return case["verdict"] in _SURE and not _told(case) <= _allowed(case)
+    """Whether an effect that is not hidden is named without a rival."""
+    return case["verdict"] in _SURE and not _named(case) <= _allowed(case)
 
 
 def true_names(case: Case) -> set[str]:
-    """Effects that are there: hidden, of a hidden form's physics, or true besides."""
-    return _allowed(case) | _true_besides(case)
+    """Return the effects that are present: hidden, of a hidden form's physics, or true anyway."""
+    return _allowed(case) | _true_anyway(case)
 
 
 def _allowed(case: Case) -> set[str]:
-    """What is hidden may be called by."""
+    """Return the names that a correct verdict may give the hidden effects."""
     if case["kind"] in ("single", "double"):
         return set(case["names"])
     return set().union(*(set(kin) for kin in case["kin"].values()))
 
 
 def is_unexplained(case: Case) -> bool:
-    """Structure is there and nothing is named for it."""
+    """Whether structure is found and no effect is named for it."""
     return bool(case["verdict"] == "unexplained")
 
 
 def has_failed(case: Case) -> bool:
-    """The program stopped with an error."""
+    """Whether the program stopped with an error."""
     return bool(case["verdict"] == "failed")
 
 
 def is_right(case: Case) -> bool:
-    """What the answer should be, by what is hidden."""
+    """Whether the verdict is right, by the kind of what is hidden."""
     return names_kin(case) if case["kind"] == "form" else is_grouped(case)
 
 
 def _listed(case: Case) -> set[str]:
-    """Hidden effects that the list holds."""
+    """Return the hidden effects that are listed ones."""
     return {name for name in case["names"] if name in case["kin"][name]}
 
 
-def _told(case: Case) -> set[str]:
-    """Effects that the verdict names, less those that are true though they were not hidden."""
-    return set(case["effects"]) - (_true_besides(case) - set(case["names"]))
+def _named(case: Case) -> set[str]:
+    """Return the effects that the verdict names, less those that are true but were not hidden."""
+    return set(case["effects"]) - (_true_anyway(case) - set(case["names"]))
 
 
-def _true_besides(case: Case) -> set[str]:
-    """The rig's own gap, and a mode that the base law told lacks."""
-    found = set()
+def _true_anyway(case: Case) -> set[str]:
+    """Return the rig's own gap, and a mode that the selected base law lacks."""
+    names = set()
     if case.get("rig", {}).get("gap_mm", 0.0) > 0.0:
-        found.add("contact_offset")
+        names.add("contact_offset")
     if _modes(case.get("strata", {}).get("relaxation")) > _modes(_base(case)) > 0:
-        found.add("extra_relaxation_mode")
-    return found
+        names.add("extra_relaxation_mode")
+    return names
 
 
 def _base(case: Case) -> str | None:
-    """The relaxation that the verdict tells."""
-    told: str | None = case.get("base", {}).get("relaxation")
-    return told
+    """Return the relaxation law of the selected base model."""
+    relaxation: str | None = case.get("base", {}).get("relaxation")
+    return relaxation
 
 
 def _modes(relaxation: str | None) -> int:
-    """Of a Prony series; 0 of another law."""
+    """Return the number of modes of a Prony series; 0 of another law."""
     law, _, modes = (relaxation or "").partition(":")
     return int(modes) if law == "prony" else 0
 
 
 @dataclass(frozen=True)
 class Count:
-    """One question, of the studies of some kinds; good: more is better."""
+    """One question about the studies of some kinds; good: whether more is better."""
 
     name: str
     kinds: tuple[str, ...]
@@ -140,10 +177,10 @@ COUNTS = (
     Count("double_named", ("double",), is_named, "two effects: both named", True),
     Count("double_group", ("double",), is_grouped, "two effects: both named or in the group", True),
     Count("form_kin", ("form",), names_kin, "other form: an effect of its family named", True),
-    Count("outside_open", ("outside",), is_named, "outsider: left open, nothing named", True),
+    Count("outside_open", ("outside",), is_named, "unlisted effect: nothing named", True),
     Count(
         "beside_named", ("outside_beside",), is_named,
-        "outsider beside a listed effect: that one named", True,
+        "unlisted effect with a listed one: that one named", True,
     ),
     Count("wrong", _ALL, names_wrongly, "all: a name that is not hidden, without a rival", False),
     Count("unexplained", _ALL, is_unexplained, "all: unexplained", False),
@@ -153,25 +190,25 @@ COUNTS = (
 
 
 def counted(cases: Sequence[Case], count: Count) -> Rate:
-    """One question over the studies of its kinds that could be seen."""
+    """Return the rate of one question, over the studies of its kinds that could be seen."""
     some = [c for c in cases if c["kind"] in count.kinds and c.get("seen", False)]
-    return Rate.of(some, count.hit)
+    return Rate.from_cases(some, count.hit)
 
 
 def lower(rate: Rate) -> float:
-    """One-sided 95 % lower bound of a share (Clopper and Pearson 1934)."""
+    """Return the one-sided 95 % lower bound of a share (Clopper and Pearson 1934)."""
     if rate.hits == 0:
         return 0.0
     return float(beta.ppf(1.0 - LEVEL, rate.hits, rate.n - rate.hits + 1))
 
 
 def upper(rate: Rate) -> float:
-    """One-sided 95 % upper bound of a share (Clopper and Pearson 1934)."""
+    """Return the one-sided 95 % upper bound of a share (Clopper and Pearson 1934)."""
     if rate.hits == rate.n:
         return 1.0
     return float(beta.ppf(LEVEL, rate.hits + 1, rate.n - rate.hits))
 
 
 def bound(rate: Rate, good: bool) -> float:
-    """The bound that speaks against us: lower of what is good, upper of what is bad."""
+    """Return the unfavourable bound: the lower one of what is good, the upper of what is bad."""
     return lower(rate) if good else upper(rate)

@@ -1,20 +1,22 @@
-"""The wide population: which protocol, law, history, noise, logger and hidden effect come where."""
+"""The population of blind studies: which strata and which hidden effects each study has."""
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from qlvbayes.io.checks import InputError
 from qlvbayes.simulate import FOREIGN, FORMS, FURTHER, HIDDEN, OUTSIDE
 from qlvbayes.simulate.laws import ELASTIC, RELAXATION
 from qlvbayes.simulate.loadcell import CELLS
 from qlvbayes.simulate.programmes import PROTOCOL_NAMES
 
 KINDS = ("none", "single", "double", "form", "outside", "outside_beside")
-"""Hidden: nothing, one listed effect, two, another form of one, an outsider alone, or an outsider
-beside a listed effect."""
+"""Hidden: nothing, one listed effect, two, another form of one, an unlisted effect alone, or an
+unlisted effect together with a listed one."""
 STRATA: dict[str, tuple[str, ...]] = {
     "kind": KINDS,
     "protocol": PROTOCOL_NAMES,
@@ -25,12 +27,23 @@ STRATA: dict[str, tuple[str, ...]] = {
     "logger": ("full", "uniform", "thinned"),
 }
 """Every stratum's levels; each level comes equally often, in an order of its own."""
+PAPER_STRATA: dict[str, tuple[str, ...]] = STRATA | {
+    "protocol": ("paper", "one_retraction"),
+    "elastic": ("exponential",),
+    "relaxation": ("prony:2",),
+    "history": ("rested",),
+    "noise": ("usual",),
+    "logger": ("thinned",),
+}
+"""The levels that the paper's rig and pads have."""
+NOISE_LEVELS = {"correlated": "usual", "white": "white"}
+"""Levels of the stratum ``noise`` of the paper's strata, by the name that the user gives."""
 _PER_TEST = ("slip", "rezeroed")  # drawn anew where a test begins; carried tests are one motion
 
 
 @dataclass(frozen=True)
-class WideItem:
-    """One place of the population: a level of each stratum, and what is hidden by name."""
+class Item:
+    """Level of each stratum and names of the hidden effects of one study."""
 
     index: int
     levels: dict[str, str]
@@ -39,36 +52,74 @@ class WideItem:
 
 @dataclass(frozen=True)
 class Population:
-    """Studies of one seed, without end; the one at `index` depends on seed and index only.
+    """Studies of one seed, without end; each depends on the seed and its own index only.
 
     Of the first n studies every level of a stratum with k levels has n/k, rounded up or down; the
     strata are crossed at random.
+
+    Parameters
+    ----------
+    seed
+        Seed of everything that is random in the studies.
+    paper
+        Whether the strata are those of the paper's rig and pads alone.
+    noise
+        Kind of noise of the paper's strata: ``correlated`` or ``white``.
+    effects
+        Names of the listed effects that may be hidden alone.
+
+    Raises
+    ------
+    InputError
+        There is no such kind of noise or no such effect.
     """
 
     seed: int
+    paper: bool = False
+    noise: str = "correlated"
+    effects: tuple[str, ...] = tuple(HIDDEN)
+
+    def __post_init__(self) -> None:
+        if self.noise not in NOISE_LEVELS:
+            names = ", ".join(NOISE_LEVELS)
+            raise InputError(f"no noise {self.noise!r}", remedy=f"use one of {names}")
+        unknown = [name for name in self.effects if name not in HIDDEN]
+        if unknown or not self.effects:
+            raise InputError(
+                f"no effect {unknown[0]!r}" if unknown else "no effects",
+                remedy=f"use some of {', '.join(HIDDEN)}",
+            )
 
     @property
     def key(self) -> str:
-        """A name that tells this population from others."""
-        return f"wide-seed{self.seed}"
+        """Name that identifies this population."""
+        key = f"paper-{self.noise}-seed{self.seed}" if self.paper else f"wide-seed{self.seed}"
+        if set(self.effects) != set(HIDDEN):
+            key += "-" + hashlib.sha256(",".join(self.effects).encode()).hexdigest()[:6]
+        return key
 
-    def item(self, index: int) -> WideItem:
-        """What is at one place."""
-        levels = {name: self._level(name, STRATA[name], index) for name in STRATA}
-        return WideItem(index, levels, self._names(levels, index))
+    @property
+    def strata(self) -> dict[str, tuple[str, ...]]:
+        """Levels of each stratum."""
+        return PAPER_STRATA | {"noise": (NOISE_LEVELS[self.noise],)} if self.paper else STRATA
+
+    def item(self, index: int) -> Item:
+        """Strata and hidden effects of one study."""
+        levels = {name: self._level(name, some, index) for name, some in self.strata.items()}
+        return Item(index, levels, self._names(levels, index))
 
     def rng(self, index: int) -> np.random.Generator:
-        """Source of all that is random in one study."""
+        """Generator of everything that is random in one study."""
         return np.random.default_rng([self.seed, index, *b"wide study"])
 
     def _level(self, name: str, levels: Sequence[str], index: int) -> str:
-        """Blocks of all levels, each block in an order of its own."""
-        block, place = divmod(index, len(levels))
+        """Level of one stratum; they come in blocks of all levels, each block in its own order."""
+        block, position = divmod(index, len(levels))
         order = np.random.default_rng([self.seed, block, *name.encode()]).permutation(len(levels))
-        return levels[order[place]]
+        return levels[order[position]]
 
     def _names(self, levels: dict[str, str], index: int) -> tuple[str, ...]:
-        """Hidden effects: every name of a kind equally often, in a shuffled order."""
+        """Names of the hidden effects; every name of a kind comes equally often."""
         kind = levels["kind"]
         before = index // len(KINDS)  # one study of each kind in every block of six
         outside = [*OUTSIDE, *FURTHER]
@@ -77,7 +128,7 @@ class Population:
         listed = tuple(HIDDEN)
         first = {
             "none": (),
-            "single": listed,
+            "single": self.effects,
             "double": listed,
             "form": (*FORMS, *FOREIGN),
             "outside": outside,
@@ -93,7 +144,7 @@ class Population:
 
 
 def kin(name: str) -> frozenset[str]:
-    """Listed effects that a hidden one may be called by: itself, or those a form stands for."""
+    """Listed effects that a correct verdict may name: the hidden one, or those a form replaces."""
     forms = {**FORMS, **FOREIGN}
     if name in forms:
         return frozenset(forms[name].family.split("/"))

@@ -1,4 +1,4 @@
-"""One blind study: a random pad with something hidden, tested and measured by the simulator."""
+"""One blind study: a random pad with hidden effects, simulated and measured."""
 
 from __future__ import annotations
 
@@ -8,137 +8,167 @@ from math import log
 
 import numpy as np
 
-from qlvbayes.evaluation.plan import Item, Plan
+from qlvbayes.evaluation.population import Item, Population
 from qlvbayes.io.data import Pad, Test
 from qlvbayes.io.units import PAD
-from qlvbayes.simulate import (
-    NOISES,
-    PAPER_RATES,
-    Constants,
-    Effect,
-    HiddenPad,
-    Noise,
-    SimulatedTest,
-    Step,
-    draw_constants,
-    draw_effect,
-    elastic_force,
-    full_retraction_protocol,
-    paper_protocol,
-    record_study,
-)
+from qlvbayes.simulate import Effect, HiddenPad, SimulatedTest, draw_effect_in, encode, thin
+from qlvbayes.simulate.hidden import NearContact
+from qlvbayes.simulate.laws import Law, draw_law
+from qlvbayes.simulate.loadcell import LoadCell, draw_cell
+from qlvbayes.simulate.programmes import Session, session
 
-ROWS = 500  # a test
-DEPTH = 1.6  # mm, of both protocols
-SIZES = {"single": (0.02, 0.12), "double": (0.04, 0.12), "form": (0.02, 0.12)}
-SIZES |= {"outside": (0.05, 0.15)}  # largest contribution of an effect over the peak force
-NOISE_FACTOR = 2.0  # either way, of the sds of the noise
-NOISE_TIME = (0.2, 1.5)  # s
-RETRACTIONS = 2  # tests of a mixed study that go back to zero, the others are the paper's
-
-
-@dataclass(frozen=True)
-class Tests:
-    """Programs of a study: the paper's test at every rate (mm/s), but full retraction at some."""
-
-    __test__ = False  # not for pytest
-
-    retracted: tuple[float, ...] = ()
-
-    def program(self, rate: float) -> tuple[Step, ...]:
-        """What the platen does at one rate (mm/s)."""
-        protocol = full_retraction_protocol if rate in self.retracted else paper_protocol
-        return protocol(rate)
-
-    def run(self, pad: HiddenPad, noise: Noise, seed: int) -> list[SimulatedTest]:
-        """Test one pad at the paper's rates."""
-        programs = {f"{rate:g}": self.program(rate) for rate in PAPER_RATES}
-        return record_study({"pad": pad}, programs, noise, seed, ROWS)
+SIZES = (0.005, 0.15)  # largest contribution of an effect over the peak force
+GAP_MM = (0.0, 0.02)  # the platen starts this far above the pad
+WIDTH_MM = (0.001, 0.005)  # contact comes within about this
+CREEP_MM = 4e-4  # most that the platen moves on in a hold: less than half an encoder step
+ROWS = 350  # of a thinned test
+HOLD_S = {"full": 4.0, "uniform": 10.0, "thinned": 30.0}  # by logger
+RATE_HZ = {"full": 1000.0, "uniform": 50.0, "thinned": 1000.0}
+_A_CYCLE = 20  # samples of a slow logger in a cycle of the sine
+_DEPTH = 1.6  # mm, about: sets the law's constants
+_CELLS = {False: 150, True: 12}  # of the solver in a stretch, by whether the motion is smooth
+_DRAWING_CELLS = {False: 45, True: 12}  # the same, where only the size of an effect is drawn
+_SETTLED = 1e-7  # share of the stroke
+_DRAWING_SETTLED = 1e-5  # the same, where only the size of an effect is drawn
 
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """What is hidden, and what was measured.
+    """True material, hidden effects, rig and simulated readings of one study.
 
-    item: place in the plan, with the kind and the hidden effects' names; effects: the same with
-    their parameters; sizes: asked for, over the peak force; fitted: kind of noise to be fitted;
-    pad: the tests as if they had been read from a file.
+    sizes: the contribution of each hidden effect that was asked for, over the peak force; rig: gap
+    (mm) and width (mm) of the contact; creep: movement of the platen in a hold (mm); times: sampled
+    times of every test (s); peak: peak force without the effects (N); pad: the readings.
     """
 
     item: Item
-    constants: Constants
+    law: Law
     effects: tuple[Effect, ...]
     sizes: tuple[float, ...]
-    noise: Noise
-    fitted: str
-    tests: Tests
+    rig: NearContact
+    creep: float
+    session: Session
+    cell: LoadCell
+    times: tuple[np.ndarray, ...]
+    peak: float
     pad: Pad
 
-    def forces(self, effects: Sequence[Effect]) -> list[np.ndarray]:
-        """True force (N) at every test's samples (n,), with some effects in place of the hidden."""
-        hidden = HiddenPad(self.constants, tuple(effects))
-        found = self.tests.run(hidden, NOISES["none"], 0)
-        return [test.record.true_force for test in found]
+    def material(self, law: Law, effects: Sequence[Effect]) -> HiddenPad:
+        """Return the simulated pad of this law and these effects, on this rig."""
+        return _material(law, (self.rig, *effects), self.session.smooth)
+
+    def forces(
+        self, law: Law, effects: Sequence[Effect], times: Sequence[np.ndarray]
+    ) -> list[np.ndarray]:
+        """Return the true force (N) of every test at these times (s)."""
+        return run(self.material(law, effects), self.session, times)
 
 
-def make_study(plan: Plan, index: int) -> Study:
-    """Simulate the study at one place of the plan; it depends on the plan's seed and index only."""
-    item = plan.item(index)
-    rng = np.random.default_rng([plan.seed, index, *plan.noise.encode()])
-    constants = draw_constants(rng)
-    noise = _noise(plan.noise, rng)
-    retracted = rng.choice(PAPER_RATES, RETRACTIONS, replace=False)
-    tests = Tests(tuple(map(float, retracted)) if item.protocol == "mixed" else ())
-    sizes = tuple(_spread(rng, *SIZES[item.kind]) for _ in item.names)
-    peak = float(elastic_force(constants, np.array([DEPTH]))[0])
-    effects = tuple(
-        draw_effect(
-            name, rng, peak, DEPTH, max(PAPER_RATES), size, constants=constants,
-            protocol=tests.program,
-        )
-        for name, size in zip(item.names, sizes, strict=True)
-    )  # fmt: skip
-    found = tests.run(HiddenPad(constants, effects), noise, int(rng.integers(2**32)))
-    pad = measured(found, f"study {index}")
-    return Study(item, constants, effects, sizes, noise, plan.noise, tests, pad)
+def make_study(population: Population, index: int) -> Study:
+    """Simulate one study of a population."""
+    item, rng = population.item(index), population.rng(index)
+    levels = item.levels
+    creep = float(rng.uniform(-CREEP_MM, CREEP_MM))
+    plan = session(
+        levels["protocol"], levels["history"] == "carried", HOLD_S[levels["logger"]], creep, rng
+    )
+    law = draw_law(levels["elastic"], levels["relaxation"], rng, _DEPTH)
+    rig = NearContact(float(rng.uniform(*GAP_MM)), float(rng.uniform(*WIDTH_MM)))
+    effects, sizes, peak = _hidden(item, law, rig, plan, rng)
+    cell = draw_cell(levels["noise"], peak, plan.longest_hold, rng)
+    pad = _material(law, (rig, *effects), plan.smooth)
+    times, readings = _measure(pad, plan, cell, peak, levels["logger"], rng, f"study {index}")
+    return Study(item, law, effects, sizes, rig, creep, plan, cell, times, peak, readings)
 
 
 def measured(tests: Sequence[SimulatedTest], name: str) -> Pad:
-    """Simulated tests of one pad as if they had been read from a file."""
-    found = tuple(
+    """Return simulated tests of one pad as if they had been read from a file."""
+    read = tuple(
         Test(t.name, name, t.record.time, t.record.displacement, t.record.force, start_s=t.start_s)
         for t in tests
     )
-    return Pad(name, found, PAD)
+    return Pad(name, read, PAD)
 
 
-def true_values(constants: Constants) -> dict[str, float]:
-    """The pad's constants by the names that a fit gives them."""
-    values = {"m": constants.m, "b": constants.b}
-    values |= {f"c[{k}]": c for k, c in enumerate(constants.c)}
-    return values | {f"v[{k}]": v for k, v in enumerate(constants.v, start=1)}
+def run(pad: HiddenPad, plan: Session, times: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Return the true force (N) of every test at these times (s).
+
+    Where the session is continuous, each test remembers those before it.
+    """
+    motions = list(plan.motions.values())
+    if not plan.continuous:
+        return [pad.force(m, t) for m, t in zip(motions, times, strict=True)]
+    clock = [m.start_s - motions[0].start_s for m in motions]
+    moments = np.concatenate([c + t for c, t in zip(clock, times, strict=True)])
+    edges = np.cumsum([t.size for t in times])[:-1]
+    whole = plan.whole
+    return np.split(pad.force(whole, np.minimum(moments, whole.duration)), edges)
 
 
-def true_noise(noise: Noise, fitted: str) -> dict[str, float]:
-    """The noise's constants by the names that a fit of this kind of noise gives them."""
-    values = {"noise.white": noise.white}
-    if fitted == "correlated":
-        values |= {"noise.ou": noise.correlated, "noise.tau": noise.correlation_time}
-    return values
+def _material(law: Law, effects: Sequence[Effect], smooth: bool) -> HiddenPad:
+    return HiddenPad(law, tuple(effects), cells=_CELLS[smooth], frame_speed=True, settled=_SETTLED)
 
 
-def _noise(kind: str, rng: np.random.Generator) -> Noise:
-    usual = NOISES[kind]
-    low, high = 1.0 / NOISE_FACTOR, NOISE_FACTOR
-    white, correlated = (_spread(rng, low, high) for _ in range(2))
-    return replace(
-        usual,
-        white=usual.white * white,
-        correlated=usual.correlated * correlated,
-        correlation_time=_spread(rng, *NOISE_TIME),
+def _hidden(
+    item: Item, law: Law, rig: NearContact, plan: Session, rng: np.random.Generator
+) -> tuple[tuple[Effect, ...], tuple[float, ...], float]:
+    """Return the effects, their sizes, and the peak force (N) of the pad without them."""
+    pad = replace(
+        _material(law, (rig,), plan.smooth),
+        cells=_DRAWING_CELLS[plan.smooth],
+        settled=_DRAWING_SETTLED,
     )
+    motions = list(plan.motions.values())
+    sizes = tuple(_spread(rng, *SIZES) for _ in item.names)
+    own = law.v if len(law.v) <= 3 else ()
+    effects = tuple(
+        draw_effect_in(name, rng, pad, motions, size, own)
+        for name, size in zip(item.names, sizes, strict=True)
+    )
+    peak = max(float(pad.force(m, np.linspace(0.0, m.duration, 400)).max()) for m in motions)
+    return effects, sizes, peak
+
+
+def _measure(
+    pad: HiddenPad,
+    plan: Session,
+    cell: LoadCell,
+    peak: float,
+    logger: str,
+    rng: np.random.Generator,
+    name: str,
+) -> tuple[tuple[np.ndarray, ...], Pad]:
+    """Return the sampled times of every test, and the readings of encoder and load cell."""
+    times, read, errors = [], [], []
+    for label, motion in plan.motions.items():
+        every = _clock(motion.duration, logger, label)
+        position, error = cell.position(motion.displacement(every)), cell.draw(every, rng)
+        kept = (
+            thin(every, encode(motion.displacement(every)), ROWS)
+            if logger == "thinned"
+            else np.arange(every.size)
+        )
+        times.append(every[kept])
+        read.append(position[kept])
+        errors.append(error[kept])
+    forces = run(pad, plan, [cell.moments(t, rng) for t in times])
+    tests = [
+        Test(label, name, t, d, cell.read(f, e, peak), start_s=motion.start_s, start_known=True)
+        for (label, motion), t, d, f, e in zip(
+            plan.motions.items(), times, read, forces, errors, strict=True
+        )
+    ]
+    return tuple(times), Pad(name, tuple(tests), PAD)
+
+
+def _clock(duration: float, logger: str, label: str) -> np.ndarray:
+    """Return the times (s) of a logger; a slow one takes 20 samples in a cycle of a sine."""
+    rate = RATE_HZ[logger]
+    if logger == "uniform" and label.endswith(" Hz"):
+        rate = _A_CYCLE * float(label.removesuffix(" Hz"))
+    return np.arange(int(duration * rate + 1e-6) + 1) / rate
 
 
 def _spread(rng: np.random.Generator, low: float, high: float) -> float:
-    """Log-uniform between two bounds."""
+    """Draw a log-uniform number between two bounds."""
     return float(np.exp(rng.uniform(log(low), log(high))))

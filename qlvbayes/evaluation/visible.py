@@ -1,4 +1,4 @@
-r"""Could the tests show what is hidden? From the simulator alone.
+r"""Whether the tests can show a hidden effect at all, from the simulator alone.
 
 The pattern of an effect is the difference of two simulations without noise, with it and without,
 both with all other hidden effects. The part of it that no constant of the pad takes is what is left
@@ -20,7 +20,7 @@ from math import log1p
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from qlvbayes.evaluation.wide import WideStudy
+from qlvbayes.evaluation.study import Study
 from qlvbayes.simulate import Effect
 
 SEEN = 10.0  # expected 2 ln(Bayes factor)
@@ -29,33 +29,33 @@ _STEP = 1e-3  # of a constant's logarithm
 _FLOOR = 1e-4  # share of the peak force that counts as error where there is none
 
 
-def visible(study: WideStudy) -> dict[str, float]:
-    """Expected 2 ln(Bayes factor) of each hidden effect."""
+def visible(study: Study) -> dict[str, float]:
+    """Return the expected 2 ln(Bayes factor) of each hidden effect, by name."""
     if not study.effects:
         return {}
-    places = [_some(t.size) for t in study.times]
-    times = [t[k] for t, k in zip(study.times, places, strict=True)]
+    samples = [_some(t.size) for t in study.times]
+    times = [t[k] for t, k in zip(study.times, samples, strict=True)]
     whole = study.forces(study.law, study.effects, times)
     factors = _factors(study, times, whole)
     slopes = _slopes(study, times, whole)
-    found = {}
+    evidence = {}
     for effect in study.effects:
         others = [other for other in study.effects if other is not effect]
         rest = study.forces(study.law, others, times)
         pattern = [a - b for a, b in zip(whole, rest, strict=True)]
-        found[effect.name] = _promise(_leftover(factors, pattern, slopes), effect)
-    return found
+        evidence[effect.name] = _expected_evidence(_unexplained(factors, pattern, slopes), effect)
+    return evidence
 
 
-def _promise(chi2: float, effect: Effect) -> float:
+def _expected_evidence(chi2: float, effect: Effect) -> float:
     count = sum(isinstance(value, float) for value in effect.parameters.values())
     return chi2 - count * log1p(chi2)
 
 
-def _leftover(
+def _unexplained(
     factors: Sequence[np.ndarray], pattern: Sequence[np.ndarray], slopes: Sequence[np.ndarray]
 ) -> float:
-    """chi^2 of a pattern beside the slopes (n, k) of every test."""
+    """Return chi^2 of the part of a pattern that the slopes (n, k) of no test explain."""
     left = np.concatenate(
         [solve_triangular(f, p, lower=True) for f, p in zip(factors, pattern, strict=True)]
     )
@@ -69,22 +69,22 @@ def _leftover(
 
 
 def _slopes(
-    study: WideStudy, times: Sequence[np.ndarray], whole: Sequence[np.ndarray]
+    study: Study, times: Sequence[np.ndarray], whole: Sequence[np.ndarray]
 ) -> list[np.ndarray]:
-    """dF/dln(constant) of the law, (n, k) a test."""
-    numbers = study.law.numbers
+    """Return dF/dln(constant) of the law, (n, k) for each test."""
+    constants = study.law.constants
     columns = []
-    for k, value in enumerate(numbers):
-        moved = (*numbers[:k], value * (1.0 + _STEP), *numbers[k + 1 :])
-        changed = study.forces(study.law.with_numbers(moved), study.effects, times)
+    for k, value in enumerate(constants):
+        moved = (*constants[:k], value * (1.0 + _STEP), *constants[k + 1 :])
+        changed = study.forces(study.law.with_constants(moved), study.effects, times)
         columns.append([(a - b) / _STEP for a, b in zip(changed, whole, strict=True)])
     return [np.column_stack(test) for test in zip(*columns, strict=True)]
 
 
 def _factors(
-    study: WideStudy, times: Sequence[np.ndarray], whole: Sequence[np.ndarray]
+    study: Study, times: Sequence[np.ndarray], whole: Sequence[np.ndarray]
 ) -> list[np.ndarray]:
-    """Cholesky factor of the errors' covariance in every test."""
+    """Return the Cholesky factor of the errors' covariance of every test."""
     factors = []
     for motion, t, force in zip(study.session.motions.values(), times, whole, strict=True):
         speed, slope = motion.velocity(t), np.gradient(force, t)

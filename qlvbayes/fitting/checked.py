@@ -16,7 +16,7 @@ from qlvbayes.io.resultfile import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.model.drawn import factors
 from qlvbayes.model.elsewhere import has_noise
-from qlvbayes.preprocess.experiment import Experiment, Trial, prepare
+from qlvbayes.motion.experiment import Experiment, Trial, prepare
 
 _DIGITS = 5  # significant, of every number
 

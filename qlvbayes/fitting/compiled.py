@@ -13,7 +13,7 @@ from qlvbayes.effects.contact_offset import ContactOffset
 from qlvbayes.model.model import Model
 from qlvbayes.model.noise import AbstractNoise
 from qlvbayes.model.posterior import Posterior
-from qlvbayes.preprocess.record import Blocks, Record
+from qlvbayes.motion.record import Blocks, Record
 
 
 @jax.jit

@@ -21,9 +21,9 @@ from qlvbayes.fitting import compiled
 from qlvbayes.inference.errors.discrepancy import Discrepancy
 from qlvbayes.inference.errors.features import Features, Places
 from qlvbayes.model.posterior import Posterior
-from qlvbayes.preprocess.experiment import Experiment, Trial
-from qlvbayes.preprocess.noisefloor import NoiseFloor
-from qlvbayes.preprocess.record import Blocks
+from qlvbayes.motion.experiment import Experiment, Trial
+from qlvbayes.motion.noisefloor import NoiseFloor
+from qlvbayes.motion.record import Blocks
 
 Array = NDArray[np.float64]
 

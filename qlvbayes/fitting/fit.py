@@ -27,9 +27,9 @@ from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import Floor
 from qlvbayes.model.parameters import names, unit_kinds
 from qlvbayes.model.posterior import Posterior
-from qlvbayes.preprocess.carried import carried_notices, clock_notices
-from qlvbayes.preprocess.experiment import Experiment, Trial
-from qlvbayes.preprocess.record import Record
+from qlvbayes.motion.carryover import carryover_notices, clock_notices
+from qlvbayes.motion.experiment import Experiment, Trial
+from qlvbayes.motion.record import Record
 
 Sampler = Callable[
     [Posterior, NormalApproximation, Settings, ChainStore | None, Progress | None], Chain
@@ -295,7 +295,7 @@ def _notices(fit: Fit) -> Iterator[str]:
 
     if fit.posterior.floor is not None:
         yield from _contact_notices(fit.pad, fit.trials, fit.experiment.units)
-    yield from carried_notices(fit.experiment, fit.trials, fit.posterior.record, predicted)
+    yield from carryover_notices(fit.experiment, fit.trials, fit.posterior.record, predicted)
     if not fit.choices.rested:
         yield from clock_notices(fit.experiment)
     model = fit.posterior.with_constants(jnp.asarray(constants))[0]

@@ -40,9 +40,9 @@ from qlvbayes.laws.scales import TOLERANCE
 from qlvbayes.model.floorlikelihood import FloorLikelihood
 from qlvbayes.model.noise import Floor
 from qlvbayes.model.posterior import Posterior
-from qlvbayes.preprocess.experiment import Experiment, Trial
-from qlvbayes.preprocess.noisefloor import NoiseFloor
-from qlvbayes.preprocess.record import Blocks
+from qlvbayes.motion.experiment import Experiment, Trial
+from qlvbayes.motion.noisefloor import NoiseFloor
+from qlvbayes.motion.record import Blocks
 
 Array = NDArray[np.float64]
 

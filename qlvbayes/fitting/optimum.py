@@ -21,7 +21,7 @@ from qlvbayes.fitting.least_squares import (
     without_noise,
 )
 from qlvbayes.model.posterior import Posterior, central
-from qlvbayes.preprocess.noisefloor import NoiseFloor
+from qlvbayes.motion.noisefloor import NoiseFloor
 
 _PASSES = 3
 _NOISE_SD = 0.3  # of the noise's unconstrained numbers, to begin with

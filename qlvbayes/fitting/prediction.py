@@ -16,11 +16,10 @@ from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import Floor
 from qlvbayes.model.parameters import names
 from qlvbayes.model.posterior import Posterior
-from qlvbayes.preprocess.batching import batch
-from qlvbayes.preprocess.experiment import Experiment, Trial
-from qlvbayes.preprocess.phases import phase_index
-from qlvbayes.preprocess.record import Record
-from qlvbayes.preprocess.reduction import clear_of_kinks
+from qlvbayes.motion.experiment import Experiment, Trial
+from qlvbayes.motion.phases import phase_index
+from qlvbayes.motion.record import Record, batch
+from qlvbayes.motion.reduction import clear_of_kinks
 
 DRAWS = 400
 _ROWS = 300  # samples looked at in a phase, at most; spread evenly in the logarithm of time

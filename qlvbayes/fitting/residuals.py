@@ -13,9 +13,9 @@ from qlvbayes.fitting.prediction import Prediction
 from qlvbayes.io.resultfile import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.model.choices import Choices
-from qlvbayes.preprocess.experiment import Experiment
-from qlvbayes.preprocess.phases import KINDS, phase_index
-from qlvbayes.preprocess.pulling import pull_notices
+from qlvbayes.motion.experiment import Experiment
+from qlvbayes.motion.phases import KINDS, phase_index
+from qlvbayes.motion.pulling import pull_notices
 
 FALSE_ALARMS = 0.01  # probability that any cell of a right model is called failing
 

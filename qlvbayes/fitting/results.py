@@ -30,7 +30,7 @@ from qlvbayes.model.elsewhere import (
     wanted_names,
 )
 from qlvbayes.model.parameters import all_fields, described
-from qlvbayes.preprocess.covered import Covered, covered
+from qlvbayes.motion.covered import Covered, covered
 
 _MEMBER = re.compile(r"(.+)\[(\d+)\]")
 

@@ -22,7 +22,7 @@ from qlvbayes.fitting.least_squares import (
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model.noise import White
 from qlvbayes.model.posterior import Posterior
-from qlvbayes.preprocess.experiment import Experiment, Trial
+from qlvbayes.motion.experiment import Experiment, Trial
 
 _AGREEMENT = 1.001  # starts within 0.1 % of the best cost count as agreeing
 

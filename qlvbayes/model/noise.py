@@ -16,8 +16,8 @@ import jax.scipy.stats as jss
 from jaxtyping import Array
 
 from qlvbayes.laws.scales import Scales, lognormal
-from qlvbayes.preprocess.noisefloor.floor import NoiseFloor
-from qlvbayes.preprocess.record import Blocks
+from qlvbayes.motion.noisefloor.floor import NoiseFloor
+from qlvbayes.motion.record import Blocks
 from qlvbayes.priors import HalfNormal
 
 __all__ = ["NOISES", "AbstractNoise", "Correlated", "Floor", "StudentT", "White"]

@@ -14,7 +14,7 @@ from jaxtyping import Array
 from qlvbayes.model.floorlikelihood import FloorLikelihood
 from qlvbayes.model.model import Model
 from qlvbayes.model.noise import AbstractNoise
-from qlvbayes.preprocess.record import Record
+from qlvbayes.motion.record import Record
 from qlvbayes.priors.distributions import AbstractPrior, AbstractScalarPrior
 
 

@@ -1,4 +1,4 @@
-"""What work is handed to: spawned processes, a Dask cluster, any executor with ``submit``."""
+"""Engines that run tasks: spawned processes, a Dask cluster, any executor with ``submit``."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ _LOOK_S = 5.0  # between two looks at how many workers there are
 
 
 class EngineLostError(InputError):
-    """What the work was handed to is no longer there; what is finished is kept."""
+    """The engine has stopped; finished work is kept."""
 
 
 class Engine(Protocol):
-    """What takes tasks."""
+    """Interface of an engine that takes tasks."""
 
     @property
     def workers(self) -> int:
-        """How many are known to work at once."""
+        """Number of workers."""
         ...
 
     @property
     def ahead(self) -> int:
-        """Tasks that it holds at most, those that wait included."""
+        """Largest number of submitted tasks, waiting ones included."""
         ...
 
     @property
@@ -45,16 +45,16 @@ class Engine(Protocol):
         ...
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Hand over one call."""
+        """Submit one call."""
         ...
 
     def renew(self) -> None:
-        """Begin anew after a worker has died and taken the others with it."""
+        """Restart after a worker has died and stopped the others."""
         ...
 
 
 class Processes:
-    """So many interpreters that were spawned, never forked: JAX has threads.
+    """Spawned interpreters, never forked ones, because JAX has threads.
 
     They end with this process, however it ends.
     """
@@ -68,7 +68,7 @@ class Processes:
         self._lifeline: Connection | None = None
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Hand over one call; processes are started when they are needed."""
+        """Submit one call; processes are started when they are needed."""
         if self._pool is None:
             # idle threads of BLAS, as many as there are cores in each process, take memory
             os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -83,7 +83,7 @@ class Processes:
         return self._pool.submit(function, *arguments)
 
     def renew(self) -> None:
-        """End what is left of the processes; the next call starts new ones."""
+        """Stop the remaining processes; the next call starts new ones."""
         pool, lifeline = self._pool, self._lifeline
         self._pool = self._lifeline = None
         if lifeline is not None:
@@ -93,14 +93,14 @@ class Processes:
 
 
 def _begin(lifeline: Connection, threads: int) -> None:
-    """First in a process: Ctrl-C is its parent's to answer, and it ends when its parent does."""
+    """Initialise a process: Ctrl-C is its parent's to answer, and it ends when its parent does."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.environ[THREADS] = str(threads)
     threading.Thread(target=_end_with, args=(lifeline,), daemon=True).start()
 
 
 def _end_with(lifeline: Connection) -> None:
-    """Nothing is ever sent: what is waited for is the end."""
+    """Wait for the pipe to close, as nothing is ever sent, and exit."""
     try:
         lifeline.recv_bytes()
     except (EOFError, OSError):
@@ -108,7 +108,7 @@ def _end_with(lifeline: Connection) -> None:
 
 
 class Given:
-    """An executor of the user's own: anything whose ``submit`` returns futures."""
+    """An executor that the user passes: anything whose ``submit`` returns futures."""
 
     def __init__(self, executor: Any) -> None:
         self._executor = executor
@@ -117,12 +117,12 @@ class Given:
         self.shares_disk = False
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Hand over one call."""
+        """Submit one call."""
         future: Future[Any] = self._executor.submit(function, *arguments)
         return future
 
     def renew(self) -> None:
-        """Only its owner can."""
+        """Raise EngineLostError, as only the owner can restart it."""
         raise EngineLostError(
             "a worker of the executor has died and the executor with it",
             remedy="make a new one and call again: what is finished is kept",
@@ -142,7 +142,7 @@ class Cluster:
 
     @property
     def workers(self) -> int:
-        """Threads of all workers, as they are now or were a few seconds ago."""
+        """Number of threads of all workers, at most a few seconds old."""
         if time.monotonic() - self._looked > _LOOK_S:
             self._looked = time.monotonic()
             try:
@@ -153,11 +153,11 @@ class Cluster:
 
     @property
     def ahead(self) -> int:
-        """Twice as many as there are workers: the next one is there when one is done."""
+        """Twice the number of workers, so that the next task waits when one is done."""
         return max(_LEAST, 2 * self.workers)
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Hand over one call."""
+        """Submit one call."""
         try:
             future: Future[Any] = self._executor.submit(function, *arguments)
         except Exception as error:
@@ -165,7 +165,7 @@ class Cluster:
         return future
 
     def renew(self) -> None:
-        """Its futures are gone with the scheduler: Dask itself replaces a worker that died."""
+        """Raise EngineLostError: Dask itself replaces a worker that died."""
         raise self._lost()
 
     def _lost(self) -> EngineLostError:
@@ -176,7 +176,7 @@ class Cluster:
 
 
 def engine_of(client: Any) -> Engine | None:
-    """Of a Dask client, or of any executor; None, for this process itself, of None.
+    """Return the engine of a Dask client or of an executor; None for this process.
 
     Raises InputError where it is neither.
     """
@@ -194,7 +194,7 @@ def engine_of(client: Any) -> Engine | None:
 
 @contextmanager
 def opened_engine(jobs: int = 1, cluster: str | None = None) -> Iterator[Engine | None]:
-    """For ``--jobs`` and ``--cluster``: None where all is done in this process.
+    """Open the engine of ``--jobs`` and ``--cluster``; None where this process does all.
 
     Raises InputError where both are asked for, no scheduler answers, or ``distributed`` is missing.
     """

@@ -1,4 +1,4 @@
-"""Why a piece of work failed, as one line that goes from one process to another."""
+"""Failures of a task, as one line that travels between processes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _NAMED = 20  # pads that failed alike, by name
 
 @dataclass(frozen=True)
 class Fault:
-    """What went wrong: one line with its place and remedy.
+    """A failure: one line with its file, line and remedy.
 
     mendable: whether the user can mend it (exit status 2), or it is an error of the program (1);
     of: the pad, or the file, that it happened to.
@@ -29,12 +29,12 @@ class Fault:
 
     @property
     def status(self) -> int:
-        """Exit status of a command that ends by it."""
+        """Exit status of a command that ends with it."""
         return 2 if self.mendable else 1
 
 
 def fault_of(error: BaseException) -> Fault:
-    """Of an exception, whatever it is; with ``QLVBAYES_DEBUG`` its traceback is printed too."""
+    """Return the fault of an exception; with ``QLVBAYES_DEBUG`` its traceback is printed too."""
     if os.environ.get("QLVBAYES_DEBUG"):
         traceback.print_exception(error)
     if isinstance(error, InputError):
@@ -52,7 +52,7 @@ def fault_of(error: BaseException) -> Fault:
 
 
 class FailedError(InputError):
-    """Some of many pads failed, after all others were done.
+    """Some of many pads failed; the others were finished.
 
     faults: why, one each; total: how many pads there were; results: of those that did not fail,
     where they are returned. Several that failed alike are one line.
@@ -67,7 +67,7 @@ class FailedError(InputError):
 
     @property
     def lines(self) -> list[str]:
-        """One a reason, with the pads that it holds for where that is not plain."""
+        """One line for each reason, with the pads that it holds for."""
         reasons: dict[str, list[str]] = {}
         for fault in self.faults:
             reasons.setdefault(fault.text, []).append(fault.of)
@@ -84,6 +84,6 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def _plain(error: OSError) -> str:
-    place = f"{error.filename}: " if error.filename else ""
+    prefix = f"{error.filename}: " if error.filename else ""
     remedy = "free some space" if error.errno == errno.ENOSPC else "check the path and its rights"
-    return f"{place}{error.strerror or error}; {remedy}"
+    return f"{prefix}{error.strerror or error}; {remedy}"

@@ -1,4 +1,4 @@
-"""One task run for every item of many, in order, by whatever works for it."""
+"""Execution of one task for every item of many, in order, by any engine."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _IN_TURN = threading.Lock()  # figures have settings of the whole process: one t
 
 @dataclass(frozen=True, eq=False)
 class Outcome(Generic[Item, Answer]):
-    """What became of one item: the task's answer, or why there is none."""
+    """Result of one item: the task's answer, or its fault."""
 
     item: Item
     answer: Answer | None
@@ -54,11 +54,11 @@ def run_all(
     task
         A function that can be pickled, of an item that can.
     items
-        What is worked on; a `Fault` or an `Outcome` among them is passed on in its place.
+        What is worked on; a `Fault` or an `Outcome` among them is passed on.
     engine
         What works; this process itself where it is None.
     keep
-        Hears of each outcome as soon as it is there, whatever its place.
+        Called with each outcome as soon as it is there, in any order.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def run_all(
 
 @cache
 def package_digest() -> str:
-    """Of the package's source: results of other code are not taken for finished."""
+    """Return the digest of the package's source; results of other code are not reused."""
     digest = hashlib.sha256()
     root = Path(qlvbayes.__file__).parent
     for file in sorted(root.rglob("*.py")):
@@ -85,14 +85,14 @@ def package_digest() -> str:
 
 
 def _passed(item: Any) -> Outcome[Any, Any] | None:
-    """What needs no work: a fault, or an outcome that is known already."""
+    """Return the outcome of an item that needs no work: a fault, or a known outcome."""
     if isinstance(item, Outcome):
         return item
     return Outcome(item, None, item) if isinstance(item, Fault) else None
 
 
 def _tried(task: Callable[[Item], Answer], item: Item) -> tuple[Answer | None, Fault | None]:
-    """The task's answer, or its fault; both can be pickled where an exception may not be."""
+    """Return the task's answer, or its fault; both can be pickled, an exception may not."""
     # numbers must not depend on how many threads there are
     with _IN_TURN, one_blas_thread(), _without_scheduler():
         try:
@@ -107,7 +107,7 @@ def _tried(task: Callable[[Item], Answer], item: Item) -> tuple[Answer | None, F
 def _tried_elsewhere(
     code: str, task: Callable[[Item], Answer], item: Item
 ) -> tuple[Answer | None, Fault | None]:
-    """As `_tried`, where the worker has the same package: results of two are not mixed."""
+    """Run `_tried` if the worker has the same package, so that results are not mixed."""
     if code != package_digest():
         version = f"the worker has another version of qlvbayes ({qlvbayes.__version__})"
         return None, Fault(f"{version}; install the same one where it runs")
@@ -115,22 +115,23 @@ def _tried_elsewhere(
 
 
 def _without_scheduler() -> AbstractContextManager[object]:
-    """In a worker of Dask: xarray would ask the scheduler for a lock on each file it writes."""
+    """Stop xarray, in a worker of Dask, from asking the scheduler for locks on files."""
     if "distributed" not in sys.modules:
         return nullcontext()
     import dask
 
-    found: AbstractContextManager[object] = dask.config.set(scheduler="synchronous")
-    return found
+    synchronous: AbstractContextManager[object] = dask.config.set(scheduler="synchronous")
+    return synchronous
 
 
 @dataclass(eq=False)
 class _Run(Generic[Item, Answer]):
-    """Items on their way through an engine.
+    """Items that pass through an engine.
 
     A process that dies takes all others of its pool with it. What was being worked on then is done
     again one by one, so that the item at fault is known and no other pays for it.
-    ``alone``: the place of the item that was last handed over so, which saw so many ``deaths``.
+    ``alone``: the index of the item that was last submitted alone; ``deaths``: how often its
+    process died.
     """
 
     task: Callable[[Item], Answer]
@@ -144,81 +145,81 @@ class _Run(Generic[Item, Answer]):
     deaths: int = 0
 
     def through(self, items: Iterator[Item]) -> Iterator[Outcome[Item, Answer]]:
-        """All outcomes in order."""
-        places, told = enumerate(items), 0
+        """Yield all outcomes in order."""
+        numbered, next_index = enumerate(items), 0
         more = True
         while True:
-            more = self._hand_over(places) and more
-            while told in self.done:
-                yield self.done.pop(told)
-                told += 1
+            more = self._hand_over(numbered) and more
+            while next_index in self.done:
+                yield self.done.pop(next_index)
+                next_index += 1
             if self.handed:
                 self._hear(*self.finished.get())
-            elif not more and not self.suspects and told not in self.done:
+            elif not more and not self.suspects and next_index not in self.done:
                 return
 
-    def _hand_over(self, places: Iterator[tuple[int, Item]]) -> bool:
-        """As many items as the engine takes; whether there may be more of them."""
+    def _hand_over(self, numbered: Iterator[tuple[int, Item]]) -> bool:
+        """Submit as many items as the engine takes; return whether more may follow."""
         if self.suspects:
             if not self.handed:
-                place, item = self.suspects.popleft()
-                self.deaths = self.deaths if self.alone == place else 0
-                self.alone = place
-                self._submit(place, item)
+                index, item = self.suspects.popleft()
+                self.deaths = self.deaths if self.alone == index else 0
+                self.alone = index
+                self._submit(index, item)
             return True
         while len(self.handed) < self.engine.ahead and len(self.done) < _WAITING:
-            found = next(places, None)
-            if found is None:
+            entry = next(numbered, None)
+            if entry is None:
                 return False
-            if (passed := _passed(found[1])) is not None:
-                self._end(found[0], passed)
+            if (passed := _passed(entry[1])) is not None:
+                self._end(entry[0], passed)
             else:
-                self._submit(*found)
+                self._submit(*entry)
             if self.suspects:
                 break
         return True
 
-    def _submit(self, place: int, item: Item) -> None:
+    def _submit(self, index: int, item: Item) -> None:
         try:
             future = self.engine.submit(_tried_elsewhere, package_digest(), self.task, item)
         except BrokenExecutor:  # it broke while nobody listened
-            self.suspects.append((place, item))
+            self.suspects.append((index, item))
             if not self.handed:  # else the last of them does it
                 self.engine.renew()
             return
-        self.handed[place] = item
-        future.add_done_callback(lambda found: self.finished.put((place, found)))
+        self.handed[index] = item
+        future.add_done_callback(lambda done: self.finished.put((index, done)))
 
-    def _hear(self, place: int, future: Future[Any]) -> None:
-        item = self.handed.pop(place)
+    def _hear(self, index: int, future: Future[Any]) -> None:
+        item = self.handed.pop(index)
         try:
             answer, fault = future.result()
         except BrokenExecutor:
-            self._died(place, item)
+            self._died(index, item)
         except CancelledError:
             self.engine.renew()
         except EngineLostError:
             raise
         except Exception as error:  # its arguments or its answer cannot travel, or a worker died
-            self._end(place, Outcome(item, None, _of_engine(error)))
+            self._end(index, Outcome(item, None, _of_engine(error)))
         else:
-            self._end(place, Outcome(item, answer, fault))
+            self._end(index, Outcome(item, answer, fault))
 
-    def _died(self, place: int, item: Item) -> None:
+    def _died(self, index: int, item: Item) -> None:
         if not self.handed:  # the last of those that the pool took with it
             self.engine.renew()
-        if place != self.alone:
-            self.suspects.append((place, item))
+        if index != self.alone:
+            self.suspects.append((index, item))
             return
         self.deaths += 1
         if self.deaths < _DEATHS:
-            self.suspects.appendleft((place, item))
+            self.suspects.appendleft((index, item))
         else:
-            self._end(place, Outcome(item, None, _DIED))
+            self._end(index, Outcome(item, None, _DIED))
 
-    def _end(self, place: int, outcome: Outcome[Item, Answer]) -> None:
+    def _end(self, index: int, outcome: Outcome[Item, Answer]) -> None:
         self.keep(outcome)
-        self.done[place] = outcome
+        self.done[index] = outcome
 
 
 _DIED = Fault(
@@ -228,5 +229,5 @@ _DIED = Fault(
 
 
 def _of_engine(error: Exception) -> Fault:
-    """Dask gives up on what its workers die of; anything else is an error of the program."""
+    """Return the fault of an error in the engine: Dask raises it when workers die."""
     return _DIED if type(error).__name__ == "KilledWorker" else fault_of(error)

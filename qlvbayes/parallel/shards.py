@@ -16,39 +16,42 @@ _TASK, _FIRST, _COUNT = (f"SLURM_ARRAY_TASK_{what}" for what in ("ID", "MIN", "C
 
 @dataclass(frozen=True)
 class Shard:
-    """The part at a place, from 1, of so many; all parts together are everything, once."""
+    """The part with this index, from 1, of ``count``; every item is in exactly one part."""
 
-    place: int = 1
+    index: int = 1
     count: int = 1
 
     @classmethod
-    def of(cls, text: str) -> Shard:
-        """``3/200``, or ``slurm``: the place of this job in an array of SLURM.
+    def from_text(cls, text: str) -> Shard:
+        """Read ``3/200``, or ``slurm``: the index of this job in an array of SLURM.
 
-        Raises InputError where it is neither, or there is no such array.
+        Raises
+        ------
+        InputError
+            The text is neither, or there is no such array.
         """
         if text.strip().lower() == "slurm":
-            return cls._of_slurm()
-        place, slash, count = (part.strip() for part in text.partition("/"))
-        if place.lower() == "slurm":  # of an array that is smaller than the number of parts
-            place = str(cls._of_slurm().place)
-        if not (slash and place.isdecimal() and count.isdecimal()):
+            return cls._from_slurm()
+        index, slash, count = (part.strip() for part in text.partition("/"))
+        if index.lower() == "slurm":  # of an array that is smaller than the number of parts
+            index = str(cls._from_slurm().index)
+        if not (slash and index.isdecimal() and count.isdecimal()):
             raise InputError(f"no part {text!r}", remedy="write it as 3/200, or as slurm")
-        if not 1 <= int(place) <= int(count):
+        if not 1 <= int(index) <= int(count):
             raise InputError(
-                f"no part {place} of {count}", remedy=f"use 1/{count} to {count}/{count}"
+                f"no part {index} of {count}", remedy=f"use 1/{count} to {count}/{count}"
             )
-        return cls(int(place), int(count))
+        return cls(int(index), int(count))
 
     @classmethod
-    def _of_slurm(cls) -> Shard:
-        found = [os.environ.get(name, "") for name in (_TASK, _FIRST, _COUNT)]
-        if not all(text.isdecimal() for text in found):
+    def _from_slurm(cls) -> Shard:
+        values = [os.environ.get(name, "") for name in (_TASK, _FIRST, _COUNT)]
+        if not all(text.isdecimal() for text in values):
             raise InputError(
                 "this is no job of a SLURM array: SLURM_ARRAY_TASK_ID is not set",
                 remedy="run it by sbatch --array=1-200, or write the part as 3/200",
             )
-        task, first, count = map(int, found)
+        task, first, count = map(int, values)
         if not 1 <= task - first + 1 <= count:
             raise InputError(
                 f"the SLURM array has gaps: task {task} of {count} that begin with {first}",
@@ -57,5 +60,5 @@ class Shard:
         return cls(task - first + 1, count)
 
     def part(self, items: Sequence[Item]) -> Sequence[Item]:
-        """Every ``count``-th, from the place on."""
-        return items[self.place - 1 :: self.count]
+        """Return every ``count``-th item, from the index on."""
+        return items[self.index - 1 :: self.count]

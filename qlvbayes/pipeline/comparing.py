@@ -13,9 +13,9 @@ from qlvbayes.comparison.writing import write_comparison
 from qlvbayes.fitting.results import Saved, load
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements, read_measurements
+from qlvbayes.motion.covered import covered
+from qlvbayes.motion.experiment import prepare
 from qlvbayes.pipeline.watcher import Watcher
-from qlvbayes.preprocess.covered import covered
-from qlvbayes.preprocess.experiment import prepare
 from qlvbayes.report.page import MOST_ON_A_PAGE
 
 FOLDER = "compare"

@@ -37,9 +37,9 @@ from qlvbayes.io.files import write_whole
 from qlvbayes.io.runtime import one_blas_thread
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.model.choices import Choices
+from qlvbayes.motion.experiment import prepare
+from qlvbayes.motion.noisefloor import NoiseFloor
 from qlvbayes.pipeline.watcher import Watcher
-from qlvbayes.preprocess.experiment import prepare
-from qlvbayes.preprocess.noisefloor import NoiseFloor
 
 CAUSE = "cause"
 MOST = 4

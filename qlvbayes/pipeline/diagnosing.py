@@ -14,8 +14,8 @@ from qlvbayes.diagnosis.telling.verdict import Diagnosis
 from qlvbayes.io.data import Measurements, Pad
 from qlvbayes.io.files import results_folder, write_whole
 from qlvbayes.model.choices import Choices
+from qlvbayes.motion.experiment import prepare
 from qlvbayes.pipeline.watcher import Watcher
-from qlvbayes.preprocess.experiment import prepare
 from qlvbayes.use.prescribed.hypotheses import FILE as HYPOTHESES
 from qlvbayes.use.prescribed.hypotheses import drawn_hypotheses
 

@@ -21,7 +21,7 @@ from qlvbayes.fitting.constants_table import (
 )
 from qlvbayes.fitting.fit import Fit
 from qlvbayes.fitting.summary import FitSummary
-from qlvbayes.preprocess.experiment import Experiment
+from qlvbayes.motion.experiment import Experiment
 from qlvbayes.report.page import MOST_ON_A_PAGE
 
 REFERENCES = "paper_table1.csv"

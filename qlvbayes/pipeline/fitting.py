@@ -18,10 +18,10 @@ from qlvbayes.io.files import results_folder
 from qlvbayes.io.wording import plain
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.parameters import NOT_SAMPLED, described, fields_of
+from qlvbayes.motion.experiment import Experiment, prepare
+from qlvbayes.motion.pulling import pull_notices
 from qlvbayes.pipeline.drawing import draw_fit
 from qlvbayes.pipeline.watcher import Watcher
-from qlvbayes.preprocess.experiment import Experiment, prepare
-from qlvbayes.preprocess.pulling import pull_notices
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from qlvbayes.io.data import Measurements, Pad
 from qlvbayes.io.files import results_folder
-from qlvbayes.preprocess.experiment import Experiment, prepare
-from qlvbayes.preprocess.firstlook import FirstLook, look_at
-from qlvbayes.preprocess.firstlook.shown import shown_between
+from qlvbayes.motion.experiment import Experiment, prepare
+from qlvbayes.motion.firstlook import FirstLook, look_at
+from qlvbayes.motion.firstlook.shown import shown_between
 
 LOOK = "look"
 

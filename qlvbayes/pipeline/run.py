@@ -102,7 +102,7 @@ def run_study(
     """
     source = file
     if not isinstance(source, Source):
-        source = Source.of(source, only=pads, shard=Shard.of(shard) if shard else None)
+        source = Source.of(source, only=pads, shard=Shard.from_text(shard) if shard else None)
     out, watcher, settings = Path(out), watcher or Watcher(), settings or Settings()
     thresholds = thresholds or Thresholds()
     known = references_of(source.place, None if references is None else Path(references))

@@ -12,7 +12,7 @@ from qlvbayes.diagnosis.standing import Standing
 from qlvbayes.fitting.ensemble import Progress
 from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.summary import FitSummary
-from qlvbayes.preprocess.firstlook import FirstLook
+from qlvbayes.motion.firstlook import FirstLook
 
 
 class Watcher:

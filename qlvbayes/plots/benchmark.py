@@ -11,13 +11,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from qlvbayes.evaluation.plan import family
-from qlvbayes.evaluation.rate import Rate
-from qlvbayes.evaluation.reliability import Reliability
-from qlvbayes.evaluation.report import Confusion, Report
-from qlvbayes.evaluation.scores import could_be_seen, heldout_ratios
+from qlvbayes.evaluation.population import kin
+from qlvbayes.evaluation.report import SEVERAL, WITH_LISTED, Confusion, Report, heldout_ratios
 from qlvbayes.plots.style import BLACK, DOUBLE, MM, colours, narrow, style
-from qlvbayes.simulate import FORMS, OUTSIDE
+from qlvbayes.simulate import FOREIGN, FORMS, FURTHER, OUTSIDE
 
 _ROW = 4.2  # mm
 _LEAST_ROWS = 6  # that the columns' labels fit
@@ -26,30 +23,33 @@ _SMALL, _TINY = 6.0, 5.0  # type of the numbers, and in one column of the labels
 _DARK = 0.55  # of the colour scale: from there on white type
 _LEGEND = {"none": "nothing", "single": "one effect", "double": "two effects"}
 _LEGEND |= {"form": "other form", "outside": "outside the list"}
-_MARKS = dict(zip(_LEGEND, "os^Dv", strict=True))
+_LEGEND |= {"outside_beside": "outside, with a listed one"}
+_MARKS = dict(zip(_LEGEND, "os^Dv<", strict=True))
+_FORMS, _UNLISTED = {**FORMS, **FOREIGN}, {**OUTSIDE, **FURTHER}
 
 
 def plot_benchmark(report: Report, *, width: float = DOUBLE) -> list[Axes]:
     """Draw how often each hidden effect was named, and how far probabilities can be trusted.
 
     Above: one row a hidden effect, one column a verdict; numbers are studies, the shade is their
-    share of the row; framed cells are the right verdicts. Lower left: how often the first-ranked
-    hypothesis is true against its probability, with standard errors; on the line, probabilities
-    keep their promise. Lower right: error on left-out tests over the noise floor, before and
+    share of the row; framed cells are the right verdicts. Lower left: share of the listed effects
+    that are hidden against their stated probability, with 95 % bounds; on the line, probabilities
+    are exactly right. Lower right: error on left-out tests over the noise floor, before and
     after; 1 is as good as noise allows. width: of the figure (mm); in one column the lower panels
-    stand one below the other. Returns the three panels.
+    are one below the other. Returns the three panels.
     """
     tight = narrow(width)
     with style():
-        upper = _TITLES + _ROW * max(len(report.confusion.rows), _LEAST_ROWS)
+        confusion = Confusion.from_cases(report.cases)
+        upper = _TITLES + _ROW * max(len(confusion.rows), _LEAST_ROWS)
         lower = _LOWER * (1 + tight)
         figure = Figure((width * MM, (upper + lower) * MM), layout="constrained")
         grid = figure.add_gridspec(2, 1, height_ratios=(upper, lower))
         above, below = (figure.add_subfigure(grid[k, 0]) for k in range(2))
         matrix = above.subplots()
-        _draw_confusion(matrix, report.confusion, tight=tight)
+        _draw_confusion(matrix, confusion, tight=tight)
         left, right = below.subplots(*((2, 1) if tight else (1, 2)))
-        _draw_reliability(left, report.reliability)
+        _draw_reliability(left, report.reliability())
         _draw_heldout(right, report)
     return [matrix, left, right]
 
@@ -64,8 +64,8 @@ def _draw_confusion(axis: Axes, confusion: Confusion, *, tight: bool) -> None:
             frame = _square(row, confusion.columns.index(right), fill=False, edgecolor=BLACK)
             axis.add_patch(frame)
     axis.set(xlim=(0, len(confusion.columns)), ylim=(max(len(confusion.rows), 1), 0))
-    places = np.arange(len(confusion.columns)) + 0.5
-    axis.set_xticks(places, [_plain(name) for name in confusion.columns], rotation=90)
+    centres = np.arange(len(confusion.columns)) + 0.5
+    axis.set_xticks(centres, [_spaced(name) for name in confusion.columns], rotation=90)
     labels = [_row_label(name, tight=tight) for name in confusion.rows]
     axis.set_yticks(np.arange(len(labels)) + 0.5, labels)
     axis.tick_params(length=0, labeltop=True, labelbottom=False)
@@ -98,61 +98,52 @@ def _rule(axis: Axes, confusion: Confusion) -> None:
 
 
 def _right_columns(row: str) -> tuple[str, ...]:
-    """The right verdicts; of another form, every effect that it may stand for."""
-    if row in OUTSIDE:
-        return ("unexplained",)
-    if row in FORMS:
-        return tuple(sorted(family(row)))
-    return ("several" if row == "two effects" else row,)
+    """Return the right verdicts; of another form, every effect that it may be called by."""
+    if row in _UNLISTED:
+        return ("unexplained", "partly_explained")
+    if row in _FORMS:
+        return tuple(sorted(kin(row)))
+    return () if row == WITH_LISTED else (row,)
 
 
 def _row_label(row: str, *, tight: bool) -> str:
-    if row in FORMS and tight:
-        return f"{_plain(row)} (form)"
-    if row in FORMS:
-        first, *others = FORMS[row].family.split("/")
-        return f"{_plain(row)} (form of {_plain(first)}{', …' if others else ''})"
-    return f"{_plain(row)} (outside)" if row in OUTSIDE else _plain(row)
+    if row in _FORMS and tight:
+        return f"{_spaced(row)} (form)"
+    if row in _FORMS:
+        first, *others = _FORMS[row].family.split("/")
+        return f"{_spaced(row)} (form of {_spaced(first)}{', …' if others else ''})"
+    if row == SEVERAL:
+        return "two effects"
+    return f"{_spaced(row)} (outside)" if row in _UNLISTED else _spaced(row)
 
 
-def _plain(name: str) -> str:
+def _spaced(name: str) -> str:
     return name.replace("_", " ")
 
 
-def _draw_reliability(axis: Axes, reliability: Reliability) -> None:
+def _draw_reliability(axis: Axes, reliability: list[dict]) -> None:
     axis.plot([0, 1], [0, 1], color="0.7", linestyle="--")
-    if reliability.bins:
+    rows = [row["all"] for row in reliability]
+    if rows:
+        mean, share = ([row[key] for row in rows] for key in ("mean", "share"))
+        bounds = np.transpose([row["bounds95"] for row in rows])
         axis.errorbar(
-            [b.probability for b in reliability.bins],
-            [b.right.hits / b.right.n for b in reliability.bins],
-            np.transpose([_bar(b.right) for b in reliability.bins]),
-            fmt="o", color=colours()[0], markersize=4, capsize=2, clip_on=False,
+            mean, share, np.abs(bounds - share), fmt="o", color=colours()[0], markersize=4,
+            capsize=2, clip_on=False,
         )  # fmt: skip
-        for b in reliability.bins:
-            place = (b.probability, b.right.hits / b.right.n)
-            offset = (5, -9) if place[1] > 0.1 else (5, 3)
-            axis.annotate(
-                str(b.right.n), place, offset, textcoords="offset points", fontsize=_SMALL
-            )
+    for row in rows:
+        point = (row["mean"], row["share"])
+        offset = (5, -9) if row["share"] > 0.1 else (5, 3)
+        axis.annotate(str(row["n"]), point, offset, textcoords="offset points", fontsize=_SMALL)
     axis.set(xlim=(0, 1), ylim=(0, 1.05), aspect="equal")
-    axis.set_xlabel("probability of the first-ranked hypothesis")
-    axis.set_ylabel("share in which it is true")
-    title = "nothing or one effect hidden"
-    if reliability.error is not None:
-        title += f"\ncalibration error {reliability.error:.3f}"
-    axis.set_title(title, loc="left")
-
-
-def _bar(rate: Rate) -> tuple[float, float]:
-    """One standard error down and up, within 0 and 1."""
-    error = rate.error or 0.0
-    return min(error, rate.hits / rate.n), min(error, 1.0 - rate.hits / rate.n)
+    axis.set_xlabel("stated probability of an effect")
+    axis.set_ylabel("share in which it is hidden")
+    axis.set_title("listed effects (number; 95 % bounds)", loc="left")
 
 
 def _draw_heldout(axis: Axes, report: Report) -> None:
-    cases = [case for case in could_be_seen(report.cases) if "stages" in case]
     for (kind, label), colour in zip(_LEGEND.items(), colours(), strict=False):
-        pairs = [heldout_ratios(case) for case in cases if case["kind"] == kind]
+        pairs = heldout_ratios([case for case in report.seen if case["kind"] == kind])
         if pairs:
             axis.plot(
                 *zip(*pairs, strict=True), _MARKS[kind], color=colour, markersize=3, alpha=0.7,
@@ -164,8 +155,8 @@ def _draw_heldout(axis: Axes, report: Report) -> None:
         side.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         side.set_major_formatter(StrMethodFormatter("{x:g}"))
         side.set_minor_formatter(NullFormatter())
-    axis.set_xlabel("plain model")
+    axis.set_xlabel("first model")
     axis.set_ylabel("last model")
     axis.set_title("error on left-out tests / noise floor", loc="left")
-    if cases:
+    if axis.get_legend_handles_labels()[0]:
         axis.legend(loc="best", handletextpad=0.2)

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
+from qlvbayes.motion.experiment import Trial
 from qlvbayes.plots.stretches import Stretch, place_times
-from qlvbayes.preprocess.experiment import Trial
 
 GREY = "#7f7f7f"
 LABEL = "left out"

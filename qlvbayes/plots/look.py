@@ -15,6 +15,10 @@ from matplotlib.ticker import FixedLocator, MaxNLocator, NullLocator
 
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain
+from qlvbayes.motion.experiment import Experiment, Trial
+from qlvbayes.motion.firstlook.looking import ROUNDED
+from qlvbayes.motion.firstlook.words import span
+from qlvbayes.motion.phases import MOVING, NAMES, Phase
 from qlvbayes.plots.leftout import GREY, LABEL
 from qlvbayes.plots.stretches import by_rate
 from qlvbayes.plots.style import (
@@ -29,10 +33,6 @@ from qlvbayes.plots.style import (
     style,
     title_look,
 )
-from qlvbayes.preprocess.experiment import Experiment, Trial
-from qlvbayes.preprocess.firstlook.looking import ROUNDED
-from qlvbayes.preprocess.firstlook.words import span
-from qlvbayes.preprocess.phases import MOVING, NAMES, Phase
 
 _HEIGHTS = (20.0, 14.0, 12.0)  # mm, of force, displacement and residual
 _ABOVE, _BELOW, _LEFT, _RIGHT, _APART = 8.0, 9.0, 17.0, 5.0, 2.0  # mm about them

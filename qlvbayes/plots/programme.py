@@ -10,6 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from qlvbayes.motion.experiment import Experiment, Trial
+from qlvbayes.motion.phases import KINDS
 from qlvbayes.plots.stretches import by_rate
 from qlvbayes.plots.style import (
     BLACK,
@@ -25,8 +27,6 @@ from qlvbayes.plots.style import (
     title_look,
 )
 from qlvbayes.plots.timeline import decades, logarithmic, shown_samples, since_contact
-from qlvbayes.preprocess.experiment import Experiment, Trial
-from qlvbayes.preprocess.phases import KINDS
 
 _PANEL, _FRAME, _LINE = 48.0, 16.0, 3.6  # mm: a panel, what is around it, a line of the legend
 _SIGNS: dict[str, str] = dict(zip(KINDS, ("^", "s", "v", "o"), strict=True))

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from qlvbayes.fitting.residuals import Cell, CheckResult
 from qlvbayes.io.units import UnitSystem
+from qlvbayes.motion.phases import KINDS
 from qlvbayes.plots.cellmap import (
     draw_colours,
     draw_empty,
@@ -20,7 +21,6 @@ from qlvbayes.plots.cellmap import (
     worst_of,
 )
 from qlvbayes.plots.style import MIDDLE, MM, narrow, quantity, rated, shortened, style
-from qlvbayes.preprocess.phases import KINDS
 
 _ROW, _FRAME = 9.0, 28.0  # mm, a row of cells and what is around them
 _LEAST_ROWS = 3  # that the colour bar's label fits

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from qlvbayes.diagnosis.result import CellError, DiagnosisResult, Place, Stage
 from qlvbayes.io.units import UnitSystem
+from qlvbayes.motion.phases import KINDS
 from qlvbayes.plots.cellmap import (
     draw_colours,
     draw_empty,
@@ -21,7 +22,6 @@ from qlvbayes.plots.cellmap import (
 )
 from qlvbayes.plots.naming import heading, model_name
 from qlvbayes.plots.style import DOUBLE, MM, narrow, rated, shortened, style
-from qlvbayes.preprocess.phases import KINDS
 
 _ROW, _FRAME = 8.0, 41.0  # mm, a row of cells and what is around them
 _LEAST_ROWS = 3  # that the colour bar's label fits

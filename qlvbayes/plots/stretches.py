@@ -11,8 +11,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
+from qlvbayes.motion.phases import KINDS, Phase, phase_index
 from qlvbayes.plots.style import BLACK
-from qlvbayes.preprocess.phases import KINDS, Phase, phase_index
 
 WHOLE = "whole test"
 DWELLS = ("hold", "recovery")

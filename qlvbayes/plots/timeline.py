@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from qlvbayes.preprocess.experiment import Trial
-from qlvbayes.preprocess.phases import MOVING
+from qlvbayes.motion.experiment import Trial
+from qlvbayes.motion.phases import MOVING
 
 _DECADES = 10.0  # highest over lowest rate, from where on time is logarithmic too
 _EARLIEST = 0.01  # of the shortest first movement: from there on time is logarithmic

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from qlvbayes.fitting import residuals
 from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.io.wording import joined
-from qlvbayes.preprocess.phases import NAMES
+from qlvbayes.motion.phases import NAMES
 from qlvbayes.report.collect import Model, PadResults
 from qlvbayes.report.numbers import number, percent, with_unit
 

@@ -49,7 +49,7 @@ class Constants:
         return self.m / self.b * np.expm1(self.b * depth)
 
     def stiffness(self, depth: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Its slope (N/mm): m e^{b d}."""
+        """Slope of the elastic force (N/mm): m e^{b d}."""
         return self.m * np.exp(self.b * depth)
 
 
@@ -65,12 +65,12 @@ SPECIMENS = TABLE_1 | {
     "homogeneous": Constants(1.1, 0.35, (0.50, 0.30, 0.20), (2.5, 0.08)),
     "finger": Constants(0.25, 2.0, (0.35, 0.35, 0.30), (14.0, 0.7)),
 }
-"""Pads of the paper, and two specimens beside them.
+"""Pads of the paper, and two other specimens.
 
 homogeneous: a pad of one solid, stiffer and with less to relax; made up. finger: stiffness of 1 to
 6 N/mm under 0.4 to 3 N, relaxation times of 70 ms and 1.4 s as Pawluk & Howe 1999
-(doi:10.1115/1.2835100) found in vivo beside one of 4 ms, which this rig is too slow for; the shares
-are made up.
+(doi:10.1115/1.2835100) measured in vivo, with one of 4 ms for which this rig is too slow; the
+shares are made up.
 """
 
 _STIFFNESS_SPREAD, _RATE_SPREAD = 0.2, 0.15  # sds of the logarithms between specimens of a kind
@@ -80,7 +80,7 @@ _SHARES_ALIKE = 300.0  # Dirichlet concentration of their shares: sds of about 0
 def specimens_of(
     words: Iterable[str], rng: np.random.Generator
 ) -> tuple[dict[str, Constants], dict[str, str]]:
-    """Constants by name, and the kinds of those of which several were asked for.
+    """Return constants by name, and the kind of each specimen of several.
 
     words: names of `SPECIMENS`; `finger:4` is four of a kind, `finger-1` to `finger-4`, each with
     constants of its own about those of the kind.
@@ -90,7 +90,7 @@ def specimens_of(
     InputError
         No such kind, or no number of them.
     """
-    found: dict[str, Constants] = {}
+    specimens: dict[str, Constants] = {}
     kinds: dict[str, str] = {}
     for word in words:
         kind, several, number = word.partition(":")
@@ -99,15 +99,15 @@ def specimens_of(
                 f"no pad '{word}'", remedy=f"choose of {', '.join(SPECIMENS)}, or as finger:4"
             )
         if not several:
-            found[kind] = SPECIMENS[kind]
+            specimens[kind] = SPECIMENS[kind]
             continue
         for k in range(1, int(number) + 1):
-            found[f"{kind}-{k}"], kinds[f"{kind}-{k}"] = _another(SPECIMENS[kind], rng), kind
-    return found, kinds
+            specimens[f"{kind}-{k}"], kinds[f"{kind}-{k}"] = _another(SPECIMENS[kind], rng), kind
+    return specimens, kinds
 
 
 def _another(kind: Constants, rng: np.random.Generator) -> Constants:
-    """A specimen like others of its kind."""
+    """Draw a specimen like others of its kind."""
     m, b = np.array([kind.m, kind.b]) * np.exp(_STIFFNESS_SPREAD * rng.standard_normal(2))
     v = np.array(kind.v) * np.exp(_RATE_SPREAD * rng.standard_normal(len(kind.v)))
     c = rng.dirichlet(_SHARES_ALIKE * np.array(kind.c))
@@ -115,7 +115,7 @@ def _another(kind: Constants, rng: np.random.Generator) -> Constants:
 
 
 def pads_of_table_1(names: Iterable[str]) -> dict[str, Constants]:
-    """Constants of the named pads, in the order given.
+    """Return the constants of the named pads, in the order given.
 
     Raises
     ------
@@ -133,7 +133,7 @@ def pads_of_table_1(names: Iterable[str]) -> dict[str, Constants]:
 
 
 def draw_constants(rng: np.random.Generator) -> Constants:
-    """Random two-mode constants around the paper's pads.
+    """Draw random two-mode constants around the paper's pads.
 
     m 0.2..1.2 N/mm, b 0.3..1.5 1/mm, v1 2..15 1/s, v2 0.05..0.5 1/s, all log-uniform;
     shares 0.03 + 0.91 Dirichlet(3, 5, 1), so that every mode is there to be seen.

@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Load:
-    """Go to a force (N) within a time (s; 0 is a weight put on at once) and hold it (s)."""
+    """Change the force to a value (N) within a time (s; 0: at once) and hold it (s)."""
 
     force: float
     within: float
@@ -43,7 +43,7 @@ def creep_protocol(load: float) -> tuple[Load, ...]:
 
 
 def prescribed(program: Iterable[Load], sample_rate: float = SAMPLE_RATE) -> tuple[Array, Array]:
-    """Times (s) and forces (N), both (n,), of a program sampled evenly.
+    """Return times (s) and forces (N), both (n,), of a program sampled evenly.
 
     Raises
     ------
@@ -57,14 +57,14 @@ def prescribed(program: Iterable[Load], sample_rate: float = SAMPLE_RATE) -> tup
         corners += [corners[-1] + load.within, corners[-1] + load.within + load.hold]
         forces += [load.force, load.force]
     time = np.arange(int(corners[-1] * sample_rate + 1e-6) + 1) / sample_rate
-    place = np.clip(np.searchsorted(corners, time, side="right") - 1, 0, len(corners) - 2)
-    start, stop = np.array(corners)[place], np.array(corners)[place + 1]
+    index = np.clip(np.searchsorted(corners, time, side="right") - 1, 0, len(corners) - 2)
+    start, stop = np.array(corners)[index], np.array(corners)[index + 1]
     share = np.clip((time - start) / np.where(stop > start, stop - start, 1.0), 0.0, 1.0)
-    return time, (1.0 - share) * np.array(forces)[place] + share * np.array(forces)[place + 1]
+    return time, (1.0 - share) * np.array(forces)[index] + share * np.array(forces)[index + 1]
 
 
 def displacement_under(constants: Constants, time: Array, force: Array) -> Array:
-    """Displacement (n,) in mm under a force (n,) in N, straight between ascending times (n,).
+    """Return the displacement (n,) in mm under a force (n,) in N, linear between times (n,).
 
     The pad is at rest until the first time; a first force other than 0 is put on at once. Right to
     1e-9 of the displacement where no step is longer than a fifth of 1/v.

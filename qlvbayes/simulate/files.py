@@ -1,4 +1,4 @@
-"""Simulated tests as a tidy CSV that says that it is simulated."""
+"""Simulated tests as a tidy CSV whose heading says that it is simulated."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def simulate_file(
     ----------
     effects : hidden in every pad
     protocol : one of `PROTOCOLS`
-    answer : JSON file that gets effects, constants, noise and seed; the heading then tells none
+    answer : JSON file that gets effects, constants, noise and seed; the heading then has none
         of them but the noise, nor the command
     loads : each adds a load-controlled test, N
     groups : kinds of some of the pads, by their names
@@ -113,13 +113,13 @@ def simulate_file(
     tests += creep_study(pads, loads, noise, seed, max_rows, ends)
     rig = _rig_lines(protocol if programs else "", noise, max_rows, loads)
     if answer is None:
-        told = [f"command: {command}", f"seed {seed}; {rig[1]}"]
-        told += [_effect_line(effect) for effect in effects]
-        told += [_constants_line(name, constants) for name, constants in pads.items()]
+        heading = [f"command: {command}", f"seed {seed}; {rig[1]}"]
+        heading += [_effect_line(effect) for effect in effects]
+        heading += [_constants_line(name, constants) for name, constants in pads.items()]
     else:
         _write_answer(answer, effects, pads, noise, seed)
-        told = [rig[1], "constants and hidden effects are kept in a file of their own"]
-    write_csv(path, tests, [rig[0], *told], groups)
+        heading = [rig[1], "constants and hidden effects are kept in a file of their own"]
+    write_csv(path, tests, [rig[0], *heading], groups)
 
 
 def _write_answer(
@@ -157,11 +157,11 @@ def _rows(test: SimulatedTest) -> list[str]:
         raise InputError(
             f"test {test.name} has times closer than 0.0001 s", remedy="sample at 10 kHz or slower"
         )
-    place = f"{test.pad},{test.name},{test.start_s:.4f}"
+    prefix = f"{test.pad},{test.name},{test.start_s:.4f}"
     columns = zip(
         record.time.tolist(), record.displacement.tolist(), record.force.tolist(), strict=True
     )
-    return [f"{place},{t:.4f},{d:z.3f},{f:z.5f}" for t, d, f in columns]
+    return [f"{prefix},{t:.4f},{d:z.3f},{f:z.5f}" for t, d, f in columns]
 
 
 _MOTIONS = {

@@ -1,6 +1,6 @@
 r"""Materials beyond the paper's law: other elastic curves, other relaxation.
 
-Every relaxation is carried by a sum of Prony modes that the simulator fits by itself, by
+Every relaxation is approximated by a sum of Prony modes that the simulator fits by itself, by
 non-negative least squares of the closed form on 26 rates even in the logarithm; the largest misfit
 is below 1e-3 of g(0) (`tests/test_synthetic_laws.py`), and the fitted sum is the truth of the data.
 """
@@ -119,7 +119,7 @@ class Law:
 
     @property
     def c(self) -> tuple[float, ...]:
-        """Shares (c0, c1, ...) of the Prony sum that carries the relaxation."""
+        """Shares (c0, c1, ...) of the Prony sum that approximates the relaxation."""
         return self._spectrum[0]
 
     @property
@@ -135,14 +135,14 @@ class Law:
         return _fitted(self.relaxation, self.fading)
 
     @property
-    def numbers(self) -> tuple[float, ...]:
-        """All constants, the curve's first."""
+    def constants(self) -> tuple[float, ...]:
+        """All constants, those of the elastic curve first."""
         return (*self.curve, *self.fading)
 
-    def with_numbers(self, numbers: tuple[float, ...]) -> Law:
-        """The same law with other constants."""
+    def with_constants(self, constants: tuple[float, ...]) -> Law:
+        """Return the same law with other constants."""
         cut = len(self.curve)
-        return Law(self.elastic, numbers[:cut], self.relaxation, numbers[cut:])
+        return Law(self.elastic, constants[:cut], self.relaxation, constants[cut:])
 
 
 @lru_cache(maxsize=64)

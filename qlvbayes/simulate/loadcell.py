@@ -1,4 +1,4 @@
-"""Load cells, amplifiers and clocks as they are met: errors beyond white noise and its memory."""
+"""Load cells, amplifiers and clocks with errors beyond white and correlated noise."""
 
 from __future__ import annotations
 
@@ -43,12 +43,12 @@ class LoadCell:
     encoder: float = 0.001
 
     def draw(self, times: Array, rng: np.random.Generator) -> Array:
-        """Errors (N) at ascending times (s) before growth and rounding."""
-        usual = Noise(self.white, self.correlated, self.time).draw(times, rng)
-        return usual + self.low * _twice_filtered(np.diff(times) / self.lag, rng)
+        """Draw errors (N) at ascending times (s) before growth and rounding."""
+        both = Noise(self.white, self.correlated, self.time).draw(times, rng)
+        return both + self.low * _twice_filtered(np.diff(times) / self.lag, rng)
 
     def moments(self, times: Array, rng: np.random.Generator) -> Array:
-        """When the force is really read, s: within 0.4 of a spacing of the stated times."""
+        """Return when the force is really read, s: within 0.4 of a spacing of the stated times."""
         if self.jitter == 0.0 or times.size < 2:
             return times
         most = 0.4 * np.min(np.diff(times))
@@ -56,12 +56,12 @@ class LoadCell:
         return np.clip(times + late, times[0], times[-1])
 
     def read(self, force: Array, errors: Array, peak: float) -> Array:
-        """Reading (N) of a true force with the errors drawn."""
+        """Return the reading (N) of a true force with the errors drawn."""
         noisy = force + errors * (1.0 + self.growth * np.abs(force) / peak)
         return np.round(noisy / self.step) * self.step if self.step else noisy
 
     def position(self, displacement: Array) -> Array:
-        """What the encoder reads, mm."""
+        """Return the encoder's reading, mm."""
         if not self.encoder:
             return displacement
         return np.round(displacement / self.encoder) * self.encoder + 0.0
@@ -69,7 +69,7 @@ class LoadCell:
     def covariance(
         self, times: Array, force: Array, slope: Array, speed: Array, peak: float
     ) -> Array:
-        """Of the reading about the force that the read displacement promises, N^2, (n, n).
+        """Return the covariance (n, n), N^2, of readings about the force at the read displacement.
 
         Rounding counts as white noise of step^2/12; the clock and the encoder count with the
         force's slopes, by time (N/s) and by displacement (slope/speed).
@@ -92,7 +92,7 @@ def _twice_filtered(steps: Array, rng: np.random.Generator) -> Array:
     """
     kicks = rng.standard_normal((steps.size + 1, 2))
     x, slope = kicks[0].tolist()
-    found = [x]
+    values = [x]
     fade = np.exp(-steps)
     push = [fade * (1 + steps), fade * steps, -fade * steps, fade * (1 - steps)]
     xx = np.maximum(1.0 - push[0] ** 2 - push[1] ** 2, 0.0)
@@ -104,15 +104,16 @@ def _twice_filtered(steps: Array, rng: np.random.Generator) -> Array:
     noise = np.column_stack([low * kicks[1:, 0], cross * kicks[1:, 0] + rest * kicks[1:, 1]])
     for a, b, c, d, e, f in zip(*(p.tolist() for p in push), *noise.T.tolist(), strict=True):
         x, slope = a * x + b * slope + e, c * x + d * slope + f
-        found.append(x)
-    return np.array(found)
+        values.append(x)
+    return np.array(values)
 
 
 def draw_cell(kind: str, peak: float, hold: float, rng: np.random.Generator) -> LoadCell:
-    """A load cell of one kind, of a pad with a peak force (N) and a longest hold (s).
+    """Draw a load cell of one kind, for a pad with a peak force (N) and a longest hold (s).
 
-    The usual noise is 0.2 to 0.8 % of the peak in all. long_memory: a quarter of the longest hold;
-    exact: no error at all, and no encoder step.
+    The noise has 0.2 to 0.8 % of the peak in all. ``usual`` is white and correlated; ``white``
+    is white noise alone; ``long_memory`` has a correlation time of a quarter of the longest hold;
+    ``exact`` has no error at all, and no encoder step.
 
     Raises
     ------
@@ -122,16 +123,17 @@ def draw_cell(kind: str, peak: float, hold: float, rng: np.random.Generator) -> 
     size = peak * float(np.exp(rng.uniform(np.log(0.002), np.log(0.008))))
     white, slow = 0.6 * size, 0.8 * size
     time = float(np.exp(rng.uniform(np.log(0.2), np.log(1.5))))
-    usual = {"white": white, "correlated": slow, "time": time}
+    baseline = {"white": white, "correlated": slow, "time": time}
     kinds: dict[str, dict[str, float]] = {
-        "usual": usual,
+        "usual": baseline,
         "all_correlated": {"correlated": size, "time": time},
         "low_passed": {"low": size, "lag": rng.uniform(0.002, 0.02), "correlated": 0.3 * size},
-        "quantised": usual | {"step": size * rng.uniform(0.5, 3.0)},
-        "growing": usual | {"growth": rng.uniform(1.0, 4.0)},
-        "clock_and_encoder": usual | {"jitter": 2e-4, "encoder": 0.005},
+        "quantised": baseline | {"step": size * rng.uniform(0.5, 3.0)},
+        "growing": baseline | {"growth": rng.uniform(1.0, 4.0)},
+        "clock_and_encoder": baseline | {"jitter": 2e-4, "encoder": 0.005},
         "long_memory": {"white": white, "correlated": slow, "time": 0.25 * hold},
         "exact": {"encoder": 0.0},
+        "white": {"white": size},
     }
     return LoadCell(**kinds[kind])
 
@@ -140,4 +142,4 @@ CELLS = (
     "usual", "all_correlated", "low_passed", "quantised", "growing", "clock_and_encoder",
     "long_memory", "exact",
 )  # fmt: skip
-"""Kinds of load cells."""
+"""Kinds of load cells of the wide population."""

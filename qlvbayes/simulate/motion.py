@@ -122,17 +122,17 @@ class Track(Motion):
 
 
 def joined(parts: Iterable[Sequence[Piece]]) -> tuple[Piece, ...]:
-    """Pieces of motions one after the other: each begins when and where the one before ends."""
+    """Join pieces of motions: each begins when and where the one before ends."""
     pieces: list[Piece] = []
     for part in parts:
         clock = pieces[-1].start + pieces[-1].duration if pieces else 0.0
-        place = pieces[-1].end if pieces else 0.0
+        position = pieces[-1].end if pieces else 0.0
         first = part[0]
         pieces += [
             replace(
                 p,
                 start=p.start - first.start + clock,
-                displacement=p.displacement - first.displacement + place,
+                displacement=p.displacement - first.displacement + position,
             )
             for p in part
         ]

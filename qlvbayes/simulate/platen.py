@@ -1,4 +1,4 @@
-"""What the rig's platen does: strokes with finite acceleration, and standstills."""
+"""Motion of the rig's platen: strokes with finite acceleration, and holds."""
 
 from __future__ import annotations
 
@@ -81,14 +81,14 @@ class Platen(Motion):
     def pieces(self) -> tuple[Piece, ...]:
         """The program as stretches of constant acceleration, in order."""
         pieces: list[Piece] = []
-        clock, place = 0.0, 0.0
+        clock, position = 0.0, 0.0
         for step in self.program:
             if isinstance(step, Hold):
-                stretch = [Piece(clock, step.seconds, place, step.creep / step.seconds, 0.0)]
-                place += step.creep
+                stretch = [Piece(clock, step.seconds, position, step.creep / step.seconds, 0.0)]
+                position += step.creep
             else:
-                stretch = _stroke(clock, place, step, self.acceleration_limit)
-                place = step.target
+                stretch = _stroke(clock, position, step, self.acceleration_limit)
+                position = step.target
             pieces += stretch
             if stretch:
                 clock = stretch[-1].start + stretch[-1].duration
@@ -113,19 +113,19 @@ PROTOCOLS = {"paper": paper_protocol, "retraction": full_retraction_protocol}
 """Protocols by name; each gives the program of one test from its rate (mm/s)."""
 
 
-def _stroke(clock: float, place: float, move: Move, limit: float) -> list[Piece]:
-    """Speed up, cruise and brake; no piece of zero length."""
-    stroke = abs(move.target - place)
+def _stroke(clock: float, position: float, move: Move, limit: float) -> list[Piece]:
+    """Accelerate, cruise and brake; no piece has zero length."""
+    stroke = abs(move.target - position)
     if stroke == 0.0:
         return []
-    sign = 1.0 if move.target > place else -1.0
+    sign = 1.0 if move.target > position else -1.0
     top = min(move.speed, sqrt(limit * stroke))
     rise = top / limit
     cruise = stroke / top - rise
     run_up = 0.5 * top * rise
-    pieces = [Piece(clock, rise, place, 0.0, sign * limit)]
+    pieces = [Piece(clock, rise, position, 0.0, sign * limit)]
     if cruise > 1e-12 * rise:
-        pieces.append(Piece(clock + rise, cruise, place + sign * run_up, sign * top, 0.0))
+        pieces.append(Piece(clock + rise, cruise, position + sign * run_up, sign * top, 0.0))
     else:
         cruise = 0.0
     brake_from = move.target - sign * run_up

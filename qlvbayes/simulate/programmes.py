@@ -1,4 +1,4 @@
-"""What platens are made to do besides the paper's test: sines, cycles, staircases, other speeds."""
+"""Protocols other than the paper's: sines, cycles, staircases, other speeds."""
 
 from __future__ import annotations
 
@@ -30,15 +30,16 @@ PROTOCOL_NAMES = (
 
 @dataclass(frozen=True)
 class Session:
-    """Tests of one pad: a motion each, by name, in order.
+    """Tests of one pad, a motion each by name, in order.
 
-    carried: each test follows the one before by `pause` (s), in which the platen goes back to 0,
-    and the pad has not forgotten; else every test begins rested. The motions know their clocks.
+    continuous: whether each test follows the one before by `pause` (s), in which the platen goes
+    back to 0 and the pad has not forgotten; else every test begins at rest. The motions know their
+    clocks.
     longest_hold: s, or a quarter of the longest test where there is no hold; smooth: without kinks.
     """
 
     motions: dict[str, Motion]
-    carried: bool
+    continuous: bool
     pause: float
     longest_hold: float
     smooth: bool
@@ -47,19 +48,19 @@ class Session:
     def whole(self) -> Track:
         """All tests and the pauses between them as one motion."""
         parts: list[Sequence[Piece]] = []
-        place = 0.0
+        position = 0.0
         for motion in self.motions.values():
             parts.append(motion.pieces)
-            place += motion.pieces[-1].end - motion.pieces[0].displacement
-            parts.append(_back(place, self.pause))
-            place = 0.0
+            position += motion.pieces[-1].end - motion.pieces[0].displacement
+            parts.append(_back(position, self.pause))
+            position = 0.0
         return Track(joined(parts[:-1]))
 
 
 def session(
-    protocol: str, carried: bool, hold: float, creep: float, rng: np.random.Generator
+    protocol: str, continuous: bool, hold: float, creep: float, rng: np.random.Generator
 ) -> Session:
-    """Tests of one protocol.
+    """Return the tests of one protocol.
 
     hold: length of the holds (s) where the protocol leaves it open; creep: by how much the platen
     moves on in every hold, mm.
@@ -73,7 +74,7 @@ def session(
         if isinstance(s, Hold)
     ]
     motions: dict[str, Motion] = {}
-    clock, pause = 0.0, 5.0 if carried else 120.0
+    clock, pause = 0.0, 5.0 if continuous else 120.0
     for number, (name, program) in enumerate(programs.items()):
         if isinstance(program, Track):
             motion: Motion = replace(program, start_s=clock, number=number)
@@ -82,7 +83,7 @@ def session(
         motions[name] = motion
         clock += motion.duration + pause
     longest = max(holds, default=0.25 * max(m.duration for m in motions.values()))
-    return Session(motions, carried, pause, longest, smooth)
+    return Session(motions, continuous, pause, longest, smooth)
 
 
 def _programs(
@@ -111,7 +112,7 @@ def _programs(
 
 
 def _ramp_hold(protocol: str, rate: float, hold: float) -> tuple[Step, ...]:
-    """One test of ramps and holds."""
+    """Return one test of ramps and holds."""
     up: tuple[Step, ...] = (Move(_STROKE_MM, rate), Hold(hold))
     if protocol == "no_unloading":
         return up
@@ -124,19 +125,19 @@ def _ramp_hold(protocol: str, rate: float, hold: float) -> tuple[Step, ...]:
 
 
 def _jerk_limited(hold: float, rng: np.random.Generator) -> dict[str, tuple[Step, ...] | Track]:
-    """Six tests to one random depth (0.6 to 2.5 mm) at random speeds (0.05 to 60 mm/s)."""
+    """Return six tests to a random depth (0.6 to 2.5 mm) at random speeds (0.05 to 60 mm/s)."""
     depth = float(rng.uniform(0.6, 2.5))
     speeds = np.sort(np.exp(rng.uniform(np.log(0.05), np.log(60.0), 6)))
-    found: dict[str, tuple[Step, ...] | Track] = {}
+    programs: dict[str, tuple[Step, ...] | Track] = {}
     for speed in speeds.tolist():
         rest = (Piece(0.0, hold, 0.0, 0.0, 0.0),)
         back = swing(0.4 * depth - depth, float(rng.uniform(0.5, 5.0)))
-        found[f"{speed:.3g}"] = Track(joined([swing(depth, speed), rest, back, rest]))
-    return found
+        programs[f"{speed:.3g}"] = Track(joined([swing(depth, speed), rest, back, rest]))
+    return programs
 
 
 def sine(stroke: float, frequency: float, cycles: int) -> Track:
-    """Sine stroke (1 - cos(2 pi f t))/2 in pieces of constant acceleration, their ends exact."""
+    """Return a sine stroke (1 - cos(2 pi f t))/2 in pieces of constant acceleration."""
     omega, count = 2.0 * pi * frequency, cycles * _PIECES_A_CYCLE
     step = 1.0 / (frequency * _PIECES_A_CYCLE)
     velocities = [0.5 * stroke * omega * sin(omega * step * k) for k in range(count + 1)]
@@ -144,7 +145,7 @@ def sine(stroke: float, frequency: float, cycles: int) -> Track:
 
 
 def swing(stroke: float, speed: float) -> tuple[Piece, ...]:
-    """From rest to rest by `stroke` (mm), v = speed (1 - cos(2 pi t/T))/2 sgn(stroke): no jerk."""
+    """Return a move from rest by `stroke` (mm), v = speed (1 - cos(2 pi t/T))/2 sgn(stroke)."""
     total = 2.0 * abs(stroke) / speed
     step = total / _PIECES_A_STROKE
     sign = 1.0 if stroke > 0 else -1.0
@@ -153,11 +154,11 @@ def swing(stroke: float, speed: float) -> tuple[Piece, ...]:
 
 
 def _of_velocities(velocities: Sequence[float], step: float) -> tuple[Piece, ...]:
-    """Pieces between velocities (mm/s) at even steps (s), from displacement 0."""
-    pieces, place = [], 0.0
+    """Return pieces between velocities (mm/s) at even steps (s), from displacement 0."""
+    pieces, position = [], 0.0
     for k, (v, w) in enumerate(pairwise(velocities)):
-        pieces.append(Piece(k * step, step, place, v, (w - v) / step))
-        place = pieces[-1].end
+        pieces.append(Piece(k * step, step, position, v, (w - v) / step))
+        position = pieces[-1].end
     return tuple(pieces)
 
 
@@ -165,10 +166,12 @@ def _creeping(program: Sequence[Step], creep: float) -> tuple[Step, ...]:
     return tuple(replace(s, creep=creep) if isinstance(s, Hold) else s for s in program)
 
 
-def _back(place: float, pause: float) -> tuple[Piece, ...]:
-    """Back to 0 at 20 mm/s, and rest until the pause is over."""
-    if abs(place) < 1e-9:
-        return (Piece(0.0, pause, place, 0.0, 0.0),)
-    way = abs(place) / _RETURN_MM_S
-    speed = -place / way
-    return Piece(0.0, way, place, speed, 0.0), Piece(way, pause - way, 0.0, 0.0, 0.0)
+def _back(position: float, pause: float) -> tuple[Piece, ...]:
+    """Return to 0 at 20 mm/s, and rest until the pause is over."""
+    if abs(position) < 1e-9:
+        return (Piece(0.0, pause, position, 0.0, 0.0),)
+    duration = abs(position) / _RETURN_MM_S
+    speed = -position / duration
+    return Piece(0.0, duration, position, speed, 0.0), Piece(
+        duration, pause - duration, 0.0, 0.0, 0.0
+    )

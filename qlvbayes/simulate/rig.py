@@ -48,7 +48,7 @@ class Record:
 
 @dataclass(frozen=True)
 class SimulatedTest:
-    """A record with its place in a study; `start_s` is the clock at its first sample.
+    """A record with its pad and test in a study; `start_s` is the clock at its first sample.
 
     control: what was prescribed, displacement or force
     """
@@ -144,7 +144,7 @@ def simulate_study(
 
 
 def stream(seed: int, name: str) -> np.random.Generator:
-    """Random numbers of one test, from the study's seed (0 or more) and the test's name."""
+    """Return the generator of one test, from the study's seed (0 or more) and the test's name."""
     if seed < 0:
         raise InputError(f"the seed must be at least 0, not {seed}")
     return np.random.default_rng([seed, *name.encode()])

@@ -1,4 +1,4 @@
-"""What the rig's encoder and load cell make of the true motion and force."""
+"""Errors of the rig's encoder and load cell."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Noise:
             raise InputError(f"a noise's correlation time must be above 0, not {self}")
 
     def draw(self, times: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
-        """One realisation (N) at ascending `times` (s), exact for any spacing."""
+        """Draw one realisation (N) at ascending `times` (s), exact for any spacing."""
         white, kicks = rng.standard_normal((2, times.size))
         return self.white * white + self.correlated * self._walk(times, kicks)
 
@@ -67,5 +67,5 @@ NOISES = {
 
 
 def encode(displacement: NDArray[np.float64], step: float = ENCODER_STEP) -> NDArray[np.float64]:
-    """Displacement (mm) as an encoder with resolution `step` (mm) reads it."""
+    """Return the displacement (mm) as an encoder with resolution `step` (mm) reads it."""
     return np.round(displacement / step) * step + 0.0

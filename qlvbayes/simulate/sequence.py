@@ -1,4 +1,4 @@
-"""Tests of one pad after one another, with what relaxes in the pauses between them."""
+"""Consecutive tests of one pad, which relaxes in the pauses between them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ RETURN_SPEED = 20.0
 
 @dataclass(frozen=True)
 class Sequence:
-    """Programs joined to one by pauses in which the platen goes back to zero and waits.
+    """Programs joined by pauses in which the platen goes back to zero and waits.
 
     platen: of the whole; names: of the tests; begins, ends: their times (s) in the whole.
     """
@@ -40,7 +40,7 @@ def join_programs(
     return_speed: float | None = RETURN_SPEED,
     acceleration_limit: float = PAPER_ACCELERATION,
 ) -> Sequence:
-    """One program of all, with ``pause_s`` (s) between a test's end and the next one's beginning.
+    """Join programs with ``pause_s`` (s) between a test's end and the next one's beginning.
 
     return_speed: at which the platen goes back to zero when a pause begins (mm/s); None leaves it
     where the test ended. The next program goes on from there.
@@ -73,7 +73,7 @@ def record_sequence(
     *,
     pad: str = "pad",
     pause_s: float = 5.0,
-    carried: bool = True,
+    continuous: bool = True,
     return_speed: float | None = RETURN_SPEED,
     acceleration_limit: float = PAPER_ACCELERATION,
     sample_rate: float = SAMPLE_RATE,
@@ -82,11 +82,11 @@ def record_sequence(
     """Run the programs one after another on one pad; tests are named 'pad-program'.
 
     The material's equations are solved once along the whole sequence, pauses included, and the
-    tests are cut from it. What a material remembers from test to test is its own affair: a pad
+    tests are cut from it. What is remembered from test to test depends on the material: a pad
     relaxes on, and an effect that asks for the largest depth so far has that of the whole sequence.
-    With ``carried`` False every test is run on a rested pad, at the same clock. Each test's random
-    stream comes from the seed and the test's name. For the other arguments see `join_programs` and
-    `record_test`.
+    With ``continuous`` False every test is run on a rested pad, at the same clock. Each test's
+    random stream comes from the seed and the test's name. For the other arguments see
+    `join_programs` and `record_test`.
 
     Raises
     ------
@@ -97,14 +97,14 @@ def record_sequence(
     whole = join_programs(
         programs, pause_s, return_speed=return_speed, acceleration_limit=acceleration_limit
     )
-    if not carried and return_speed is None:
+    if not continuous and return_speed is None:
         raise InputError("a pad that is not let go cannot rest", remedy="give a return speed")
     tests = [
         _Test(f"{pad}-{name}", begin, *_sampled(whole, begin, end, sample_rate, max_rows))
         for name, begin, end in zip(whole.names, whole.begins, whole.ends, strict=True)
     ]
-    if carried:
-        forces = _carried(material, whole, tests)
+    if continuous:
+        forces = _continuous(material, whole, tests)
     else:
         forces = _rested(material, programs, acceleration_limit, tests)
     return [
@@ -115,7 +115,7 @@ def record_sequence(
 
 @dataclass(frozen=True)
 class _Test:
-    """A test's samples: its name, its beginning in the whole (s), times and readings, whole."""
+    """A test's samples: name, beginning in the sequence (s), times and readings."""
 
     name: str
     begin: float
@@ -126,7 +126,7 @@ class _Test:
     def recorded(
         self, pad: str, whole: Sequence, force: NDArray[np.float64], noise: Noise, seed: int
     ) -> SimulatedTest:
-        """The test with its noise, which is that of all samples, kept or not."""
+        """Return the test with its noise, which is drawn for all samples, kept or not."""
         own = self.time - self.begin
         errors = noise.draw(own, stream(seed, self.name))[self.kept]
         time, true = own[self.kept], whole.platen.displacement(self.time[self.kept])
@@ -137,7 +137,7 @@ class _Test:
 def _sampled(
     whole: Sequence, begin: float, end: float, rate: float, max_rows: int | None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]:
-    """Times of a test in the whole, encoder readings, and the places that the logger keeps."""
+    """Return times of a test in the sequence, encoder readings, and the indices of kept rows."""
     if not rate > 0:
         raise InputError(f"the sample rate must be above 0, not {rate} 1/s")
     time = np.minimum(begin + np.arange(int((end - begin) * rate + 1e-6) + 1) / rate, end)
@@ -146,8 +146,10 @@ def _sampled(
     return time, read, kept
 
 
-def _carried(material: Material, whole: Sequence, tests: list[_Test]) -> list[NDArray[np.float64]]:
-    """Forces of the samples kept, solved along all tests and pauses."""
+def _continuous(
+    material: Material, whole: Sequence, tests: list[_Test]
+) -> list[NDArray[np.float64]]:
+    """Return forces of the kept samples, solved along all tests and pauses."""
     times = [test.time[test.kept] for test in tests]
     force = material.force(whole.platen, np.concatenate(times))
     return np.split(force, np.cumsum([time.size for time in times])[:-1])
@@ -159,29 +161,29 @@ def _rested(
     acceleration_limit: float,
     tests: list[_Test],
 ) -> list[NDArray[np.float64]]:
-    """Forces of the samples kept, every test begun on a rested pad."""
-    found = []
+    """Return forces of the kept samples, every test begun on a rested pad."""
+    forces = []
     for program, test in zip(programs.values(), tests, strict=True):
         platen = Platen(tuple(program), acceleration_limit, test.begin)
         times = np.clip(test.time[test.kept] - test.begin, 0.0, platen.duration)
-        found.append(material.force(platen, times))
-    return found
+        forces.append(material.force(platen, times))
+    return forces
 
 
 def _pause(
     done: list[Step], pause_s: float, return_speed: float | None, acceleration_limit: float
 ) -> list[Step]:
-    """The way back and the wait, together as long as the pause."""
+    """Return the way back and the wait, together as long as the pause."""
     back: list[Step] = [] if return_speed is None else [Move(0.0, return_speed)]
-    way = _duration([*done, *back], acceleration_limit) - _duration(done, acceleration_limit)
-    if not pause_s > way:
+    duration = _duration([*done, *back], acceleration_limit) - _duration(done, acceleration_limit)
+    if not pause_s > duration:
         raise InputError(
-            f"a pause of {pause_s:g} s is too short for the way back, which takes {way:.3g} s",
+            f"a pause of {pause_s:g} s is too short for the way back, which takes {duration:.3g} s",
             remedy="lengthen the pause or raise the return speed",
         )
-    return [*back, Hold(pause_s - way)]
+    return [*back, Hold(pause_s - duration)]
 
 
 def _duration(steps: list[Step], acceleration_limit: float) -> float:
-    """Length (s) of a program that may be empty."""
+    """Return the length (s) of a program that may be empty."""
     return Platen(tuple(steps), acceleration_limit).duration if steps else 0.0

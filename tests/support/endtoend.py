@@ -18,9 +18,9 @@ from qlvbayes.fitting.ensemble import Settings
 from qlvbayes.fitting.fit import fit_pad
 from qlvbayes.io.data import read_measurements
 from qlvbayes.model.choices import Choices
+from qlvbayes.motion.experiment import prepare
 from qlvbayes.plots import diagnosis_files
 from qlvbayes.plots import files as plots_files
-from qlvbayes.preprocess.experiment import prepare
 from qlvbayes.simulate import TABLE_1
 
 PADS = Path(__file__).parents[2] / "data" / "pads.csv"

@@ -5,10 +5,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from qlvbayes.fitting.prediction import Prediction
 from qlvbayes.io.data import Test as Record
+from qlvbayes.motion.experiment import Trial
+from qlvbayes.motion.phases import Phase
+from qlvbayes.motion.trajectory import smooth
 from qlvbayes.plots.files import figure_of
-from qlvbayes.preprocess.experiment import Trial
-from qlvbayes.preprocess.phases import Phase
-from qlvbayes.preprocess.trajectory import smooth
 
 NOISE = 0.01
 DWELLS = ("hold", "recovery")

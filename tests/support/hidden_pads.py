@@ -9,7 +9,7 @@ from qlvbayes.diagnosis.telling.verdict import Diagnosis
 from qlvbayes.effects.catalogue import find
 from qlvbayes.evaluation.study import measured
 from qlvbayes.laws.catalogue import LAWS
-from qlvbayes.preprocess.experiment import Experiment, prepare
+from qlvbayes.motion.experiment import Experiment, prepare
 from qlvbayes.simulate import (
     NOISES,
     TABLE_1,

@@ -32,7 +32,7 @@ from qlvbayes.inference.forward.space import Space
 from qlvbayes.inference.projection import projected
 from qlvbayes.io.checks import InputError, NoFiniteForceError
 from qlvbayes.model.choices import Choices
-from qlvbayes.preprocess.experiment import Experiment
+from qlvbayes.motion.experiment import Experiment
 
 Array = NDArray[np.float64]
 

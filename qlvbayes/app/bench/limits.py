@@ -8,7 +8,7 @@ from scipy.stats import chi2
 
 from qlvbayes.diagnosis.checks.samples import Samples
 from qlvbayes.fitting.residuals import FALSE_ALARMS
-from qlvbayes.preprocess.phases import KINDS
+from qlvbayes.motion.phases import KINDS
 
 Array = NDArray[np.float64]
 

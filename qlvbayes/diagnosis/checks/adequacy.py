@@ -38,10 +38,10 @@ from scipy.stats import chi2
 from qlvbayes.diagnosis.settings import CellTests, Settings
 from qlvbayes.inference.density import Point
 from qlvbayes.inference.errors.whitening import covariance
-from qlvbayes.preprocess.experiment import Experiment, Trial
-from qlvbayes.preprocess.noisefloor import NoiseFloor
-from qlvbayes.preprocess.phases import Phase
-from qlvbayes.preprocess.record import Blocks, Record
+from qlvbayes.motion.experiment import Experiment, Trial
+from qlvbayes.motion.noisefloor import NoiseFloor
+from qlvbayes.motion.phases import Phase
+from qlvbayes.motion.record import Blocks, Record
 
 
 @dataclass(frozen=True)

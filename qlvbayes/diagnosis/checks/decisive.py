@@ -23,8 +23,8 @@ from scipy.linalg import block_diag, cholesky, solve_triangular
 from qlvbayes.diagnosis.result import Decisive
 from qlvbayes.diagnosis.weighed import Weighed
 from qlvbayes.inference.density import Density
-from qlvbayes.preprocess.experiment import Trial
-from qlvbayes.preprocess.phases import phase_index
+from qlvbayes.motion.experiment import Trial
+from qlvbayes.motion.phases import phase_index
 
 Array = NDArray[np.float64]
 

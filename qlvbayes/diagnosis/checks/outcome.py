@@ -32,7 +32,7 @@ from qlvbayes.diagnosis.standing import weights_of
 from qlvbayes.diagnosis.weighed import Weighed
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.model.parameters import unit_kinds
-from qlvbayes.preprocess.experiment import Experiment
+from qlvbayes.motion.experiment import Experiment
 
 Array = NDArray[np.float64]
 

@@ -12,10 +12,9 @@ from qlvbayes.diagnosis.result import CellError
 from qlvbayes.fitting.prediction import looked_at, single_samples
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.forward.space import Space
-from qlvbayes.preprocess.batching import batch
-from qlvbayes.preprocess.experiment import Experiment, Trial
-from qlvbayes.preprocess.phases import KINDS, phase_index
-from qlvbayes.preprocess.record import Record
+from qlvbayes.motion.experiment import Experiment, Trial
+from qlvbayes.motion.phases import KINDS, phase_index
+from qlvbayes.motion.record import Record, batch
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from qlvbayes.diagnosis.nexttest.design import Recovery
 from qlvbayes.io.checks import InputError
-from qlvbayes.preprocess.record import Record
+from qlvbayes.motion.record import Record
 
 Array = NDArray[np.float64]
 Forces = Callable[[Array, Record], Array]

@@ -12,9 +12,9 @@ from scipy.stats import qmc
 from qlvbayes.diagnosis.nexttest.rig import Rig
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain
-from qlvbayes.preprocess.phases import Kind
-from qlvbayes.preprocess.programme import Stroke, planned
-from qlvbayes.preprocess.trajectory import Trajectory
+from qlvbayes.motion.phases import Kind
+from qlvbayes.motion.programme import Stroke, planned
+from qlvbayes.motion.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 

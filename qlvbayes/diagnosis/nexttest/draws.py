@@ -15,7 +15,7 @@ from qlvbayes.model.choices import Choices
 from qlvbayes.model.drawn import described_model, drawn_models
 from qlvbayes.model.model import Model
 from qlvbayes.model.parameters import fields_of
-from qlvbayes.preprocess.record import Record
+from qlvbayes.motion.record import Record
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from qlvbayes.diagnosis.nexttest.belief import Explanation
 from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.model.parameters import unit_kinds
-from qlvbayes.preprocess.record import Record
+from qlvbayes.motion.record import Record
 
 Array = NDArray[np.float64]
 

@@ -27,7 +27,7 @@ from qlvbayes.diagnosis.nexttest.errors import Errors, Whitening
 from qlvbayes.diagnosis.nexttest.records import record_of
 from qlvbayes.diagnosis.nexttest.rig import Rig
 from qlvbayes.diagnosis.nexttest.screening import whitening
-from qlvbayes.preprocess.record import Record
+from qlvbayes.motion.record import Record
 
 Array = NDArray[np.float64]
 

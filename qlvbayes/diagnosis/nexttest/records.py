@@ -12,8 +12,8 @@ from qlvbayes.diagnosis.nexttest.design import Design
 from qlvbayes.diagnosis.nexttest.rig import Rig
 from qlvbayes.inference.errors.features import UNDECIDED, Places
 from qlvbayes.laws.motion import Motion
-from qlvbayes.preprocess.phases import KINDS, MOVING
-from qlvbayes.preprocess.record import Blocks, Record
+from qlvbayes.motion.phases import KINDS, MOVING
+from qlvbayes.motion.record import Blocks, Record
 
 Array = NDArray[np.float64]
 

@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass, replace
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.preprocess.covered import Covered
-from qlvbayes.preprocess.experiment import Experiment
+from qlvbayes.motion.covered import Covered
+from qlvbayes.motion.experiment import Experiment
 
 SET_POINTS = 1000.0  # a second: rate of the file of set-points, as of the paper's controller
 _SLOWEST = 1e-5  # of the top speed: nobody waits longer

@@ -15,7 +15,7 @@ from qlvbayes.diagnosis.nexttest.errors import Errors, Whitening
 from qlvbayes.diagnosis.nexttest.information import Products
 from qlvbayes.diagnosis.nexttest.records import record_of
 from qlvbayes.diagnosis.nexttest.rig import Rig
-from qlvbayes.preprocess.record import Record
+from qlvbayes.motion.record import Record
 
 Array = NDArray[np.float64]
 

@@ -20,7 +20,7 @@ from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.result import Suggestion
 from qlvbayes.diagnosis.weighed import Weighed, described
 from qlvbayes.inference.density import Density
-from qlvbayes.preprocess.experiment import Experiment
+from qlvbayes.motion.experiment import Experiment
 
 NOTHING = "no effect"
 UNLISTED = "something unlisted"

@@ -11,7 +11,7 @@ from scipy.special import ndtri
 from qlvbayes.diagnosis.telling.verdict import Diagnosis
 from qlvbayes.diagnosis.telling.work import Work
 from qlvbayes.diagnosis.weighed import Weighed
-from qlvbayes.preprocess.experiment import Trial
+from qlvbayes.motion.experiment import Trial
 
 Array = NDArray[np.float64]
 

@@ -40,9 +40,9 @@ from qlvbayes.diagnosis.weighed import Weighed
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.io.wording import percent
 from qlvbayes.laws.unresolved import unresolved_times
-from qlvbayes.preprocess.carried import carried_notices, clock_notices
-from qlvbayes.preprocess.experiment import Experiment
-from qlvbayes.preprocess.record import Record
+from qlvbayes.motion.carryover import carryover_notices, clock_notices
+from qlvbayes.motion.experiment import Experiment
+from qlvbayes.motion.record import Record
 
 Array = NDArray[np.float64]
 
@@ -195,7 +195,7 @@ def _notices(experiment: Experiment, search: Search, told: Weighed) -> tuple[str
     def predict(record: Record) -> Array:
         return space.forces(told.hypothesis, constants[None], record)[0]
 
-    carried = carried_notices(experiment, experiment.trials, space.record, predict)
+    carried = carryover_notices(experiment, experiment.trials, space.record, predict)
     clock = () if experiment.rested else clock_notices(experiment)
     model = told.point.own.posterior.with_constants(jnp.asarray(constants))[0]
     times = unresolved_times(model.relaxation, experiment.scales)

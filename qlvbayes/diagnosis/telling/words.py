@@ -8,7 +8,7 @@ from qlvbayes.diagnosis.telling.work import Work
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import joined, percent, plain, to_noise
 from qlvbayes.model.choices import Choices
-from qlvbayes.preprocess.phases import NAMES
+from qlvbayes.motion.phases import NAMES
 
 _MOST_BIASES = 3
 _LINEAR = 0.5  # relative change up to which slopes tell how far a constant moves

@@ -8,7 +8,7 @@ from qlvbayes.diagnosis.checks.adequacy import Adequacy
 from qlvbayes.diagnosis.checks.samples import Samples
 from qlvbayes.diagnosis.search import Search
 from qlvbayes.diagnosis.weighed import Weighed
-from qlvbayes.preprocess.experiment import Experiment
+from qlvbayes.motion.experiment import Experiment
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""The bench: a small study, a pad with one relaxation mode, and the priors of both."""
+"""Simulated tests of a pad with one relaxation mode, and the priors of its constants."""
 
 from __future__ import annotations
 
@@ -17,11 +17,10 @@ from qlvbayes.laws.relaxation.law import AbstractRelaxation
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.model.noise import AbstractNoise, Correlated
-from qlvbayes.preprocess.batching import batch
-from qlvbayes.preprocess.programme import Stroke, planned
-from qlvbayes.preprocess.record import Record
-from qlvbayes.preprocess.reduction import planned_record
-from qlvbayes.preprocess.trajectory import Trajectory
+from qlvbayes.motion.programme import Stroke, planned
+from qlvbayes.motion.record import Record, batch
+from qlvbayes.motion.reduction import planned_record
+from qlvbayes.motion.trajectory import Trajectory
 from qlvbayes.priors import Dirichlet, Ordered
 from qlvbayes.priors.natural import in_own_numbers
 
@@ -39,7 +38,7 @@ _SOONEST = 0.02  # s from the beginning of a hold to its first sample
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """Tests whose record holds no force yet, their scales, the law's priors and the noise's."""
+    """Tests whose record holds no force yet, their scales, and the priors of law and noise."""
 
     record: Record
     scales: Scales
@@ -48,7 +47,7 @@ class Bench:
     noise: AbstractNoise
 
     def space(self, effects: Sequence[AbstractEffect]) -> Space:
-        """Hypotheses with some effects; the noise is of no account."""
+        """Return the hypotheses with some effects; the noise has no influence."""
         return Space(
             self.record,
             {self.elastic.name: in_own_numbers(self.elastic)},
@@ -59,13 +58,13 @@ class Bench:
         )
 
     def hypothesis(self, effect: str) -> Hypothesis:
-        """The law with one effect."""
+        """Return the law with one effect."""
         return Hypothesis(self.elastic.name, self.relaxation.name, frozenset((effect,)))
 
 
 @cache
 def bench() -> Bench:
-    """A test at 1 mm/s that goes back to half depth, and one at 10 mm/s that retracts fully.
+    """Return a test at 1 mm/s back to half depth, and one at 10 mm/s with full retraction.
 
     Pads differ from one like the paper's pad B by a factor 1.2 in m and b and 1.5 in the rate (one
     sd). The package's own priors are for pads of which nothing is known; a draw from them may weigh
@@ -101,11 +100,11 @@ def _record(path: Trajectory, start: float) -> Record:
 
 
 def _times(path: Trajectory) -> np.ndarray:
-    """Few samples, each a block by itself: even ones on the move, ever fewer in a hold."""
+    """Return few samples, each a block: even ones in motion, geometrically spaced in holds."""
     moving = (np.arange(_MOVING) + 0.5) / _MOVING
     resting = np.geomspace(_SOONEST / _HOLD, 1.0, _RESTING)
-    found = [np.zeros(1)]
+    times = [np.zeros(1)]
     for start, stop in zip(path.knots[:-1], path.knots[1:], strict=True):
         at_rest = path.velocity(np.array([0.5 * (start + stop)]))[0] == 0.0
-        found.append(start + (stop - start) * (resting if at_rest else moving))
-    return np.concatenate(found)
+        times.append(start + (stop - start) * (resting if at_rest else moving))
+    return np.concatenate(times)

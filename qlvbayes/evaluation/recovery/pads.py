@@ -1,4 +1,4 @@
-"""Pads with one effect of several, drawn from the priors, tested on the bench, and fitted."""
+"""Simulated pads with one effect each, drawn from the priors, and their posteriors."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from qlvbayes.inference.modes import Mode, distinct, find_mode, modes
 from qlvbayes.io.checks import NoFiniteForceError
 from qlvbayes.model.noise import Correlated
 from qlvbayes.model.posterior import draw_priors, is_prior
-from qlvbayes.preprocess.noisefloor import NoiseFloor
+from qlvbayes.motion.noisefloor import NoiseFloor
 
 Array = NDArray[np.float64]
 
@@ -48,7 +48,7 @@ class Slice:
 
 
 def slices(density: Density, own: Parameters, effect: str, best: Mode) -> Iterator[Slice]:
-    """At quantiles of each constant of the effect, from the best mode's other numbers.
+    """Yield slices at quantiles of each constant of the effect, from the best mode.
 
     Where the amplitude may be zero the posterior has an arm along the whole prior of each constant
     beside it, such as a rate; where that is a rate of the pad, one along the amplitude.
@@ -63,22 +63,22 @@ def slices(density: Density, own: Parameters, effect: str, best: Mode) -> Iterat
     for leaf in fields.values():
         middle[list(leaf.theta)] = np.median(draws[:, list(leaf.theta)], axis=0)
     for field, leaf in fields.items():
-        places = list(leaf.theta)
-        sds = _BETWEEN * draws[:, places].std(axis=0)
+        indices = list(leaf.theta)
+        sds = _BETWEEN * draws[:, indices].std(axis=0)
         for share in _ACROSS:
             start = middle.copy()
-            start[places] = np.quantile(draws[:, places], share, axis=0)
+            start[indices] = np.quantile(draws[:, indices], share, axis=0)
             held = _held(density, effect, field, leaf, start)
             kept = own.carried(held.space.parameters(own.hypothesis))
             mode = find_mode(held, own.hypothesis, start[kept])
             if mode is not None:
                 start[kept] = mode.point.theta
-                covariance = _along(density, own, start, places, sds)
+                covariance = _along(density, own, start, indices, sds)
                 yield Slice(mode.loss, Cloud.of(start, covariance))
 
 
 def _held(density: Density, effect: str, field: str, leaf: Leaf, theta: Array) -> Density:
-    """The density with one field of an effect fixed at its value at theta (F,)."""
+    """Return the density with one field of an effect fixed at its value at theta (F,)."""
     space = density.space
     value = leaf.values(theta[None])[0]
     fixed = eqx.tree_at(lambda e: getattr(e, field), space.effects[effect], value, is_leaf=is_prior)
@@ -86,17 +86,17 @@ def _held(density: Density, effect: str, field: str, leaf: Leaf, theta: Array) -
 
 
 def _along(density: Density, own: Parameters, theta: Array, held: list[int], sds: Array) -> Array:
-    """Covariance (F, F) of what is free beside numbers of sds (H,), and follows them on its way."""
+    """Return the covariance (F, F) given and along the held parameters of sds (H,)."""
     point = density.at(own.hypothesis, theta)
     assert point is not None  # it was finite in the slice
     between = np.isfinite(own.lowest) & np.isfinite(own.highest)
     curvature = density.terms(point, 0.0).curvature + np.diag(between / own.length**2)
     free = np.setdiff1d(np.arange(own.size), held)
-    beside = np.linalg.inv(curvature[np.ix_(free, free)])
-    way = np.eye(own.size)[:, held]
-    way[free] = -beside @ curvature[free][:, held]
-    covariance = np.asarray((way * sds**2) @ way.T)
-    covariance[np.ix_(free, free)] += beside
+    inverse = np.linalg.inv(curvature[np.ix_(free, free)])
+    direction = np.eye(own.size)[:, held]
+    direction[free] = -inverse @ curvature[free][:, held]
+    covariance = np.asarray((direction * sds**2) @ direction.T)
+    covariance[np.ix_(free, free)] += inverse
     return covariance
 
 
@@ -109,33 +109,33 @@ class Pads:
 
     @cached_property
     def own(self) -> Parameters:
-        """What is free: the law's constants and the effect's."""
+        """Free parameters: the law's constants and the effect's."""
         return self.space.parameters(bench().hypothesis(self.effect))
 
     @cached_property
     def constants(self) -> dict[str, int]:
-        """The effect's free constants: their names and their places among all."""
+        """Free constants of the effect: their names and indices."""
         stem = f"{self.effect}."
         return {
-            name.removeprefix(stem): place
-            for place, name in enumerate(self.own.names)
-            if name.startswith(stem) and np.isnan(self.own.fixed[place])
+            name.removeprefix(stem): index
+            for index, name in enumerate(self.own.names)
+            if name.startswith(stem) and np.isnan(self.own.fixed[index])
         }
 
     def recovered(self, seed: int, k: int, shares: tuple[float, ...]) -> tuple[Array, Array, float]:
-        """Of one pad: truth (C,), posterior quantiles (len(shares), C), effective draws ()."""
+        """Return truth (C,), posterior quantiles (len(shares), C) and effective draws."""
         rng = np.random.default_rng([seed, zlib.crc32(self.effect.encode()), k])
         truth = self.own.constants(draw_priors(self.own.posterior, 1, rng))
-        found = self._sampled(self._tested(truth, rng), rng)
-        kept = found.weights > 0.0
-        parts = np.split(found.thetas[kept], range(_AT_ONCE, int(kept.sum()), _AT_ONCE))
+        sampled = self._sampled(self._tested(truth, rng), rng)
+        kept = sampled.weights > 0.0
+        parts = np.split(sampled.thetas[kept], range(_AT_ONCE, int(kept.sum()), _AT_ONCE))
         draws = np.concatenate([self.own.constants(part) for part in parts])
-        places = list(self.constants.values())
-        ends = [_quantiles(draws[:, place], found.weights[kept], shares) for place in places]
-        return truth[0, places], np.array(ends).T, found.effective
+        indices = list(self.constants.values())
+        ends = [_quantiles(draws[:, index], sampled.weights[kept], shares) for index in indices]
+        return truth[0, indices], np.array(ends).T, sampled.effective
 
     def _tested(self, constants: Array, rng: np.random.Generator) -> Density:
-        """With the forces that constants (1, P) give, and noise whose sizes are drawn too."""
+        """Return the density given simulated forces of constants (1, P), with random noise."""
         noise: Correlated = jax.tree.map(
             lambda prior: jnp.asarray(prior.draw(rng)), bench().noise, is_leaf=is_prior
         )
@@ -149,26 +149,26 @@ class Pads:
         return Density(self.space.with_forces(forces), whitener, none)
 
     def _sampled(self, density: Density, rng: np.random.Generator) -> Sampled:
-        """From clouds about the modes and between slices; every amplitude counts."""
+        """Sample from clouds about the modes and between slices; every amplitude counts."""
         hypothesis = self.own.hypothesis
-        found = modes(density, hypothesis, self.space.plain_draws(hypothesis)[:_STARTS])
-        if not found:
+        best_modes = modes(density, hypothesis, self.space.plain_draws(hypothesis)[:_STARTS])
+        if not best_modes:
             raise NoFiniteForceError
-        cut = list(slices(density, self.own, self.effect, found[0]))
+        cut = list(slices(density, self.own, self.effect, best_modes[0]))
         ways = [find_mode(density, hypothesis, one.cloud.centre) for one in cut]
-        found = distinct([*found, *(way for way in ways if way is not None)])
-        clouds = about([(mode, evidence(density, mode.point)) for mode in found])
-        beside = [one.cloud for one in cut if one.loss < found[0].loss + _BEHIND]
-        if beside:
+        best_modes = distinct([*best_modes, *(way for way in ways if way is not None)])
+        clouds = about([(mode, evidence(density, mode.point)) for mode in best_modes])
+        between = [one.cloud for one in cut if one.loss < best_modes[0].loss + _BEHIND]
+        if between:
             clouds = [(cloud, 0.5 * share) for cloud, share in clouds]
-            clouds += [(cloud, 0.5 / len(beside)) for cloud in beside]
-        points = [mode.point for mode in found]
+            clouds += [(cloud, 0.5 / len(between)) for cloud in between]
+        points = [mode.point for mode in best_modes]
         does = lambda one: one.effective >= _WORTH  # noqa: E731
         return sample(density, self.own, clouds, points, does, _ROUNDS, rng)
 
 
 def _quantiles(values: Array, weights: Array, shares: tuple[float, ...]) -> Array:
-    """Of weighted values (K,)."""
+    """Return quantiles of weighted values (K,)."""
     order = np.argsort(values)
     below = np.cumsum(weights[order]) - 0.5 * weights[order]
     return np.interp(shares, below, values[order])

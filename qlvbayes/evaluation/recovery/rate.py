@@ -1,4 +1,4 @@
-r"""How often the interval of an effect's constant holds the truth.
+r"""Coverage of the intervals of an effect's constants in simulated tests.
 
 A pad and its effect are drawn from their priors, its forces are computed by the law, and noise of
 known size is added. The interval between two quantiles of a constant's posterior then holds the
@@ -84,7 +84,7 @@ def recovery_rate(kind: type[AbstractEffect], *, draws: int = 20, seed: int = 0)
 def recovery_rates(
     kinds: Sequence[type[AbstractEffect]] = EFFECTS, *, draws: int = 20, seed: int = 0
 ) -> list[Recovery]:
-    """``recovery_rate`` of several effects, each alone on its pad, with one model compiled."""
+    """Return `recovery_rate` of several effects, each alone on its pad, compiled once."""
     if draws < 1:
         raise InputError(f"{draws} draws", remedy="use one or more")
     for kind in kinds:

@@ -31,8 +31,8 @@ from qlvbayes.inference.errors.features import UNDECIDED, DiscrepancyPrior, Feat
 from qlvbayes.inference.errors.separation import Separated, Separation, Sized
 from qlvbayes.inference.errors.whitening import Whitener
 from qlvbayes.laws.scales import TOLERANCE
-from qlvbayes.preprocess.experiment import Experiment, Trial
-from qlvbayes.preprocess.record import Blocks
+from qlvbayes.motion.experiment import Experiment, Trial
+from qlvbayes.motion.record import Blocks
 
 Array = NDArray[np.float64]
 

@@ -21,9 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from qlvbayes.preprocess.experiment import Experiment, Trial
-from qlvbayes.preprocess.phases import KINDS, phase_index
-from qlvbayes.preprocess.record import Blocks
+from qlvbayes.motion.experiment import Experiment, Trial
+from qlvbayes.motion.phases import KINDS, phase_index
+from qlvbayes.motion.record import Blocks
 
 Array = NDArray[np.float64]
 

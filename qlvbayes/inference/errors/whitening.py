@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from qlvbayes.preprocess.noisefloor import NoiseFloor
-from qlvbayes.preprocess.noisefloor.averages import rate, regression, variance
-from qlvbayes.preprocess.record import Blocks
+from qlvbayes.motion.noisefloor import NoiseFloor
+from qlvbayes.motion.noisefloor.averages import rate, regression, variance
+from qlvbayes.motion.record import Blocks
 
 Array = NDArray[np.float64]
 

@@ -32,8 +32,7 @@ from qlvbayes.inference.forward.pieces import (
 from qlvbayes.io.runtime import cores
 from qlvbayes.laws.layered import Law
 from qlvbayes.laws.motion import Motion
-from qlvbayes.preprocess.batching import told
-from qlvbayes.preprocess.record import Record
+from qlvbayes.motion.record import Record, with_zeros
 
 Array = NDArray[np.float64]
 Leaves = tuple[Any, ...]
@@ -196,7 +195,7 @@ class Engine:
         key = id(record.motion.time), id(record.motion.displacement), id(record.nodes)
         with self._lock:
             if key not in self._tests:
-                self._tests[key] = record, _by_length(told(record, "bow", float))
+                self._tests[key] = record, _by_length(with_zeros(record, "bow", float))
             self._tests.move_to_end(key)
             while len(self._tests) > _KEPT:
                 self._tests.popitem(last=False)

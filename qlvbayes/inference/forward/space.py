@@ -34,7 +34,7 @@ from qlvbayes.laws.relaxation.law import AbstractRelaxation
 from qlvbayes.model.model import Model
 from qlvbayes.model.noise import AbstractNoise
 from qlvbayes.model.posterior import Posterior, is_prior, value_shape
-from qlvbayes.preprocess.record import Record
+from qlvbayes.motion.record import Record
 from qlvbayes.priors.distributions import AbstractPrior
 from qlvbayes.priors.natural import Natural, natural
 

@@ -96,7 +96,7 @@ FURTHER = _by_name(
 
 
 def effect_class(name: str) -> type[Effect]:
-    """Class of the effect with this name, of any kind.
+    """Return the class of the effect with this name, of any kind.
 
     Raises
     ------

@@ -76,10 +76,10 @@ class Backlash(Effect):
 
     def on_depth(self, depth: Array, velocity: Array) -> tuple[Array, Array]:
         """The operator of play along the nodes."""
-        place, followed = float(depth.flat[0]), []
+        position, followed = float(depth.flat[0]), []
         for d in depth.ravel().tolist():
-            place = max(place, d) if d > place else min(place, d + self.play)
-            followed.append(place)
+            position = max(position, d) if d > position else min(position, d + self.play)
+            followed.append(position)
         behind = np.array(followed).reshape(depth.shape)
         lag = behind - depth
         waits = (lag > 0.0) & (lag < self.play * (1.0 - 1e-9))

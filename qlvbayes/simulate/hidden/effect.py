@@ -22,7 +22,7 @@ FRAME = 50
 class Effect:
     """A physical effect: it does nothing but where it overrides one of the methods.
 
-    `order` is its place in the nesting, from the material (low) to the sensor (high).
+    `order` is its position in the nesting, from the material (low) to the sensor (high).
     `family` names, for another form of the same physics, the effects it stands for, with '/'.
     `positive` and `signed` are the parameters that must be above 0 and may be negative; all
     others must be at least 0; `shares` are at most 1. An effect that `remembers` makes the past

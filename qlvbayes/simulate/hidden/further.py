@@ -47,10 +47,10 @@ class DriveRipple(Effect):
 
     def on_force(self, force: Array, path: Path) -> Array:
         """Add the ripple; at rest the current is gone. Below 1e-3 mm/s the drive counts as idle."""
-        place = path.platen.displacement(path.time)
+        position = path.platen.displacement(path.time)
         speed = np.abs(path.platen.velocity(path.time))
         driven = speed / (speed + 1e-3)
-        return force + self.amplitude * driven * np.sin(2.0 * pi * place / self.pitch)
+        return force + self.amplitude * driven * np.sin(2.0 * pi * position / self.pitch)
 
 
 @dataclass(frozen=True)
@@ -72,8 +72,8 @@ class StickSlip(Effect):
         travel = np.diff(path.depth.ravel(), prepend=path.depth.flat[0])
         phase = np.mod(np.cumsum(np.abs(travel)) / self.pitch, 1.0)
         saw = np.minimum(phase / 0.9, (1.0 - phase) / 0.1)
-        way = _last_way(travel)
-        return force + self.amplitude * (saw * way).reshape(force.shape)
+        direction = _last_way(travel)
+        return force + self.amplitude * (saw * direction).reshape(force.shape)
 
 
 @dataclass(frozen=True)

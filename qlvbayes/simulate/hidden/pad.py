@@ -185,9 +185,9 @@ def _crossings(piece: Piece, level: float) -> Array:
     if root < 0 or (a == 0 and b == 0):
         return np.zeros(0)
     q = -0.5 * (b + np.copysign(np.sqrt(root), b))
-    found = np.array([c / q if q else 0.0, q / a if a else 0.0])
+    roots = np.array([c / q if q else 0.0, q / a if a else 0.0])
     margin = 1e-9 * piece.duration
-    return piece.start + found[(found > margin) & (found < piece.duration - margin)]
+    return piece.start + roots[(roots > margin) & (roots < piece.duration - margin)]
 
 
 def _apart(breaks: Array) -> Array:
@@ -198,12 +198,12 @@ def _apart(breaks: Array) -> Array:
 def _losses(mesh: Mesh, path: Path, force: Array) -> Array:
     """Times at which contact or force begin or end, roughly."""
     time = mesh.time.ravel()
-    found = [np.zeros(0)]
+    zeros = [np.zeros(0)]
     for values in (path.depth.ravel(), force.ravel()):
         here, there = values[:-1] > 0, values[1:] > 0
-        found.append(_zero(time, values, np.flatnonzero(here & ~there), -1))
-        found.append(_zero(time, values, np.flatnonzero(~here & there), +2))
-    return np.concatenate(found)
+        zeros.append(_zero(time, values, np.flatnonzero(here & ~there), -1))
+        zeros.append(_zero(time, values, np.flatnonzero(~here & there), +2))
+    return np.concatenate(zeros)
 
 
 def _zero(time: Array, values: Array, cell: NDArray[np.intp], towards: int) -> Array:

@@ -21,7 +21,7 @@ from qlvbayes.io.resultfile import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model.choices import Choices
-from qlvbayes.preprocess.covered import Covered, covered
+from qlvbayes.motion.covered import Covered, covered
 
 FILE = "hypotheses.json"
 DRAWS = 400  # of all hypotheses together

@@ -1,0 +1,157 @@
+"""A store of finished studies as JSON lines, from which an interrupted run resumes."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import json
+from collections import deque
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import qlvbayes
+from qlvbayes.evaluation.counting import Case
+from qlvbayes.parallel.engines import Engine
+from qlvbayes.parallel.faults import FailedError, Fault
+from qlvbayes.parallel.running import Outcome, run_all
+
+_PACKAGE = Path(qlvbayes.__file__).parent
+
+_WITHOUT_EFFECT = (  # parts of the package that only read finished studies
+    "cli/",
+    "parallel/",
+    "plots/",
+    *(f"evaluation/{name}.py" for name in ("store", "counting", "constants", "report")),
+)
+
+
+class Store:
+    """Finished studies in a file, one a line, and in its parts 'FILE.1', 'FILE.2' in the folder.
+
+    New studies are appended to the file, or to one part, so that several processes may write at
+    once. A line that a kill has cut short is removed.
+
+    Parameters
+    ----------
+    path
+        The file.
+    plan
+        Only studies whose key ``plan`` has this value count; None counts all.
+    part
+        Number of the part that new studies are written to; None writes to the file.
+    """
+
+    def __init__(self, path: Path, plan: str | None = None, part: int | None = None) -> None:
+        self.plan = plan
+        self.path = path if part is None else path.with_name(f"{path.name}.{part}")
+        _remove_cut_line(self.path)
+        self.cases: dict[Any, Case] = {}
+        for file in [path, *sorted(path.parent.glob(f"{path.name}.*"))]:
+            self.cases |= {
+                case["index"]: case for case in _read(file) if plan in (None, case.get("plan"))
+            }
+
+    def add(self, case: Case) -> None:
+        """Append one study."""
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        with self.path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(case) + "\n")
+        self.cases[case["index"]] = case
+
+    def first(self, count: int) -> list[Case]:
+        """Return the stored studies with an index below ``count``, in order."""
+        return [self.cases[k] for k in sorted(self.cases) if k < count]
+
+    def missing(self, count: int) -> list[int]:
+        """Return the indices below ``count`` that are not stored."""
+        return [k for k in range(count) if k not in self.cases]
+
+
+def store_path(folder: Path, name: str) -> Path:
+    """Return the file for the studies of this name that the present code runs."""
+    return folder / f"{name}-{code_digest()}.jsonl"
+
+
+def run_missing(
+    study: Callable[[Any], Case],
+    store: Store,
+    indices: Iterable[Any],
+    report: Callable[[int, int], None] = lambda done, total: None,
+    engine: Engine | None = None,
+) -> None:
+    """Run the studies that are not stored, and store each as soon as it is finished.
+
+    Parameters
+    ----------
+    study
+        Runs the study of an index.
+    store
+        The finished studies; each is stored with the digest of the code that ran it.
+    indices
+        The studies that are wanted.
+    report
+        Called with the number of finished studies and their total.
+    engine
+        What runs them; None runs them in this process.
+
+    Raises
+    ------
+    FailedError
+        Some studies stopped with an error; the others were finished first.
+    """
+    digest = code_digest()
+    missing = [index for index in indices if index not in store.cases]
+    faults: list[Fault] = []
+    done = count(1)
+    report(0, len(missing))
+
+    def keep(outcome: Outcome[Any, Case]) -> None:
+        if outcome.answer is not None:
+            store.add(outcome.answer | {"code": digest})
+        if outcome.fault is not None:
+            faults.append(replace(outcome.fault, of=f"study {outcome.item}"))
+        report(next(done), len(missing))
+
+    deque(run_all(study, missing, engine, keep=keep), maxlen=0)
+    if faults:
+        raise FailedError(faults, len(missing))
+
+
+def _read(path: Path) -> list[Case]:
+    if not path.exists():
+        return []
+    return [json.loads(line) for line in path.read_text(encoding="utf-8").split("\n")[:-1]]
+
+
+def _remove_cut_line(path: Path) -> None:
+    """Remove a last line that was cut short, so that the next one begins its own."""
+    if path.exists():
+        whole, _, rest = path.read_text(encoding="utf-8").rpartition("\n")
+        if rest:
+            path.write_text(f"{whole}\n" if whole else "", encoding="utf-8")
+
+
+def code_digest(root: Path = _PACKAGE) -> str:
+    """Return the digest of all code that the result of a study may depend on.
+
+    Comments, docstrings and layout do not count. Studies of different code must not be mixed.
+    """
+    digest = hashlib.sha256()
+    for path in sorted(root.rglob("*.py")):
+        name = path.relative_to(root).as_posix()
+        if not name.startswith(_WITHOUT_EFFECT):
+            tree = ast.parse(path.read_text(encoding="utf-8"))
+            digest.update(f"{name}\n{ast.dump(_without_docstrings(tree))}\n".encode())
+    return digest.hexdigest()[:12]
+
+
+def _without_docstrings(tree: ast.Module) -> ast.Module:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+            match node.body:
+                case [ast.Expr(ast.Constant(str())), *rest]:
+                    node.body = list(rest)
+    return tree

@@ -1,0 +1,12 @@
+"""Readings that are none: lost, spikes, stuck, clipped, or of a clock that slipped.
+
+What its neighbours on both sides contradict and the other channel does not show is no reading of
+the specimen. It is detected before the record is used, in medians and differences of
+neighbours alone, O(n), and without a model of the material.
+"""
+
+from qlvbayes.motion.badreadings.finding import smooth_readings, sound_tests
+from qlvbayes.motion.badreadings.outliers import outlying
+from qlvbayes.motion.badreadings.result import BadReadings, left_out_notice
+
+__all__ = ["BadReadings", "left_out_notice", "outlying", "smooth_readings", "sound_tests"]

@@ -1,0 +1,111 @@
+"""Selection of a part of a test, such as the part before the specimen tears."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from qlvbayes.io.checks import InputError
+from qlvbayes.io.data import Pad, Test
+from qlvbayes.io.reading.testchecks import LEAST_SAMPLES
+from qlvbayes.io.units import SUFFIXES
+
+_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_FORM = re.compile(rf"(?P<test>.+):(?P<low>{_NUMBER})?\.\.(?P<high>{_NUMBER})?\s*(?P<unit>\D*)")
+_REMEDY = "write --use 'TEST:0..18mm' for its part to a displacement, 'TEST:0..12s' to a time"
+
+
+@dataclass(frozen=True)
+class Cut:
+    """The part of a test from low to high, in time (s) or displacement (``unit``)."""
+
+    test: str
+    low: float
+    high: float
+    unit: str
+    text: str
+
+    @classmethod
+    def from_text(cls, text: str) -> Cut:
+        """Read ``TEST:0..18mm``; raise InputError if the text has another form."""
+        match = _FORM.fullmatch(text.strip())
+        units = (*SUFFIXES["time"], *SUFFIXES["displacement"], "")
+        if match is None or match["unit"].strip() not in units:
+            raise InputError(f"--use {text!r} is no part of a test", remedy=_REMEDY)
+        low = -np.inf if match["low"] is None else float(match["low"])
+        high = np.inf if match["high"] is None else float(match["high"])
+        if not low < high:
+            raise InputError(f"--use {text!r} goes from {low:g} to {high:g}", remedy=_REMEDY)
+        return cls(match["test"].strip(), low, high, match["unit"].strip(), text)
+
+    def names(self, test: Test) -> bool:
+        """Return whether the cut is of this test, by the test's name or PAD/TEST."""
+        return self.test in (test.name, f"{test.pad}/{test.name}")
+
+    def of_test(self, test: Test, pad: Pad) -> Test:
+        """Return the test from where it first reaches ``low`` to where it first exceeds ``high``.
+
+        Time begins anew where the beginning is cut. Raises InputError where fewer than ten rows are
+        left, or the unit is not one of the pad's.
+        """
+        if self.unit in SUFFIXES["time"]:
+            scale = SUFFIXES["time"][self.unit]
+            values = test.time * scale.down / scale.up
+        else:
+            values = test.displacement * self._factor(pad)
+        began = np.flatnonzero(values >= self.low)
+        first = int(began[0]) if began.size and self.low > max(values[0], 0.0) else 0
+        beyond = np.flatnonzero(values[first:] > self.high)
+        last = first + int(beyond[0]) if beyond.size else values.size
+        if last - first < LEAST_SAMPLES or not began.size:
+            raise InputError(
+                f"--use {self.text!r} leaves fewer than {LEAST_SAMPLES} rows of test '{test.name}'",
+                remedy="widen it",
+            )
+        part = slice(first, last)
+        return replace(
+            test,
+            time=test.time[part] - (test.time[first] if first else 0.0),
+            displacement=test.displacement[part],
+            force=test.force[part],
+            force_sd=None if test.force_sd is None else test.force_sd[part],
+            start_s=test.start_s + (float(test.time[first]) if first else 0.0),
+        )
+
+    def _factor(self, pad: Pad) -> float:
+        """Return the factor from the pad's unit of displacement to the cut's unit."""
+        own = pad.units.displacement
+        if not self.unit:
+            return 1.0
+        if pad.units.dimensionless:
+            raise InputError(f"--use {self.text!r}: pad {pad.name} has strain", remedy=_REMEDY)
+        ratio = SUFFIXES["displacement"][own].over(SUFFIXES["displacement"][self.unit])
+        return ratio.up / ratio.down
+
+
+def cut(pad: Pad, use: Sequence[str]) -> tuple[Pad, tuple[str, ...]]:
+    """Return a pad with the selected parts of its tests, and a sentence on each cut."""
+    tests, notices = list(pad.tests), []
+    for one in map(Cut.from_text, use):
+        for k, test in enumerate(tests):
+            if not one.names(test):
+                continue
+            tests[k] = one.of_test(test, pad)
+            left = len(test.time) - len(tests[k].time)
+            notices.append(
+                f"pad {pad.name}: of test {test.name} {len(tests[k].time)} rows are used, as said "
+                f"by {one.text}, and {left} left out"
+            )
+    return replace(pad, tests=tuple(tests)), tuple(notices)
+
+
+def refuse_unknown(pads: Sequence[Pad], use: Sequence[str]) -> None:
+    """Raise InputError if a cut names a test that no pad has, or cannot be read."""
+    for one in map(Cut.from_text, use):
+        tests = [test for pad in pads for test in pad.tests]
+        if not any(one.names(test) for test in tests):
+            known = ", ".join(dict.fromkeys(test.name for test in tests))
+            raise InputError(f"--use: no test '{one.test}'", remedy=f"name one of {known[:200]}")

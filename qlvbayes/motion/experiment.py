@@ -1,0 +1,292 @@
+"""A pad's tests prepared for a fit: motion, phases, rates, roles and the noise floor."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from qlvbayes.io.data import Control, Pad, Test
+from qlvbayes.io.units import UnitSystem
+from qlvbayes.motion.badreadings import (
+    BadReadings,
+    left_out_notice,
+    smooth_readings,
+    sound_tests,
+)
+from qlvbayes.motion.cutting import cut
+from qlvbayes.motion.encoder import encoder_steps
+from qlvbayes.motion.loadcontrol import control_of, crept_path, force_phases, with_both_errors
+from qlvbayes.motion.noisefloor import NoiseFloor, measure
+from qlvbayes.motion.noisefloor.fading import with_fading_sd
+from qlvbayes.motion.past import Past, past_of
+from qlvbayes.motion.phases import Phase, find_phases, loading_rate, phase_index
+from qlvbayes.motion.segments import known_scatter
+from qlvbayes.motion.stiffness import largest_stiffness
+from qlvbayes.motion.tearing import tear_notice, tears_of
+from qlvbayes.motion.trajectory import Trajectory, smooth
+
+if TYPE_CHECKING:  # records and priors are JAX's, which takes longer to load than a first look does
+    from qlvbayes.laws.scales import Scales
+    from qlvbayes.motion.record import Record
+    from qlvbayes.motion.reduction import Care
+
+FIT_RATE = 20.0  # mm/s (or 1/s of a strain), the paper's identification test
+_CHORD_SHARE = 0.1  # of the noise, that the grid's straight lines may add
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One test with its motion and phases; ``rate`` is the loading rate, displacement over s.
+
+    control: what was prescribed; phases are those of the force where that was; left_out: the bad
+    readings, which ``test`` no longer has; None where there were none.
+    """
+
+    test: Test
+    trajectory: Trajectory
+    phases: tuple[Phase, ...]
+    rate: float
+    role: str
+    control: Control = "displacement"
+    left_out: BadReadings | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the test."""
+        return self.test.name
+
+    @property
+    def approached(self) -> bool:
+        """Whether a record that begins in motion was preceded by an approach from zero.
+
+        Under a prescribed force it is creep from the beginning: the weight was put on at once.
+        """
+        return self.control == "displacement"
+
+    def phase_of(self, time: np.ndarray) -> np.ndarray:
+        """Return the kind of phase (N,) at each time."""
+        return np.array([phase.kind for phase in self.phases])[phase_index(self.phases, time)]
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """All trials of one pad, its units, its noise floor and, where it is known, its fluid.
+
+    rested: whether every test is taken to begin at rest, whatever came before it; cuts: a sentence
+    on each test of which the user wants a part alone.
+    """
+
+    pad: str
+    units: UnitSystem
+    trials: tuple[Trial, ...]
+    floor: NoiseFloor
+    fluid: str | None = None
+    rested: bool = False
+    cuts: tuple[str, ...] = ()
+
+    @property
+    def care(self) -> Care:
+        """How finely records are to be reduced, given the noise.
+
+        Straight lines may make a tenth of what the noise changes by between two readings.
+        """
+        from qlvbayes.motion.reduction import Care
+
+        floor, scales = self.floor, self.scales
+        change = np.sqrt(2.0 * -np.expm1(-scales.shortest / floor.memory))
+        sudden = float(np.hypot(floor.white, floor.ou * change))
+        return Care(floor, scales.stiffness, _CHORD_SHARE * sudden / scales.stiffness)
+
+    @property
+    def notices(self) -> tuple[str, ...]:
+        """Sentences on the readings that a user should know of.
+
+        Those left out, those from which the fitted motion is far, where a specimen seems to tear,
+        and what was prescribed.
+        """
+        bad = left_out_notice(self.pad, [(t.name, t.left_out) for t in self.trials], self.units)
+        return (*self.cuts, *bad, *self._departures, *self._tears, *self._load_controlled)
+
+    @property
+    def _departures(self) -> tuple[str, ...]:
+        """Sentences on the tests whose motion deviates from a reading by more than its error."""
+        unit = self.units.displacement
+        departures = [(trial.name, trial.trajectory.departure) for trial in self.trials]
+        return tuple(f"pad {self.pad}: {off.notice(name, unit)}" for name, off in departures if off)
+
+    @property
+    def _tears(self) -> tuple[str, ...]:
+        """One sentence on each test whose force breaks down in a loading ramp."""
+        pressed = [trial for trial in self.trials if trial.control == "displacement"]
+        every = [(t.name, tears_of(t.test, t.trajectory, t.phases)) for t in pressed]
+        return tuple(tear_notice(self.pad, name, some, self.units) for name, some in every if some)
+
+    @property
+    def _load_controlled(self) -> tuple[str, ...]:
+        """A sentence on the tests that were classified as load-controlled."""
+        names = [t.name for t in self.trials if t.control == "force" and t.test.control is None]
+        if not names:
+            return ()
+        those = f"test {names[0]}" if len(names) == 1 else f"tests {', '.join(names)}"
+        return (
+            f"pad {self.pad}: in {those} the force is held while the displacement creeps, which is "
+            "taken as a prescribed force; a column control (displacement or force) says otherwise",
+        )
+
+    def with_role(self, role: str) -> tuple[Trial, ...]:
+        """Return the trials that are fitted, or those that validate."""
+        return tuple(trial for trial in self.trials if trial.role == role)
+
+    @property
+    def sd_scale(self) -> float:
+        """Root mean square of the measured sds over the whole pad (1 where none were measured)."""
+        squares = [t.test.force_sd**2 for t in self.trials if t.test.force_sd is not None]
+        return float(np.sqrt(np.mean(np.concatenate(squares)))) if squares else 1.0
+
+    @property
+    def peak(self) -> float:
+        """Largest magnitude of the force."""
+        return max(float(np.max(np.abs(trial.test.force))) for trial in self.trials)
+
+    @property
+    def depth(self) -> float:
+        """Largest magnitude of the displacement."""
+        return max(float(np.max(np.abs(trial.test.displacement))) for trial in self.trials)
+
+    @property
+    def scales(self) -> Scales:
+        """Sizes that the default priors are scaled to."""
+        from qlvbayes.laws.scales import Scales
+
+        tests = [trial.test for trial in self.trials]
+        paths = [trial.trajectory for trial in self.trials]
+        floor = self.floor
+        return Scales(
+            force=self.peak,
+            depth=self.depth,
+            shortest=min(float(np.median(np.diff(t.time)[:200])) for t in tests),
+            longest=self.longest,
+            white=floor.white,
+            ou=floor.ou,
+            tau=floor.memory,
+            speed=max(path.top_speed for path in paths),
+            acceleration=max(path.top_acceleration for path in paths),
+            clock=max(t.start_s + float(t.time[-1]) for t in tests) - self.clock_zero,
+            stiffness=largest_stiffness(tests),
+            white_factor=max(1.2, floor.factor("white")),
+            tau_factor=max(3.0, floor.factor("tau")),
+        )
+
+    @property
+    def clock_zero(self) -> float:
+        """Clock (s) at the beginning of the pad's first test."""
+        return min(trial.test.start_s + float(trial.test.time[0]) for trial in self.trials)
+
+    def tests_before(self, trial: Trial) -> int:
+        """Return the number of the pad's tests that began before this one."""
+        return sum(other.test.start_s < trial.test.start_s for other in self.trials)
+
+    def record(self, trials: Sequence[Trial]) -> Record:
+        """Return the block averages of some trials, as one batch."""
+        from qlvbayes.motion.record import batch
+
+        return batch([self.reduced(trial) for trial in trials])
+
+    def reduced(self, trial: Trial, some: Test | None = None) -> Record:
+        """Return the record of a trial; each of ``some`` of its samples is a block of its own."""
+        from qlvbayes.motion.reduction import reduce_test  # which loads JAX
+
+        test = trial.test
+        return reduce_test(
+            some or test,
+            trial.trajectory,
+            trial.phases,
+            sd_scale=self.sd_scale,
+            start=test.start_s - self.clock_zero,
+            number=self.tests_before(trial),
+            blocks=some is None,
+            past=self.past(trial),
+            care=self.care,
+            whole=test,
+            approached=trial.approached,
+        )
+
+    def past(self, trial: Trial) -> Past | None:
+        """Return the earlier tests that a test remembers; None if it began at rest."""
+        if self.rested:
+            return None
+        names = [t.name for t in self.trials]
+        tests, paths = zip(*((t.test, t.trajectory) for t in self.trials), strict=True)
+        return past_of(names.index(trial.name), tests, paths, self.longest)
+
+    @property
+    def longest(self) -> float:
+        """Length (s) of the longest phase."""
+        return max(p.stop - p.start for trial in self.trials for p in trial.phases)
+
+
+def prepare(
+    pad: Pad,
+    *,
+    all_tests: bool = False,
+    keep_all_readings: bool = False,
+    use: Sequence[str] = (),
+) -> Experiment:
+    """Find motion, phases, rates and noise floor of a pad, and decide which tests are fitted.
+
+    Tests without a role: the one whose rate is nearest to 20 mm/s (in the logarithm) is fitted,
+    the others validate; ``all_tests`` fits every one. Readings that their neighbours contradict
+    and the other channel does not show are left out, unless ``keep_all_readings``; ``use`` says of
+    which tests a part is used, as in ``TEST:0..18mm``. Raises
+    InputError where those are more than 2 % of a test's.
+    """
+    pad, cuts = cut(pad, use)
+    sound, left_out = zip(*sound_tests(pad.tests, keep_all=keep_all_readings), strict=True)
+    paths = [test.displacement for test in sound]
+    steps = encoder_steps(paths)
+    scatters = known_scatter([test.time for test in sound], paths, steps)
+    trials = list(map(_trial, sound, steps, scatters, left_out))
+    roles = _roles(trials, FIT_RATE * pad.units.mm_per_s)
+    trials = [replace(t, role=role) for t, role in zip(trials, roles, strict=True)]
+    if all_tests:
+        trials = [replace(t, role="fit") for t in trials]
+    tests, fading = with_fading_sd([t.test for t in trials], [t.phases for t in trials])
+    trials = [replace(t, test=test) for t, test in zip(trials, tests, strict=True)]
+    if keep_all_readings:  # a bad one is no noise, nor does it show how stiff the pad is
+        tests = list(map(smooth_readings, tests))
+    of_a_step = largest_stiffness(tests) * max(steps)
+    read = with_both_errors(tests, [trial.control for trial in trials])
+    floor = measure(read, [t.phases for t in trials], of_a_step=of_a_step)
+    floor = replace(floor, notices=(*fading, *floor.notices))
+    return Experiment(pad.name, pad.units, tuple(trials), floor, pad.fluid, cuts=cuts)
+
+
+def _trial(test: Test, step: float, scatter: float, left_out: BadReadings | None) -> Trial:
+    trajectory = smooth(test.time, test.displacement, step, scatter)
+    control = control_of(test)
+    phases = find_phases(trajectory) if control == "displacement" else force_phases(test)
+    if control == "force":
+        trajectory = crept_path(trajectory, test)
+    rate = test.rate if test.rate is not None else _rate(trajectory, phases, control)
+    return Trial(test, trajectory, phases, rate, test.role or "", control, left_out)
+
+
+def _rate(trajectory: Trajectory, phases: tuple[Phase, ...], control: Control) -> float:
+    """Return the loading rate; under a weight put on at once, the creep's largest speed."""
+    if control == "force" and not any(phase.kind == "ramp" for phase in phases):
+        return trajectory.top_speed
+    return loading_rate(trajectory, phases)
+
+
+def _roles(trials: Sequence[Trial], fit_rate: float) -> list[str]:
+    if any(trial.role == "fit" for trial in trials):
+        return [trial.role or "validate" for trial in trials]
+    distance = [
+        np.inf if trial.role == "validate" else abs(np.log(trial.rate / fit_rate))
+        for trial in trials
+    ]
+    chosen = int(np.argmin(distance))
+    return ["fit" if k == chosen else "validate" for k in range(len(trials))]

@@ -1,0 +1,225 @@
+"""A first look at a pad's tests, before anything is fitted."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from qlvbayes.io.formats.contact import find_contact
+from qlvbayes.io.formats.sampling import sampling_of
+from qlvbayes.io.units import UnitSystem
+from qlvbayes.io.wording import plain
+from qlvbayes.motion.experiment import Experiment, Trial
+from qlvbayes.motion.firstlook.facts import facts_of, move_of, noise_of, rows
+from qlvbayes.motion.firstlook.result import (
+    ContactSeen,
+    MotionSeen,
+    NoiseSeen,
+    PadSeen,
+    PhaseSeen,
+    TestSeen,
+)
+from qlvbayes.motion.firstlook.shown import shown_by
+from qlvbayes.motion.past import remembered_tests
+from qlvbayes.motion.pulling import pull_notices
+
+ROUNDED = 0.1
+"""Of a step of the encoder: where no reading is farther from the motion, it was none."""
+_SURE = 4.0  # standard errors, from which on contact is not at the file's zero,
+_TOE = 0.1  # and of the depth: a force that begins softly rises out of the noise as late
+_OFF = 0.02  # of the peak force, below which a force at rest does no harm,
+_NOISY = 3.0  # and times the noise
+_AT_ZERO = 0.01  # of the depth, within which the platen has not left the file's zero
+_RESTS = 5  # readings there, that show the force at rest
+_FALLEN = 0.1  # of the largest force, by which it may fall within a movement in
+_FEWEST = 6  # readings of a movement that show such a fall
+_DEAD = 6.0  # times the noise, below which a test's force has not answered, or not fallen
+
+
+def look_at(experiment: Experiment, *, bonded: bool, effects: tuple[str, ...] = ()) -> PadSeen:
+    """Describe a pad's tests, and which parts of the model they can show.
+
+    bonded: whether the specimen is fixed to the platen, which then can show no adhesion; effects:
+    those that a model has already: with adhesion a specimen may pull.
+    """
+    floor = experiment.floor
+    tests = tuple(_test(experiment, index) for index in range(len(experiment.trials)))
+    return PadSeen(
+        experiment.pad,
+        experiment.fluid,
+        NoiseSeen(
+            floor.total,
+            floor.white,
+            floor.ou,
+            floor.memory,
+            testable=floor.testable,
+            by_reading=any(trial.test.force_sd is not None for trial in experiment.trials),
+        ),
+        tests,
+        shown_by(experiment, facts_of(experiment), bonded=bonded),
+        (*_cautions(experiment, tests), *pull_notices(experiment, bonded=bonded, effects=effects)),
+        (*experiment.notices, *(f"pad {experiment.pad}: {text}" for text in floor.notices)),
+    )
+
+
+def _test(experiment: Experiment, index: int) -> TestSeen:
+    trial = experiment.trials[index]
+    test = trial.test
+    tests = [one.test for one in experiment.trials]
+    before = () if experiment.rested else remembered_tests(index, tests, experiment.longest)
+    return TestSeen(
+        test=test.name,
+        role=trial.role,
+        control=trial.control,
+        control_declared=test.control is not None,
+        readings=test.time.size,
+        duration=float(test.time[-1] - test.time[0]),
+        interval=float(np.median(np.diff(test.time))),
+        sampling=sampling_of(test.time).told(),
+        clock_sd=trial.trajectory.clock_sd,
+        start=test.start_s,
+        start_known=test.start_known,
+        after=tuple(experiment.trials[k].name for k in before),
+        rate=trial.rate if np.isfinite(trial.rate) else None,
+        reached=_reached(trial),
+        depth=_depth(trial, experiment.units),
+        peak=float(np.max(np.abs(test.force))),
+        phases=tuple(_phases(trial)),
+        motion=_motion(trial, experiment.units),
+        contact=None if experiment.units.dimensionless else _contact(trial),
+        at_rest=_at_rest(experiment, trial),
+        left_out=trial.left_out.count if trial.left_out is not None else 0,
+    )
+
+
+def _depth(trial: Trial, units: UnitSystem) -> float:
+    """Return the largest displacement, in magnitude, of a test."""
+    displacement = trial.test.displacement
+    return float(np.max(np.abs(displacement) if units.dimensionless else displacement))
+
+
+def _reached(trial: Trial) -> float | None:
+    ramp = next((phase for phase in trial.phases if phase.kind == "ramp"), None)
+    return None if ramp is None or trial.control == "force" else move_of(trial, ramp).speed
+
+
+def _phases(trial: Trial) -> list[PhaseSeen]:
+    ends = [
+        map(float, trial.trajectory.displacement(np.array([phase.start, phase.stop])))
+        for phase in trial.phases
+    ]
+    return [
+        PhaseSeen(phase.kind, phase.start, phase.stop, begin, end, int(rows(trial, phase).size))
+        for phase, (begin, end) in zip(trial.phases, ends, strict=True)
+    ]
+
+
+def _motion(trial: Trial, units: UnitSystem) -> MotionSeen:
+    path, test = trial.trajectory, trial.test
+    left = test.displacement - path.displacement(test.time)
+    worst = int(np.argmax(np.abs(left)))
+    off = path.departure
+    return MotionSeen(
+        path.resolution,
+        float(np.sqrt(np.mean(left**2))),
+        float(abs(left[worst])),
+        float(test.time[worst]),
+        bool(abs(left[worst]) > ROUNDED * path.resolution > 0.0),
+        None if off is None else off.notice(trial.name, units.displacement),
+    )
+
+
+def _contact(trial: Trial) -> ContactSeen | None:
+    """Return where the force begins to rise; None if no approach shows it."""
+    if trial.control == "force":
+        return None
+    contact = find_contact(trial.test.displacement, trial.test.force)
+    if contact is None or not np.all(np.isfinite([contact.place, contact.sd, contact.force_sd])):
+        return None
+    return ContactSeen(contact.place, contact.sd, contact.force, float(contact.force_sd))
+
+
+def _at_rest(experiment: Experiment, trial: Trial) -> float | None:
+    """Return the force before contact if it is clearly not zero; else None.
+
+    Before the first movement, or before the file's zero; a specimen that is fixed has no contact.
+    """
+    test = trial.test
+    if experiment.units.dimensionless or trial.control == "force":
+        return None
+    first = next((phase for phase in trial.phases if phase.kind == "ramp"), None)
+    begin = test.time[0] if first is None else first.start
+    near = np.abs(test.displacement) <= _AT_ZERO * experiment.depth
+    before = (near & (test.time < begin)) | (
+        (test.displacement < -_AT_ZERO * experiment.depth) & (test.time < _peak_time(trial))
+    )
+    if np.count_nonzero(before) < _RESTS:
+        return None
+    force = float(np.median(test.force[before]))
+    clear = max(_NOISY * experiment.floor.total, _OFF * experiment.peak)
+    return force if abs(force) > clear else None
+
+
+def _peak_time(trial: Trial) -> float:
+    return float(trial.test.time[int(np.argmax(np.abs(trial.test.force)))])
+
+
+def _cautions(experiment: Experiment, tests: tuple[TestSeen, ...]) -> list[str]:
+    """Return sentences on what to correct or to decide before a fit."""
+    units, noise, cautions = experiment.units, noise_of(experiment), []
+    for test, trial in zip(tests, experiment.trials, strict=True):
+        name = f"pad {experiment.pad}, test {test.test}"
+        if test.peak < _DEAD * noise:
+            cautions.append(
+                f"{name}: the {units.force_name} never leaves its noise (largest "
+                f"{plain(test.peak)} {units.force}, noise {plain(noise, 2)}): see whether the load "
+                "cell was connected, or leave the test out"
+            )
+            continue
+        cautions += [
+            f"{name}: {text}"
+            for text in (*_of_contact(test, units), *_fall(trial, experiment.floor.white, units))
+        ]
+    return cautions
+
+
+def _of_contact(test: TestSeen, units: UnitSystem) -> list[str]:
+    contact, cautions = test.contact, []
+    if contact is not None and contact.place > max(_SURE * contact.sd, _TOE * test.depth):
+        cautions.append(
+            f"the force begins to rise at {plain(contact.place)} +- {plain(contact.sd, 2)} "
+            f"{units.displacement}, and depth counts from zero: shift the displacement, or let the "
+            "fit find it by --add contact_offset"
+        )
+    if test.at_rest is not None:
+        cautions.append(
+            f"the {units.force_name} before contact is {plain(test.at_rest)} {units.force}: take "
+            "it off, or let the fit find it by --add force_offset"
+        )
+    return cautions
+
+
+def _fall(trial: Trial, noise: float, units: UnitSystem) -> list[str]:
+    """Describe a force that falls while the platen moves in at an even speed."""
+    test = trial.test
+    if trial.control == "force":
+        return []
+    sds = np.full(test.time.size, noise) if test.force_sd is None else test.force_sd
+    for phase in trial.phases:
+        inside = rows(trial, phase)
+        if phase.kind != "ramp" or inside.size < _FEWEST:
+            continue
+        runs = np.stack([test.force[inside[k : inside.size - 2 + k]] for k in range(3)])
+        force = np.median(runs, axis=0)  # of three: one reading is no fall
+        below = np.maximum.accumulate(force) - force
+        clear = max(_FALLEN * float(np.max(np.abs(test.force))), _DEAD * float(sds[inside].max()))
+        if not np.any(below > clear):
+            continue
+        top = int(np.argmax(test.force[inside[: int(np.argmax(below > clear)) + 2]]))
+        depth = plain(float(test.displacement[inside[top]]))
+        unit = "" if units.dimensionless else f" {units.displacement}"
+        return [
+            f"the {units.force_name} falls by up to {plain(float(below.max()), 2)} {units.force} "
+            f"from {depth}{unit} on while the platen moves in, as where a specimen tears, slips or "
+            "yields, which no part of the model describes: fit the readings before it alone"
+        ]
+    return []

@@ -1,0 +1,170 @@
+"""The records of a first look, as ``look.json`` stores them."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from qlvbayes.io.resultfile import Part, Result
+from qlvbayes.io.units import PAD, UnitSystem
+
+Answer = Literal["yes", "hardly", "no"]
+
+
+class PhaseSeen(
+    Part,
+    frozen=True,
+    rename={"start": "start_s", "stop": "stop_s", "begin": "from_mm", "end": "to_mm"},
+):
+    """A phase from ``start`` to ``stop`` (s), with the displacement at both and its readings."""
+
+    phase: str
+    start: float
+    stop: float
+    begin: float
+    end: float
+    readings: int
+
+
+class MotionSeen(
+    Part,
+    frozen=True,
+    rename={"step": "step_mm", "rms": "rms_mm", "largest": "largest_mm", "at": "at_s"},
+):
+    """Deviation of the fitted motion from the readings of displacement.
+
+    step: of the encoder, 0 where none shows; step_shows: whether readings are off by as much as it
+    makes them; rms, largest: of readings less motion; at: where (s)
+    it is largest; departure: in words, where that is more than scatter and resolution explain.
+    """
+
+    step: float
+    rms: float
+    largest: float
+    at: float
+    step_shows: bool
+    departure: str | None
+
+
+class ContactSeen(
+    Part,
+    frozen=True,
+    rename={"place": "place_mm", "sd": "sd_mm", "force": "force_N", "force_sd": "force_sd_N"},
+):
+    """Displacement where the force begins to rise, from the file's zero; force: before it."""
+
+    place: float
+    sd: float
+    force: float
+    force_sd: float
+
+
+class TestSeen(
+    Part,
+    frozen=True,
+    rename={
+        "duration": "duration_s",
+        "interval": "interval_s",
+        "clock_sd": "clock_sd_s",
+        "start": "start_s",
+        "rate": "rate_mm_s",
+        "reached": "reached_mm_s",
+        "depth": "depth_mm",
+        "peak": "peak_N",
+        "at_rest": "at_rest_N",
+    },
+):
+    """One test: its sampling, its phases and its readings.
+
+    interval: median time between readings, sampling: in words; clock_sd: error of one time stamp;
+    start: the pad's clock at its first reading, and whether the file says it; after: names of the
+    tests from which it has not yet recovered; rate: of loading, as declared or found; reached: the
+    speed of the first ramp; control: what was prescribed, and whether the file
+    says it; at_rest: force before contact, where it is clearly not zero; left_out: how many
+    readings.
+    """
+
+    __test__ = False  # not one of pytest's
+
+    test: str
+    role: str
+    control: str
+    control_declared: bool
+    readings: int
+    duration: float
+    interval: float
+    sampling: str
+    clock_sd: float
+    start: float
+    start_known: bool
+    after: tuple[str, ...]
+    rate: float | None
+    reached: float | None
+    depth: float
+    peak: float
+    phases: tuple[PhaseSeen, ...]
+    motion: MotionSeen
+    contact: ContactSeen | None
+    at_rest: float | None
+    left_out: int
+
+
+class NoiseSeen(
+    Part,
+    frozen=True,
+    rename={"total": "total_N", "white": "white_N", "correlated": "correlated_N", "tau": "tau_s"},
+):
+    """Noise of the force at rest: sd of a reading, its white and its correlated part.
+
+    testable: whether structure can be told from correlated noise; by_reading: whether each reading
+    has a sd of its own, of whose root mean square these are.
+    """
+
+    total: float
+    white: float
+    correlated: float
+    tau: float
+    testable: bool
+    by_reading: bool
+
+
+class Shown(Part, frozen=True):
+    """Whether tests can show a part of the model.
+
+    about: which; constants, effects: their names; reason: the fact behind the answer; remedy: the
+    test that would show it, empty where they do.
+    """
+
+    about: str
+    answer: Answer
+    reason: str
+    remedy: str = ""
+    constants: tuple[str, ...] = ()
+    effects: tuple[str, ...] = ()
+
+
+class PadSeen(Part, frozen=True):
+    """One pad: its tests, its noise, what its tests can show, and what to correct before a fit."""
+
+    pad: str
+    fluid: str | None
+    noise: NoiseSeen
+    tests: tuple[TestSeen, ...]
+    shown: tuple[Shown, ...]
+    cautions: tuple[str, ...]
+    notices: tuple[str, ...]
+
+
+class FirstLook(Result, frozen=True, kw_only=True):
+    """All pads of some measurements: ``look.json``.
+
+    source: the files; units: of displacement and force, in which also keys that end in _mm and _N
+    are; notices: of reading the files; between: whether the pads can be compared; next: what to
+    type.
+    """
+
+    source: tuple[str, ...]
+    units: UnitSystem = PAD
+    notices: tuple[str, ...]
+    pads: tuple[PadSeen, ...]
+    between: tuple[Shown, ...]
+    next: tuple[str, ...]

@@ -1,0 +1,156 @@
+"""Sentences of a first look."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from qlvbayes.io.units import UnitSystem
+from qlvbayes.io.wording import joined, plain
+from qlvbayes.motion.firstlook.result import PadSeen, PhaseSeen
+from qlvbayes.motion.phases import KINDS, NAMES
+
+_EACH = 6  # phases that are listed one by one
+_SLOWER = 0.1  # of its declared speed, by which a test may miss it
+_AGREES = 2.0  # standard errors from zero depth
+_NAMED = 3  # tests that are named
+_MANY = {"ramp": "ramps", "hold": "holds", "unload": "unloadings", "recovery": "recoveries"}
+
+
+def span(seconds: float) -> str:
+    """Format a time with two digits, as '16 ms', '0.8 s', '30 s'."""
+    return f"{plain(1e3 * seconds, 2)} ms" if seconds < 0.0995 else f"{plain(seconds, 2)} s"
+
+
+def phases_in_words(phases: Sequence[PhaseSeen]) -> str:
+    """Format phases as 'ramp 16 ms, hold 30 s', or by number and length if there are many."""
+    if len(phases) <= _EACH:
+        return ", ".join(f"{NAMES[p.phase]} {span(p.stop - p.start)}" for p in phases)
+    parts = []
+    for kind in KINDS:
+        lengths = [phase.stop - phase.start for phase in phases if phase.phase == kind]
+        if not lengths:
+            continue
+        low, high = span(min(lengths)), span(max(lengths))
+        name = NAMES[kind] if len(lengths) == 1 else _MANY[kind]
+        parts.append(f"{len(lengths)} {name} of {low if low == high else f'{low} to {high}'}")
+    return joined(parts)
+
+
+def lines_of(pad: PadSeen, units: UnitSystem) -> list[str]:
+    """Return one line each on a pad's readings."""
+    return [
+        *_noise(pad, units),
+        *_speeds(pad, units),
+        *_motion(pad, units),
+        *_contact(pad, units),
+        *_clock(pad),
+        *_control(pad, units),
+    ]
+
+
+def _noise(pad: PadSeen, units: UnitSystem) -> list[str]:
+    noise, peak = pad.noise, max(test.peak for test in pad.tests)
+    if pad.noise.by_reading:
+        return [
+            f"noise of the {units.force_name}: {plain(noise.total)} {units.force}, root mean "
+            "square of sds that differ from reading to reading"
+        ]
+    share = f" ({100.0 * noise.total / peak:.2g} % of the largest)" if peak > 0.0 else ""
+    parts = f"white {plain(noise.white, 2)}"
+    if noise.correlated > 0.0:
+        parts += f", correlated {plain(noise.correlated, 2)} over {span(noise.tau)}"
+    return [
+        f"noise of the {units.force_name}: {plain(noise.total)} {units.force} a reading{share}: "
+        f"{parts}"
+    ]
+
+
+def _speeds(pad: PadSeen, units: UnitSystem) -> list[str]:
+    """Describe the tests that do not reach the speed that the file declares."""
+    off = [
+        f"test {test.test} declares {plain(test.rate)} and reaches {plain(test.reached)}"
+        for test in pad.tests
+        if test.rate and test.reached and abs(test.reached / test.rate - 1.0) > _SLOWER
+    ]
+    more = [f"{len(off) - _NAMED} more in look.json"] if len(off) > _NAMED else []
+    return [f"speed: {joined([*off[:_NAMED], *more])} {units.speed}"] if off else []
+
+
+def _motion(pad: PadSeen, units: UnitSystem) -> list[str]:
+    name, unit = units.displacement_name, _unit(units.displacement)
+    worst = max(pad.tests, key=lambda test: test.motion.largest)
+    steps = sorted({float(plain(t.motion.step, 2)) for t in pad.tests if t.motion.step_shows})
+    of = f" (the encoder's step is {joined([plain(step) for step in steps], 'or')}{unit})"
+    parts = [
+        f"motion: fitted to the {name} within {plain(worst.motion.largest, 2)}{unit} of every "
+        f"reading{of if steps else ''}"
+    ]
+    return parts + [test.motion.departure for test in pad.tests if test.motion.departure]
+
+
+def _contact(pad: PadSeen, units: UnitSystem) -> list[str]:
+    """Describe the contact of tests of displacement and force; a strip in strain has none."""
+    if units.dimensionless:
+        return []
+    contacts = [(test.test, test.contact) for test in pad.tests if test.contact is not None]
+    if not contacts:
+        return ["contact: no test shows an approach, so that depth counts from the zero as it is"]
+    off = [
+        f"{plain(seen.place, 2)} +- {plain(seen.sd, 1)} {units.displacement} in test {name}"
+        for name, seen in contacts
+        if abs(seen.place) > _AGREES * seen.sd
+    ]
+    agree, most = len(contacts) - len(off), max(seen.sd for _, seen in contacts)
+    sentences = []
+    if agree:
+        one = len(contacts) == 1
+        those = "the one test that shows" if one else f"{agree} of {len(contacts)} tests"
+        sentences.append(
+            f"the rise of the {units.force_name} agrees with zero depth in {those} "
+            f"{'' if one else 'that show '}an approach (errors up to {plain(most, 1)} "
+            f"{units.displacement})"
+        )
+    if len(off) > _NAMED:
+        off = [*off[:_NAMED], f"others ({len(off) - _NAMED} more in look.json)"]
+    if off:
+        sentences.append(
+            f"the {units.force_name} rises out of its noise at {joined(off)}, where a soft "
+            "beginning may look alike"
+        )
+    return [f"contact: {'; '.join(sentences)}"]
+
+
+def _clock(pad: PadSeen) -> list[str]:
+    sentences = []
+    off = max(pad.tests, key=lambda test: test.clock_sd / test.interval)
+    if off.clock_sd > 0.0:
+        sentences.append(
+            f"clock: stamps of test {off.test} are off by {span(off.clock_sd)} (sd), of intervals "
+            f"of {span(off.interval)}"
+        )
+    remembering = [test.test for test in pad.tests if test.after]
+    if remembering:
+        sentences.append(
+            f"rest: {_tests(remembering)} begin{'s' if len(remembering) == 1 else ''} while the "
+            "specimen still recovers from an earlier test, which a fit takes into account"
+        )
+    return sentences
+
+
+def _control(pad: PadSeen, units: UnitSystem) -> list[str]:
+    """Describe which tests are load-controlled, if any."""
+    force = [test.test for test in pad.tests if test.control == "force"]
+    if not force:
+        return []
+    rest = len(pad.tests) - len(force)
+    others = f"; the {units.displacement_name} in the others" if rest else ""
+    return [f"control: the {units.force_name} is prescribed in {_tests(force)}{others}"]
+
+
+def _tests(names: Sequence[str]) -> str:
+    named = [*names[:_NAMED], *([f"{len(names) - _NAMED} more"] if len(names) > _NAMED else [])]
+    return f"test{'' if len(names) == 1 else 's'} {joined(named)}"
+
+
+def _unit(unit: str) -> str:
+    return "" if unit == "1" else f" {unit}"

@@ -1,0 +1,263 @@
+"""Measurement of the load cell's noise at rest, without a model of the material."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import Bounds, minimize
+
+from qlvbayes.motion.badreadings import outlying
+from qlvbayes.motion.encoder import encoder_step
+from qlvbayes.motion.noisefloor.cycles import find_cycles
+from qlvbayes.motion.noisefloor.dwells import (
+    Dwell,
+    Readings,
+    Record,
+    find_dwells,
+    find_strokes,
+)
+from qlvbayes.motion.noisefloor.floor import NoiseFloor
+from qlvbayes.motion.noisefloor.pool import Pool
+from qlvbayes.motion.noisefloor.posterior import Dwells, prior_log_tau
+from qlvbayes.motion.phases import MOVING, Phase
+from qlvbayes.motion.segments import sensor_noise
+
+Array = NDArray[np.float64]
+
+_TREND_RATIOS = (2.0, 1.4)  # between neighbouring relaxation times of the trend
+_QUIET = 1e-3  # of the force range: below, the coarser trend would leave more than the noise
+_TAUS = 5
+_RATIOS = np.arange(-6.0, 10.0, 3.5)  # log of correlated over white variance
+_LEAST_RATIO = -9.0
+_MOST_RATIO = 9.2  # white sd 1 % of the correlated one: no model of the latter is any better
+_LONGEST = 0.5  # of the longest dwell: a longer memory cannot be told from the trend
+_DECISIVE = 2.0  # log-likelihood by which the second process must win
+_GROWTHS = np.array([0.3, 1.0, 3.0, 10.0, 30.0])  # growth over the peak force, that is tried
+_NEUTRAL = 0.1  # of a dwell: memory where none is seen
+_GROWS = 4.0  # log-likelihood by which noise that grows with the force must win
+_STEP_SAMPLES = 20_000  # readings that show the step of a digitised force
+_LEAST_STEP = 1e-4  # of the force range: a smaller step is the file's last digit
+EXACT = 3e-4  # of the peak force: the motion between the readings is not known any better,
+_ROUNDED = 1.0 / np.sqrt(12.0)  # of an encoder step: sd of the displacement's rounding
+_OF_CYCLES = (
+    "no hold or recovery shows the noise: it is what does not repeat from one cycle to the next"
+)
+_TINY = float(np.finfo(np.float64).tiny) ** 0.5
+
+
+def measure(
+    tests: Sequence[Record], phases: Sequence[Sequence[Phase]], *, of_a_step: float = 0.0
+) -> NoiseFloor:
+    """Return the noise seen in the holds and recoveries of the tests, pooled.
+
+    In each dwell the force is a smooth trend plus noise. The noise parameters maximise the
+    restricted likelihood, in which the trend costs its degrees of freedom, with a weak prior of the
+    correlation time. Up to 12 dwells enter: single readings of a run, means over all others. The
+    correlated part is reported only if it raises the log-likelihood by more than 2, noise that
+    grows with the force by more than 4. With a measured sd for each reading (``force_sd``) the
+    noise is taken as proportional to it, and the sds returned hold at its root mean square.
+
+    Without any usable dwell the noise of equal cycles is what does not repeat from one to the next.
+    Without these it is measured about smooth curves of single strokes, and what these do not show
+    is taken from the prior; whether structure is noise is then not testable.
+    Noise below 3e-4 of the peak force and the rounding of the encoder is taken as that much: the
+    motion between the readings is not known any better. Readings of force far beyond those before
+    and after them are no noise: a few would make a floor of their own size.
+
+    Parameters
+    ----------
+    tests, phases
+        One entry a test; a test has ``time``, ``force`` and ``force_sd`` (or None), (n,) each.
+    of_a_step
+        Force that an encoder step makes, at most.
+    """
+    tests = [_without_outliers(test) for test in tests]
+    peak = max((float(np.abs(t.force).max()) for t in tests if t.force.size), default=0.0)
+    step = _force_step(tests)
+    dwells = find_dwells(tests, phases, step)
+    known = peak if all(test.force_sd is None for test in tests) else 0.0
+    quickest = _quickest(phases)
+    if dwells:
+        floor = _pooled(dwells, known, quickest)
+    elif cycles := find_cycles(tests, phases):
+        floor = replace(_pooled(cycles, known, quickest), notices=(_OF_CYCLES,))
+    else:
+        floor = _without_dwells(tests, phases, known, quickest)
+    return _at_least(floor, step, float(np.hypot(EXACT * peak, _ROUNDED * of_a_step)))
+
+
+def _without_outliers(test: Record) -> Record:
+    outliers = outlying(test.time, test.force)
+    if not outliers.any():
+        return test
+    sound, sd = ~outliers, test.force_sd
+    return Readings(
+        test.time[sound],
+        test.displacement[sound],
+        test.force[sound],
+        None if sd is None else sd[sound],
+    )
+
+
+def _force_step(tests: Sequence[Record]) -> float:
+    """Return the step of the digitised force; 0 if there is none or only the file's last digit."""
+    steps = [encoder_step(t.force[:_STEP_SAMPLES]) for t in tests if t.force.size > 2]
+    span = max((float(np.ptp(t.force)) for t in tests if t.force.size), default=0.0)
+    step = min(steps, default=0.0)
+    return step if step > _LEAST_STEP * span else 0.0
+
+
+def _quickest(phases: Sequence[Sequence[Phase]]) -> float:
+    """Return the time (s) of the shortest movement, which bounds the time of a low-pass filter."""
+    moves = [one.stop - one.start for cut in phases for one in cut if one.kind in MOVING]
+    return min(moves, default=np.inf)
+
+
+def _without_dwells(
+    tests: Sequence[Record], phases: Sequence[Sequence[Phase]], peak: float, quickest: float
+) -> NoiseFloor:
+    """Measure the noise about smooth curves of strokes, with the prior where these leave it open.
+
+    That is correlated noise as large as the white one, with a dwell's memory were it a whole test.
+    """
+    length = max((float(np.ptp(t.time)) for t in tests if t.time.size), default=0.0) or 1.0
+    strokes = find_strokes(tests, phases)
+    if strokes:
+        floor = _pooled(strokes, peak, quickest, length)
+        about = "it is measured about smooth curves of single strokes"
+    else:
+        scatters = [sensor_noise(t.time, t.force) for t in tests]
+        # one load cell reads all tests: one fast against its readings shows more than noise
+        white = min((noise for noise in scatters if noise > 0.0), default=0.0)
+        floor = NoiseFloor(white, 0.0, float(np.exp(prior_log_tau(length))))
+        about = "its white part comes from neighbouring readings"
+    if floor.ou == 0.0:
+        floor = replace(floor, ou=floor.white, dwells=None)
+        about += ", and correlated noise of the same size is taken to be there"
+    notice = (
+        f"no hold or recovery shows the noise: {about}; a systematic error that looks like "
+        "correlated noise cannot be told from it (not testable)"
+    )
+    return replace(floor, testable=False, notices=(notice,))
+
+
+def _at_least(floor: NoiseFloor, step: float, least: float) -> NoiseFloor:
+    """Count the variance of rounding to a step, and no less than the motion makes."""
+    notices = floor.notices
+    if step > 0.0:
+        notices = (*notices, f"the force is digitised in steps of {step:.3g}, counted as noise")
+    floor = replace(floor, white=max(floor.white, _TINY), step=step, notices=notices).rounded()
+    if floor.total >= least:
+        return floor
+    notice = (
+        f"next to no noise is seen ({floor.total:.2g}): a noise floor of {least:.2g} is used, "
+        "because the motion between the readings is not known better than that"
+    )
+    return replace(
+        floor, white=least / np.sqrt(2.0), ou=least / np.sqrt(2.0), growth=0.0, smooth=False,
+        dwells=None, notices=(*notices, notice),
+    )  # fmt: skip
+
+
+def _pooled(dwells: list[Dwell], peak: float, quickest: float, length: float = 0.0) -> NoiseFloor:
+    """Return white sd, correlated sd, its time and the growth, by restricted maximum likelihood.
+
+    peak: largest force; 0 where sds were measured, so that growth is not looked for; quickest (s):
+    time of the shortest movement; length (s): of a test without dwells, whose strokes these are.
+    """
+    pool = _pool(dwells)
+    lengths = [float(np.ptp(r.time)) for r in dwells]
+    typical, longest = float(np.median(lengths)), max(lengths)
+    neutral = _NEUTRAL * typical
+    if length > 0.0:  # strokes: the prior's median is the longest memory that may be told from them
+        typical, neutral = length, float(np.exp(prior_log_tau(length)))
+        longest = neutral / _LONGEST
+    if not np.any(pool.y):
+        return NoiseFloor(0.0, 0.0, neutral)
+    posterior = _fitted(pool, longest, typical, quickest)
+    growth, level = 0.0, float(np.mean(np.abs(pool.force)))
+    if peak > 0.0 and (grown := _growth(posterior, peak, level)) is not None:
+        growth, scaled = grown
+        posterior = _fitted(scaled, longest, typical, quickest)
+    pool = posterior.pool
+    alone, variance = pool.of_white()
+    if posterior.best - alone < _DECISIVE:
+        white = float(np.sqrt(variance))
+        return NoiseFloor(white, 0.0, neutral, growth, level, dwells=posterior)
+    white = float(np.sqrt(pool.likelihood(posterior.ratio, posterior.tau, posterior.smooth)[1]))
+    ou, tau = white * float(np.exp(0.5 * posterior.ratio)), float(np.exp(posterior.tau))
+    return NoiseFloor(white, ou, tau, growth, level, smooth=posterior.smooth, dwells=posterior)
+
+
+def _pool(dwells: list[Dwell]) -> Pool:
+    """Return the pooled dwells, with the finer trend if the coarser one leaves more than noise."""
+    span = max(float(np.ptp(r.force)) for r in dwells)
+    for ratio in _TREND_RATIOS:
+        pool = Pool.from_dwells(dwells, ratio)
+        averaged = pool.y[pool.count == pool.count.max()]
+        if np.sqrt(np.mean(averaged**2)) > _QUIET * span:
+            break
+    return pool
+
+
+def _fitted(pool: Pool, longest: float, typical: float, quickest: float) -> Dwells:
+    """Return the more likely of both kinds of correlated noise at its mode, with the other one.
+
+    Smooth noise is that of a low-pass, which makes the force late as well: its time is no longer
+    than the quickest movement, of which the record would show little otherwise.
+    """
+    gaps = pool.gaps[np.isfinite(pool.gaps)]
+    shortest = 3.0 * float(np.quantile(gaps, 0.1))
+    most = max(_LONGEST * longest, 2.0 * shortest)
+    taus = np.log([shortest, most])
+    bounds = np.array([[_LEAST_RATIO, taus[0]], [_MOST_RATIO, taus[1]]])
+    starts = [(r, t) for t in np.linspace(float(taus[0]), float(taus[1]), _TAUS) for r in _RATIOS]
+    rough = _mode(pool, bounds, prior_log_tau(typical), starts, smooth=False)
+    if rough.best - pool.of_white()[0] < _DECISIVE:
+        return rough
+    if (most := min(taus[1], np.log(quickest))) <= taus[0]:
+        return rough
+    bounds = np.array([bounds[0], [bounds[1, 0], most]])
+    lags = np.clip(rough.tau - np.array([0.5, 1.5, 3.0]), taus[0], most)
+    around = [(rough.ratio, lag) for lag in lags.tolist()]
+    smooth = _mode(pool, bounds, rough.prior_log_tau, around, smooth=True)
+    if smooth.best > rough.best + _DECISIVE:
+        return replace(smooth, other=rough)
+    return replace(rough, other=smooth)
+
+
+def _mode(
+    pool: Pool,
+    bounds: Array,
+    prior_log_tau: float,
+    starts: list[tuple[float, float]],
+    *,
+    smooth: bool,
+) -> Dwells:
+    """Return the mode of the posterior, from the best of some starts (log ratio, log tau)."""
+    posterior = Dwells(pool, 0.0, 0.0, 0.0, bounds, prior_log_tau, smooth, correlated=False)
+    start = min(starts, key=lambda at: posterior.loss(np.array(at)))
+    best = minimize(
+        posterior.loss, np.array(start), method="L-BFGS-B", bounds=Bounds(*bounds),
+        options={"maxiter": 15, "ftol": 1e-6},
+    )  # fmt: skip
+    ratio, tau = map(float, best.x)
+    gain = pool.likelihood(ratio, tau, smooth)[0]
+    sure = gain - pool.of_white()[0] > 3.0 * _DECISIVE
+    return replace(posterior, best=gain, ratio=ratio, tau=tau, correlated=sure)
+
+
+def _growth(posterior: Dwells, peak: float, level: float) -> tuple[float, Pool] | None:
+    """Return the growth (1/force) of the sd with force, and the dwells divided by it; else None."""
+    best = None
+    least = posterior.best + _GROWS
+    for growth in _GROWTHS / peak:
+        scale = (1.0 + growth * np.abs(posterior.pool.force)) / (1.0 + growth * level)
+        scaled = posterior.pool.scaled(scale)
+        gain = scaled.likelihood(posterior.ratio, posterior.tau, posterior.smooth)[0]
+        if gain > least:
+            least, best = gain, (float(growth), scaled)
+    return best

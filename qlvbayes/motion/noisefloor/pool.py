@@ -1,0 +1,174 @@
+r"""Restricted likelihood of noise in all dwells together, O(n).
+
+The correlated process is the first entry of a Markov state, whose precision P is banded. With D the
+white variance of the runs' means and S the sd of the process's mean over a run,
+
+.. math:: V = D + \rho\, S R S, \quad
+          V^{-1} = D^{-1} - D^{-1} S H (P/\rho + H^T S D^{-1} S H)^{-1} H^T S D^{-1}
+
+(Woodbury; H picks the process from the state). Patterson & Thompson 1971,
+doi:10.1093/biomet/58.3.545.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_solve_banded, cholesky, cholesky_banded, solve_triangular
+
+from qlvbayes.motion.noisefloor.averages import rate, variance
+from qlvbayes.motion.noisefloor.dwells import Dwell, run_scale, trend
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Pool:
+    """Data of all dwells, one after another.
+
+    gaps (n - 1,): time between neighbouring runs' middles (inf between dwells); count, length (n,):
+    readings in a run and its duration; force (n,): smooth force; y (n,): what the trends leave;
+    trends: their orthonormal bases; constant: of the log-likelihood, for relative sds.
+    """
+
+    gaps: Array
+    count: Array
+    length: Array
+    force: Array
+    y: Array
+    trends: list[Array]
+    columns: Array
+    freedom: int
+    constant: float = 0.0
+
+    @classmethod
+    def from_dwells(cls, dwells: list[Dwell], ratio: float) -> Pool:
+        """Return means over runs without trends; ``ratio`` of neighbouring relaxation times."""
+        trends = [trend(dwell, ratio) for dwell in dwells]
+        values = [dwell.mean(dwell.force) for dwell in dwells]
+        scales = [run_scale(dwell) for dwell in dwells]
+        middles = [dwell.mean(dwell.time) for dwell in dwells]
+        left, smooth = [], []
+        for q, value, scale in zip(trends, values, scales, strict=True):
+            fitted = scale * (q @ (q.T @ (value / scale)))
+            smooth.append(fitted)
+            left.append((value - fitted) / scale)
+        return cls(
+            np.concatenate([np.append(np.diff(t), np.inf) for t in middles])[:-1],
+            np.concatenate([dwell.count for dwell in dwells]),
+            np.concatenate([dwell.length for dwell in dwells]),
+            np.concatenate(smooth),
+            np.concatenate([y - q @ (q.T @ y) for q, y in zip(trends, left, strict=True)]),
+            trends,
+            _side_by_side(trends),
+            sum(q.shape[0] - q.shape[1] for q in trends),
+        )
+
+    def scaled(self, scale: Array) -> Pool:
+        """Return the same data for noise whose sd is proportional to ``scale`` (n,)."""
+        trends, y, constant, at = [], [], -float(np.log(scale).sum()), 0
+        for q in self.trends:
+            rows, at = slice(at, at + q.shape[0]), at + q.shape[0]
+            own, r = np.linalg.qr(q / scale[rows, None])
+            constant -= float(np.log(np.abs(np.diag(r))).sum())
+            left = self.y[rows] / scale[rows]
+            left = left - own @ (own.T @ left)
+            trends.append(own)
+            y.append(left)
+        return Pool(
+            self.gaps, self.count, self.length, self.force, np.concatenate(y), trends,
+            _side_by_side(trends), self.freedom, constant,
+        )  # fmt: skip
+
+    def of_white(self) -> tuple[float, float]:
+        """Return log-likelihood and variance of white noise alone."""
+        return self._restricted(
+            self.count[:, None] * self._coefficients(), -np.log(self.count).sum()
+        )
+
+    def likelihood(self, log_ratio: float, log_tau: float, smooth: bool) -> tuple[float, float]:
+        """Return the restricted log-likelihood (up to a constant) and the best white variance.
+
+        log_ratio: of the correlated variance to the white one; smooth: see ``NoiseFloor``.
+        """
+        ratio, tau = np.exp(log_ratio), np.exp(log_tau)
+        decay = rate(tau, smooth)
+        shrink = np.sqrt(np.real(decay * tau * variance(self.length, self.count, decay)))
+        banded = _smooth_precision if smooth else _precision
+        band, log_precision = banded(self.gaps / tau)
+        width = 2 if smooth else 1
+        band = band / ratio
+        log_precision -= width * self.y.size * log_ratio
+        band[-1, ::width] += shrink**2 * self.count
+        factor = cholesky_banded(band, check_finite=False)
+        z = self._coefficients()
+        weighted = np.zeros((width * self.y.size, z.shape[1]))
+        weighted[::width] = (shrink * self.count)[:, None] * z
+        inner = cho_solve_banded((factor, False), weighted, check_finite=False)[::width]
+        solved = self.count[:, None] * (z - shrink[:, None] * inner)
+        log_det = 2.0 * float(np.log(factor[-1]).sum()) - log_precision
+        return self._restricted(solved, log_det - float(np.log(self.count).sum()))
+
+    def _coefficients(self) -> Array:
+        return np.column_stack([self.y, self.columns])
+
+    def _restricted(self, solved: Array, log_det: float) -> tuple[float, float]:
+        """Return the restricted likelihood from V^-1 (y, trends) and log det V."""
+        power, at = float(self.y @ solved[:, 0]), 0
+        for q in self.trends:
+            rows, at = slice(at, at + q.shape[0]), at + q.shape[0]
+            gram = cholesky(q.T @ solved[rows, 1 : q.shape[1] + 1], lower=True, check_finite=False)
+            moment = solve_triangular(gram, q.T @ solved[rows, 0], lower=True, check_finite=False)
+            power -= float(moment @ moment)
+            log_det += 2.0 * float(np.log(np.diag(gram)).sum())
+        variance = max(power, float(np.finfo(np.float64).tiny)) / self.freedom
+        return self.constant - 0.5 * (self.freedom * np.log(variance) + log_det), variance
+
+
+def _side_by_side(trends: list[Array]) -> Array:
+    width = max(q.shape[1] for q in trends)
+    return np.concatenate([np.pad(q, ((0, 0), (0, width - q.shape[1]))) for q in trends])
+
+
+def _precision(x: Array) -> tuple[Array, float]:
+    """Return the upper band (2, n) of an OU process's precision, and its log det."""
+    a, left = np.exp(-x), -np.expm1(-2.0 * x)
+    band = np.zeros((2, x.size + 1))
+    band[1] = 1.0
+    band[1, 1:] += a**2 / left
+    band[1, :-1] += a**2 / left
+    band[0, 1:] = -a / left
+    return band, -float(np.log(left).sum())
+
+
+def _smooth_precision(x: Array) -> tuple[Array, float]:
+    """The same (4, 2n) of the process of correlation e^-x (cos x + sin x), and its slope.
+
+    A second-order low-pass (Butterworth's) of white noise: over a gap the state moves by A = e^-x
+    [[cos x + sin x, 2^(1/2) sin x], [-2^(1/2) sin x, cos x - sin x]] and gains W = 1 - A A^T.
+    """
+    x = np.minimum(x, 300.0)
+    decay, sine, cosine = np.exp(-x), np.sin(x), np.cos(x)
+    off_diagonal = np.sqrt(2.0) * sine
+    A = decay * np.array([[cosine + sine, off_diagonal], [-off_diagonal, cosine - sine]])
+    own = 1.0 - decay**2 * (2.0 + np.sin(2.0 * x) - np.cos(2.0 * x))
+    own = np.where(x < 1e-2, 8.0 * x**3 * (1.0 / 3.0 - 0.5 * x + x**2 / 3.0), own)
+    cross = decay**2 * 2.0 * np.sqrt(2.0) * sine**2
+    slope = 1.0 - decay**2 * (2.0 - np.cos(2.0 * x) - np.sin(2.0 * x))
+    det = own * slope - cross**2
+    inverse = np.array([[slope, -cross], [-cross, own]]) / det
+    back = np.einsum("ijn,ikn->jkn", inverse, A)  # W^-1 A, first index of A summed
+    turned = np.einsum("ijn,ikn->jkn", A, back)
+    band = np.zeros((4, 2 * x.size + 2))
+    band[3, :2] = 1.0
+    for k in (0, 1):
+        band[3, k:-2:2] += turned[k, k]
+        band[3, k + 2 :: 2] += inverse[k, k]
+    band[2, 1:-2:2] += turned[0, 1]
+    band[2, 3::2] += inverse[0, 1]
+    for i in (0, 1):
+        for j in (0, 1):  # rows: state before, columns: state after
+            band[3 - (2 + j - i), 2 + j :: 2] += -back[j, i]
+    return band, -float(np.log(det).sum())

@@ -1,0 +1,203 @@
+"""Posterior of the noise given the dwells: white sd, correlated sd and correlation time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import expit
+
+from qlvbayes.motion.noisefloor.pool import Pool
+
+Array = NDArray[np.float64]
+
+_POINTS = 32  # of the importance sample over (log ratio, log tau), about the mode
+_PRIOR_POINTS = 64  # the same, from the prior
+_DOUBT = 0.05  # probability of the other kind, from which on it is reckoned with
+_HEAVY = 5.0  # degrees of freedom of its Student-t
+_STEP = 0.1  # of both numbers, in the curvature's differences
+_WIDEST = 2.0  # sd of that t where the dwells say little
+_USUAL_TAU = 0.05  # of a dwell: a longer memory looks like the trend, so that there is a weak
+TAU_SD = 1.5  # prior, log-normal with this sd (a quarter of a dwell is one away)
+_RATIO_SD = 3.0  # prior of the log ratio of variances: sds that differ up to 4.5 times, usually
+
+
+class Noise(NamedTuple):
+    """White sd, correlated sd and its time, and whether that part is smooth (`NoiseFloor`)."""
+
+    white: float
+    ou: float
+    tau: float
+    smooth: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Dwells:
+    """The pooled dwells, and the noise of highest restricted likelihood.
+
+    ratio, tau: logarithms of the correlated variance over the white one, and of its time; bounds:
+    (2, 2) lowest and highest of both; prior_log_tau: log of
+    the prior's median time; correlated: whether
+    the correlated part is beyond doubt (else white noise alone has half the prior probability);
+    other: the other kind of correlated noise, as likely beforehand, at its own mode.
+    """
+
+    pool: Pool
+    best: float
+    ratio: float
+    tau: float
+    bounds: Array
+    prior_log_tau: float
+    smooth: bool
+    correlated: bool
+    other: Dwells | None = None
+
+    def log_likelihood(self, white: float, ou: float, tau: float) -> float:
+        """Return the restricted log-likelihood (up to a constant) of some noise."""
+        log_ratio = 2.0 * np.log(max(ou / white, 1e-3))
+        profile, variance = self.pool.likelihood(float(log_ratio), float(np.log(tau)), self.smooth)
+        size = variance / white**2
+        return profile - 0.5 * self.pool.freedom * (size - 1.0 - float(np.log(size)))
+
+    def draw(self, count: int) -> list[Noise]:
+        """Return equally likely noises, the same at every call.
+
+        The scale's posterior at a given ratio and time is an inverse chi-square, exactly.
+        """
+        few = round(self._share * count)
+        others = self.other._own(few) if self.other and few else []
+        return [*self._own(count - few), *others]
+
+    def weighted(self, count: int) -> tuple[list[Noise], Array]:
+        """Return noises with weights (count,) of sum 1, so that unlikely ones are included."""
+        share = self._share
+        parts = np.sqrt([1.0 - share, share])
+        few = round(count * parts[1] / parts.sum())
+        draws, weights = self._own_weighted(count - few)
+        if self.other is None or few == 0:
+            return draws, weights
+        others, other_weights = self.other._own_weighted(few)
+        return draws + others, np.concatenate([(1.0 - share) * weights, share * other_weights])
+
+    @property
+    def _share(self) -> float:
+        """Return the probability of the other kind of correlated noise."""
+        return float(expit(self.other.best - self.best)) if self.other else 0.0
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether that noise is correlated, and in which way, is beyond doubt."""
+        return self.correlated and self._share < _DOUBT
+
+    def _own(self, count: int) -> list[Noise]:
+        return self._chosen(count, self._sample[2])[0]
+
+    def _own_weighted(self, count: int) -> tuple[list[Noise], Array]:
+        weights = self._sample[2]
+        draws, chosen = self._chosen(count, np.sqrt(weights))
+        shares = np.sqrt(weights[chosen])
+        return draws, shares / shares.sum()
+
+    def _chosen(self, count: int, weights: Array) -> tuple[list[Noise], NDArray[np.intp]]:
+        """Return noises at points drawn by their weights, and the indices of those points."""
+        # here and below, as it takes longer to load than a first look takes
+        from scipy.stats import chi2
+
+        points, variances, _ = self._sample
+        shares = (np.arange(count) + 0.5) / count
+        chosen = np.searchsorted(np.cumsum(weights), shares * weights.sum())
+        chosen = np.clip(chosen, 0, weights.size - 1)
+        mixed = np.random.default_rng(0).permutation(count)
+        freedom = self.pool.freedom
+        scales = np.sqrt(freedom / chi2.ppf(shares[mixed], freedom))
+        draws = []
+        for k, scale in zip(chosen, scales, strict=True):
+            white = float(np.sqrt(variances[k]) * scale)
+            ratio, tau = points[k]
+            ou = white * float(np.exp(0.5 * ratio))
+            draws.append(Noise(white, ou, float(np.exp(tau)), self.smooth))
+        return draws, chosen
+
+    @cached_property
+    def _sample(self) -> tuple[Array, Array, Array]:
+        """Points (n, 2) of (log ratio, log tau), their white variances and weights (n,).
+
+        Importance sampling from a Student-t at the mode and from the prior together (each weight by
+        the density of both; Veach & Guibas 1995): where the dwells say little, nothing near the
+        mode reaches what they leave open. -inf for log ratio is white noise alone.
+        """
+        points, density = self._proposed()
+        inside = np.all((points > self.bounds[0]) & (points < self.bounds[1]), axis=1)
+        points, count = points[inside], density.size
+        likelihoods = [
+            self.pool.likelihood(r, log_tau, self.smooth) for r, log_tau in points.tolist()
+        ]
+        logs, variances = np.array(likelihoods).T
+        weights = np.exp(logs - self.best) * self._prior(points) / density[inside]
+        if not self.correlated:  # and white noise alone, as likely a priori
+            log_white, variance = self.pool.of_white()
+            points = np.concatenate([points, [[-np.inf, self.prior_log_tau]]])
+            variances = np.append(variances, variance)
+            weights = np.append(weights, count * np.exp(log_white - self.best))
+        return points, variances, weights / weights.sum()
+
+    def _proposed(self) -> tuple[Array, Array]:
+        """Return points (n, 2) about the mode and all over the prior, and their density."""
+        from scipy.stats import norm, qmc
+
+        mode, root = np.array([self.ratio, self.tau]), self._spread()
+        near = mode + student_t(qmc.Sobol(3, seed=0).random(_POINTS)) @ root.T
+        z = norm.ppf(qmc.Sobol(2, seed=0).random(_PRIOR_POINTS))
+        points = np.concatenate([near, [0.0, self.prior_log_tau] + z * [_RATIO_SD, TAU_SD]])
+        z = np.linalg.solve(root, (points - mode).T)
+        peak = 2.0 * np.pi * abs(float(np.linalg.det(root)))
+        about = (1.0 + np.sum(z**2, axis=0) / _HEAVY) ** (-0.5 * (_HEAVY + 2.0)) / peak
+        return points, (_POINTS * about + _PRIOR_POINTS * self._prior(points)) / len(points)
+
+    def _prior(self, points: Array) -> Array:
+        """Return the density (n,) of (log ratio, log tau), which are independent normals."""
+        ratio, tau = points.T
+        exponent = self._log_prior(tau) - 0.5 * (ratio / _RATIO_SD) ** 2
+        return np.asarray(np.exp(exponent) / (2.0 * np.pi * _RATIO_SD * TAU_SD))
+
+    def _log_prior(self, tau: Array) -> Array:
+        return -0.5 * ((tau - self.prior_log_tau) / TAU_SD) ** 2
+
+    def loss(self, at: Array) -> float:
+        """Return minus the log posterior at (log ratio, log tau), up to a constant."""
+        return -self.pool.likelihood(float(at[0]), float(at[1]), self.smooth)[0] - float(
+            self._log_prior(np.asarray(at[1]))
+        )
+
+    def _spread(self) -> Array:
+        """Square root (2, 2) of the covariance at the mode; wide in directions left open."""
+        mode = np.array([self.ratio, self.tau])
+        mode = np.clip(mode, self.bounds[0] + _STEP, self.bounds[1] - _STEP)
+        here = self.loss(mode)
+        e = _STEP * np.eye(2)
+        up, down = ([self.loss(mode + sign * row) for row in e] for sign in (1.0, -1.0))
+        both = self.loss(mode + e[0] + e[1]) + self.loss(mode - e[0] - e[1])
+        diagonal = np.array(up) + np.array(down) - 2.0 * here
+        cross = 0.5 * (both - 2.0 * here - diagonal.sum())
+        curvature = np.array([[diagonal[0], cross], [cross, diagonal[1]]]) / _STEP**2
+        values, vectors = np.linalg.eigh(curvature)
+        sds = 1.2 / np.sqrt(np.maximum(values, (1.2 / _WIDEST) ** 2))
+        return np.asarray(vectors * sds)
+
+
+def student_t(uniform: Array) -> Array:
+    """Return draws (n, 2) of a bivariate Student-t from uniform ones (n, 3)."""
+    from scipy.stats import chi2
+    from scipy.stats import t as student
+
+    clipped = np.clip(uniform, 1e-4, 1.0 - 1e-4)
+    normal = student.ppf(clipped[:, :2], 1e9)
+    return np.asarray(normal * np.sqrt(_HEAVY / chi2.ppf(clipped[:, 2:], _HEAVY)))
+
+
+def prior_log_tau(longest: float) -> float:
+    """Return the log of the prior's median correlation time for dwells of this length (s)."""
+    return float(np.log(_USUAL_TAU * longest))

@@ -1,0 +1,295 @@
+"""Division of a motion into ramps, holds, unloadings and recoveries."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qlvbayes.io.checks import InputError
+from qlvbayes.motion.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+Move = tuple[int, int, int]  # first and last of the times, and the sign
+Kind = Literal["ramp", "hold", "unload", "recovery"]
+NAMES: dict[str, str] = {  # of kinds, for readers
+    "ramp": "ramp",
+    "hold": "hold",
+    "unload": "unloading",
+    "recovery": "recovery",
+}
+KINDS = tuple(NAMES)
+MOVING = ("ramp", "unload")  # there and back
+
+_LEAST_SHARE = 0.01  # of the stroke: a smaller movement is drift or jitter
+_LEAST_STEPS = 5.0  # encoder steps, for the same reason
+_CREEP = 0.02  # of a movement's own speed: slower ends of it belong to the rest
+_DWELL = 0.2  # of the shorter movement next to it: a longer slow turn is a dwell
+_SETTLING = 0.1  # of a movement: what follows it at once and is smaller is the platen settling,
+_REST = 4.0  # if the rest after it lasts so many times as long,
+_LATE = 10.0  # and it is over within so many times the movement's duration
+_FEWEST_AT_REST = 3  # readings that show a rest,
+_FEWEST_MOVING = 2  # and a movement
+_WORTH = 4.5  # median intervals between readings, for which a dwell before the first movement
+_SHARE = 0.1  # of that movement's duration is a hold
+_LEAST_SPEED = 1e-4  # of the record's top speed
+
+
+@dataclass(frozen=True)
+class Phase:
+    """One phase from ``start`` to ``stop`` (s).
+
+    ``ramp``: moving toward greater depth; ``hold``: at rest, also before the first movement;
+    ``unload``: moving back; ``recovery``: at rest after an unload.
+    """
+
+    kind: Kind
+    start: float
+    stop: float
+
+
+def find_phases(trajectory: Trajectory) -> tuple[Phase, ...]:
+    """Return the phases of a record: contiguous, in order of time, from its start to its end.
+
+    A movement counts if it covers more than 1 % of the stroke and five encoder steps; less is
+    drift or jitter and belongs to the rest around it. A pause too short for such a movement at the
+    neighbouring speed does not divide a ramp. A dwell before the first movement is a hold if it is
+    longer than that movement, or than a tenth of it and 4.5 median intervals between readings;
+    else part of it. Where a platen overshoots and settles, the rest begins at its farthest point:
+    movements of less than a tenth of the one before them that follow it at once and end in a longer
+    rest belong to that rest. A rest that lasts no two intervals between readings is none, nor is a
+    movement between two readings.
+    """
+    times, depth = _turning_points(trajectory)
+    moves = _settled(_movements(times, depth, trajectory.resolution), times, depth)
+    start, stop = float(times[0]), float(times[-1])
+    phases: list[Phase] = []
+    resting: Kind = "hold"
+    at = start
+    moves = _turning(_from_the_start(moves, times, trajectory), times, trajectory)
+    for first, last, sign in moves:
+        if times[first] > at:
+            phases.append(Phase(resting, at, float(times[first])))
+        at = float(times[last])
+        phases.append(Phase("ramp" if sign > 0 else "unload", float(times[first]), at))
+        resting = "hold" if sign > 0 else "recovery"
+    if at < stop:
+        phases.append(Phase(resting, at, stop))
+    return tuple(_shown(phases, trajectory))
+
+
+def _settled(moves: list[tuple[int, int, int]], times: Array, depth: Array) -> list[Move]:
+    """Return the movements without the small ones in which a platen settles after a larger one."""
+    kept: list[Move] = []
+    k = 0
+    while k < len(moves):
+        first, last, _ = moves[k]
+        kept.append(moves[k])
+        run, end = k + 1, last
+        while run < len(moves) and _follows(
+            moves[run], end, abs(depth[last] - depth[first]), depth, times
+        ):
+            end, run = moves[run][1], run + 1
+        after = float(times[moves[run][0]] if run < len(moves) else times[-1]) - times[end]
+        lasted = times[end] - times[last]
+        if _REST * lasted <= after and lasted <= _LATE * (times[last] - times[first]):
+            k = run
+        else:
+            k += 1
+    return kept
+
+
+def _follows(move: Move, end: int, size: float, depth: Array, times: Array) -> bool:
+    """Return whether a movement follows the end of another at once and is much smaller."""
+    first, last, _ = move
+    pause = times[first] - times[end]
+    small = abs(depth[last] - depth[first]) < _SETTLING * size
+    return bool(small and pause <= _DWELL * (times[last] - times[first]))
+
+
+def _shown(phases: list[Phase], trajectory: Trajectory) -> list[Phase]:
+    """Return the phases without those of too few readings, which join their neighbours."""
+    if trajectory.read_at is None:
+        return phases
+    k = 0
+    while len(phases) > 1 and k < len(phases):
+        if _is_shown(phases[k], trajectory, trajectory.read_at):
+            k += 1
+            continue
+        phases = _without(phases, k)
+        k = max(k - 1, 0)
+    return phases
+
+
+def _is_shown(phase: Phase, trajectory: Trajectory, read_at: Array) -> bool:
+    """Return whether enough readings lie in a phase; a large movement needs none."""
+    first = np.searchsorted(read_at, phase.start - 1e-9, side="left")
+    count = int(np.searchsorted(read_at, phase.stop + 1e-9, side="right") - first)
+    if phase.kind not in MOVING:
+        return count >= _FEWEST_AT_REST
+    ends = trajectory.displacement(np.array([phase.start, phase.stop]))
+    stroke = float(np.ptp(trajectory.displacement(trajectory.knots)))
+    return count >= _FEWEST_MOVING or abs(float(np.diff(ends)[0])) > _SETTLING * stroke
+
+
+def _without(phases: list[Phase], k: int) -> list[Phase]:
+    """Return the phases without one, which joins its neighbours."""
+    here = phases[k]
+    if k == 0:
+        return [replace(phases[1], start=here.start), *phases[2:]]
+    before = replace(phases[k - 1], stop=here.stop)
+    rest = phases[k + 1 :]
+    if rest and (rest[0].kind == before.kind or before.kind not in MOVING):
+        before, rest = replace(before, stop=rest[0].stop), rest[1:]
+    return [*phases[: k - 1], before, *rest]
+
+
+def phase_index(phases: Sequence[Phase], time: Array) -> NDArray[np.intp]:
+    """Return the index (N,) of the phase at each time (N,); the first one's before it begins."""
+    return np.searchsorted([phase.start for phase in phases[1:]], time, side="right")
+
+
+def loading_rate(trajectory: Trajectory, phases: tuple[Phase, ...]) -> float:
+    """Return the mean speed of the first ramp between 20 and 80 % of its stroke (mm/s).
+
+    rate = 0.6 (d_1 - d_0) / (t_80 - t_20): acceleration and braking lie outside, unless the ramp
+    is little else.
+
+    Raises
+    ------
+    InputError
+        The phases hold no ramp.
+    """
+    ramp = next((p for p in phases if p.kind == "ramp"), None)
+    if ramp is None:
+        raise InputError("the record holds no loading ramp")
+    t = np.linspace(ramp.start, ramp.stop, 4001)
+    depth = np.maximum.accumulate(trajectory.displacement(t))
+    stroke = float(depth[-1] - depth[0])
+    early, late = np.interp(depth[0] + np.array([0.2, 0.8]) * stroke, depth, t)
+    return 0.6 * stroke / float(late - early)
+
+
+def _turning_points(trajectory: Trajectory) -> tuple[Array, Array]:
+    """Return knots and reversals with their depth: the motion is monotone between two of them."""
+    times = np.unique(np.concatenate([trajectory.knots, trajectory.turning_points]))
+    return times, trajectory.displacement(times)
+
+
+def _from_the_start(
+    moves: list[tuple[int, int, int]], times: Array, trajectory: Trajectory
+) -> list[tuple[int, int, int]]:
+    """Let the first movement begin with the record if the dwell before it is shorter.
+
+    The encoder shows a slow start late; a dwell worth the name lasts longer, or for many readings.
+    """
+    if not moves:
+        return moves
+    first, last, sign = moves[0]
+    dwell, lasted = times[first] - times[0], times[last] - times[first]
+    late = dwell < lasted
+    if late and trajectory.read_at is not None and first > 0:
+        interval = float(np.median(np.diff(trajectory.read_at)))
+        still = _all_rest(trajectory, times[: first + 1])
+        late = not (still and dwell >= max(_SHARE * lasted, _WORTH * interval))
+    return [(0, last, sign), *moves[1:]] if late else moves
+
+
+def _turning(
+    moves: list[tuple[int, int, int]], times: Array, trajectory: Trajectory
+) -> list[tuple[int, int, int]]:
+    """Join opposite movements where they turn, unless the platen rested there for long.
+
+    The slow ends of smooth cycles are no dwell.
+    """
+    joined = moves[:1]
+    for first, last, sign in moves[1:]:
+        before, end, direction = joined[-1]
+        pause = times[first] - times[end]
+        shorter = min(times[end] - times[before], times[last] - times[first])
+        meeting = direction != sign and first > end and pause < _DWELL * shorter
+        if meeting and not _rests(trajectory, times[end : first + 1]):
+            depth = trajectory.displacement(times[end : first + 1])
+            first = end + int(np.argmax(direction * depth))
+            joined[-1] = (before, first, direction)
+        joined.append((first, last, sign))
+    if joined and not _rests(trajectory, times[joined[-1][1] :]):
+        first, last, sign = joined[-1]
+        if times[-1] - times[last] < _DWELL * (times[last] - times[first]):
+            joined[-1] = (first, times.size - 1, sign)
+    return joined
+
+
+def _all_rest(trajectory: Trajectory, times: Array) -> bool:
+    """Return whether the platen is at rest between all these neighbouring times."""
+    return bool(np.all(trajectory.velocity(0.5 * (times[1:] + times[:-1])) == 0.0))
+
+
+def _rests(trajectory: Trajectory, times: Array) -> bool:
+    """Return whether the platen is at rest between two of these neighbouring times."""
+    return bool(np.any(trajectory.velocity(0.5 * (times[1:] + times[:-1])) == 0.0))
+
+
+def _movements(times: Array, depth: Array, resolution: float) -> list[tuple[int, int, int]]:
+    """Return (first, last, sign) of the movements, as indices of ``times``."""
+    stroke = float(np.ptp(depth))
+    if stroke == 0.0:
+        return []
+    least = max(_LEAST_SHARE * stroke, _LEAST_STEPS * resolution)
+    speed = np.abs(np.diff(depth)) / np.diff(times)
+    moves = []
+    for first, last, sign in _swings(depth, least):
+        moves += [
+            (a, b, sign)
+            for a, b in _between_pauses(times, depth, first, last, least)
+            if abs(depth[b] - depth[a]) >= least
+            and abs(depth[b] - depth[a]) > _LEAST_SPEED * speed.max() * (times[b] - times[a])
+        ]
+    return moves
+
+
+def _swings(depth: Array, least: float) -> list[tuple[int, int, int]]:
+    """Return alternating rises and falls of at least ``least``; smaller reversals are ignored."""
+    swings: list[tuple[int, int, int]] = []
+    low = high = pivot = extreme = sign = 0
+    for i, d in enumerate(depth):
+        if sign == 0:
+            low, high = (i if d < depth[low] else low), (i if d > depth[high] else high)
+            if depth[high] - depth[low] >= least:
+                sign, pivot = (1, low) if high == i else (-1, high)
+                extreme = i
+        elif sign * (d - depth[extreme]) > 0.0:
+            extreme = i
+        elif sign * (depth[extreme] - d) >= least:
+            swings.append((pivot, extreme, sign))
+            sign, pivot, extreme = -sign, extreme, i
+    if sign:
+        swings.append((pivot, extreme, sign))
+    return swings
+
+
+def _between_pauses(
+    times: Array, depth: Array, first: int, last: int, least: float
+) -> list[tuple[int, int]]:
+    """Divide a swing at its pauses and leave out its slow ends."""
+    steps = np.abs(np.diff(depth[first : last + 1]))
+    gaps = np.diff(times[first : last + 1])
+    quick = steps / gaps
+    # Speed at which most of the distance is covered.
+    order = np.argsort(quick)
+    covered = np.cumsum(steps[order])
+    typical = float(quick[order][np.searchsorted(covered, 0.05 * covered[-1])])
+    moving = quick > _CREEP * typical
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], moving, [False]]).astype(int)))
+    runs = [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
+    joined = [runs[0]]
+    for a, b in runs[1:]:
+        pause = gaps[joined[-1][1] : a].sum()
+        if pause < least / typical:
+            joined[-1] = (joined[-1][0], b)
+        else:
+            joined.append((a, b))
+    return [(first + a, first + b) for a, b in joined]

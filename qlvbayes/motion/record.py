@@ -1,0 +1,118 @@
+"""A test as the likelihood sees it, block averages and motion, and several tests as one batch."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any, cast
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from qlvbayes.laws.motion import Motion
+
+_LEAST = 32  # points or blocks
+
+held = cast("Callable[[Any], Array]", np.asarray)
+"""Arrays of one test stay numpy's: JAX would compile a copy for every length."""
+
+
+class Blocks(eqx.Module):
+    """Averages over runs of consecutive samples; every field has shape (B,).
+
+    force: mean of the samples (N); count: how many; first, last: times of the first and the last
+    (s); weight: measured sd of the samples over its root mean square in the pad (1 where none was
+    measured); scale: sd of all noise at the block's force over the one at the floor's level; extra:
+    sd (N) of the error that the motion's makes, one a block; timing: sd (N) of what is not known of
+    the moments (`timing`), independent from block to block; real: False for padding.
+    """
+
+    force: Array
+    count: Array
+    first: Array
+    last: Array
+    weight: Array
+    scale: Array
+    extra: Array
+    timing: Array
+    real: Array
+
+    @classmethod
+    def from_samples(cls, time: np.ndarray, force: np.ndarray, weight: np.ndarray) -> Blocks:
+        """Make each sample a block of its own."""
+        one = np.ones(time.shape)
+        none = np.zeros_like(one)
+        return cls(*map(held, (force, one, time, time, weight, one, none, none, one > 0.0)))
+
+
+class Record(eqx.Module):
+    """One test (or, with a leading axis, several padded to one size).
+
+    motion: on the grid (N,); nodes: (B, 2) indices on the grid whose forces average to the block's
+    mean; blocks: (B,).
+    """
+
+    motion: Motion
+    nodes: Array
+    blocks: Blocks
+
+    def average(self, force: Array) -> Array:
+        """Return the block means (B,) of a force (N,) on the grid."""
+        return 0.5 * (force[self.nodes[:, 0]] + force[self.nodes[:, 1]])
+
+
+def batch(records: Sequence[Record], like: Record | None = None) -> Record:
+    """Stack records along a leading axis; the last grid point and masked blocks pad them.
+
+    like: a batch whose sizes are taken where they are large enough.
+    """
+    points = padded_size(max(r.motion.time.shape[0] for r in records))
+    blocks = padded_size(max(r.blocks.force.shape[0] for r in records))
+    if like is not None:
+        points = max(points, like.motion.time.shape[-1])
+        blocks = max(blocks, like.blocks.force.shape[-1])
+    known = (*records, *([like] if like else []))
+    for field, dtype in (("ago", int), ("bow", float)):
+        if any(getattr(r.motion, field) is not None for r in known):
+            records = [with_zeros(record, field, dtype) for record in records]
+    padded = [_pad(record, points, blocks) for record in records]
+    return jax.tree.map(lambda *leaves: jnp.asarray(np.stack(leaves)), *padded)
+
+
+def padded_size(size: int) -> int:
+    """Return the next size that is a power of two or three quarters of one.
+
+    Pads of few sizes share what is compiled: compiling for a size of its own takes longer than
+    most pads' evaluations.
+    """
+    whole = max(_LEAST, 1 << (size - 1).bit_length())
+    return 3 * whole // 4 if size <= 3 * whole // 4 and whole > _LEAST else whole
+
+
+def _pad(record: Record, points: int, blocks: int) -> Record:
+    seen = record.motion
+    motion = jax.tree.map(lambda leaf: _extend(leaf, points) if leaf.ndim else leaf, seen)
+    size = record.blocks.force.shape[0]
+    full = Blocks(*(_extend(x, blocks) for x in jax.tree.leaves(record.blocks)))
+    real = np.arange(blocks) < size
+    # one sample, of no duration: the noise model's closed forms stay finite in padding
+    count = held(np.where(real, full.count, 1.0))
+    single = replace(full, count=count, real=held(real))
+    return Record(motion, _extend(record.nodes, blocks), single)
+
+
+def with_zeros(record: Record, field: str, dtype: type) -> Record:
+    """Return the record with zeros for a field of its motion that is None."""
+    motion = record.motion
+    if getattr(motion, field) is not None:
+        return record
+    zeros = held(np.zeros(motion.time.shape, dtype))
+    return replace(record, motion=replace(motion, **{field: zeros}))
+
+
+def _extend(values: Array, size: int) -> Array:
+    missing = [(0, size - values.shape[0])] + [(0, 0)] * (values.ndim - 1)
+    return held(np.pad(np.asarray(values), missing, mode="edge"))

@@ -1,6 +1,0 @@
-"""A first look at a pad's tests, before anything is fitted: what was found, what they can show."""
-
-from qlvbayes.preprocess.firstlook.looking import look_at
-from qlvbayes.preprocess.firstlook.result import FirstLook, PadSeen, Shown, TestSeen
-
-__all__ = ["FirstLook", "PadSeen", "Shown", "TestSeen", "look_at"]
