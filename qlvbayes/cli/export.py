@@ -31,6 +31,13 @@ def export_command(
     area: Annotated[
         float | None, typer.Option(help="Its cross-section (mm2).", show_default=False)
     ] = None,
+    data: Annotated[
+        Path | None,
+        typer.Option(
+            help="The file of the tests, if it was moved: errors of contacts are against them.",
+            show_default=False,
+        ),
+    ] = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the files' paths as JSON.")
     ] = False,
@@ -49,7 +56,7 @@ def export_command(
     found: dict[str, list[str]] = {}
     for name in names:
         with waiting(f"export to {name}"):
-            files = export(folder, pad, name, draws=draws, height=height, area=area)
+            files = export(folder, pad, name, draws=draws, height=height, area=area, data=data)
         found[name] = [str(path) for path in files]
     if as_json:
         print(json.dumps(found))

@@ -11,6 +11,7 @@ from qlvbayes.use.exports.curves import Curves
 from qlvbayes.use.exports.drake import Drake
 from qlvbayes.use.exports.febio import FEBio
 from qlvbayes.use.exports.fmu import Fmu
+from qlvbayes.use.exports.isaac import Isaac
 from qlvbayes.use.exports.json_file import JsonFile
 from qlvbayes.use.exports.matlab import Matlab
 from qlvbayes.use.exports.mujoco import MuJoCo
@@ -21,6 +22,7 @@ TARGETS: tuple[type[AbstractTarget], ...] = (
     Fmu,
     MuJoCo,
     Drake,
+    Isaac,
     Matlab,
     Abaqus,
     Ansys,
