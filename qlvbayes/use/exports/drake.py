@@ -19,8 +19,8 @@ class Drake(AbstractTarget):
 
     x: depth (m); k (N/m), d (s/m), neither below zero; in the mean square along the pad's tests.
     Two bodies in contact are in series: k is that of the pair if the other is hard. With a
-    specimen's shape also the hydroelastic modulus of a box or cylinder of its height and area that
-    a wider hard face presses, k (height/2)/area, which has the same force.
+    specimen's shape also the hydroelastic modulus of a box or cylinder of its height that a hard
+    face of its area presses, k (height/2)/area, which has the same force.
     Hunt & Crossley 1975, doi:10.1115/1.3423596.
     """
 

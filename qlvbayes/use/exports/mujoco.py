@@ -60,7 +60,7 @@ class MuJoCo(AbstractTarget):
             said = in_comment(card(pad, type(self), extra))
             return template(file, card=said, **values).encode()
 
-        numbers = {
+        numbers: dict[str, float | list[float]] = {
             f"solref of {_MASS:g} kg (1/s2, 1/s)": solref,
             "solimp (1, 1, m, 1, 1)": solimp,
             "joint stiffness (N/m, N/m2, N/m3)": [k0, k1, k2],

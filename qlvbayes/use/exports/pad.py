@@ -139,7 +139,8 @@ def read_pad(
 ) -> ExportedPad:
     """The pad of that name from a folder of results, with a table of so many draws.
 
-    data: the file of its tests, where it is not the one that the results name. Raises InputError where the folder has no fit of it, or a fit that cannot be read.
+    data: the file of its tests, where it is not the one that the results name. Raises InputError
+    where the folder has no fit of it, or a fit that cannot be read.
     """
     file = _file_of(out, name)
     saved = load(file)

@@ -21,7 +21,7 @@ from qlvbayes.laws.motion import Motion
 from qlvbayes.model.model import Model
 from qlvbayes.preprocess.batching import batch
 from qlvbayes.preprocess.covered import Covered
-from qlvbayes.preprocess.experiment import Experiment, Trial
+from qlvbayes.preprocess.experiment import Experiment
 from qlvbayes.preprocess.phases import MOVING
 from qlvbayes.preprocess.record import Record
 from qlvbayes.use.exports.own_tests import own_tests
@@ -216,7 +216,6 @@ def closest(
     every phase of every test counting alike.
     """
     root = np.sqrt(pressed.weight)
-    low = np.broadcast_to(low, len(start))
     begin = np.maximum(start, low)
 
     def off(numbers: Floats) -> Floats:

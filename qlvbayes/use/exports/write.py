@@ -66,8 +66,8 @@ def export(
     )
     content = target.files(found, specimen)
     folder = results_folder(found.folder / "export" / to)
-    for name, data in content.items():
-        write_whole(folder / name, data)
+    for name, text in content.items():
+        write_whole(folder / name, text)
     return [folder / name for name in content]
 
 
