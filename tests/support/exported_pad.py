@@ -67,8 +67,10 @@ RELAXATION = {
 def constants_of(choices):
     """Constants of a pad like B under these choices."""
     pad = TABLE_1["B"]
-    prony = {f"c[{k}]": x for k, x in enumerate(pad.c)} | {
-        f"v[{k}]": x for k, x in enumerate(pad.v, 1)
+    more = max(choices.modes - len(pad.v), 0)
+    shares, rates = (*pad.c, *[0.03] * more), (*pad.v, *np.geomspace(0.003, 70.0, more))
+    prony = {f"c[{k}]": x for k, x in enumerate(shares)} | {
+        f"v[{k}]": float(x) for k, x in enumerate(rates, 1)
     }
     found = ELASTIC[choices.law] | (RELAXATION.get(choices.relaxation) or prony)
     for name in choices.effects:

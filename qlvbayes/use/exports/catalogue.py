@@ -13,8 +13,11 @@ from qlvbayes.use.exports.febio import FEBio
 from qlvbayes.use.exports.fmu import Fmu
 from qlvbayes.use.exports.isaac import Isaac
 from qlvbayes.use.exports.json_file import JsonFile
+from qlvbayes.use.exports.ls_dyna import LSDyna
 from qlvbayes.use.exports.matlab import Matlab
 from qlvbayes.use.exports.mujoco import MuJoCo
+from qlvbayes.use.exports.nastran import Nastran
+from qlvbayes.use.exports.radioss import OpenRadioss
 from qlvbayes.use.exports.target import AbstractTarget
 
 TARGETS: tuple[type[AbstractTarget], ...] = (
@@ -28,6 +31,9 @@ TARGETS: tuple[type[AbstractTarget], ...] = (
     Ansys,
     FEBio,
     Comsol,
+    LSDyna,
+    Nastran,
+    OpenRadioss,
     Curves,
     JsonFile,
 )
