@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pandas as pd
 import pytest
+from simulators import of_drake, of_mujoco
 from support.endtoend import PADS, call
 from support.exported_pad import exported, write_fit
 
@@ -88,90 +89,32 @@ def test_the_numbers_are_the_closest(pad, files):
         assert off(*best) < off(*np.multiply(best, factors))
 
 
-def test_mujocos_contact_is_the_law(files, tmp_path):
-    """The exported file in MuJoCo itself: what a motion takes, less what it takes without one."""
-    mujoco = pytest.importorskip("mujoco", reason="no MuJoCo here: its contact is not run")
+def test_mujocos_contact_is_the_law(files):
+    """The exported file in MuJoCo itself, at rest, at steady speed and accelerated."""
+    pytest.importorskip("mujoco", reason="no MuJoCo here: its contact is not run")
     text = files["mujoco"]["pad_B_contact.xml"].decode()
-    model = mujoco.MjModel.from_xml_string(text)
-    data = mujoco.MjData(model)
     solref = [float(x) for x in geom(text).get("solref").split()]
     solimp = tuple(float(x) for x in geom(text).get("solimp").split())
-    for depth, speed in PLACES:
-        for acceleration in (0.0, -0.5, 2.0):
-            mujoco.mj_resetData(model, data)
-            data.qpos[2] -= depth
-            data.qvel[2], data.qacc[2] = -speed, -acceleration
-            mujoco.mj_inverse(model, data)
-            ours = soft_constraint(
-                np.array(depth),
-                np.array(speed),
-                *np.negative(solref),
-                solimp,
-                mass=0.1,
-                acceleration=acceleration,
-            )
-            assert data.efc_force[0] == pytest.approx(float(ours), rel=1e-9, abs=1e-12)
     assert min(solref) < -100.0
-
-
-def drakes_world(text, hydroelastic):
-    """Drake with a pad of these properties and a hard platen on a slide above it."""
-    drake = pytest.importorskip("pydrake.all", reason="no Drake here: its contact is not run")
-    own = re.search(r"<drake:proximity_properties.*?>(.*)</drake:proxi", text, re.DOTALL)[1]
-    height, side = 1e-3 * BLOCK.height, (1e-6 * BLOCK.area) ** 0.5
-    hard = "<drake:point_contact_stiffness>1e30</drake:point_contact_stiffness>"
-    hard += "<drake:rigid_hydroelastic/><drake:mu_static>0</drake:mu_static>"
-    hard += "<drake:mu_dynamic>0</drake:mu_dynamic>"
-    shape = "<geometry><box><size>{0} {0} {1}</size></box></geometry>"
-    world = f"""<sdf version="1.7"><model name="m">
-    <link name="pad"><collision name="c"><pose>0 0 {-0.5 * height} 0 0 0</pose>
-    {shape.format(4.0 * side, height)}
-    <drake:proximity_properties>{own}</drake:proximity_properties></collision></link>
-    <link name="platen"><pose>0 0 0.01 0 0 0</pose>
-    <collision name="c">{shape.format(side, 0.02)}
-    <drake:proximity_properties>{hard}</drake:proximity_properties></collision></link>
-    <joint name="slide" type="prismatic"><parent>pad</parent><child>platen</child>
-    <axis><xyz>0 0 1</xyz></axis></joint></model></sdf>"""
-    builder = drake.DiagramBuilder()
-    plant, _ = drake.AddMultibodyPlantSceneGraph(builder, 0.0)
-    plant.set_adjacent_bodies_collision_filters(False)
-    model = drake.ContactModel
-    plant.set_contact_model(model.kHydroelastic if hydroelastic else model.kPoint)
-    drake.Parser(plant).AddModelsFromString(world, "sdf")
-    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("pad"))
-    plant.Finalize()
-    diagram = builder.Build()
-    context = diagram.CreateDefaultContext()
-    return plant, plant.GetMyMutableContextFromRoot(context), (diagram, context)
+    depth, speed = np.array(PLACES).T
+    for acceleration in (0.0, -0.5, 2.0):
+        found = of_mujoco(text, depth, speed, acceleration)
+        numbers = (*np.negative(solref), solimp)
+        ours = soft_constraint(depth, speed, *numbers, mass=0.1, acceleration=acceleration)
+        assert found == pytest.approx(ours, rel=1e-9, abs=1e-12)
 
 
 @pytest.mark.parametrize("hydroelastic", [False, True], ids=["point", "hydroelastic"])
 def test_drakes_contact_is_the_law(files, hydroelastic):
     """The exported properties in Drake itself, a face of the block's area on a wider pad."""
-    plant, context, _kept = drakes_world(files["drake"]["pad_B.sdf"].decode(), hydroelastic)
+    pytest.importorskip("pydrake", reason="no Drake here: its contact is not run")
+    depth, speed = np.array(PLACES).T
+    text = files["drake"]["pad_B.sdf"].decode()
+    shape = {"height": 1e-3 * BLOCK.height, "area": 1e-6 * BLOCK.area}
+    found = of_drake(text, depth, speed, **shape, hydroelastic=hydroelastic)
     numbers = errors(files, "drake")["numbers"]
-    slide = plant.GetJointByName("slide")
-    for depth, speed in PLACES:
-        slide.set_translation(context, -depth)
-        slide.set_translation_rate(context, -speed)
-        found = plant.get_contact_results_output_port().Eval(context)
-        if hydroelastic:
-            force = sum(
-                abs(found.hydroelastic_contact_info(i).F_Ac_W().translational()[2])
-                for i in range(found.num_hydroelastic_contacts())
-            )
-        else:
-            force = sum(
-                found.point_pair_contact_info(i).contact_force()[2]
-                for i in range(found.num_point_pair_contacts())
-            )
-        ours = hunt_crossley(
-            np.array(depth),
-            np.array(speed),
-            numbers["stiffness (N/m)"],
-            numbers["dissipation (s/m)"],
-        )
-        assert abs(force) == pytest.approx(float(ours), rel=1e-9, abs=1e-12)
+    ours = hunt_crossley(depth, speed, numbers["stiffness (N/m)"], numbers["dissipation (s/m)"])
+    assert found == pytest.approx(ours, rel=1e-9, abs=1e-12)
 
 
 def test_isaacs_material_is_read_by_openusd(files, tmp_path):
