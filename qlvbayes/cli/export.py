@@ -44,7 +44,8 @@ def export_command(
 ) -> None:
     """Write a fitted pad for simulation and control, into OUT/<pad>/export/.
 
-    c: a C99 header; fmu: an FMI 2.0 unit; mujoco, drake, matlab; abaqus, ansys, febio, comsol: a
+    c: a C99 header; fmu: an FMI 2.0 unit; matlab; mujoco, drake, isaac: a contact, with its error
+    against the measured forces; abaqus, ansys, febio, comsol, ls-dyna, nastran, radioss: a
     material, of a homogeneous specimen; curves: tables; json: everything. Each says its units, its
     date, what was tested, the 90 % intervals, and what it cannot carry.
     """
