@@ -38,7 +38,8 @@ class Drake(AbstractTarget):
         pressed = pressing(pad)
         spring = pressed.depth
         k, kd = fitted([spring, spring * pressed.speed], pressed)
-        stiffness, dissipation = closest(hunt_crossley, pressed, [k, kd / k])
+        start = [k, kd / k] if k > 0.0 else [*fitted([spring], pressed), 0.0]
+        stiffness, dissipation = closest(hunt_crossley, pressed, start)
         force = hunt_crossley(pressed.depth, pressed.speed, stiffness, dissipation)
         numbers = {"stiffness (N/m)": stiffness, "dissipation (s/m)": dissipation}
         solid = {}

@@ -54,21 +54,29 @@ def error_files(
             for i, (cell, peak) in enumerate(zip(pressed.cells, pressed.peaks, strict=True))
         ],
     }
+    table = _table(pressed, errors, {name: miss.rms for name, miss in whole.items()})
+    lines = [*card(pad, target), "", *map(visible, _words(pressed)), "", *map(visible, table)]
+    text = "\n".join(lines)
+    name = pad.identifier
+    return {
+        f"{name}_error.txt": (text + "\n").encode(),
+        f"{name}_error.json": (json.dumps(content, allow_nan=False, indent=1) + "\n").encode(),
+    }
+
+
+def _table(
+    pressed: Pressing, errors: Mapping[str, Floats], whole: Mapping[str, float]
+) -> list[str]:
+    """Lines of errors by test and phase, and of all."""
     wide = max(len(cell.test) for cell in pressed.cells)
-    columns = {name: max(len(name), 7) for name in every}
+    columns = {name: max(len(name), 7) for name in errors}
     head = f"{'test':{wide}}  {'role':8}  {'phase':9}  {'peak N':>8}"
     lines = [head + "".join(f"  {name:>{size}}" for name, size in columns.items())]
     for i, (cell, peak) in enumerate(zip(pressed.cells, pressed.peaks, strict=True)):
         row = f"{cell.test:{wide}}  {cell.role:8}  {NAMES[cell.phase]:9}  {peak:8.4g}"
         lines.append(row + "".join(f"  {errors[k][i]:>{n}.2%}" for k, n in columns.items()))
     row = f"{'all':{wide}}  {'':8}  {'':9}  {'':8}"
-    lines.append(row + "".join(f"  {whole[k].rms:>{n}.2%}" for k, n in columns.items()))
-    text = "\n".join([*card(pad, target), "", *_words(pressed), "", *map(visible, lines)])
-    name = pad.identifier
-    return {
-        f"{name}_error.txt": (text + "\n").encode(),
-        f"{name}_error.json": (json.dumps(content, allow_nan=False, indent=1) + "\n").encode(),
-    }
+    return [*lines, row + "".join(f"  {whole[k]:>{n}.2%}" for k, n in columns.items())]
 
 
 def _words(pressed: Pressing) -> list[str]:

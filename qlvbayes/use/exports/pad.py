@@ -68,8 +68,8 @@ class ExportedPad:
     constants; folder: of its results; date: of the export, as 2026-01-31; model: with the numbers
     of the middle draw and what goes along of the effects; source, sha256: the file that was fitted
     and its digest; data: where the user says that it is; all_tests: whether every test was fitted;
-    pieces: its layers, for other languages;
-    left_out: effects that do not go along, each with the reason.
+    pieces: its layers, for other languages; left_out: effects that do not go along, each with the
+    reason.
     """
 
     name: str

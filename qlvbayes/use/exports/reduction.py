@@ -69,8 +69,9 @@ class Pressing:
 
     @property
     def peaks(self) -> Floats:
-        """(cells,) largest measured force (N) of the test of each."""
-        top = np.array([np.max(self.measured[self.cell == i]) for i in range(len(self.cells))])
+        """(cells,) largest magnitude of the measured force (N) in the test of each."""
+        size = np.abs(self.measured)
+        top = np.array([np.max(size[self.cell == i]) for i in range(len(self.cells))])
         names = np.array([cell.test for cell in self.cells])
         return np.array([np.max(top[names == name]) for name in names])
 
