@@ -35,6 +35,7 @@ bench: $(VENV)/installed-dev
 validate: $(VENV)/installed-dev
 	$(PYTEST) -m slow
 	$(BIN)/python validation/quoted.py
+	$(BIN)/python validation/exported.py data/hidden.csv -o docs/exports.md
 	$(BIN)/python validation/coverage.py --fits 80 --side-fits 0 --seed 1 -o docs/validation.md
 	$(BIN)/python validation/pairs.py --pairs 40 --seed 1 -o docs/pairs.md
 	$(BIN)/python validation/adequacy.py --pads 300 --seed 1 -o docs/adequacy.md

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from qlvbayes.fitting.ensemble import Settings
     from qlvbayes.fitting.fit import Fit
     from qlvbayes.fitting.prediction import Prediction
+    from qlvbayes.fitting.relaxation import RelaxationReport
     from qlvbayes.fitting.residuals import CheckResult
     from qlvbayes.fitting.results import load as load_results
     from qlvbayes.fitting.summary import FitSummary
@@ -72,6 +73,7 @@ _HOMES = {
     "Motion": "laws.motion.Motion",
     "Pad": "io.data.Pad",
     "Prediction": "fitting.prediction.Prediction",
+    "RelaxationReport": "fitting.relaxation.RelaxationReport",
     "Settings": "fitting.ensemble.Settings",
     "Specimen": "pipeline.specimen.Specimen",
     "Stepper": "use.stepper.Stepper",
@@ -114,6 +116,7 @@ __all__ = [
     "Motion",
     "Pad",
     "Prediction",
+    "RelaxationReport",
     "Settings",
     "Specimen",
     "Stepper",

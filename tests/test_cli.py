@@ -156,6 +156,8 @@ def test_nothing_else_is_left(done):
         "posterior.nc",
         "programme.pdf",
         "programme.png",
+        "relaxation.json",
+        "relaxation.txt",
         "residual_map.pdf",
         "residual_map.png",
         "summary.json",

@@ -2,12 +2,14 @@
 
 import io
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import quad
 from support.exported_pad import TESTED, exported
 
 from qlvbayes.io.checks import InputError
+from qlvbayes.laws.motion import Motion
 from qlvbayes.model.choices import Choices
 from qlvbayes.use.exports.curves import Curves
 from qlvbayes.use.exports.target import Geometry
@@ -90,6 +92,26 @@ def test_storage_and_loss_are_the_transforms_of_relaxation(pad):
         assert dynamic["tan_delta"][row] == pytest.approx(loss / storage, rel=1e-12)
 
 
+def test_a_cycle_loses_what_its_loop_encloses(tmp_path):
+    """Of small sines about first contact, the model's own force over the last cycle."""
+    pad = exported(tmp_path, Choices(bonded=True))
+    _, dynamic = tables(pad)
+    row, amplitude, cycles = 30, 1e-4, 20
+    omega = 2.0 * np.pi * dynamic["frequency (Hz)"][row]
+    time = np.linspace(0.0, cycles * 2.0 * np.pi / omega, 400 * cycles + 1)
+    depth, speed = amplitude * np.sin(omega * time), amplitude * omega * np.cos(omega * time)
+    force = pad.model.force(Motion(*map(jnp.asarray, (time, depth, speed, 0.0 * time))))
+    last = np.trapezoid(np.asarray(force)[-401:], depth[-401:])
+    assert dynamic["lost_in_a_cycle (N/mm)"][row] == pytest.approx(last / amplitude**2, rel=5e-3)
+
+
+def test_relaxation_is_stated_in_words_as_far_as_it_was_held(pad):
+    text = Curves().files(pad, None)["pad_B_relaxation.csv"].decode()
+    assert f"# Share left 10 s after a jump: {left(pad, np.array([10.0]))[0]:.4g} (" in text
+    for time in (100, 1000):
+        assert f"# Share left {time} s after a jump: not stated: held to 30 s" in text
+
+
 def test_bands_hold_the_middle_and_are_those_of_the_draws(pad):
     for table in tables(pad):
         for name in table:
@@ -104,6 +126,10 @@ def test_a_specimens_shape_makes_moduli_of_it(pad):
     plain, block = tables(pad)[1], tables(pad, Geometry(height=10.0, area=200.0))[1]
     assert block["storage (MPa)"] == pytest.approx(plain["storage (N/mm)"] * 10.0 / 200.0)
     assert block["tan_delta"] == pytest.approx(plain["tan_delta"])
+    for part in ("storage", "loss"):
+        ratio = block[f"{part} (MPa)"] / block[f"shear_{part} (MPa)"]
+        assert ratio == pytest.approx(2.99)  # of a Poisson's ratio of 0.495
+    assert not any(name.startswith("shear") for name in plain)
 
 
 def test_what_has_no_stiffness_at_first_contact_is_refused(tmp_path):

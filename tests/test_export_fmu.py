@@ -127,6 +127,45 @@ def test_with_derivatives_the_force_is_on_time(unit, slave):
     assert np.max(np.abs(np.array(forces) - expected)) <= 1e-12 * np.max(expected)
 
 
+KNOTS = np.array([0.0, 0.125, 1.0])  # multiples of a step: a step ends at the kink
+LOADED = np.array([[0.0, 1.6, 1.6]])
+
+
+def test_at_a_kink_an_importers_slope_of_the_line_before_overshoots_for_one_step(unit, slave):
+    """FMPy's own interpolation of inputs: at a knot it has the slope of the line that ends there.
+
+    The next value that is set puts the displacement right, by a jump back.
+    """
+    depth, force, path = [0.0], slave.getReal([3]), [(0.0, 0.0)]
+    for i in range(256):
+        value, slope = fmpy.simulation.Input.interpolate(i * H, KNOTS, LOADED)
+        slave.setReal([0], [float(value[0])])
+        slave.setRealInputDerivatives([0], [1], [float(slope[0])])
+        slave.doStep(i * H, H)
+        path += [(i * H, float(value[0])), ((i + 1) * H, float(value[0] + H * slope[0]))]
+        depth += slave.getReal([2])
+        force += slave.getReal([3])
+    over = np.array(depth) - np.interp(np.arange(257) * H, KNOTS, LOADED[0])
+    kink = int(KNOTS[1] / H) + 1
+    assert over[kink] == pytest.approx(1.6 / KNOTS[1] * H, rel=1e-9)
+    assert np.max(np.abs(np.delete(over, [1, kink]))) <= 1e-12  # it has no slope at the first knot
+    time, places = np.array(path).T
+    expected, _ = unit[1].force(time, places)
+    assert np.max(np.abs(np.array(force) - expected[::2])) <= 1e-12 * np.max(expected)
+
+
+def test_it_never_goes_beyond_the_values_that_it_is_given(slave):
+    """Without slopes: not in a jump, not at a kink, nor in steps of any length."""
+    rng = np.random.default_rng(3)
+    values, steps = rng.uniform(0.0, 1.6, 200), rng.uniform(1e-6, 2.0, 200)
+    time = 0.0
+    for value, h in zip(values.tolist(), steps.tolist(), strict=True):
+        slave.setReal([0], [value])
+        slave.doStep(time, h)
+        assert slave.getReal([2]) == [value]
+        time += h
+
+
 def test_the_state_is_saved_serialised_and_restored(slave, request):
     read_at_rest = 0.03 if "effects" in request.node.name else 0.0
 

@@ -23,6 +23,7 @@ from qlvbayes.diagnosis.result import DiagnosisResult, Estimate
 from qlvbayes.diagnosis.settings import Settings as Thresholds
 from qlvbayes.fitting.checked import Curves
 from qlvbayes.fitting.ensemble import Settings as Sampler
+from qlvbayes.fitting.relaxation import RelaxationReport
 from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.runs import Runs
 from qlvbayes.fitting.summary import FitSummary
@@ -42,7 +43,7 @@ KINDS = {
     "curves": Curves,
     "run": Runs,
 }
-EVERY = [*KINDS.values(), FirstLook, Hypotheses, NextTests]
+EVERY = [*KINDS.values(), FirstLook, Hypotheses, NextTests, RelaxationReport]
 
 
 @pytest.fixture(scope="module")

@@ -180,7 +180,7 @@ def test_exported_comments_end_where_they_should(pad, name):
     code = template("draws.h.j2", card=in_comment(lines), **values)
     plain = template("draws.h.j2", card=["B"], **values)
     assert without_comments(code) == without_comments(plain)
-    numbers = {"stiffness": 1.0, "dissipation": 2.0, "name": "pad_B"}
+    numbers = {"stiffness": 1.0, "dissipation": 2.0, "name": "pad_B", "solid": {}}
     ElementTree.fromstring(template("pad.sdf.j2", card=in_comment(lines), **numbers))
     assert not re.search(r"/\*|\*/|--", "\n".join(in_comment(lines)))
 

@@ -1,17 +1,21 @@
-"""What an effect is worth in other programs: a section of docs/exports.md and its picture.
+"""What an effect is worth in other programs, and what a contact without memory costs.
+
+Two sections of docs/exports.md, each with its picture.
 
     python validation/exported.py data/hidden.csv -o docs/exports.md
 
 The record is diagnosed, fitted as it is and with the effects that were named (the commands
 themselves: one test is fitted, the others are not), and both fits are exported to C, FMU, MuJoCo
 and MATLAB. Each export is run along the motion of every test, and its force is set against the
-measured one. Fits are kept in build/exported. What a machine lacks (FMPy, MuJoCo, GNU Octave) is
-left out, and said; gcc it must have.
+measured one. The contacts that are exported for simulators are run in MuJoCo and in Drake at every
+reading, and their errors are those that the exports state. Fits are kept in build/exported. What a
+machine lacks (FMPy, MuJoCo, GNU Octave, Drake) is left out, and said; gcc it must have.
 """
 
 from __future__ import annotations
 
 import argparse
+import importlib.metadata
 import importlib.util
 import json
 import re
@@ -29,12 +33,15 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from page import Origin
+from simulators import of_drake, of_mujoco
 
 import qlvbayes as q
 from qlvbayes.io.files import write_whole
+from qlvbayes.use.exports.contact import hunt_crossley, soft_constraint, spring_damper
 
 ROOT = Path(__file__).resolve().parents[1]
 PICTURE = ROOT / "docs" / "pictures" / "exports_effect.png"
+CONTACTS = ROOT / "docs" / "pictures" / "exports_contacts.png"
 _FINE = 8  # straight lines in each stretch of the motion between two of its knots
 _HEADING = "## What an effect is worth\n"
 _SECTION = """{heading}
@@ -57,6 +64,27 @@ and by each export, over all tests:
 *Left: what is left of the fastest test in press and first hold. Right: each test's error.* Only
 {fitted} was fitted. {absent}Made by `{command}` on {date} at {commit}.
 """
+
+_COST_HEADING = "## What a contact without memory costs\n"
+_COST = """{heading}
+Of the same pad, with {named}: root mean square of the force less the measured one, over the test's
+largest force. Contacts and joint are those closest to the pad's model along its own tests; the last
+column is the model itself, which MuJoCo's plugin steps, as the C header and the FMU do.
+
+| test | role | phase | {columns} |
+|---|---|---|{rules}
+{rows}
+| all | | | {whole} |
+
+![measured force of a test, and that of each contact]({picture})
+
+*A test that was not fitted: its press and the beginning of the hold, and all of it.* A contact
+knows the depth and the speed of the moment, and so one force for the whole of a hold. Where the
+last column is small and the others are not, no numbers of a plain contact will do, and the plugin
+(or the C header behind a force of one's own) will: here it is within {worst:.1%} of the peak in
+every phase of every test that was not fitted. {run} Made by `{command}` on {date} at {commit}.
+"""
+_UNIT = {"height": 10.0, "area": 200.0}  # mm, mm2: of a block, for Drake's hydroelastic contact
 
 _DRIVER = """#include <stdio.h>
 #include "NAME.h"
@@ -85,6 +113,8 @@ for i = 1:size(rows, 1)
 end
 printf('%.17g\\n', force);
 """
+
+_MUJOCO = ("solref of 0.1 kg (1/s2, 1/s)", "solimp (1, 1, m, 1, 1)")
 
 Run = Callable[[Path, str, np.ndarray, np.ndarray], np.ndarray]
 """Force (N,) of an export (its folder and name) along steps (s) to displacements, both (N,)."""
@@ -184,7 +214,10 @@ TARGETS: dict[str, tuple[Run, str]] = {
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """A measured test, and the motion that exports are sent along, which holds its times."""
+    """A measured test, and the motion that exports are sent along, which holds its times.
+
+    speed: at the readings.
+    """
 
     name: str
     rate: float
@@ -192,11 +225,16 @@ class Trial:
     force: np.ndarray
     grid: np.ndarray
     depth: np.ndarray
+    speed: np.ndarray
 
     def error(self, found: np.ndarray) -> float:
         """Root mean square over the largest force; ``found`` on the grid."""
         off = self.at_readings(found) - self.force
         return float(np.sqrt(np.mean(off**2)) / np.max(self.force))
+
+    def pressed(self) -> tuple[np.ndarray, np.ndarray]:
+        """Depth (m) and speed (m/s) at the readings, pressed or not."""
+        return 1e-3 * self.at_readings(self.depth), 1e-3 * self.speed
 
     def at_readings(self, found: np.ndarray) -> np.ndarray:
         """Of values on the grid, those at the readings."""
@@ -213,7 +251,8 @@ def trials(pad: q.Specimen) -> list[Trial]:
         grid = np.unique(np.concatenate([time, *between]))
         depth = np.asarray(path.displacement(grid))
         force = np.asarray(trial.test.force)
-        found.append(Trial(trial.name, trial.rate, time, force, grid, depth))
+        speed = np.asarray(path.velocity(time))
+        found.append(Trial(trial.name, trial.rate, time, force, grid, depth, speed))
     return sorted(found, key=lambda x: x.rate)
 
 
@@ -249,6 +288,126 @@ def forces(out: Path, pad: str, target: str, every: list[Trial]) -> list[np.ndar
     }
     run = TARGETS[target][0]
     return [run(files[0].parent, name, np.diff(x.grid, prepend=x.grid[0]), x.depth) for x in every]
+
+
+@dataclass(frozen=True, eq=False)
+class Cost:
+    """What the exports state of contacts, and where each is run.
+
+    stated: by target the error file; run: sentences on the simulators; curves: forces of the
+    fastest test by name.
+    """
+
+    stated: dict[str, dict[str, Any]]
+    run: tuple[str, ...]
+    curves: dict[str, np.ndarray]
+
+    @property
+    def names(self) -> dict[str, tuple[str, str]]:
+        """Target and column of the export's file, by the name of the column here."""
+        found = {}
+        for target, column, name in (
+            ("mujoco", "contact", "MuJoCo contact"),
+            ("mujoco", "joint", "MuJoCo joint"),
+            ("drake", "point contact", "Drake contact"),
+            ("isaac", "compliant contact", "PhysX contact"),
+            ("mujoco", "with memory", "with memory"),
+        ):
+            found[name] = (target, column)
+        return found
+
+    def rows(self) -> list[str]:
+        """Of the table, a cell each."""
+        rows = []
+        for i, cell in enumerate(self.stated["mujoco"]["cells"]):
+            errors = [
+                self.stated[target]["cells"][i]["rms_over_peak"][column]
+                for target, column in self.names.values()
+            ]
+            phase = {"unload": "unloading"}.get(cell["phase"], cell["phase"])
+            told = " | ".join(f"{x:.1%}" for x in errors)
+            rows.append(f"| {cell['test']} | {cell['role']} | {phase} | {told} |")
+        return rows
+
+    def whole(self) -> str:
+        """Of all cells."""
+        found = [self.stated[t]["whole"][column]["rms"] for t, column in self.names.values()]
+        return " | ".join(f"{x:.1%}" for x in found)
+
+    def worst(self) -> float:
+        """Of the model with memory in a phase of a test that was not fitted."""
+        return max(
+            cell["rms_over_peak"]["with memory"]
+            for cell in self.stated["mujoco"]["cells"]
+            if cell["role"] == "validate"
+        )
+
+
+def cost(out: Path, pad: str, every: list[Trial]) -> Cost:
+    """Export the contacts of a pad and run them at every reading of every test."""
+    stated, texts = {}, {}
+    for target in ("mujoco", "drake", "isaac"):
+        files = q.export(out, pad, target, **_UNIT)
+        for file in files:
+            texts[file.name.removeprefix(f"pad_{pad}")] = file.read_text()
+        stated[target] = json.loads(texts["_error.json"])
+    solref, solimp = (stated["mujoco"]["numbers"][key] for key in _MUJOCO)
+    point, compliant = (list(stated[x]["numbers"].values()) for x in ("drake", "isaac"))
+    sides = {
+        "MuJoCo": (
+            "mujoco",
+            lambda x, v: of_mujoco(texts["_contact.xml"], x, v),
+            lambda x, v: soft_constraint(x, v, -solref[0], -solref[1], tuple(solimp), mass=0.1),
+        ),
+        "Drake (point)": (
+            "pydrake",
+            lambda x, v: of_drake(texts[".sdf"], x, v),
+            lambda x, v: hunt_crossley(x, v, *point[:2]),
+        ),
+        "Drake (hydroelastic)": (
+            "pydrake",
+            lambda x, v: of_drake(texts[".sdf"], x, v, hydroelastic=True),
+            lambda x, v: hunt_crossley(x, v, *point[:2]),
+        ),
+    }
+    run = []
+    for name, (needed, theirs, ours) in sides.items():
+        if lacking(needed):
+            run.append(f"{name} is not on this machine.")
+            continue
+        off = 0.0
+        for trial in every:
+            x, v = trial.pressed()
+            mine = ours(x, v)
+            off = max(off, float(np.max(np.abs(theirs(x, v) - mine)) / np.max(mine)))
+        version = importlib.metadata.version(needed.removeprefix("py"))
+        run.append(f"{name} {version} is off the exported law by {off:.0e} of the peak at most.")
+    x, v = every[-1].pressed()
+    curves = {
+        "MuJoCo contact": sides["MuJoCo"][2](x, v),
+        "Drake contact": sides["Drake (point)"][2](x, v),
+        "PhysX contact": spring_damper(x, v, *compliant),
+    }
+    return Cost(stated, tuple(run), curves)
+
+
+def contacts_picture(last: Trial, costs: Cost, header: np.ndarray) -> Figure:
+    """The measured force of the fastest test and that of each contact."""
+    figure = Figure(figsize=(6.7, 3.0), layout="constrained")
+    left, right = figure.subplots(1, 2, sharey=True)
+    loaded = last.grid[np.argmax(last.depth > 0.99 * np.max(last.depth))]
+    shown = {**costs.curves, "with memory": last.at_readings(header)}
+    colours = ("#e69f00", "#009e73", "#cc79a7", "#0072b2")
+    for ax in (left, right):
+        ax.plot(last.time, last.force, ".", color="0.6", ms=3, label="measured")
+        for (name, force), colour in zip(shown.items(), colours, strict=True):
+            ax.plot(last.time, force, color=colour, lw=1.0, label=name)
+        ax.spines[["top", "right"]].set_visible(False)
+        ax.set(xlabel="time (s)")
+    left.set(xlim=(0.0, 6.0 * loaded), ylabel="force (N)", title=f"test {last.name}: press")
+    right.set(title="all of it")
+    right.legend(frameon=False)
+    return figure
 
 
 def picture(
@@ -345,12 +504,30 @@ def main() -> None:
         commit=origin.commit,
     )
     picture(every, *headers, specimen.experiment.floor.total).savefig(PICTURE, dpi=200)
+    costs = cost(outs[1], pad, every)
+    contacts_picture(every[-1], costs, headers[1][-1]).savefig(CONTACTS, dpi=200)
+    contacts = _COST.format(
+        heading=_COST_HEADING,
+        named=" and ".join(f"`{name}`" for name in named),
+        columns=" | ".join(costs.names),
+        rules="---:|" * len(costs.names),
+        rows="\n".join(costs.rows()),
+        whole=costs.whole(),
+        picture="pictures/" + CONTACTS.name,
+        worst=costs.worst(),
+        run=" ".join(costs.run),
+        command=origin.command,
+        date=origin.date,
+        commit=origin.commit,
+    )
     page = given.page.read_text(encoding="utf-8")
-    older = re.compile(re.escape(_HEADING) + r".*?(?=^## |\Z)", re.DOTALL | re.MULTILINE)
-    if not older.search(page):
-        sys.exit(f"{given.page} has no section {_HEADING!r}")
-    write_whole(given.page, older.sub(lambda _: section + "\n", page).encode())
-    print(section)
+    for heading, text in ((_HEADING, section), (_COST_HEADING, contacts)):
+        older = re.compile(re.escape(heading) + r".*?(?=^## |\Z)", re.DOTALL | re.MULTILINE)
+        if not older.search(page):
+            sys.exit(f"{given.page} has no section {heading!r}")
+        page = older.sub(lambda _, new=text: new + "\n", page)
+    write_whole(given.page, page.encode())
+    print(section, contacts, sep="\n")
 
 
 if __name__ == "__main__":

@@ -31,13 +31,21 @@ def export_command(
     area: Annotated[
         float | None, typer.Option(help="Its cross-section (mm2).", show_default=False)
     ] = None,
+    data: Annotated[
+        Path | None,
+        typer.Option(
+            help="The file of the tests, if it was moved: errors of contacts are against them.",
+            show_default=False,
+        ),
+    ] = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the files' paths as JSON.")
     ] = False,
 ) -> None:
     """Write a fitted pad for simulation and control, into OUT/<pad>/export/.
 
-    c: a C99 header; fmu: an FMI 2.0 unit; mujoco, drake, matlab; abaqus, ansys, febio, comsol: a
+    c: a C99 header; fmu: an FMI 2.0 unit; matlab; mujoco, drake, isaac: a contact, with its error
+    against the measured forces; abaqus, ansys, febio, comsol, ls-dyna, nastran, radioss: a
     material, of a homogeneous specimen; curves: tables; json: everything. Each says its units, its
     date, what was tested, the 90 % intervals, and what it cannot carry.
     """
@@ -49,7 +57,7 @@ def export_command(
     found: dict[str, list[str]] = {}
     for name in names:
         with waiting(f"export to {name}"):
-            files = export(folder, pad, name, draws=draws, height=height, area=area)
+            files = export(folder, pad, name, draws=draws, height=height, area=area, data=data)
         found[name] = [str(path) for path in files]
     if as_json:
         print(json.dumps(found))

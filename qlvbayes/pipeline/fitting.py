@@ -11,10 +11,11 @@ from msgspec.structs import replace
 from qlvbayes.fitting.chainstore import remove_chain
 from qlvbayes.fitting.ensemble import Settings
 from qlvbayes.fitting.fit import fit_pad
+from qlvbayes.fitting.relaxation import relaxation_report
 from qlvbayes.fitting.results import save, to_arviz
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.data import Measurements, Pad
-from qlvbayes.io.files import results_folder
+from qlvbayes.io.files import results_folder, write_whole
 from qlvbayes.io.wording import plain
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.parameters import NOT_SAMPLED, described, fields_of
@@ -73,7 +74,7 @@ def fit_into(
     settings: Settings,
     watcher: Watcher,
 ) -> FitSummary:
-    """Fit one pad; leave ``posterior.nc``, ``summary.json``, pairs and programme in a folder.
+    """Fit one pad; leave posterior, summary, relaxation, pairs and programme in a folder.
 
     A killed run goes on where it was. Raises InputError where a setting cannot be used or nothing
     can be written.
@@ -112,6 +113,9 @@ def fit_into(
         )
         save(tree, folder / "posterior.nc")
         summary.write(folder / "summary.json")
+        if (relaxed := relaxation_report(experiment)) is not None:
+            relaxed.write(folder / "relaxation.json")
+            write_whole(folder / "relaxation.txt", relaxed.text().encode())
         draw_fit(folder, found, experiment)
     remove_chain(chain)
     watcher.fitted(summary)

@@ -10,6 +10,7 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from qlvbayes.fitting.relaxation import RelaxationReport
 from qlvbayes.io.escaping import as_typed
 from qlvbayes.io.files import write_whole
 from qlvbayes.io.wording import joined
@@ -19,7 +20,15 @@ from qlvbayes.parallel.running import run_all
 from qlvbayes.report.answers import answers, split_first
 from qlvbayes.report.boxes import Box, verdict_box
 from qlvbayes.report.charts import chart_of
-from qlvbayes.report.collect import PadResults, Results, collect, pad_folders, pad_in, runs_in
+from qlvbayes.report.collect import (
+    PadResults,
+    Results,
+    collect,
+    pad_folders,
+    pad_in,
+    read_if_there,
+    runs_in,
+)
 from qlvbayes.report.comparing import comparing_of
 from qlvbayes.report.constants import Shifts, constants_rows, shifts_of
 from qlvbayes.report.explaining import Explaining, explaining_of
@@ -56,6 +65,7 @@ class PadView:
     explaining: Explaining | None
     shifts: Shifts | None
     figures: dict[str, Figure | None]
+    relaxation: tuple[str, ...]
 
 
 def page(results: Results) -> str:
@@ -92,7 +102,14 @@ def _view(pad: PadResults, embed: Embedder, remedies: dict[str, str]) -> PadView
         explaining_of(pad),
         shifts_of(pad),
         {name: embed(pad.folder, name, of) for name in _PAD_FIGURES},
+        _relaxation(pad),
     )
+
+
+def _relaxation(pad: PadResults) -> tuple[str, ...]:
+    """Lines on the tests that were held; none where there are no such tests."""
+    found = read_if_there(RelaxationReport, pad.folder / "relaxation.json")
+    return () if found is None else tuple(found.text().splitlines())
 
 
 def _title(results: Results) -> str:

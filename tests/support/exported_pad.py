@@ -67,8 +67,10 @@ RELAXATION = {
 def constants_of(choices):
     """Constants of a pad like B under these choices."""
     pad = TABLE_1["B"]
-    prony = {f"c[{k}]": x for k, x in enumerate(pad.c)} | {
-        f"v[{k}]": x for k, x in enumerate(pad.v, 1)
+    more = max(choices.modes - len(pad.v), 0)
+    shares, rates = (*pad.c, *[0.03] * more), (*pad.v, *np.geomspace(0.003, 70.0, more))
+    prony = {f"c[{k}]": x for k, x in enumerate(shares)} | {
+        f"v[{k}]": float(x) for k, x in enumerate(rates, 1)
     }
     found = ELASTIC[choices.law] | (RELAXATION.get(choices.relaxation) or prony)
     for name in choices.effects:
@@ -97,6 +99,8 @@ def write_fit(
     units=("mm", "N"),
     seed=0,
     spread=0.02,
+    source="data/pads.csv",
+    sha256="",
 ):
     """OUT/<pad>/posterior.nc with draws within 2 % of a pad like B; shares keep their sum."""
     rng = np.random.default_rng(seed)
@@ -125,8 +129,8 @@ def write_fit(
         all_tests=0,
         fluid="",
         covered=json.dumps(covered) if covered else "",
-        source="data/pads.csv",
-        sha256="",
+        source=str(source),
+        sha256=sha256,
         displacement_unit=units[0],
         force_unit=units[1],
     )
@@ -141,3 +145,20 @@ def exported(tmp_path, choices=Choices(), draws=16, **options):  # noqa: B008
     """The pad as targets get it."""
     write_fit(tmp_path, choices, **options)
     return read_pad(tmp_path, options.get("pad", "B"), draws=draws, date=DATE)
+
+
+def missed(pressed, force):
+    """What a file says of a force: rms and largest over the test's peak, and rms in holds.
+
+    Test by test and phase by phase, each counting alike.
+    """
+    rms, still, largest = [], [], 0.0
+    for i, cell in enumerate(pressed.cells):
+        inside = pressed.cell == i
+        of_test = [pressed.cells[j].test == cell.test for j in pressed.cell]
+        off = (force - pressed.measured)[inside] / np.max(pressed.measured[of_test])
+        rms.append(np.mean(off**2))
+        largest = max(largest, np.max(np.abs(off)))
+        if cell.phase in ("hold", "recovery"):
+            still.append(np.mean(off**2))
+    return np.sqrt(np.mean(rms)), largest, np.sqrt(np.mean(still))

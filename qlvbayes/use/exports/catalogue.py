@@ -11,9 +11,13 @@ from qlvbayes.use.exports.curves import Curves
 from qlvbayes.use.exports.drake import Drake
 from qlvbayes.use.exports.febio import FEBio
 from qlvbayes.use.exports.fmu import Fmu
+from qlvbayes.use.exports.isaac import Isaac
 from qlvbayes.use.exports.json_file import JsonFile
+from qlvbayes.use.exports.ls_dyna import LSDyna
 from qlvbayes.use.exports.matlab import Matlab
 from qlvbayes.use.exports.mujoco import MuJoCo
+from qlvbayes.use.exports.nastran import Nastran
+from qlvbayes.use.exports.radioss import OpenRadioss
 from qlvbayes.use.exports.target import AbstractTarget
 
 TARGETS: tuple[type[AbstractTarget], ...] = (
@@ -21,11 +25,15 @@ TARGETS: tuple[type[AbstractTarget], ...] = (
     Fmu,
     MuJoCo,
     Drake,
+    Isaac,
     Matlab,
     Abaqus,
     Ansys,
     FEBio,
     Comsol,
+    LSDyna,
+    Nastran,
+    OpenRadioss,
     Curves,
     JsonFile,
 )

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import jax
 import numpy as np
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.use.exports.card import NO_CONTACT, card, commented
-from qlvbayes.use.exports.material import moduli
+from qlvbayes.use.exports.material import POISSON, moduli
 from qlvbayes.use.exports.pad import Draws, ExportedPad
 from qlvbayes.use.exports.target import AbstractTarget, Geometry
 
 _ROWS = 61  # times, and frequencies, evenly in their logarithm
 _BAND = (0.05, 0.95)
+_STATED = (10.0, 100.0, 1000.0)  # s, at which relaxation is stated in words
+_SHEAR = 2.0 * (1.0 + POISSON)  # Young's modulus over the shear modulus
 
 
 class Curves(AbstractTarget):
@@ -27,9 +30,11 @@ class Curves(AbstractTarget):
 
     k: the instantaneous stiffness K(0). The creep compliance J(t), the displacement under one unit
     of force, solves :math:`\int_0^t k\, g(t - s)\, dJ(s) = 1` exactly, by the eigenvalues of
-    diag(v) - u u^T, u_i = (c_i v_i)^{1/2}. A cycle of amplitude a loses the energy pi k'' a^2. Of
-    stress over strain, or with a specimen's shape, they are Young's moduli E' and E''. Times and
-    frequencies are those tested. Tschoegl 1989, doi:10.1007/978-3-642-73602-5, ch. 2 to 4.
+    diag(v) - u u^T, u_i = (c_i v_i)^{1/2}. A cycle of amplitude a loses the energy pi k'' a^2,
+    which is given over a^2. Of stress over strain they are the moduli of that deformation; with a
+    specimen's shape Young's moduli E' and E'' (and the energy is that of a volume over the squared
+    strain), beside them G' and G'', which are E' and E'' over 2 (1 + nu). Times and frequencies are
+    those tested. Tschoegl 1989, doi:10.1007/978-3-642-73602-5, ch. 2 to 4.
     """
 
     name = "curves"
@@ -65,12 +70,30 @@ class Curves(AbstractTarget):
             **_banded(pad, ("storage", unit), lambda x: dynamic(x)[0]),
             **_banded(pad, ("loss", unit), lambda x: dynamic(x)[1]),
             **_banded(pad, ("tan_delta", "1"), lambda x: np.divide(*dynamic(x)[::-1])),
+            **_banded(pad, ("lost_in_a_cycle", unit), lambda x: np.pi * dynamic(x)[1]),
         }
-        head = commented(card(pad, type(self)), "#")
+        if specimen is not None:
+            dynamics |= _banded(pad, ("shear_storage", unit), lambda x: dynamic(x)[0] / _SHEAR)
+            dynamics |= _banded(pad, ("shear_loss", unit), lambda x: dynamic(x)[1] / _SHEAR)
+        head = commented([*card(pad, type(self)), *_stated(pad, pad.covered.hold)], "#")
         return {
             f"{pad.identifier}_relaxation.csv": _table(head, relaxation),
             f"{pad.identifier}_dynamic.csv": _table(head, dynamics),
         }
+
+
+def _stated(pad: ExportedPad, hold: float) -> list[str]:
+    """The share left after a jump and a decade of times, where it was held so long."""
+    lines = []
+    for time in _STATED:
+        ends = _banded(pad, ("", ""), partial(relaxed, time=np.array([time])))
+        middle, low, high = (float(values[0]) for values in ends.values())
+        told = f"{middle:.4g} ({low:.4g} to {high:.4g})"
+        lines.append(
+            f"Share left {time:g} s after a jump: "
+            + (told if time <= hold else f"not stated: held to {hold:.4g} s, do not extrapolate")
+        )
+    return lines
 
 
 def relaxed(draws: Draws, time: np.ndarray) -> np.ndarray:

@@ -11,6 +11,7 @@ from qlvbayes.use.exports.pad import ExportedPad
 from qlvbayes.use.exports.target import Geometry
 
 POISSON = 0.495  # wet soft solids hardly change volume; what ordinary elements still solve
+DENSITY = 1e-9  # t/mm3, water's: explicit solvers want one, and tests of force give none
 _MPA = 1e-3  # of a kPa
 
 CANNOT = (

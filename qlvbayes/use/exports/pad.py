@@ -66,8 +66,10 @@ class ExportedPad:
     identifier: the name as C, XML and MATLAB take one, ``pad_B``, of this pad alone in its folder
     of results; middle: that draw; table: draws evenly out of all; intervals: of the pad's
     constants; folder: of its results; date: of the export, as 2026-01-31; model: with the numbers
-    of the middle draw and what goes along of the effects; pieces: its layers, for other languages;
-    left_out: effects that do not go along, each with the reason.
+    of the middle draw and what goes along of the effects; source, sha256: the file that was fitted
+    and its digest; data: where the user says that it is; all_tests: whether every test was fitted;
+    pieces: its layers, for other languages; left_out: effects that do not go along, each with the
+    reason.
     """
 
     name: str
@@ -78,6 +80,9 @@ class ExportedPad:
     units: UnitSystem
     covered: Covered | None
     source: str
+    sha256: str
+    data: Path | None
+    all_tests: bool
     fitted: tuple[str, ...]
     converged: bool
     model: Model
@@ -129,10 +134,13 @@ class ExportedPad:
         return float(self.elastic.stiffness(jax.numpy.asarray(depth)))
 
 
-def read_pad(out: Path, name: str, *, draws: int, date: str) -> ExportedPad:
+def read_pad(
+    out: Path, name: str, *, draws: int, date: str, data: Path | None = None
+) -> ExportedPad:
     """The pad of that name from a folder of results, with a table of so many draws.
 
-    Raises InputError where the folder has no fit of it, or a fit that cannot be read.
+    data: the file of its tests, where it is not the one that the results name. Raises InputError
+    where the folder has no fit of it, or a fit that cannot be read.
     """
     file = _file_of(out, name)
     saved = load(file)
@@ -156,6 +164,9 @@ def read_pad(out: Path, name: str, *, draws: int, date: str) -> ExportedPad:
         units=saved.units,
         covered=saved.covered,
         source=saved.source,
+        sha256=saved.sha256,
+        data=data,
+        all_tests=saved.all_tests,
         fitted=saved.fitted,
         converged=saved.converged,
         model=_going_along(middle, left_out),

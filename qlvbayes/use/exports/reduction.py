@@ -2,55 +2,119 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from scipy.optimize import nnls
+from jaxtyping import Array
+from numpy.typing import NDArray
+from scipy.optimize import least_squares, nnls
 
+from qlvbayes.fitting.prediction import looked_at, single_samples
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.units import unit_system
 from qlvbayes.laws.motion import Motion
+from qlvbayes.model.model import Model
+from qlvbayes.preprocess.batching import batch
+from qlvbayes.preprocess.covered import Covered
+from qlvbayes.preprocess.experiment import Experiment
+from qlvbayes.preprocess.phases import MOVING
+from qlvbayes.preprocess.record import Record
+from qlvbayes.use.exports.own_tests import own_tests
 from qlvbayes.use.exports.pad import ExportedPad
 
 SI = unit_system("m", "N")
 _RATES = 5  # loading rates, evenly in their logarithm from the slowest tested to the fastest
 _RAMP = 100  # times in a ramp, and as many in a hold
 
+Floats = NDArray[np.float64]
+Law = Callable[..., Floats]
+"""Force (N) of depth (m), speed (m/s) and some numbers."""
+
+
+class Cell(NamedTuple):
+    """One kind of phase of one test; role: fit, validate, or empty where there was no test."""
+
+    test: str
+    role: str
+    phase: str
+
 
 @dataclass(frozen=True, eq=False)
 class Pressing:
-    """Ramps to the tested depth at tested rates, each held as long as was tested, in SI units.
+    """Motions in SI units: the pad's own tests, or where they are not at hand ramps and holds.
 
-    depth (m), speed (m/s), force (N) of all times of all ramps, one after another; ramp: whether
-    the time lies in a ramp.
+    depth (m), speed (m/s), force (N): (n,) of all times of all motions, one after another, the
+    force of the pad's model, effects and all; measured (N): of the tests, else the same as force;
+    cells: tests and phases; cell: (n,) which of them a time is in; absent: why it is not the tests
+    themselves, empty where it is.
     """
 
-    depth: np.ndarray
-    speed: np.ndarray
-    force: np.ndarray
-    ramp: np.ndarray
+    depth: Floats
+    speed: Floats
+    force: Floats
+    measured: Floats
+    cells: tuple[Cell, ...]
+    cell: NDArray[np.intp]
+    absent: str = ""
+
+    @property
+    def weight(self) -> Floats:
+        """(n,) by which every cell counts alike, however many times it has."""
+        return np.asarray(1.0 / np.bincount(self.cell)[self.cell])
+
+    @property
+    def peaks(self) -> Floats:
+        """(cells,) largest magnitude of the measured force (N) in the test of each."""
+        size = np.abs(self.measured)
+        top = np.array([np.max(size[self.cell == i]) for i in range(len(self.cells))])
+        names = np.array([cell.test for cell in self.cells])
+        return np.array([np.max(top[names == name]) for name in names])
+
+    def errors(self, force: Floats) -> Floats:
+        """(cells,) root mean square of a force (n,) less the measured one, over the test's peak."""
+        squares = np.bincount(self.cell, weights=(force - self.measured) ** 2)
+        return np.asarray(np.sqrt(squares / np.bincount(self.cell)) / self.peaks)
+
+    def miss(self, force: Floats) -> Miss:
+        """How far a force (n,) is from the measured one."""
+        squares = self.errors(force) ** 2
+        still = squares[[cell.phase not in MOVING for cell in self.cells]]
+        off = np.abs(force - self.measured) / self.peaks[self.cell]
+        whole, hold = (float(np.sqrt(np.mean(x))) if x.size else 0.0 for x in (squares, still))
+        return Miss(whole, float(np.max(off)), hold, bool(self.absent))
 
 
 @dataclass(frozen=True)
 class Miss:
-    """By how much fewer numbers miss the force, over the largest one."""
+    """By how much fewer numbers miss the force, over the largest one; of all cells, and of holds.
+
+    modelled: whether it is the force of the pad's model, not the measured one.
+    """
 
     rms: float
     largest: float
     hold: float
+    modelled: bool
 
     def __str__(self) -> str:
+        which, where = ("", "over the tested range") if self.modelled else ("measured ", "of tests")
         return (
-            f"misses the force by {self.rms:.0%} rms and {self.largest:.0%} at most of the peak "
-            f"force over the tested range, by {self.hold:.0%} rms in holds"
+            f"misses the {which}force by {self.rms:.0%} rms and {self.largest:.0%} at most of the "
+            f"peak force {where}, by {self.hold:.0%} rms in holds"
         )
 
 
 def pressing(pad: ExportedPad) -> Pressing:
-    """The force of the middle draw, effects and all, over the tested range.
+    """The force of the middle draw, effects and all, along the pad's tests.
 
-    Raises InputError where the pad has no displacement and force, or its tested range is unknown.
+    Where their file is not at hand: along ramps to the tested depth at the tested rates, each held
+    as long as was tested. Raises InputError where the pad has no displacement and force, or its
+    tested range is unknown.
     """
     if pad.units.dimensionless:
         raise InputError(
@@ -62,38 +126,102 @@ def pressing(pad: ExportedPad) -> Pressing:
             f"the results of pad {pad.name} do not say which depths and rates were tested",
             remedy="run qlvbayes fit, or use --to json",
         )
-    reach = pad.covered
-    found = [_pressed(pad, rate) for rate in np.geomspace(reach.slowest, reach.fastest, _RATES)]
-    depth, speed, force, ramp = (np.concatenate(x) for x in zip(*found, strict=True))
+    tests, absent = own_tests(pad)
+    if tests is None:
+        rates = np.geomspace(pad.covered.slowest, pad.covered.fastest, _RATES)
+        runs = [_planned(pad, pad.covered, rate) for rate in rates]
+    else:
+        runs = _tested(pad, tests)
+    cells = list(dict.fromkeys(cell for run in runs for cell in run.cells))
+    numbers = (np.concatenate(x) for x in zip(*(run.numbers for run in runs), strict=True))
+    depth, speed, force, measured = numbers
     metre = pad.units.factor_to(SI, "displacement")
     newton = pad.units.factor_to(SI, "force")
-    return Pressing(metre * depth, metre * speed, newton * force, ramp)
+    return Pressing(
+        depth=metre * depth,
+        speed=metre * speed,
+        force=newton * force,
+        measured=newton * measured,
+        cells=tuple(cells),
+        cell=np.array([cells.index(cell) for run in runs for cell in run.cells]),
+        absent=absent,
+    )
 
 
-def _pressed(pad: ExportedPad, rate: float) -> tuple[np.ndarray, ...]:
-    assert pad.covered is not None
-    end = pad.covered.depth / rate
+class _Run(NamedTuple):
+    """One motion: of each time its cell, and depth, speed, modelled and measured force."""
+
+    cells: list[Cell]
+    numbers: tuple[Floats, Floats, Floats, Floats]
+
+
+def _planned(pad: ExportedPad, reach: Covered, rate: float) -> _Run:
+    end = reach.depth / rate
     ramp = np.linspace(0.0, end, _RAMP + 1)
-    hold = end + pad.covered.hold * np.linspace(0.0, 1.0, _RAMP + 1)[1:]
+    hold = end + reach.hold * np.linspace(0.0, 1.0, _RAMP + 1)[1:]
     time = np.concatenate([ramp, hold])
-    depth = np.minimum(rate * time, pad.covered.depth)
+    depth = np.minimum(rate * time, reach.depth)
     rising = time <= end
     speed = np.where(rising, rate, 0.0)
     motion = Motion(*map(jnp.asarray, (time, depth, speed, np.zeros_like(time))))
-    return depth, speed, np.asarray(pad.model.force(motion)), rising
+    force = np.asarray(pad.model.force(motion))
+    name = f"{rate:.3g} {pad.units.speed}"
+    cells = [Cell(name, "", "ramp" if moves else "hold") for moves in rising]
+    return _Run(cells, (depth, speed, force, force))
 
 
-def fitted(columns: list[np.ndarray], force: np.ndarray) -> np.ndarray:
-    """Factors, none below zero, that bring the columns closest to the force in the mean square."""
-    sizes = [float(np.max(np.abs(column))) for column in columns]
-    matrix = np.stack([x / size for x, size in zip(columns, sizes, strict=True)], axis=-1)
-    return nnls(matrix, force)[0] / np.array(sizes)
+def _tested(pad: ExportedPad, tests: Experiment) -> list[_Run]:
+    samples = [looked_at(trial) for trial in tests.trials]
+    records = map(partial(single_samples, tests), tests.trials, samples)
+    forces = eqx.filter_jit(eqx.filter_vmap(_averages, in_axes=(None, 0)))
+    found = np.asarray(forces(pad.model, batch(list(records))))
+    runs = []
+    for trial, rows, force in zip(tests.trials, samples, found, strict=True):
+        time = trial.test.time[rows]
+        numbers = (
+            trial.trajectory.displacement(time),
+            trial.trajectory.velocity(time),
+            force[: rows.size],
+            trial.test.force[rows],
+        )
+        cells = [Cell(trial.name, trial.role, str(kind)) for kind in trial.phase_of(time)]
+        runs.append(_Run(cells, numbers))
+    return runs
 
 
-def miss(found: np.ndarray, pressed: Pressing) -> Miss:
-    """Of a force (n,) that stands for that of the pad."""
-    off = (found - pressed.force) / np.max(pressed.force)
-    hold = off[~pressed.ramp]
-    rms = (float(np.sqrt(np.mean(x**2))) for x in (off, hold))
-    whole, still = rms
-    return Miss(whole, float(np.max(np.abs(off))), still)
+def _averages(model: Model, record: Record) -> Array:
+    return record.average(model.force(record.motion))
+
+
+def fitted(columns: Sequence[Floats], pressed: Pressing) -> Floats:
+    """Factors, none below zero, that bring the columns closest to the model's force.
+
+    In the mean square, every phase of every test counting alike.
+    """
+    root = np.sqrt(pressed.weight)
+    sizes = np.array([float(np.max(np.abs(column))) for column in columns])
+    matrix = np.stack([root * x / size for x, size in zip(columns, sizes, strict=True)], axis=-1)
+    return np.asarray(nnls(matrix, root * pressed.force)[0] / sizes)
+
+
+def closest(
+    law: Law,
+    pressed: Pressing,
+    start: Sequence[float],
+    low: Sequence[float] | float = 0.0,
+    high: Sequence[float] | float = np.inf,
+) -> list[float]:
+    """Numbers of a law, between two bounds, that bring it closest to the model's force.
+
+    law: force of depth, speed and the numbers; start: where the search begins. In the mean square,
+    every phase of every test counting alike.
+    """
+    root = np.sqrt(pressed.weight)
+    begin = np.maximum(start, low)
+
+    def off(numbers: Floats) -> Floats:
+        return root * (law(pressed.depth, pressed.speed, *numbers) - pressed.force)
+
+    scale = np.where(begin > 0.0, begin, 1.0)
+    found = least_squares(off, begin, bounds=(low, high), x_scale=scale, xtol=1e-12, ftol=1e-12)
+    return [float(number) for number in found.x]

@@ -22,6 +22,7 @@ def export(
     draws: int = DRAWS,
     height: float | None = None,
     area: float | None = None,
+    data: str | Path | None = None,
 ) -> list[Path]:
     """Write a fitted pad as files of another program into ``out/<pad>/export/<to>``.
 
@@ -41,6 +42,9 @@ def export(
         Of a homogeneous specimen (mm), which makes a modulus of a stiffness.
     area
         Its cross-section (mm2).
+    data
+        The file of the pad's tests, where it is no longer where it was fitted from; the errors of
+        simulators' contacts are stated against them.
 
     Returns
     -------
@@ -57,11 +61,13 @@ def export(
     if draws < 1:
         raise InputError(f"{draws} draws", remedy="ask for one or more")
     date = datetime.now(UTC).date().isoformat()
-    found = read_pad(Path(out), pad, draws=draws, date=date)
+    found = read_pad(
+        Path(out), pad, draws=draws, date=date, data=None if data is None else Path(data)
+    )
     content = target.files(found, specimen)
     folder = results_folder(found.folder / "export" / to)
-    for name, data in content.items():
-        write_whole(folder / name, data)
+    for name, text in content.items():
+        write_whole(folder / name, text)
     return [folder / name for name in content]
 
 

@@ -1,0 +1,154 @@
+"""What a report of a stress relaxation test has to state, of each test that was held.
+
+After ISO 3384-1:2019 and ASTM D6147: the specimen, how it was loaded, the temperature, what it had
+gone through before, the initial force, and the share of it that is left at stated times. What the
+file of measurements does not hold is said to be not stated.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from qlvbayes.io.escaping import visible
+from qlvbayes.io.resultfile import Part, Result
+from qlvbayes.io.units import PAD, UnitSystem
+from qlvbayes.preprocess.experiment import Experiment, Trial
+from qlvbayes.preprocess.phases import Phase
+
+TIMES = (1.0, 10.0, 100.0, 1000.0)  # s since the end of loading, a decade apart
+_AROUND = 0.1  # of a stated time, either side: readings that are averaged for it
+
+NOT_TO_EXTRAPOLATE = (
+    "Shares are stated for times that were held, and no others: relaxation curves are not to be "
+    "extrapolated to times considerably longer than the test, nor to other temperatures."
+)
+INITIAL = (
+    "The initial force is the largest reading at the end of loading. Rubber standards may take it "
+    "later (some 30 min after loading): shares of that force are larger than these."
+)
+
+
+class Held(Part, frozen=True, rename={"hold": "hold_s", "loading": "loading_s", "at": "at_s"}):
+    """One test's first hold after loading, in the units of the file.
+
+    deformation: that was held; rate: of loading; loading: how long it took (s); initial: largest
+    force; hold: how long (s); at, left: times since the end of loading (s) and the share of the
+    initial force at each, as far as it was held; history: what the specimen had gone through.
+    """
+
+    test: str
+    deformation: float
+    rate: float | None
+    loading: float
+    initial: float
+    hold: float
+    at: tuple[float, ...]
+    left: tuple[float, ...]
+    history: str
+
+
+class RelaxationReport(Result, frozen=True, kw_only=True):
+    """All held tests of one pad: ``relaxation.json``.
+
+    specimen: what the file says of it; temperature: None, as files of measurements state none.
+    """
+
+    pad: str
+    units: UnitSystem = PAD
+    specimen: str
+    temperature: float | None = None
+    tests: tuple[Held, ...]
+    warnings: tuple[str, ...] = (INITIAL, NOT_TO_EXTRAPOLATE)
+
+    def text(self) -> str:
+        """For readers: ``relaxation.txt``."""
+        units = self.units
+        lines = [
+            f"Stress relaxation of pad {self.pad} (what ISO 3384-1 and ASTM D6147 ask to state)",
+            f"Specimen: {self.specimen}",
+            "Temperature: not stated in the file of measurements",
+        ]
+        for held in self.tests:
+            rate = "" if held.rate is None else f" at {held.rate:.3g} {units.speed}"
+            unit = "" if units.dimensionless else f" {units.displacement}"
+            lines += [
+                f"Test {held.test}: {units.displacement_name} {held.deformation:.4g}{unit}{rate}, "
+                f"in {held.loading:.3g} s; held {held.hold:.4g} s; {held.history}",
+                f"  initial {units.force_name} {held.initial:.4g} {units.force}; left after "
+                + (
+                    ", ".join(
+                        f"{t:g} s: {share:.1%}" for t, share in zip(held.at, held.left, strict=True)
+                    )
+                    or f"{TIMES[0]:g} s: not held so long"
+                ),
+            ]
+        return "\n".join(map(visible, [*lines, *self.warnings])) + "\n"
+
+
+def relaxation_report(experiment: Experiment) -> RelaxationReport | None:
+    """Of all tests whose displacement was held after loading; None where there is none."""
+    found = [_held(experiment, trial) for trial in experiment.trials]
+    tests = tuple(held for held in found if held is not None)
+    if not tests:
+        return None
+    fluid = f"filled with {experiment.fluid}; " if experiment.fluid else ""
+    return RelaxationReport(
+        pad=experiment.pad,
+        units=experiment.units,
+        specimen=f"{fluid}shape, size and preparation not stated in the file of measurements",
+        tests=tests,
+    )
+
+
+def _held(experiment: Experiment, trial: Trial) -> Held | None:
+    place = _first_hold(trial.phases)
+    if trial.control != "displacement" or place is None:
+        return None
+    ramp, hold = trial.phases[place - 1], trial.phases[place]
+    time, force = trial.test.time, trial.test.force
+    # a reading's width beyond, for the kink is not known better
+    until = hold.start + 2.0 * float(np.median(np.diff(time)[:200]))
+    loaded = force[(time >= ramp.start) & (time <= until)]
+    since = time - hold.start
+    at, left = [], []
+    initial = float(np.max(loaded)) if loaded.size else 0.0
+    for moment in TIMES:
+        near = force[np.abs(since - moment) <= _AROUND * moment]
+        if moment * (1.0 + _AROUND) <= hold.stop - hold.start and near.size and initial > 0.0:
+            at.append(moment)
+            left.append(float(np.mean(near)) / initial)
+    if initial <= 0.0:
+        return None
+    return Held(
+        test=trial.name,
+        deformation=float(trial.trajectory.displacement(hold.start)),
+        rate=float(trial.rate) if np.isfinite(trial.rate) else None,
+        loading=ramp.stop - ramp.start,
+        initial=initial,
+        hold=hold.stop - hold.start,
+        at=tuple(at),
+        left=tuple(left),
+        history=_history(experiment, trial),
+    )
+
+
+def _first_hold(phases: tuple[Phase, ...]) -> int | None:
+    """Place of the first hold that a ramp goes before."""
+    kinds = [(a.kind, b.kind) for a, b in pairwise(phases)]
+    return kinds.index(("ramp", "hold")) + 1 if ("ramp", "hold") in kinds else None
+
+
+def _history(experiment: Experiment, trial: Trial) -> str:
+    before = experiment.tests_before(trial)
+    if not before:
+        return "the specimen's first test in the file"
+    test = trial.test
+    earlier = [t.test for t in experiment.trials if t.test.start_s < test.start_s]
+    last = max(earlier, key=lambda t: t.start_s)
+    tests = "1 test" if before == 1 else f"{before} tests"
+    if not test.start_known:
+        return f"after {tests}, at a time that the file does not state"
+    rest = test.start_s + float(test.time[0]) - last.start_s - float(last.time[-1])
+    return f"after {tests}, {rest:.3g} s after the last one's end"

@@ -1,0 +1,63 @@
+"""Bulk data entries of a viscoelastic material for Nastran and its kin."""
+
+from __future__ import annotations
+
+from qlvbayes.io.checks import InputError
+from qlvbayes.use.exports.card import card, commented
+from qlvbayes.use.exports.columns import column
+from qlvbayes.use.exports.material import CANNOT, DENSITY, POISSON, moduli, structure
+from qlvbayes.use.exports.pad import ExportedPad
+from qlvbayes.use.exports.target import AbstractTarget, Geometry
+
+_WIDTH = 16  # of a large field
+_MOST = 5  # terms that MATVE's lines have room for
+
+
+class Nastran(AbstractTarget):
+    r"""``MAT1`` with ``MATVE``, model PRONY, in large fields of 16 columns.
+
+    .. math:: G(t) = G_0 \Big(1 - \sum_i g_i (1 - e^{-t/\tau_i})\Big), \qquad g_i = c_i
+
+    A field holds 13 to 15 digits, so that g(t) is kept to 1e-12. The layout of ``MATVE`` is that of
+    OptiStruct's reference; the moduli of ``MAT1`` are those of the fast limit.
+    """
+
+    name = "nastran"
+    what = "MAT1 with MATVE (PRONY), large fields (N, mm, s, MPa, t)"
+    cannot = CANNOT
+
+    def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
+        """``pad_B.bdf``. Raises InputError where there are more than five terms."""
+        found = moduli(pad, specimen)
+        if pad.times.size > _MOST:
+            raise InputError(
+                f"MATVE has room for {_MOST} terms, and {pad.choices.relaxing} has "
+                f"{pad.times.size}",
+                remedy="fit with --relaxation prony:3",
+            )
+        rows = zip(pad.fractions[1:].tolist(), pad.times.tolist(), strict=True)
+        first, *others = [[_field(g), _field(tau)] for g, tau in rows]
+        blank = [" " * _WIDTH]
+        pairs = [field for pair in others for field in pair]
+        elastic = ["1".rjust(_WIDTH), _field(found.young), *blank, _field(POISSON)]
+        viscous = ["1".rjust(_WIDTH), "PRONY".rjust(_WIDTH), *first, *(4 * blank), *pairs]
+        lines = [
+            f"$ density (t/mm3): {DENSITY:g} is water's, of which tests say nothing",
+            *_entry("MAT1", [*elastic, _field(DENSITY)]),
+            "$ shares and times of the shear modulus; those of MAT1 are the fast limit's",
+            *_entry("MATVE", viscous),
+        ]
+        head = commented(card(pad, type(self), structure(pad)), "$")
+        return {f"{pad.identifier}.bdf": (head + "\n".join(lines) + "\n").encode()}
+
+
+def _field(value: float) -> str:
+    return column(value, _WIDTH, exponent="")
+
+
+def _entry(name: str, fields: list[str]) -> list[str]:
+    """In lines of four large fields; an entry has an even number of them."""
+    rows = [fields[i : i + 4] for i in range(0, len(fields), 4)]
+    rows += [[]] if len(rows) % 2 else []
+    heads = [f"{name}*", *["*"] * (len(rows) - 1)]
+    return [f"{head:8}{''.join(row)}".rstrip() for head, row in zip(heads, rows, strict=True)]
