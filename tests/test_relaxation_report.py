@@ -12,7 +12,7 @@ from support.written_results import write_study
 from qlvbayes import RelaxationReport, write_report
 from qlvbayes.fitting.relaxation import relaxation_report
 from qlvbayes.io.data import read_measurements
-from qlvbayes.preprocess.experiment import prepare
+from qlvbayes.motion.experiment import prepare
 
 
 @pytest.fixture(scope="module")

@@ -14,8 +14,8 @@ import numpy as np
 from qlvbayes.io.escaping import visible
 from qlvbayes.io.resultfile import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
-from qlvbayes.preprocess.experiment import Experiment, Trial
-from qlvbayes.preprocess.phases import Phase
+from qlvbayes.motion.experiment import Experiment, Trial
+from qlvbayes.motion.phases import Phase
 
 TIMES = (1.0, 10.0, 100.0, 1000.0)  # s since the end of loading, a decade apart
 _AROUND = 0.1  # of a stated time, either side: readings that are averaged for it

@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 
 from qlvbayes.io.escaping import visible
-from qlvbayes.preprocess.phases import NAMES
+from qlvbayes.motion.phases import NAMES
 from qlvbayes.use.exports.card import card
 from qlvbayes.use.exports.pad import ExportedPad
 from qlvbayes.use.exports.reduction import Floats, Pressing

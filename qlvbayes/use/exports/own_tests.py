@@ -7,7 +7,7 @@ from pathlib import Path
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements, Pad, read_measurements
-from qlvbayes.preprocess.experiment import Experiment, prepare
+from qlvbayes.motion.experiment import Experiment, prepare
 from qlvbayes.use.exports.pad import ExportedPad
 
 

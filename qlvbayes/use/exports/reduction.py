@@ -19,11 +19,10 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.units import unit_system
 from qlvbayes.laws.motion import Motion
 from qlvbayes.model.model import Model
-from qlvbayes.preprocess.batching import batch
-from qlvbayes.preprocess.covered import Covered
-from qlvbayes.preprocess.experiment import Experiment
-from qlvbayes.preprocess.phases import MOVING
-from qlvbayes.preprocess.record import Record
+from qlvbayes.motion.covered import Covered
+from qlvbayes.motion.experiment import Experiment
+from qlvbayes.motion.phases import MOVING
+from qlvbayes.motion.record import Record, batch
 from qlvbayes.use.exports.own_tests import own_tests
 from qlvbayes.use.exports.pad import ExportedPad
 
