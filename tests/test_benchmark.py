@@ -33,7 +33,7 @@ from qlvbayes.evaluation.scores import (
     rates,
 )
 from qlvbayes.evaluation.study import SIZES, make_study
-from qlvbayes.inference.noticeable import log_density
+from qlvbayes.inference.amplitude_prior import log_density
 from qlvbayes.io.checks import InputError
 from qlvbayes.plots.benchmark import plot_benchmark
 from qlvbayes.plots.files import figure_of

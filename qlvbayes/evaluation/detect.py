@@ -8,8 +8,8 @@ to them with the noise held at its true sds; its leftover, whitened by that nois
 
 the part of the pattern that no change of the constants takes, which is the expected gain of
 2 ln(likelihood) if the effect is added. The price is the share of the prior that is left: an
-amplitude a with prior density p (`qlvbayes.inference.noticeable`) is found to within a/chi, its
-k - 1 other constants to about 1/chi of their priors, so that
+amplitude a with prior density p (`qlvbayes.inference.amplitude_prior`) is found to within a/chi,
+its k - 1 other constants to about 1/chi of their priors, so that
 
 .. math:: E[2 \ln BF] = \chi^2 + \ln(2 \pi p^2(a) a^2 / \chi^2) - (k - 1) \ln \chi^2.
 
@@ -32,13 +32,13 @@ from scipy.stats import norm
 
 from qlvbayes.effects.catalogue import EFFECTS, find
 from qlvbayes.evaluation.study import Study, true_noise, true_values
+from qlvbayes.inference.amplitude_prior import log_density
 from qlvbayes.inference.density import Density
 from qlvbayes.inference.errors.discrepancy import Discrepancy
 from qlvbayes.inference.errors.whitening import Whitener
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.forward.space import Space, in_natural_amplitude, median
 from qlvbayes.inference.modes import find_mode
-from qlvbayes.inference.noticeable import log_density
 from qlvbayes.io.checks import NoFiniteForceError
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import Correlated
@@ -103,7 +103,7 @@ def _leftover(space: Space, whitener: Whitener, truth: _Truth, shape: Array) -> 
     data = space.forces(truth.hypothesis, truth.constants[None])[0] + shape
     none = Discrepancy.none(whitener, float(np.max(np.abs(data))))
     density = Density(space.with_forces(data), whitener, none)
-    mode = find_mode(density, truth.hypothesis, truth.theta, enough=_ENOUGH)
+    mode = find_mode(density, truth.hypothesis, truth.theta, min_gain=_ENOUGH)
     if mode is None:
         raise NoFiniteForceError
     return float(np.sum(mode.point.residual**2))
@@ -125,7 +125,7 @@ class _Truth:
         values = true_values(study.constants)
         for effect in others:
             values |= {f"{effect.name}.{key}": x for key, x in effect.parameters.items()}
-        middle = median(space.plain_draws(hypothesis))
+        middle = median(space.prior_draws(hypothesis))
         constants = own.constants(middle[None])[0]
         for name, value in values.items():
             constants[own.names.index(name)] = value
@@ -152,7 +152,9 @@ def _noise(study: Study, space: Space, peak: float) -> Whitener:
     """Noise at its true sds."""
     true = true_noise(study.noise, study.fitted)
     correlated = true.get("noise.ou", 0.0), true.get("noise.tau", 1.0)  # N, s: any time of nothing
-    return Whitener.of(NoiseFloor(true["noise.white"], *correlated), space.record.blocks, peak)
+    return Whitener.from_floor(
+        NoiseFloor(true["noise.white"], *correlated), space.record.blocks, peak
+    )
 
 
 def _averaged(experiment: Experiment, forces: list[Array]) -> Array:
