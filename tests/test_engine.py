@@ -126,11 +126,11 @@ def test_a_piece_says_what_it_changes(space):
     elastic = jax.tree.structure(LAWS.elastic[0](1.0, 1.0))
     kinds = {kind.name: kind for kind in EVERY}
     drag = plan_of(jax.tree.structure(kinds["viscous_drag"](1.0)), elastic, motion)
-    assert [any(question.new) for question in drag.questions] == [False]
-    assert not drag.is_looking
+    assert [any(request.new) for request in drag.requests] == [False]
+    assert not drag.uses_laws
     frame = plan_of(jax.tree.structure(kinds["frame_compliance"](1.0)), elastic, motion)
-    assert frame.is_looking
-    assert {sum(question.new) for question in frame.questions} == {1}
+    assert frame.uses_laws
+    assert {sum(request.new) for request in frame.requests} == {1}
 
 
 def test_tests_of_unlike_lengths_keep_their_order(space, experiment):

@@ -72,7 +72,7 @@ class ChainStore:
             log_density=segment.log_density,
             accepted=segment.accepted,
             state=state,
-            position=np.array(position, dtype=float),
+            place=np.array(position, dtype=float),
         )
         write_whole(self._path(number), content.getbuffer())
 

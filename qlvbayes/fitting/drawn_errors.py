@@ -29,9 +29,9 @@ from qlvbayes.preprocess.record import Blocks
 Array = NDArray[np.float64]
 
 BATCH = 100
-"""Draws that are run at once."""
+"""Number of draws that are computed together."""
 
-_TINY = 1e-300  # variance gained over no time: no share of 0/0
+_TINY = 1e-300  # avoids 0/0 where no time has passed
 
 
 def realisations(
@@ -108,10 +108,10 @@ def discrepancy_draws(
     for each sample.
     """
     sizes, scales = constants[:, -1], constants[:, -2]
-    draws_of_all = np.zeros((len(constants), locations.size.size))
+    draws = np.zeros((len(constants), locations.size.size))
     rows = np.flatnonzero(sizes > 0.0)
     if not rows.size:
-        return draws_of_all
+        return draws
     blocks = posterior.record.blocks
     predicted = compiled.in_batches(compiled.predictions, posterior, constants[rows], size=BATCH)
     discrepancy = Discrepancy.from_blocks(experiment, fitted, blocks)
@@ -122,7 +122,7 @@ def discrepancy_draws(
     for ratio in np.unique(ratios):
         same = ratios == ratio
         mean, root = discrepancy.weights(residuals[same], float(ratio))
-        draws = mean + scales[rows[same], None] * (rng.standard_normal(mean.shape) @ root)
-        noise = rng.standard_normal((len(draws), left_out.size)) * np.sqrt(left_out)
-        draws_of_all[rows[same]] = draws @ features + sizes[rows[same], None] * noise
-    return draws_of_all
+        coefficients = mean + scales[rows[same], None] * (rng.standard_normal(mean.shape) @ root)
+        noise = rng.standard_normal((len(coefficients), left_out.size)) * np.sqrt(left_out)
+        draws[rows[same]] = coefficients @ features + sizes[rows[same], None] * noise
+    return draws

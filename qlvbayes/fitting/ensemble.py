@@ -27,10 +27,10 @@ from qlvbayes.model.posterior import Posterior
 Progress = Callable[[int, int], None]
 
 STEPS_PER_TIME = 50  # autocorrelation times a chain must last (emcee's own advice)
-_BURN_IN = 0.1  # share of the chain since the last adaptation left out at its beginning
-_ADAPT_AFTER = (1, 2, 10, 30)  # stretches after which the independence proposal is made anew
+_BURN_IN = 0.1  # share of the chain since the last adaptation that is discarded at its beginning
+_ADAPT_AFTER = (1, 2, 10, 30)  # segments after which the independence proposals are adapted
 _INDEPENDENT = 0.5  # share of independence proposals among the moves
-_PATIENCE = 1.25  # growth of the chain between looks at its autocorrelation
+_PATIENCE = 1.25  # growth of the chain between convergence checks
 
 
 @dataclass(frozen=True)
@@ -88,22 +88,22 @@ class Chain:
 class _ChainProgress:
     """The segments of a chain that have been sampled so far."""
 
-    stretches: list[ChainSegment] = field(default_factory=list)
+    segments: list[ChainSegment] = field(default_factory=list)
 
     @property
     def steps(self) -> int:
         """Return the number of steps."""
-        return sum(len(stretch.theta) for stretch in self.stretches)
+        return sum(len(segment.theta) for segment in self.segments)
 
     @property
     def adapted(self) -> int:
         """Return the number of segments before the last adaptation."""
-        return max((n for n in _ADAPT_AFTER if n <= len(self.stretches)), default=0)
+        return max((n for n in _ADAPT_AFTER if n <= len(self.segments)), default=0)
 
     @property
     def kept(self) -> int:
         """Return the number of steps since the last adaptation."""
-        return sum(len(stretch.theta) for stretch in self.stretches[self.adapted :])
+        return sum(len(segment.theta) for segment in self.segments[self.adapted :])
 
     def is_check_due(self, first: int) -> bool:
         """Return whether to check convergence, at ``first`` kept steps, then 1.25 times as many.
@@ -112,8 +112,8 @@ class _ChainProgress:
         steps.
         """
         kept, next_check, due = 0, first, False
-        for stretch in self.stretches[self.adapted :]:
-            kept += len(stretch.theta)
+        for segment in self.segments[self.adapted :]:
+            kept += len(segment.theta)
             due = kept >= next_check
             next_check = int(_PATIENCE * kept) if due else next_check
         return due
@@ -123,8 +123,8 @@ class _ChainProgress:
         if not self.adapted:
             return (from_normal(start),)
         # the later half of what was sampled with the proposal before
-        recent = self.stretches[self.adapted // 2 : self.adapted]
-        theta = np.concatenate([stretch.theta for stretch in recent])
+        recent = self.segments[self.adapted // 2 : self.adapted]
+        theta = np.concatenate([segment.theta for segment in recent])
         draws = theta[len(theta) // 2 :].reshape(-1, theta.shape[-1])
         covariance = np.atleast_2d(np.cov(draws, rowvar=False))
         overall = NormalApproximation(draws.mean(axis=0), covariance)
@@ -132,7 +132,7 @@ class _ChainProgress:
 
     def chain(self) -> Chain:
         """Return the chain of all steps since the last adaptation, without burn-in."""
-        kept = self.stretches[self.adapted :] or self.stretches[-1:]
+        kept = self.segments[self.adapted :] or self.segments[-1:]
         theta = np.concatenate([segment.theta for segment in kept])
         density = np.concatenate([segment.log_density for segment in kept])
         burn = int(_BURN_IN * len(theta))
@@ -177,11 +177,11 @@ def sample(
         if progress:
             progress(so_far.steps, expected)
         count = min(settings.stretch, settings.max_steps - so_far.steps)
-        state, stretch = _advance(sampler, state, count)
+        state, segment = _advance(sampler, state, count)
         if store:
-            store.save(len(so_far.stretches), stretch)
-        so_far.stretches.append(stretch)
-        if len(so_far.stretches) in _ADAPT_AFTER:
+            store.save(len(so_far.segments), segment)
+        so_far.segments.append(segment)
+        if len(so_far.segments) in _ADAPT_AFTER:
             sampler = _sampler(posterior, so_far.proposals(start), walkers)
     return so_far.chain()
 
@@ -237,8 +237,8 @@ def _state(
     seed: int,
 ) -> emcee.State:
     """Return the state from which sampling goes on."""
-    if so_far.stretches:
-        last = so_far.stretches[-1]
+    if so_far.segments:
+        last = so_far.segments[-1]
         return emcee.State(
             last.theta[-1], log_prob=last.log_density[-1], random_state=last.random_state
         )

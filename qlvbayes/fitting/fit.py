@@ -43,10 +43,10 @@ Sampler = Callable[
 ]
 SAMPLERS: dict[str, Sampler] = {"emcee": sample}
 METHODS = (*SAMPLERS, "least-squares", "two-step")
-_SEPARATIONS = 2  # of the discrepancy from the slopes: the second moves the highest point by little
-_OF_NOISE = 5  # constants of measured noise, the last one the discrepancy's size
-_KEPT = 2000  # draws kept in the results, at most
-_NORMAL_DRAWS = (4, 1000)  # chains and draws that stand for a normal approximation
+_SEPARATIONS = 2  # iterations of separation and optimum: the second moves the mode by little
+_NOISE_CONSTANTS = 5  # of measured noise; the last one is the discrepancy's size
+_KEPT = 2000  # largest number of draws kept in the results
+_NORMAL_DRAWS = (4, 1000)  # chains and draws that represent a normal approximation
 
 
 @dataclass(frozen=True, eq=False)
@@ -416,8 +416,8 @@ def _moved(
     chain (..., P): constants as sampled, of which each draw has its own size of the discrepancy.
     """
     flat = theta.reshape(-1, theta.shape[-1])
-    noise = chain.reshape(-1, chain.shape[-1])[:, -_OF_NOISE:]
+    noise = chain.reshape(-1, chain.shape[-1])[:, -_NOISE_CONSTANTS:]
     moves = spread.draws(noise[:, -1], rng)
     values = compiled.in_batches(compiled.constants, posterior, flat + moves, size=4096)
-    values[:, -_OF_NOISE:] = noise
+    values[:, -_NOISE_CONSTANTS:] = noise
     return values.reshape(chain.shape)

@@ -16,7 +16,7 @@ from qlvbayes.io.checks import NoFiniteForceError
 from qlvbayes.model.noise import White
 from qlvbayes.model.posterior import Posterior, draw_priors
 
-LARGEST_SD = 3.0  # of a direction that the data leave open; theta's units are of order one
+LARGEST_SD = 3.0  # of a direction that the data do not determine, in theta's units of order one
 _PRIOR_DRAWS = 96
 _BOUND_SDS = 5.0
 
@@ -77,13 +77,13 @@ def least_squares(
     NoFiniteForceError
         No draw gives finite forces.
     """
-    # the optimiser's tolerance on slopes is absolute
+    # the optimiser's tolerance on gradients is absolute
     scale = scale * float(np.max(np.abs(np.asarray(posterior.record.blocks.force))))
     draws = draw_priors(posterior, _PRIOR_DRAWS, rng)
     centre, distance = draws.mean(axis=0), _BOUND_SDS * draws.std(axis=0)
     low, high = centre - distance, centre + distance
     draws = np.clip(draws, low, high)
-    with np.errstate(over="ignore"):  # a sum too large for a number is the worst
+    with np.errstate(over="ignore"):  # a sum that overflows is the worst
         sums = np.array([np.sum(_residuals(posterior, scale, draw)[0] ** 2) for draw in draws])
         order = [k for k in np.argsort(sums) if np.isfinite(sums[k])]
         optima = [_descend(posterior, scale, draws[k], (low, high)) for k in order[:starts]]
@@ -104,7 +104,7 @@ def _descend(
     slopes_at: dict[bytes, np.ndarray] = {}
 
     def residuals(theta: np.ndarray) -> np.ndarray:
-        # the slopes come with the residuals: keep them for the question that follows
+        # the derivatives come with the residuals, and the optimiser asks for them next
         slopes_at.clear()
         values, slopes_at[theta.tobytes()] = _residuals(posterior, scale, theta)
         return values

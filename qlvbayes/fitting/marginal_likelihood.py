@@ -211,9 +211,9 @@ class DrawResiduals:
         self._axes = np.asarray(floor.axes)
         self._precisions = np.asarray(floor.precisions)
         self._back = np.linalg.inv(self._axes)
-        self._places = np.asarray(floor.places)
-        self._predicted = predicted.reshape(len(predicted), -1)[:, self._places]
-        measured = np.asarray(posterior.record.blocks.force).ravel()[self._places]
+        self._indices = np.asarray(floor.places)
+        self._predicted = predicted.reshape(len(predicted), -1)[:, self._indices]
+        measured = np.asarray(posterior.record.blocks.force).ravel()[self._indices]
         self._residuals = measured - self._predicted
         pairs = {tuple(row): k for k, row in enumerate(np.asarray(floor.constants).tolist())}
         rows = constants[:, -len(posterior.noise.units) :].tolist()
@@ -233,9 +233,7 @@ class DrawResiduals:
 
     def replicates(self, rng: np.random.Generator) -> Array:
         """Return block means (N, n) of new noise, with the discrepancy that the data imply."""
-        noise_share = (
-            self._scales**2 * self._precisions[self._pairs]
-        )  # share of a variance that is noise
+        noise_share = self._scales**2 * self._precisions[self._pairs]  # of the variance
         draws = rng.standard_normal((2, *self._residuals.shape))
         white = (1.0 - noise_share) * (self._residuals @ self._axes.T)
         white += self._scales * (np.sqrt(np.maximum(1.0 - noise_share, 0.0)) * draws[0] + draws[1])

@@ -25,8 +25,8 @@ from qlvbayes.model.posterior import Posterior, central
 from qlvbayes.preprocess.noisefloor import NoiseFloor
 
 _PASSES = 3
-_NOISE_SD = 0.3  # of the noise's unconstrained numbers, to begin with
-_OPTIMA = 2  # distinct least-squares optima that are optimised from
+_NOISE_SD = 0.3  # of the noise's unconstrained parameters, as a first guess
+_OPTIMA = 2  # distinct least-squares optima from which the posterior is optimised
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def find_optimum(posterior: Posterior, guesses: list[NormalApproximation]) -> Op
     The covariance of a guess only sets the scale of the steps; it need not be accurate.
     """
     optima = [(_optimised(posterior, guess), guess) for guess in guesses]
-    (theta, loss), guess = min(optima, key=lambda found: found[0][1])
+    (theta, loss), guess = min(optima, key=lambda optimum: optimum[0][1])
     covariance = _covariance(posterior, theta, np.linalg.cholesky(guess.covariance))
     return Optimum(theta, -loss, NormalApproximation(theta, covariance))
 

@@ -18,7 +18,7 @@ from qlvbayes.model.drawn import factors
 from qlvbayes.model.elsewhere import has_noise
 from qlvbayes.preprocess.experiment import Experiment, Trial, prepare
 
-_DIGITS = 5  # significant, of every number
+_DIGITS = 5  # significant digits
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,7 @@ from qlvbayes.preprocess.record import Record
 from qlvbayes.preprocess.reduction import clear_of_kinks
 
 DRAWS = 400
-_ROWS = 300  # samples looked at in a phase, at most; spread evenly in the logarithm of time
+_ROWS = 300  # largest number of samples in a phase, evenly spread in the logarithm of time
 
 
 @dataclass(frozen=True, eq=False)

@@ -215,9 +215,9 @@ def _p_value(rmse: float, prediction: Prediction, selected: np.ndarray) -> float
 def _cumulants(error: np.ndarray) -> tuple[float, float, float]:
     """Return the first three cumulants of the mean square of a normal error, given its draws.
 
-    error (draws, n). With A the error's covariance over its length, they are tr A, 2 tr A^2 and 8
-    tr A^3. Products of different draws estimate the traces without bias, and better than the
-    squares' own moments do.
+    error: (draws, n). With A the error's covariance over its length, the cumulants are tr A,
+    2 tr A^2 and 8 tr A^3. Products of different draws estimate the traces without bias, and better
+    than the squares' own moments do.
     """
     draws, size = error.shape
     products = error @ error.T / size

@@ -251,7 +251,7 @@ def load(path: Path) -> Saved:
         The file is neither of these; the error names what is missing.
     """
     try:
-        # h5netcdf, given what is no HDF5 file, prints a traceback when it is swept up
+        # h5netcdf, given another file than HDF5, prints a traceback when it is garbage-collected
         h5py.File(path).close()
         tree = xarray.load_datatree(path, engine="h5netcdf")
         posterior = tree["posterior"].to_dataset()

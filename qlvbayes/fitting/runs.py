@@ -79,7 +79,7 @@ def _before(path: Path) -> dict[str, Run]:
     try:
         return Runs.read(path).runs
     except (OSError, InputError):
-        return {}  # none yet, or not ours
+        return {}  # there is none yet, or it is another program's
 
 
 def _versions() -> dict[str, str]:

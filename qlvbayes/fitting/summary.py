@@ -70,7 +70,9 @@ def constant_of(
 
     index: of the constant in the diagnostics, which are None where there is no chain.
     """
-    varies = np.ptp(values) > 0.0  # else exactly the constant's value, and exactly 0
+    varies = (
+        np.ptp(values) > 0.0
+    )  # a fixed constant keeps its exact value, and has an sd of exactly 0
     return Constant(
         unit=unit,
         mean=float(values.mean()) if varies else float(values.flat[0]),

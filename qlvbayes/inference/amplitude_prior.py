@@ -26,8 +26,8 @@ from scipy.stats import norm
 from qlvbayes.laws.scales import SHARE, TOLERANCE
 from qlvbayes.priors import HalfNormal, Normal
 
-_EXACT = 1e-9  # of t: sd of an amplitude that is known exactly
-_FAR = 1e3  # sds below zero, from which it makes no difference
+_EXACT = 1e-9  # of t: below this sd an amplitude counts as known exactly
+_FAR = 1e3  # sds: a mean farther below zero makes no difference
 _ROUNDING = 1e-12
 
 

@@ -29,9 +29,9 @@ from qlvbayes.inference.modes import bounded_step, predicted_decrease
 Array = NDArray[np.float64]
 
 
-_FAR = 2.0  # log density below a mode, from which nothing normal can be laid about a place
-_NEAR = 6.0  # natural lengths from a place, up to which a normal may stand for the density
-_SINGULAR = 1e-14  # least eigenvalue of a scaled curvature that is told from nothing
+_FAR = 2.0  # predicted gain of log density above which a point counts as far from a mode
+_NEAR = 6.0  # natural lengths from a point up to which a normal may represent the density
+_SINGULAR = 1e-14  # eigenvalues of a scaled curvature below this count as zero
 
 
 @dataclass(frozen=True, eq=False)

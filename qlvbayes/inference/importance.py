@@ -33,18 +33,18 @@ from qlvbayes.inference.modes import Mode
 Array = NDArray[np.float64]
 
 CLOSE = 0.1
-"""Error of a log evidence that does: 10 % of a probability."""
+"""Standard error of a log evidence that is small enough: 10 % of a probability."""
 
 _TAIL = 5.0  # degrees of freedom of a Student-t: heavier tails than a posterior has
-_ROUND = 64  # draws
+_ROUND = 64  # draws in a round
 _ROUNDS = 5
-_ADAPTED = 2  # times at most
-_GOOD = 0.2  # effective draws a draw, from which the clouds stay as they are
-_FEWEST = 10.0  # effective draws, below which an error is not to be trusted
-_SPREAD = 3.0  # effective draws a number, behind a covariance
-_BEYOND = 2.0  # sds beyond a bound, up to which a normal's mean is the centre of draws
-_LEAST_SHARE = 0.1  # of the draws about the least of the modes
-_NEAR = 6.0  # log evidence behind the best mode, at which another is left out
+_MAX_ADAPTATIONS = 2
+_GOOD = 0.2  # effective draws per draw above which proposals are not adapted
+_FEWEST = 10.0  # effective draws below which a standard error cannot be trusted
+_SPREAD = 3.0  # effective draws per parameter that a covariance needs
+_BEYOND = 2.0  # sds that the centre of a proposal may lie beyond a bound
+_LEAST_SHARE = 0.1  # draws about a mode over those about the best one, at least
+_NEAR = 6.0  # log evidence below the best mode at which another mode is left out
 
 
 class BoundedStudentT(NamedTuple):
@@ -83,7 +83,9 @@ class BoundedStudentT(NamedTuple):
         for k in range(self.centre.size):
             low, high, turned = self._between(steps, k)
             below, above = stdtr(_TAIL, low), stdtr(_TAIL, high)
-            share = np.where(turned, 1.0 - shares[:, k], shares[:, k])  # one draw, either way about
+            share = np.where(
+                turned, 1.0 - shares[:, k], shares[:, k]
+            )  # mirrored bounds use the same draw
             quantile = stdtrit(_TAIL, below + share * (above - below))
             steps[:, k] = np.where(turned, -quantile, quantile)
         drawn = self.centre + steps @ self.root.T
@@ -119,6 +121,10 @@ class BoundedStudentT(NamedTuple):
         low, high = ((bound[k] - mean) / self.root[k, k] for bound in (self.lowest, self.highest))
         turned = low > 0.0
         return np.where(turned, -high, low), np.where(turned, -low, high), turned
+
+
+Mixture = Sequence[tuple[BoundedStudentT, float]]
+"""Proposals with their shares of the draws, which sum to 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +180,7 @@ def sampled_evidence(
 def importance_sample(
     density: Density,
     parameters: Parameters,
-    start: Sequence[tuple[BoundedStudentT, float]],
+    start: Mixture,
     points: Sequence[Point],
     is_sufficient: Callable[[ImportanceSample], bool],
     rounds: int,
@@ -183,7 +189,7 @@ def importance_sample(
 ) -> ImportanceSample:
     """Return the draws of the last mixture of proposals, when they suffice or ``rounds`` are over.
 
-    start: proposals and their shares, which sum to 1; points: modes, as at the nearest of which the
+    start: first mixture; points: modes, as at the nearest of which the
     discrepancy is separated; is_sufficient: decides on the draws so far.
 
     Only draws of the last mixture count, which was chosen before they were made. A proposal that is
@@ -191,36 +197,29 @@ def importance_sample(
     twelve parameters).
     """
     proposals, adaptations = list(start), 0
-    seen, seen_heights = (
-        np.zeros((0, parameters.size)),
-        np.zeros((0, density.discrepancy.sizes.size)),
-    )
-    start_row = 0
+    thetas = np.zeros((0, parameters.size))
+    heights = np.zeros((0, density.discrepancy.sizes.size))
+    first = 0  # row of the first draw of the present mixture
     for round_number in range(1, rounds + 1):
-        fresh = np.concatenate(
-            [proposal.draw(count, rng) for proposal, count in _counts(proposals)]
-        )
-        seen = np.concatenate([seen, fresh])
-        heights = density.log_density(parameters, fresh, tolerance, points)
-        seen_heights = np.concatenate([seen_heights, heights])
-        logs = seen_heights[start_row:] - _mixture(proposals, seen[start_row:])[:, None]
-        best = _summed(seen[start_row:], logs)
+        fresh = np.concatenate([one.draw(count, rng) for one, count in _counts(proposals)])
+        thetas = np.concatenate([thetas, fresh])
+        fresh_heights = density.log_density(parameters, fresh, tolerance, points)
+        heights = np.concatenate([heights, fresh_heights])
+        logs = heights[first:] - _mixture(proposals, thetas[first:])[:, None]
+        best = _summed(thetas[first:], logs)
         if round_number == rounds or is_sufficient(best):
             break
-        if adaptations < _ADAPTED and best.effective < _GOOD * len(logs):
-            logs_of_all = logsumexp(seen_heights, axis=1) - _mixture(proposals, seen)
-            adapted = _after(parameters, seen, logs_of_all)
+        if adaptations < _MAX_ADAPTATIONS and best.effective < _GOOD * len(logs):
+            all_logs = logsumexp(heights, axis=1) - _mixture(proposals, thetas)
+            adapted = _after(parameters, thetas, all_logs)
             if adapted is not None:
-                proposals = [
-                    *((proposal, 0.5 * share) for proposal, share in start),
-                    (adapted, 0.5),
-                ]
-                adaptations, start_row = adaptations + 1, len(seen)
+                proposals = [*((one, 0.5 * share) for one, share in start), (adapted, 0.5)]
+                adaptations, first = adaptations + 1, len(thetas)
     return best
 
 
-def mixture_about(modes: Sequence[tuple[Mode, Evidence]]) -> list[tuple[BoundedStudentT, float]]:
-    """Return a proposal about each mode that matters, with the share of the draws that it gives."""
+def mixture_about(modes: Sequence[tuple[Mode, Evidence]]) -> Mixture:
+    """Return a mixture of a proposal about each mode that matters."""
     highest = max(evidence.log for _, evidence in modes)
     likely = [(mode, evidence) for mode, evidence in modes if evidence.log > highest - _NEAR]
     shares = np.maximum(np.exp([evidence.log - highest for _, evidence in likely]), _LEAST_SHARE)
@@ -246,14 +245,12 @@ def _root(covariance: Array) -> Array:
     return np.asarray(root * np.sign(np.diag(root)))
 
 
-def _counts(
-    proposals: Sequence[tuple[BoundedStudentT, float]],
-) -> list[tuple[BoundedStudentT, int]]:
+def _counts(proposals: Mixture) -> list[tuple[BoundedStudentT, int]]:
     """Return each proposal with the number of draws that it gives in a round."""
     return [(proposal, max(round(_ROUND * share), 1)) for proposal, share in proposals]
 
 
-def _mixture(proposals: Sequence[tuple[BoundedStudentT, float]], thetas: Array) -> Array:
+def _mixture(proposals: Mixture, thetas: Array) -> Array:
     """Return the log density (K,) at thetas (K, F) of the mixture from which draws come."""
     counts = _counts(proposals)
     total = sum(count for _, count in counts)

@@ -18,15 +18,15 @@ from qlvbayes.inference.forward.hypothesis import Hypothesis
 Array = NDArray[np.float64]
 
 _STEPS = 60
-_ENOUGH = 0.02  # rise of the log density that a step promises, below which the mode is found
-_NEARLY = 0.2  # the same under coarse noise, which only leads to a place
-_CREEP = 0.02  # rise in a step, at which the way along a ridge ends
-_NEED = 0.02  # both as a share of how far a place is behind the best: there no more is asked
-_FARTHEST = 3.0  # longest step in a natural length
-_DAMPING = (1e-3, 1e-4, 1e9)  # first, least, most
-_ROUGHLY = 10.0  # loss behind the best, under coarse noise, up to which a place is followed
-_SPREAD = 4.0  # of squared sds a number, within which a way ends at a mode that is known
-_SAME = 0.5  # of loss, within which two modes are one
+_MIN_GAIN = 0.02  # predicted rise of the log density of a step at which a search has converged
+_ROUGH_GAIN = 0.2  # the same under coarse noise, which only leads to a neighbourhood
+_CREEP = 0.02  # rise in a step below which a search along a ridge ends
+_NEED = 0.02  # both, as a share of the distance to the best loss: poor modes need no accuracy
+_LONGEST = 3.0  # natural lengths that a step may have
+_DAMPING = (1e-3, 1e-4, 1e9)  # first, smallest, largest
+_FOLLOWED = 10.0  # loss above the best under coarse noise up to which a mode is followed
+_SPREAD = 4.0  # squared sds per parameter within which a search ends at a known mode
+_SAME = 0.5  # difference of loss within which two modes count as one
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ def find_mode(
     hypothesis: Hypothesis,
     start: Array | Point,
     best: float = np.inf,
-    min_gain: float = _ENOUGH,
+    min_gain: float = _MIN_GAIN,
     known: Sequence[Mode] = (),
 ) -> Mode | None:
     """Return the mode to which damped Gauss-Newton steps lead, or None if the start is not finite.
@@ -91,13 +91,12 @@ def find_mode(
             size, damping, stalled = likeliest, _DAMPING[0], False
             terms = density.terms(point, size)
             continue
-        if steps > 1 and (reached := _met(density, point, terms.loss, known)):
+        if steps > 1 and (reached := _known_nearby(density, point, terms.loss, known)):
             return reached
         candidate = density.at(hypothesis, point.own.within(point.theta + step))
-        # the discrepancy's separation is held in a step: the objective must be one function
-        rise = (
-            terms.loss - density.loss(candidate, size, point.separation) if candidate else -np.inf
-        )
+        # a step keeps the separation of the discrepancy, so that both losses are of one function
+        separation = point.separation
+        rise = terms.loss - density.loss(candidate, size, separation) if candidate else -np.inf
         if candidate is None or not rise > 0.0:
             damping *= 10.0
             stalled = damping > largest
@@ -110,12 +109,14 @@ def find_mode(
     return Mode(point, size, density.terms(point, size).loss, False, steps)
 
 
-def _met(density: Density, point: Point, loss: float, known: Sequence[Mode]) -> Mode | None:
+def _known_nearby(
+    density: Density, point: Point, loss: float, known: Sequence[Mode]
+) -> Mode | None:
     """Return the known mode near which a point lies at a similar height, or None."""
     for mode in known:
         gap = point.theta - mode.point.theta
-        far = gap @ density.terms(mode.point, mode.size).curvature @ gap
-        if far < _SPREAD * gap.size and loss < mode.loss + _SPREAD * gap.size:
+        distance = gap @ density.terms(mode.point, mode.size).curvature @ gap
+        if distance < _SPREAD * gap.size and loss < mode.loss + _SPREAD * gap.size:
             return mode
     return None
 
@@ -140,7 +141,7 @@ def rough_mode(
     known: Sequence[Mode] = (),
 ) -> Mode | None:
     """Return what `find_mode` gives under coarse noise, where modes are few and wide."""
-    return find_mode(density.coarse, hypothesis, start, best, _NEARLY, known)
+    return find_mode(density.coarse, hypothesis, start, best, _ROUGH_GAIN, known)
 
 
 def modes(
@@ -163,9 +164,8 @@ def modes(
     sharp: list[Mode] = []
     candidates = distinct(rough)[:max_modes]
     for candidate in candidates:
-        if (
-            candidate.loss > candidates[0].loss + _ROUGHLY
-        ):  # it would fall back farther under less noise
+        # under less noise it would be even farther behind
+        if candidate.loss > candidates[0].loss + _FOLLOWED:
             break
         sharp += find_modes(density, hypothesis, candidate.point.theta, best, known=sharp)
     return distinct(sharp)
@@ -252,4 +252,4 @@ def bounded_step(terms: Terms, damping: float, point: Point) -> Array:
         bounds = (below / scale, above / scale)
         solution = lsq_linear(root[:, None] * axes.T, target, bounds, method="bvls")
         step = np.clip(scale * solution.x, below, above)
-    return step * min(1.0, _FARTHEST / max(float(np.max(np.abs(step) / parameters.length)), 1e-300))
+    return step * min(1.0, _LONGEST / max(float(np.max(np.abs(step) / parameters.length)), 1e-300))

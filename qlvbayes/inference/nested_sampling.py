@@ -24,11 +24,11 @@ from scipy.special import logsumexp
 from qlvbayes.model.posterior import Posterior, draw_priors
 
 LIVE = 80
-_AT_ONCE = 4  # live points over those replaced together
-_MOVES = 2.0  # slice moves a number, for one new point
-_LEFT = -4.0  # log share of the evidence that the live points may still hold at the end
-_SHUFFLES = 200
-_WORST = -1e100  # log likelihood where the model gives no number
+_AT_ONCE = 4  # number of live points over the number replaced together
+_MOVES = 2.0  # slice moves per parameter for one new point
+_LEFT = -4.0  # log share of the evidence that may remain in the live points at the end
+_SHUFFLES = 200  # draws of the unknown volumes
+_WORST = -1e100  # log likelihood where the model's force is not finite
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +110,7 @@ def _start(posterior: Posterior, positions: Array) -> Any:
 def _replace(posterior: Posterior, key: Array, state: Any, moves: int, together: int) -> _Chunk:
     """Return the state after the lowest live points were replaced, and what that took."""
     state, info = _algorithm(posterior, moves, together).step(key, state)
-    # both ends of each bracket, its growth and its shrinking
+    # likelihoods at both ends of each bracket, and at each expansion and shrinkage
     taken = info.update_info.num_expansions + info.update_info.num_shrink + 2
     return _Chunk(state, info._replace(update_info=None), jnp.sum(taken))
 

@@ -19,11 +19,11 @@ from qlvbayes.inference.forward.space import Space
 Array = NDArray[np.float64]
 Curve = Callable[[Array], Array]
 
-_CLOSE = 0.01  # of the curve's largest value, by which it may be missed as gladly as a prior's sd
+_CLOSE = 0.01  # of the curve's largest value: a deviation that weighs as much as one prior sd
 _STARTS = 2  # draws of the priors, the median first
-_CALLS = 15  # of the curve at most: what comes after is for the force to settle
-_ENOUGH = 1e-3  # relative fall of the cost in a step, at which it is near enough
-_STEP = 1e-6  # over which slopes are taken
+_CALLS = 15  # evaluations of the curve at most: the force decides what follows
+_TOLERANCE = 1e-3  # relative decrease of the cost in a step at which a fit ends
+_STEP = 1e-6  # of difference quotients
 
 
 def projected(space: Space, point: Point, hypothesis: Hypothesis, theta: Array) -> Array:
@@ -34,7 +34,7 @@ def projected(space: Space, point: Point, hypothesis: Hypothesis, theta: Array) 
     projected_theta = theta
     for part in ("elastic", "relaxation"):
         if getattr(hypothesis, part) == getattr(point.own.hypothesis, part):
-            continue  # what both have stays
+            continue
         goal = space.curve(point.own.hypothesis, part, point.constants[None])[0]
         projected_theta = with_curve(space, hypothesis, part, goal, projected_theta)
     return projected_theta
@@ -94,7 +94,7 @@ def _least(
 ) -> tuple[float, Array]:
     """Return the least cost that a start leads to, and the parameters there."""
     try:
-        fit = least_squares(residual, start, slopes, bounds, max_nfev=_CALLS, ftol=_ENOUGH)
-    except ValueError:  # a curve that is not finite on the way
+        fit = least_squares(residual, start, slopes, bounds, max_nfev=_CALLS, ftol=_TOLERANCE)
+    except ValueError:  # the curve became infinite
         return np.inf, start
     return float(fit.cost), np.asarray(fit.x)

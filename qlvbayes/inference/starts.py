@@ -15,7 +15,7 @@ from qlvbayes.priors.natural import Natural
 
 Array = NDArray[np.float64]
 
-_SHAPES = 4  # quantiles of the prior of an effect's first constant beside its amplitude
+_SHAPES = 4  # quantiles of the prior of an effect's first constant other than its amplitude
 
 
 class Amplitude(NamedTuple):

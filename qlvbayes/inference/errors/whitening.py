@@ -26,8 +26,8 @@ from qlvbayes.preprocess.record import Blocks
 
 Array = NDArray[np.float64]
 
-_LEAST = 1e-6  # sd of a block mean, over the largest force, that keeps covariances invertible
-_SINGULAR = 1e-14  # of the largest eigenvalue: less is rounding
+_LEAST = 1e-6  # smallest sd of a block mean over the largest force, for invertible covariances
+_SINGULAR = 1e-14  # eigenvalues below this share of the largest are rounding
 
 
 @dataclass(frozen=True, eq=False)

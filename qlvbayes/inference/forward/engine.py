@@ -215,9 +215,8 @@ def _by_length(record: Record) -> list[TestGroup]:
     members: dict[int, list[int]] = {}
     for k, last in enumerate(np.max(np.asarray(record.nodes), axis=(1, 2)).tolist()):
         size = np.shape(record.motion.time)[1]
-        while (
-            size >= 2 * _WORTH and size % 2 == 0 and size // 2 > last
-        ):  # to compile for few lengths
+        # halves only: few lengths are compiled
+        while size >= 2 * _WORTH and size % 2 == 0 and size // 2 > last:
             size //= 2
         members.setdefault(size, []).append(k)
     return [TestGroup.from_record(record, indices, size) for size, indices in members.items()]

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 ELASTIC, RELAXATION = "elastic", "relaxation"
 """The names of a model's parts other than effects."""
-_LEAST = 16  # rows of constants that are computed at least: so few take no time
+_LEAST = 16  # smallest number of rows that is compiled: so few take no time
 
 
 @dataclass(frozen=True)

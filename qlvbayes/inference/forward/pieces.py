@@ -51,7 +51,7 @@ MADE_OF = (
 _POINTS = 8  # of the motion on which a layer is traced: any number would do
 
 
-class _AskedError(Exception):
+class _UnansweredError(Exception):
     """A layer requests a force that is not known yet."""
 
 
@@ -79,7 +79,7 @@ class _LawBeneath:
         """Return the answer to a request for the force of a motion, if it is known."""
         self.requested.append(motion)
         if len(self.requested) > len(self._answers):
-            raise _AskedError
+            raise _UnansweredError
         return self._answers[len(self.requested) - 1]
 
 
@@ -151,7 +151,7 @@ def _first_request(
     spectrum = Spectrum(jnp.zeros(3), jnp.zeros(2))
     beneath = _LawBeneath(jax.tree.unflatten(elastic, law), spectrum, answers)
     instance: Layer = jax.tree.unflatten(layer, constants)
-    with suppress(_AskedError):
+    with suppress(_UnansweredError):
         force = instance.force(beneath, motion)  # type: ignore[arg-type]
         outcomes.append((None, beneath.uses_laws))
         return [force]
@@ -192,9 +192,10 @@ def piece_of(
     elastic: None where the layer does not use the laws; shared: which leaves of the motion are the
     same for all sets, (T, N) instead of (T, K, N); new: as of the request.
 
-    The piece takes the layer's constants (K, P); the elastic law's constants (K, E), fractions (K,
-    L + 1) and rates (K, L), or nothing where the layer does not use them; the leaves of the motion;
-    and the answers so far, (T, K, N) each. It returns the new leaves, or the force (T, K, N).
+    The piece takes the layer's constants (K, P); the elastic law's constants (K, E), fractions
+    (K, L + 1) and rates (K, L), or nothing where the layer does not use them; the leaves of the
+    motion; and the answers so far, (T, K, N) each. It returns the new leaves, or the force
+    (T, K, N).
     """
 
     def one(constants: Array, laws: Any, leaves: Sequence[Array], answers: Sequence[Array]) -> Any:
@@ -229,7 +230,7 @@ def _evaluated(
 ) -> Any:
     """Return the new leaves of the motion requested beyond the known answers, or the force."""
     instance: Layer = jax.tree.unflatten(layer, list(constants))
-    with suppress(_AskedError):
+    with suppress(_UnansweredError):
         motion = jax.tree.unflatten(motion_structure, leaves)
         return instance.force(beneath, motion)  # type: ignore[arg-type]
     requested = jax.tree.leaves(beneath.requested[-1])
@@ -262,8 +263,8 @@ def material_of(elastic: Any, rates: bool, path: tuple[bool, bool, bool]) -> Cal
     """Return the compiled force (T, K, N) of the material alone.
 
     It takes the elastic law's constants (K, E), fractions (K, L + 1), rates (K, L), and time, depth
-    and bow of the motion, (T, K, N) each. rates: whether all sets share the rates (L,); path: which
-    of time, depth and bow they share, (T, N) each.
+    and bow of the motion's path (`Motion`), (T, K, N) each. rates: whether all sets share the rates
+    (L,); path: which of time, depth and bow they share, (T, N) each.
     """
 
     def one(

@@ -51,7 +51,7 @@ class Space:
     """The record, laws and effects, with priors, from which hypotheses are formed.
 
     elastic, relaxation: laws by name; effects: candidates by name, with `Natural` amplitudes;
-    noise: the floor, with fixed parameters; bonded: whether the pad sticks to the indenter.
+    noise: the floor, with fixed parameters; bonded: whether the specimen is fixed to the indenter.
     """
 
     record: Record
