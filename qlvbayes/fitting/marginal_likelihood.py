@@ -32,11 +32,11 @@ from scipy.linalg import solve_triangular
 
 from qlvbayes.effects.contact_offset import ContactOffset
 from qlvbayes.fitting import compiled
-from qlvbayes.inference.density import Terms, gauss_newton
+from qlvbayes.inference.density import Terms, gauss_newton, positive_part
 from qlvbayes.inference.errors.discrepancy import Discrepancy
 from qlvbayes.inference.errors.features import UNDECIDED
 from qlvbayes.inference.errors.separation import Separation
-from qlvbayes.inference.evidence import excess, second_moment
+from qlvbayes.inference.evidence import second_moment
 from qlvbayes.laws.scales import TOLERANCE
 from qlvbayes.model.floorlikelihood import FloorLikelihood
 from qlvbayes.model.noise import Floor
@@ -165,7 +165,7 @@ class Spread:
         precision = gauss_newton(separated, self.vectors, self.prior).curvature
         known: Array = np.asarray(np.linalg.inv(precision + np.diag(lengths**-2.0)), float)
         free = gauss_newton(self.discrepancy.at(size), self.vectors, self.prior)
-        return excess(second_moment(free, lengths), known)
+        return positive_part(second_moment(free, lengths) - known)
 
     def draws(self, sizes: Array, rng: np.random.Generator) -> Array:
         """Return moves (W, D) of theta for discrepancies of sizes (W,) in N; 0 for size 0."""

@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.tree_util import PyTreeDef
 from jaxtyping import Array as JaxArray
 from numpy.typing import NDArray
 
@@ -261,7 +262,8 @@ def _prior(parameters: Parameters, theta: Array) -> Terms:
         log, first, second = map(np.asarray, _log_prior(*leaf.flat, theta[here]))
         loss -= float(log)
         gradient[here] = -first
-        curvature[here, here] = _positive_part(-second)
+        overflowed = not np.isfinite(second).all()
+        curvature[here, here] = 0.0 if overflowed else positive_part(-second)
     return Terms(loss, gradient, curvature)
 
 
@@ -274,10 +276,8 @@ def _log_prior_of(parameters: Parameters, theta: Array, tolerance: float) -> flo
     return log
 
 
-def _positive_part(matrix: Array) -> Array:
-    """Return the symmetric part, negative eigenvalues set to 0; zeros if it is not finite."""
-    if not np.isfinite(matrix).all():
-        return np.zeros_like(matrix)
+def positive_part(matrix: Array) -> Array:
+    """Return the symmetric part of a matrix (F, F) with its negative eigenvalues set to 0."""
     if matrix.size == 1:
         return np.maximum(matrix, 0.0)
     values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
@@ -285,7 +285,9 @@ def _positive_part(matrix: Array) -> Array:
 
 
 @partial(jax.jit, static_argnums=0)
-def _log_prior(structure: Any, prior: tuple[Array, ...], theta: JaxArray) -> tuple[JaxArray, ...]:
+def _log_prior(
+    structure: PyTreeDef, prior: tuple[Array, ...], theta: JaxArray
+) -> tuple[JaxArray, ...]:
     """Return log density (), gradient and curvature at theta (size,) of a flattened prior."""
     distribution: AbstractPrior = jax.tree.unflatten(structure, prior)
 

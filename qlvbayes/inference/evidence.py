@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr, logsumexp, softmax
 
-from qlvbayes.inference.density import Density, Point, Terms
+from qlvbayes.inference.density import Density, Point, Terms, positive_part
 from qlvbayes.inference.modes import bounded_step, predicted_decrease
 
 Array = NDArray[np.float64]
@@ -81,7 +81,7 @@ def evidence(density: Density, point: Point) -> Evidence:
         logs,
         theta + shifts[best],
         covariance,
-        excess(_spread(density, point, softmax(logs)), covariance),
+        positive_part(_spread(density, point, softmax(logs)) - covariance),
     )
 
 
@@ -108,12 +108,6 @@ def second_moment(terms: Terms, lengths: Array) -> Array:
     step = -covariance @ terms.gradient
     step /= max(1.0, float(np.max(np.abs(step) / lengths)))
     return np.asarray(covariance + np.outer(step, step))
-
-
-def excess(moment: Array, covariance: Array) -> Array:
-    """Return by how much (F, F) a second moment exceeds a covariance, where it does."""
-    values, vectors = np.linalg.eigh(moment - covariance)
-    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
 
 
 def _is_far(density: Density, point: Point) -> bool:

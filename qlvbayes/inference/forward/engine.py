@@ -19,6 +19,8 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.tree_util import PyTreeDef
+from jaxtyping import Array as JaxArray
 from numpy.typing import NDArray
 
 from qlvbayes.inference.forward.pieces import (
@@ -36,7 +38,7 @@ from qlvbayes.preprocess.batching import told
 from qlvbayes.preprocess.record import Record
 
 Array = NDArray[np.float64]
-Leaves = tuple[Any, ...]
+Leaves = tuple[JaxArray, ...]
 
 SETS = 4
 """Number of sets of constants that are computed together."""
@@ -84,11 +86,11 @@ class TestGroup:
     """
 
     members: list[int]
-    structure: Any
+    structure: PyTreeDef
     leaves: Leaves
     begin: NDArray[np.intp]
     end: NDArray[np.intp]
-    known: dict[Any, Leaves] = field(default_factory=dict)
+    known: dict[tuple[Any, ...], Leaves] = field(default_factory=dict)
 
     @classmethod
     def from_record(cls, record: Record, members: list[int], points: int) -> TestGroup:
@@ -114,8 +116,8 @@ class TestGroup:
 class LayerChain:
     """A law under its layers, given by their pytree structures, which computes the law's force."""
 
-    elastic: Any
-    layers: tuple[Any, ...]
+    elastic: PyTreeDef
+    layers: tuple[PyTreeDef, ...]
 
     @classmethod
     def from_law(cls, law: Law) -> LayerChain:
@@ -123,13 +125,13 @@ class LayerChain:
         layers = tuple(jax.tree.structure(layer) for layer in law.layers)
         return cls(jax.tree.structure(law.elastic), layers)
 
-    def force(self, sets: Sets, tests: TestGroup) -> Any:
+    def force(self, sets: Sets, tests: TestGroup) -> JaxArray:
         """Return the force (T, K, N) in N of as many sets as are computed together."""
         return self._under(len(self.layers), sets, tests, tests.leaves, tests.structure)
 
     def _under(
-        self, count: int, sets: Sets, tests: TestGroup, leaves: Leaves, structure: Any
-    ) -> Any:
+        self, count: int, sets: Sets, tests: TestGroup, leaves: Leaves, structure: PyTreeDef
+    ) -> JaxArray:
         """Return the force (T, K, N) of the ``count`` innermost layers over the material.
 
         leaves, structure: of the motion above them.
@@ -142,7 +144,7 @@ class LayerChain:
             whole = whole_of(self.layers[:count], self.elastic, structure, shared)
             return whole(sets.layers[:count], sets.laws, leaves)
         elastic, laws = (self.elastic, sets.laws) if plan.uses_laws else (None, ())
-        answers: list[Any] = []
+        answers: list[JaxArray] = []
         for turn, request in enumerate(plan.requests):
             requested = leaves
             if any(request.new) and all(shared) and not own.shape[1] and turn == 0:
@@ -155,7 +157,12 @@ class LayerChain:
         return last(own, laws, leaves, answers)
 
     def _common(
-        self, layer: Any, tests: TestGroup, leaves: Leaves, structure: Any, request: MotionRequest
+        self,
+        layer: PyTreeDef,
+        tests: TestGroup,
+        leaves: Leaves,
+        structure: PyTreeDef,
+        request: MotionRequest,
     ) -> Leaves:
         """Return what a layer without constants makes of a shared motion, computed only once."""
         key = layer, *map(id, leaves)
@@ -164,7 +171,7 @@ class LayerChain:
             tests.known[key] = _replaced(leaves, new, request)
         return tests.known[key]
 
-    def _material(self, sets: Sets, motion: Motion) -> Any:
+    def _material(self, sets: Sets, motion: Motion) -> JaxArray:
         """Return the force (T, K, N) of the material alone."""
         path: tuple[Any, Any, Any] = motion.time, motion.displacement, motion.bow
         shared = path[0].ndim == 2, path[1].ndim == 2, path[2].ndim == 2
@@ -176,7 +183,9 @@ class ForceEngine:
     """An engine that runs chains over records, and caches the records in the form pieces take."""
 
     def __init__(self) -> None:
-        self._tests: OrderedDict[Any, tuple[Record, list[TestGroup]]] = OrderedDict()
+        self._tests: OrderedDict[tuple[int, int, int], tuple[Record, list[TestGroup]]] = (
+            OrderedDict()
+        )
         self._lock = Lock()
 
     def forces(self, chain: LayerChain, sets: Sets, record: Record) -> Array:
@@ -222,14 +231,14 @@ def _by_length(record: Record) -> list[TestGroup]:
     return [TestGroup.from_record(record, indices, size) for size, indices in members.items()]
 
 
-def _shared(leaves: Leaves, structure: Any) -> tuple[bool, ...]:
+def _shared(leaves: Leaves, structure: PyTreeDef) -> tuple[bool, ...]:
     """Return which leaves of a motion are shared by all sets: (T, N), or (T,) for a whole test."""
     whole = _of_whole_tests(structure)
     return tuple(leaf.ndim == (1 if k in whole else 2) for k, leaf in enumerate(leaves))
 
 
 @cache
-def _of_whole_tests(structure: Any) -> tuple[int, int]:
+def _of_whole_tests(structure: PyTreeDef) -> tuple[int, int]:
     """Return the indices of a motion's leaves that have one value per test: start and number."""
     indices: Motion = jax.tree.unflatten(structure, list(range(structure.num_leaves)))
     return int(indices.start), int(indices.number)
@@ -238,6 +247,7 @@ def _of_whole_tests(structure: Any) -> tuple[int, int]:
 def _replaced(leaves: Leaves, new: Any, request: MotionRequest) -> Leaves:
     """Return the leaves of a requested motion: the new ones, and the others unchanged."""
     new_leaves = iter(new)
-    old = leaves if len(leaves) == len(request.new) else [None] * len(request.new)
+    # a motion of another structure has new leaves only
+    old: list[Any] = [*leaves] if len(leaves) == len(request.new) else [None] * len(request.new)
     pairs = zip(old, request.new, strict=True)
     return tuple(next(new_leaves) if is_new else leaf for leaf, is_new in pairs)

@@ -6,10 +6,10 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any
 
 import jax
 import numpy as np
+from jax.tree_util import PyTreeDef
 from jaxtyping import Array as JaxArray
 from numpy.typing import NDArray
 
@@ -56,7 +56,7 @@ class Leaf:
     constants: range
 
     @cached_property
-    def flat(self) -> tuple[Any, tuple[Array, ...]]:
+    def flat(self) -> tuple[PyTreeDef, tuple[Array, ...]]:
         """Return the prior's structure and values, which JAX takes faster than the prior itself."""
         values, structure = jax.tree.flatten(self.prior)
         return structure, tuple(np.asarray(number, dtype=float) for number in values)
@@ -215,7 +215,7 @@ def filled_up(rows: Array, multiple: int) -> Array:
 
 
 @partial(jax.jit, static_argnums=0)
-def _value(structure: Any, prior: tuple[Array, ...], theta: JaxArray) -> JaxArray:
+def _value(structure: PyTreeDef, prior: tuple[Array, ...], theta: JaxArray) -> JaxArray:
     """Return values (K, ...) at theta (K, size), by a flattened prior."""
     distribution: AbstractPrior = jax.tree.unflatten(structure, prior)
     return jax.vmap(lambda x: distribution.constrain(x)[0])(theta)

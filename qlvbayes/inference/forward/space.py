@@ -63,7 +63,7 @@ class Space:
     _engine: ForceEngine = field(default_factory=ForceEngine)
     _cache: dict[Hypothesis, Parameters] = field(default_factory=dict)
     _chains: dict[Hypothesis, tuple[LayerChain, list[slice]]] = field(default_factory=dict)
-    _draws: dict[Any, Array] = field(default_factory=dict)
+    _draws: dict[tuple[str, str, int], Array] = field(default_factory=dict)
     _rates: dict[int, tuple[Record, FixedRates]] = field(default_factory=dict)
 
     def with_effects(self, effects: dict[str, AbstractEffect]) -> Space:
