@@ -299,21 +299,9 @@ def _sampled(
         "walkers": walkers,
         "thinned_by": thin,
     }
-    return Fit(
-        experiment.pad,
-        method,
-        choices,
-        settings,
-        experiment,
-        trials,
-        posterior,
-        theta[:, ::thin],
-        every[:, ::thin],
-        every,
-        constants,
-        chain.enough,
-        facts,
-    )
+    setup = experiment.pad, method, choices, settings, experiment, trials, posterior
+    draws = theta[:, ::thin], every[:, ::thin], every, constants
+    return Fit(*setup, *draws, chain.enough, facts)
 
 
 def _approximated(
@@ -330,21 +318,8 @@ def _approximated(
     theta = result.normal.draw(chains * draws, rng).reshape(chains, draws, -1)
     constants = _constants(result.posterior, theta, rng)
     facts = {"residual_sd": result.residual_sd, "starts_agreeing": result.agreeing}
-    return Fit(
-        experiment.pad,
-        method,
-        choices,
-        settings,
-        experiment,
-        trials,
-        result.posterior,
-        theta,
-        constants,
-        constants,
-        constants,
-        result.agreeing > 1,
-        facts,
-    )
+    setup = experiment.pad, method, choices, settings, experiment, trials, result.posterior
+    return Fit(*setup, theta, constants, constants, constants, result.agreeing > 1, facts)
 
 
 def _notices(fit: Fit) -> Iterator[str]:
@@ -373,8 +348,8 @@ def _contact_notices(pad: str, trials: Sequence[Trial], units: UnitSystem) -> It
         listed = ", ".join(f"{name} {sd:.2g}" for name, sd in sds.items())
         unit = units.displacement
         yield (
-            f"pad {pad}: where contact lies is uncertain, and the constants heed it (standard "
-            f"error in {unit}: {listed})"
+            f"pad {pad}: the contact point is uncertain, and the constants' intervals include this "
+            f"(standard error in {unit}: {listed})"
         )
 
 

@@ -131,7 +131,7 @@ class TestCurves(
 
 
 class Curves(Result, frozen=True, kw_only=True, rename={"noise": "noise_N"}):
-    """The samples of one pad that stand for all, at most 300 a phase: ``curves.json``."""
+    """The curves of one pad at representative samples, at most 300 a phase: ``curves.json``."""
 
     indent: ClassVar[int | None] = None
 

@@ -129,7 +129,7 @@ def _sample_by_sample(
 
 
 def representative_rows(trial: Trial) -> np.ndarray:
-    """Return the indices of samples that stand for all of a trial.
+    """Return the indices of samples that represent a trial.
 
     As in the likelihood, samples are left out if they are so near a kink that it is unclear on
     which side of it they lie.

@@ -79,7 +79,7 @@ class Whitener:
 
     @cached_property
     def _bases(self) -> list[tuple[Array, Array]]:
-        """Return, for each test, 1/sqrt(lambda) and the rows of lambda^{-1/2} V^T."""
+        """Return for each test 1/sqrt(lambda) and the rows of lambda^{-1/2} V^T."""
         bases = []
         for one in self.covariances:
             values, vectors = np.linalg.eigh(one)
@@ -132,8 +132,8 @@ def covariance(floor: NoiseFloor, blocks: Blocks, peak: float) -> np.ndarray:
     correlation = averaged_correlation(first, last, count, floor.tau, floor.smooth)
     moving = (extra > 0.0).astype(float)
     group = np.cumsum(np.abs(np.diff(moving, prepend=moving[:1])))
-    alike = np.where(group[:, None] == group, 0.5, 0.0)
-    motion = np.outer(extra, extra) * (alike + 0.5 * np.eye(extra.size))
+    common = np.where(group[:, None] == group, 0.5, 0.0)
+    motion = np.outer(extra, extra) * (common + 0.5 * np.eye(extra.size))
     return np.diag(white) + correlated * correlation + motion
 
 
