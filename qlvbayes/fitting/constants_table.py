@@ -189,9 +189,21 @@ def as_latex(entries: Sequence[Entry]) -> str:
 
 
 def write_constants(out: Path, entries: Sequence[Entry], *, for_print: bool = True) -> list[Path]:
-    """Write ``out``/constants.csv and .tex, completely or not at all; return their paths.
+    """Write ``out``/constants.csv and .tex, completely or not at all.
 
-    for_print: whether the .tex file, with one column a pad, is written.
+    Parameters
+    ----------
+    out
+        Folder of the tables.
+    entries
+        Constants of all pads.
+    for_print
+        Whether the .tex file, with one column a pad, is written.
+
+    Returns
+    -------
+    list of Path
+        The files written.
     """
     texts = {"csv": as_csv(entries)}
     if for_print:

@@ -28,13 +28,26 @@ _ROWS = 300  # largest number of samples in a phase, evenly spread in the logari
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """The samples (n,) of one test, and their predictions.
+    """The n samples of one test, and their predictions.
 
-    time (s); phase: its kind; observed: measured force; mean: posterior mean of the model's force;
-    low, high: 90 % predictive interval, with noise and with the discrepancy that the fit implies,
-    so that the mean may lie outside it; forces (draws, n): the model's force for each posterior
-    draw; floor (draws, n): realisations of the noise floor that was measured without the model,
-    each with its own draw of what the dwells leave open.
+    Parameters
+    ----------
+    trial
+        The test.
+    time, phase
+        Time (s) and kind of phase of each sample.
+    observed
+        Measured force.
+    mean
+        Posterior mean of the model's force.
+    low, high
+        Ends of the 90 % predictive interval, with noise and with the discrepancy that the fit
+        implies. The mean may therefore lie outside it.
+    forces
+        The model's force (draws, n) for each posterior draw.
+    floor
+        Realisations (draws, n) of the noise floor that was measured without the model, each with
+        its own draw of what the dwells leave open.
     """
 
     trial: Trial

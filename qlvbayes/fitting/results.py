@@ -99,6 +99,24 @@ def to_arviz(
     Where a discrepancy may have moved the constants from those of the chain, the group ``curve``
     has the latter. Walkers are chains. The log likelihood of a block is conditional on the blocks
     before it in its test. Units are attributes of the variables, everything else of the root.
+
+    Parameters
+    ----------
+    fit
+        Draws of the constants of one pad.
+    summary
+        Summary of the fit, which says whether the sampling converged.
+    source, sha256
+        File of the data, and its digest.
+    all_tests
+        Whether all tests of the pad were used.
+    seed
+        Seed of the replicated block means.
+
+    Returns
+    -------
+    xarray.DataTree
+        The groups as arviz expects them.
     """
     posterior, dims, coords = _grouped(fit.names, fit.constants)
     force = fit.experiment.units.force_name

@@ -64,7 +64,20 @@ def record_run(
 ) -> None:
     """Record in ``out/run.json`` by which command a step was made; ``study`` replaces all others.
 
-    settings: plain values and dataclasses.
+    Parameters
+    ----------
+    out
+        Folder of the results.
+    step, command
+        Name of the step, and the command line.
+    study
+        Measurements, whose file and digest are recorded.
+    choices
+        Model and priors.
+    seed
+        Seed of the random numbers.
+    settings
+        Further options: plain values and dataclasses.
     """
     path = out / "run.json"
     runs = {} if step == "study" else _before(path)

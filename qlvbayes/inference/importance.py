@@ -189,12 +189,26 @@ def importance_sample(
 ) -> ImportanceSample:
     """Return the draws of the last mixture of proposals, when they suffice or ``rounds`` are over.
 
-    start: first mixture; points: modes, as at the nearest of which the
-    discrepancy is separated; is_sufficient: decides on the draws so far.
-
     Only draws of the last mixture count, which was chosen before they were made. A proposal that is
     shaped by draws which it then weights itself makes their weights too small (by 0.2 of ln Z in
     twelve parameters).
+
+    Parameters
+    ----------
+    density, parameters
+        Posterior density, and the free parameters of the hypothesis.
+    start
+        First mixture.
+    points
+        Modes, as at the nearest of which the discrepancy is separated.
+    is_sufficient
+        Decides whether the draws so far suffice.
+    rounds
+        Largest number of rounds.
+    rng
+        Random generator of the draws.
+    tolerance
+        Share of the peak force below which an amplitude's contribution does not matter.
     """
     proposals, adaptations = list(start), 0
     thetas = np.zeros((0, parameters.size))
