@@ -94,11 +94,11 @@ def evidence(density: Density, point: Point) -> Evidence:
         logs,
         theta + shifts[best],
         covariance,
-        positive_part(_spread(density, point, softmax(logs)) - covariance),
+        positive_part(_discrepancy_moment(density, point, softmax(logs)) - covariance),
     )
 
 
-def _spread(density: Density, point: Point, weights: Array) -> Array:
+def _discrepancy_moment(density: Density, point: Point, weights: Array) -> Array:
     r"""Return the second moment (F, F) of the parameters about the mode, given a discrepancy.
 
     What the derivatives of the force have followed of the discrepancy is not seen, but it is

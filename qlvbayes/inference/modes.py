@@ -215,12 +215,12 @@ def distinct(candidates: Iterable[Mode]) -> list[Mode]:
     """Return the modes sorted by height, the highest first, one of each group of duplicates."""
     kept: list[Mode] = []
     for mode in sorted(candidates, key=lambda m: m.loss):
-        if not any(_alike(mode, other) for other in kept):
+        if not any(_is_duplicate(mode, other) for other in kept):
             kept.append(mode)
     return kept
 
 
-def _alike(one: Mode, two: Mode) -> bool:
+def _is_duplicate(one: Mode, two: Mode) -> bool:
     """Return whether two modes have equal heights and hardly differ in terms of the curvature."""
     if abs(one.loss - two.loss) > _SAME:
         return False
