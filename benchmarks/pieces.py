@@ -24,7 +24,7 @@ def rows(file="data/hidden.csv"):
     found = []
     for hypothesis in _hypotheses(space):
         own = space.parameters(hypothesis)
-        constants = own.constants(space.plain_draws(hypothesis)[:SETS])
+        constants = own.constants(space.prior_draws(hypothesis)[:SETS])
         start = time.perf_counter()
         space.forces(hypothesis, constants)
         first = time.perf_counter() - start

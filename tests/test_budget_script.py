@@ -37,7 +37,7 @@ def test_least_squares_leaves_least_whatever_it_begins_from():
     def rms(point):
         return float(np.sqrt(np.mean((observed - point.predicted)[real] ** 2)))
 
-    fit = rough_mode(density, plain, density.space.plain_draws(plain)[0]).point
+    fit = rough_mode(density, plain, density.space.prior_draws(plain)[0]).point
     own = density.space.parameters(plain)
     far = density.at(plain, own.within(fit.theta + 0.3 * own.length))
     least = least_squares(density, fit, rms(fit))

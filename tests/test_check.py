@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from support.endtoend import TRUTH, experiment, fitted, study
 
-from qlvbayes.fitting.checked import check_pad
+from qlvbayes.fitting.pad_check import check_pad
 from qlvbayes.fitting.prediction import predict
 from qlvbayes.fitting.residuals import FALSE_ALARMS, check
 from qlvbayes.fitting.results import Saved
@@ -216,10 +216,10 @@ def test_long_phases_are_looked_at_in_part():
     )
     (prediction,) = predict(experiment(), Choices(), at_truth(), [replace(trial, test=test)])
     for phase in ("hold", "recovery"):
-        looked_at = prediction.time[prediction.phase == phase]
+        representative_rows = prediction.time[prediction.phase == phase]
         there = time[trial.phase_of(time) == phase]
-        assert looked_at.size <= 300
-        assert looked_at[[0, -1]] == pytest.approx(there[[0, -1]])
+        assert representative_rows.size <= 300
+        assert representative_rows[[0, -1]] == pytest.approx(there[[0, -1]])
 
 
 @pytest.fixture(scope="module")

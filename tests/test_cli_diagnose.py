@@ -15,7 +15,7 @@ from qlvbayes.diagnosis.result import Base, DiagnosisResult
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.effects import check_effect
 from qlvbayes.effects.catalogue import EFFECTS, EVERY, find
-from qlvbayes.fitting.checked import Curves
+from qlvbayes.fitting.pad_check import Curves
 from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.runs import Runs
 from qlvbayes.fitting.summary import FitSummary

@@ -36,7 +36,7 @@ def log_odds(etas, seed=0):
     experiment = pad_with_drags(etas, seed)
     search = search_of(experiment, kinds=FEW)
     density, space = search.density, search.density.space
-    start = np.median(space.plain_draws(DRAG), axis=0)
+    start = np.median(space.prior_draws(DRAG), axis=0)
     mode = find_mode(density, DRAG, start)
     found = weigh(density, DRAG, mode, search.settings.tolerance)
     return log_odds_of_varying(

@@ -11,9 +11,9 @@ from qlvbayes.fitting.constants_table import (
     as_csv,
     as_latex,
     constants_table,
+    matching_references,
     read_references,
     rounded,
-    that_fit,
     write_constants,
 )
 from qlvbayes.fitting.summary import Constant, FitSummary
@@ -132,8 +132,8 @@ def test_missing_references_and_other_units_are_refused(tmp_path):
 def test_references_of_another_elastic_law_are_left_out():
     """The factor of a power law is no stiffness: its unit tells."""
     known = {("B_1", "m"): Reference(0.34, "N/mm^n"), ("other", "m"): Reference(9.0, "N/mm")}
-    assert list(that_fit(known, [SUMMARY])) == [("other", "m")]
-    assert that_fit(KNOWN, [SUMMARY]) == KNOWN
+    assert list(matching_references(known, [SUMMARY])) == [("other", "m")]
+    assert matching_references(KNOWN, [SUMMARY]) == KNOWN
 
 
 def test_names_are_quoted_in_csv():

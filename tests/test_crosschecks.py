@@ -72,7 +72,7 @@ def test_an_extra_mode_in_the_place_of_one_that_the_law_has_leads_back_to_the_la
     fractions, rates = space.spectra(search.usual, plain.point.constants[None])
     names = own.by_name
     theta = np.zeros(own.size)
-    theta[own.carried(plain.point.own)] = plain.point.theta
+    theta[own.positions_of(plain.point.own)] = plain.point.theta
     shares = fractions[0].copy()
     taken, shares[2] = shares[2], 1e-3
     shares /= shares.sum()

@@ -36,7 +36,7 @@ def searched():
     theta = search.density.space.parameters(with_drag)
     start = np.zeros(theta.size)
     point = search.modes[search.usual][0].point
-    start[theta.carried(point.own)] = point.theta
+    start[theta.positions_of(point.own)] = point.theta
     start[-1] = 0.1
     found = find_modes(search.density, with_drag, start)
     search._keep(with_drag, search._weighed(with_drag, found))

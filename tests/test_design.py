@@ -13,8 +13,8 @@ from qlvbayes.diagnosis.workbench import as_chosen, search_of
 from qlvbayes.effects.force_drift import ForceDrift
 from qlvbayes.effects.force_offset import ForceOffset
 from qlvbayes.evaluation.study import measured
-from qlvbayes.inference.extending import shapes
 from qlvbayes.inference.modes import find_mode
+from qlvbayes.inference.starts import shapes
 from qlvbayes.io.data import Pad
 from qlvbayes.io.units import PAD
 from qlvbayes.model.choices import Choices

@@ -10,7 +10,7 @@ from qlvbayes.diagnosis.checks.samples import Samples
 from qlvbayes.diagnosis.telling.discrepancy import discrepancy
 from qlvbayes.diagnosis.telling.work import Work
 from qlvbayes.diagnosis.workbench import search_of
-from qlvbayes.inference.errors.features import DiscrepancyPrior, Features, Places, covariance
+from qlvbayes.inference.errors.features import DiscrepancyPrior, Features, Locations, covariance
 from qlvbayes.simulate import OUTSIDE
 
 SHARE = 1e-3  # of the variance, that features may leave out
@@ -25,7 +25,7 @@ def places(rng, count):
         ],
         axis=1,
     )
-    return Places(
+    return Locations(
         smooth, rng.uniform(0.5, 1.0, count), rng.integers(0, 3, count), rng.integers(0, 4, count)
     )
 
@@ -40,7 +40,7 @@ def test_the_kernel_is_a_covariance(seed):
 
 def test_products_of_features_are_the_covariance():
     some = places(np.random.default_rng(0), 120)
-    features = Features.of(some)
+    features = Features.from_locations(some)
     left = covariance(some, some) - features(some).T @ features(some)
     assert np.max(np.diag(left)) <= SHARE
     assert np.linalg.eigvalsh(left).min() > -1e-9  # what is left out is a covariance too
@@ -49,8 +49,8 @@ def test_products_of_features_are_the_covariance():
 def test_functions_of_other_tests_and_phases_are_apart():
     rng = np.random.default_rng(1)
     one = places(rng, 1)
-    other_test = Places(one.smooth, one.size, one.phase, one.test + 1)
-    other_phase = Places(one.smooth, one.size, one.phase + 1, one.test)
+    other_test = Locations(one.smooth, one.size, one.phase, one.test + 1)
+    other_phase = Locations(one.smooth, one.size, one.phase + 1, one.test)
     own = covariance(one, one)[0, 0]
     assert covariance(one, other_test)[0, 0] == pytest.approx(0.5 * own)  # the shared half
     assert covariance(one, other_phase)[0, 0] == 0.0
@@ -59,7 +59,7 @@ def test_functions_of_other_tests_and_phases_are_apart():
 def test_correlations_fall_over_the_lengths_of_the_prior():
     prior = DiscrepancyPrior(time=1.5, depth=0.4, rate=0.7, unloaded=0.25)
     smooth = prior.smooth(np.array([0.1, 0.3]), np.array([0.2, 0.9]), np.array([2.0, 5.0]))
-    some = Places(smooth, prior.size(np.array([0.0, -1.2])), np.zeros(2), np.zeros(2))
+    some = Locations(smooth, prior.size(np.array([0.0, -1.2])), np.zeros(2), np.zeros(2))
     far = np.sqrt(3.0) * np.abs([np.log(3.0) / 1.5, 0.7 / 0.4, np.log(2.5) / 0.7])
     time, depth, rate = (1.0 + far) * np.exp(-far)
     expected = 0.25 * 1.0 * time * depth * (0.5 * rate + 0.5)
@@ -70,7 +70,7 @@ def test_a_pads_blocks_are_covered():
     experiment = hidden_pad(rates=(1.0, 20.0))
     search = search_of(experiment, kinds=())
     blocks = search.density.space.record.blocks
-    features = Features.of(Places.of_blocks(experiment, experiment.trials, blocks))
+    features = Features.from_locations(Locations.from_blocks(experiment, experiment.trials, blocks))
     assert len(search.density.discrepancy.features) == features.factor.shape[0]
     assert np.isfinite(search.density.discrepancy.shapes).all()
 

@@ -7,8 +7,8 @@ from support.hidden_pads import hidden_pad
 from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.effects.catalogue import EFFECTS, FORMS, find
 from qlvbayes.inference.evidence import evidence
-from qlvbayes.inference.extending import amplitude_of, shapes
 from qlvbayes.inference.forward.hypothesis import Hypothesis
+from qlvbayes.inference.starts import amplitude_of, shapes
 from qlvbayes.priors.natural import Positive
 from qlvbayes.simulate import HIDDEN, full_retraction_protocol
 

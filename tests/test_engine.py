@@ -64,7 +64,7 @@ def check(space, elastic="exponential", relaxation="prony:2", effects=()):
     """Pieces against `Model.force` of the same constants, within rounding."""
     hypothesis = Hypothesis(elastic, relaxation, frozenset(effects))
     own = space.parameters(hypothesis)
-    constants = own.constants(space.plain_draws(hypothesis)[:SETS])
+    constants = own.constants(space.prior_draws(hypothesis)[:SETS])
     found = space.forces(hypothesis, constants)
     assert found.shape == (SETS, *np.shape(space.record.blocks.force))
     for k in (0, SETS - 1):
@@ -126,17 +126,17 @@ def test_a_piece_says_what_it_changes(space):
     elastic = jax.tree.structure(LAWS.elastic[0](1.0, 1.0))
     kinds = {kind.name: kind for kind in EVERY}
     drag = plan_of(jax.tree.structure(kinds["viscous_drag"](1.0)), elastic, motion)
-    assert [any(question.new) for question in drag.questions] == [False]
-    assert not drag.is_looking
+    assert [any(request.new) for request in drag.requests] == [False]
+    assert not drag.uses_laws
     frame = plan_of(jax.tree.structure(kinds["frame_compliance"](1.0)), elastic, motion)
-    assert frame.is_looking
-    assert {sum(question.new) for question in frame.questions} == {1}
+    assert frame.uses_laws
+    assert {sum(request.new) for request in frame.requests} == {1}
 
 
 def test_tests_of_unlike_lengths_keep_their_order(space, experiment):
     """Each test runs as long as it is: the longest one may have many times as many points."""
     hypothesis = Hypothesis("exponential", "prony:2", frozenset({"contact_offset"}))
-    constants = space.parameters(hypothesis).constants(space.plain_draws(hypothesis)[:3])
+    constants = space.parameters(hypothesis).constants(space.prior_draws(hypothesis)[:3])
     whole = space.forces(hypothesis, constants)
     longer = jax.tree.map(
         lambda x: np.concatenate([x, np.repeat(x[:, -1:], 4096 - x.shape[1], axis=1)], axis=1)

@@ -21,7 +21,7 @@ from qlvbayes.inference.errors.whitening import Whitener, covariance
 from qlvbayes.inference.evidence import evidence
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.forward.space import median
-from qlvbayes.inference.modes import bounded_step, find_mode, modes, promised
+from qlvbayes.inference.modes import bounded_step, find_mode, modes, predicted_decrease
 from qlvbayes.inference.projection import projected
 from qlvbayes.motion.experiment import prepare
 
@@ -41,10 +41,10 @@ def space(experiment):
 
 @pytest.fixture(scope="module")
 def density(experiment, space):
-    whitener = Whitener.of(experiment.floor, space.record.blocks, PEAK)
+    whitener = Whitener.from_floor(experiment.floor, space.record.blocks, PEAK)
     rng = np.random.default_rng(3)
     shapes = rng.standard_normal((7, *space.record.blocks.force.shape))
-    return Density(space, whitener, Discrepancy.of(shapes, whitener, 2.0, 0.01))
+    return Density(space, whitener, Discrepancy.from_features(shapes, whitener, 2.0, 0.01))
 
 
 def thetas(space, hypothesis, count):
@@ -114,7 +114,7 @@ def test_whitened_products_are_those_of_the_covariance(experiment, space, densit
 
 def test_gradient_is_the_slope_of_the_loss(density, space):
     hypothesis = Hypothesis("exponential", "prony:2", frozenset({"viscous_drag"}))
-    theta = median(space.plain_draws(hypothesis))
+    theta = median(space.prior_draws(hypothesis))
     theta[-1] = 0.5 * space.parameters(hypothesis).length[-1]
     size, step = 0.03, 1e-4 * space.parameters(hypothesis).length
     point = density.at(hypothesis, theta)
@@ -131,7 +131,7 @@ def test_gradient_is_the_slope_of_the_loss(density, space):
 def test_evidence_of_a_bounded_amplitude_agrees_with_quadrature(density):
     hypothesis = Hypothesis("exponential", "prony:2", frozenset({"viscous_drag"}))
     plain = Hypothesis("exponential", "prony:2")
-    mode = modes(density, plain, [median(density.space.plain_draws(plain))])[0]
+    mode = modes(density, plain, [median(density.space.prior_draws(plain))])[0]
     theta = np.append(mode.point.theta, 0.0)
     found = find_mode(density, hypothesis, theta)
     point = found.point
@@ -162,7 +162,7 @@ def test_evidence_of_a_bounded_amplitude_agrees_with_quadrature(density):
 
 def test_a_place_that_is_no_mode_has_less_evidence_than_the_mode_it_leads_to(density, space):
     hypothesis = Hypothesis("exponential", "prony:2")
-    start = median(space.plain_draws(hypothesis))
+    start = median(space.prior_draws(hypothesis))
     mode = find_mode(density, hypothesis, start)
     assert evidence(density, density.at(hypothesis, start)).log < evidence(density, mode.point).log
 
@@ -170,7 +170,7 @@ def test_a_place_that_is_no_mode_has_less_evidence_than_the_mode_it_leads_to(den
 def test_a_test_left_out_has_no_part_in_the_density(experiment, density, space):
     hypothesis = Hypothesis("exponential", "prony:2")
     fewer = density.without(density.whitener.tests == 2)
-    point = fewer.at(hypothesis, median(space.plain_draws(hypothesis)))
+    point = fewer.at(hypothesis, median(space.prior_draws(hypothesis)))
     expected = dense_loss(experiment, fewer, point, 0.02, kept=(0, 1, 3, 4, 5))
     assert fewer.terms(point, 0.02).loss == pytest.approx(expected)
 
@@ -215,8 +215,8 @@ def test_the_likeliest_size_is_that_of_least_loss_wherever_it_is_looked_for(dens
     ids=["linear", "exponential", "prony", "fung", "one mode more"],
 )
 def test_a_law_in_anothers_place_follows_its_curve(density, space, before, after, apart):
-    point = density.at(before, median(space.plain_draws(before)))
-    theta = projected(space, point, after, median(space.plain_draws(after)))
+    point = density.at(before, median(space.prior_draws(before)))
+    theta = projected(space, point, after, median(space.prior_draws(after)))
     constants = space.parameters(after).constants(theta[None])
     part = "elastic" if before.elastic != after.elastic else "relaxation"
     goal = space.curve(before, part, point.constants[None])[0]
@@ -278,5 +278,9 @@ def test_a_step_between_bounds_ends_at_the_lowest_place_there():
         )
         step, damped = (bounded_step(terms, damping, point) for damping in (0.0, 1.0))
         assert np.all((step >= low) & (step <= high))
-        assert promised(terms, step) == pytest.approx(0.5 * goal @ goal - best.fun, rel=1e-6)
-        assert 0.0 < promised(terms, damped) <= promised(terms, step) * (1 + 1e-9)
+        assert predicted_decrease(terms, step) == pytest.approx(
+            0.5 * goal @ goal - best.fun, rel=1e-6
+        )
+        assert (
+            0.0 < predicted_decrease(terms, damped) <= predicted_decrease(terms, step) * (1 + 1e-9)
+        )

@@ -14,12 +14,18 @@ from support.endtoend import SHORT, experiment, fitted
 from support.hidden_pads import hidden_pad
 
 from qlvbayes.fitting import compiled
-from qlvbayes.fitting.drawn_errors import missed
+from qlvbayes.fitting.drawn_errors import discrepancy_draws
 from qlvbayes.fitting.fit import build_posterior, fit_pad, separated_start
-from qlvbayes.fitting.marginal import Fitted, Judged, Spread, floor_likelihood
+from qlvbayes.fitting.marginal_likelihood import (
+    DrawResiduals,
+    FitResponse,
+    Spread,
+    floor_likelihood,
+)
 from qlvbayes.fitting.optimum import least_squares_points, starting_point
+from qlvbayes.inference.density import Terms
 from qlvbayes.inference.errors.discrepancy import TOLERANCE, Discrepancy
-from qlvbayes.inference.errors.features import UNDECIDED, Features, Places
+from qlvbayes.inference.errors.features import UNDECIDED, Features, Locations
 from qlvbayes.inference.errors.whitening import covariance
 from qlvbayes.io.checks import InputError
 from qlvbayes.model.choices import Choices
@@ -57,8 +63,8 @@ def dense(floor=None):
         real = np.asarray(blocks.real[k])
         own = type(blocks)(*(np.asarray(x)[k][real] for x in vars(blocks).values()))
         noise.append(covariance(whole.floor, own, whole.scales.force))
-    places = Places.of_blocks(whole, trials, blocks)
-    shapes = Features.of(places)(places)
+    places = Locations.from_blocks(whole, trials, blocks)
+    shapes = Features.from_locations(places)(places)
     return block_diag(*noise), shapes.T @ shapes + UNDECIDED.rough * np.eye(shapes.shape[1])
 
 
@@ -102,7 +108,7 @@ def test_sizes_and_scales_are_summed_with_their_priors():
 def test_it_is_the_likelihood_of_the_diagnosis():
     """Summed over the sizes of the diagnosis's own grid, at the floor as it is."""
     trials, blocks = two_tests()
-    made = Discrepancy.on(experiment(), trials, blocks)
+    made = Discrepancy.from_blocks(experiment(), trials, blocks)
     whole, _ = residuals(3)
     white = made.whitener(whole[None])[0]
     precisions = made.whitener.precisions
@@ -165,7 +171,7 @@ def judged(count=1, seed=6):
     measured = np.asarray(posterior.record.blocks.force)
     predicted = np.repeat((measured - whole)[None], count, axis=0)
     constants = np.repeat(np.asarray(own.constants), count, axis=0)
-    return Judged(posterior, predicted, constants), flat, measured[_real()] - flat
+    return DrawResiduals(posterior, predicted, constants), flat, measured[_real()] - flat
 
 
 def _real():
@@ -201,9 +207,9 @@ def test_what_is_missed_elsewhere_is_the_gaussian_process_given_the_fit():
     other = next(t for t in e.trials if t not in trials)
     times = np.geomspace(0.05, 20.0, 6)
     names = [t.name for t in e.trials]
-    places = Places.joined(
+    places = Locations.joined(
         [
-            Places.of(e, t, names.index(t.name), times, np.full(times.size, 1.0))
+            Locations.from_trial(e, t, names.index(t.name), times, np.full(times.size, 1.0))
             for t in (trials[0], other)
         ]
     )
@@ -212,11 +218,11 @@ def test_what_is_missed_elsewhere_is_the_gaussian_process_given_the_fit():
     count = 3000
     constants = np.concatenate([CONSTANTS, np.asarray(own.constants)[0]])
     rows = np.repeat(constants[None], count, axis=0)
-    draws = missed(e, posterior, trials, rows, places, np.random.default_rng(1))
+    draws = discrepancy_draws(e, posterior, trials, rows, places, np.random.default_rng(1))
     predicted = np.asarray(compiled.predictions(posterior, rows[:1]))[0]
     flat = (np.asarray(blocks.force) - predicted)[_real()]
-    here = Places.of_blocks(e, trials, blocks)
-    features = Features.of(here)
+    here = Locations.from_blocks(e, trials, blocks)
+    features = Features.from_locations(here)
     at, there = features(here), features(places)
     cross = 0.02**2 * there.T @ at
     matrix = 1.2**2 * dense()[0] + 0.02**2 * dense()[1]
@@ -239,7 +245,7 @@ def test_constants_have_the_posterior_that_importance_sampling_finds():
     constants = compiled.in_batches(compiled.constants, posterior, theta, size=4096)
     predicted = compiled.in_batches(compiled.predictions, posterior, constants)
     blocks = posterior.record.blocks
-    made = Discrepancy.on(experiment(), found.trials, blocks)
+    made = Discrepancy.from_blocks(experiment(), found.trials, blocks)
     white = made.whitener(np.asarray(blocks.force) - predicted)
     sizes = range(made.sizes.size)
     losses = np.array([[made.loss(row, k) for k in sizes] for row in white])
@@ -261,16 +267,16 @@ def test_constants_are_moved_by_what_a_discrepancy_may_have_moved_them():
     """Of least squares beside it, the step squared and the covariance less what the curve has."""
     rng, size = np.random.default_rng(5), 0.02
     trials, blocks = two_tests()
-    made = Discrepancy.on(experiment(), trials, blocks)
+    made = Discrepancy.from_blocks(experiment(), trials, blocks)
     shape = np.shape(blocks.real)
     slopes = np.where(
         blocks.real, rng.standard_normal((3, *shape)) * [[[0.1]], [[0.3]], [[1.0]]], 0.0
     )
     whole, flat = residuals(6, 0.05)
     gradient, prior = np.array([0.3, -0.2, 0.0]), np.diag([4.0, 1e8, 0.0])
-    fit = Fitted(slopes, np.where(blocks.real, whole, 0.0))
-    spread = Spread.about(made, fit, gradient, prior)
-    rows, (noise, beside) = made.whitener.plain(slopes), dense()
+    fit = FitResponse(slopes, np.where(blocks.real, whole, 0.0))
+    spread = Spread.about(made, fit, Terms(0.0, gradient, prior))
+    rows, (noise, beside) = made.whitener.flattened(slopes), dense()
     basis = np.linalg.qr(rows.T)[0]
     rest = np.eye(len(beside)) - basis @ basis.T
     timing = np.diag(np.concatenate(made.whitener.timing))

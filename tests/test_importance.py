@@ -8,7 +8,7 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, norm
 
 from qlvbayes.inference.evidence import Evidence
-from qlvbayes.inference.importance import Cloud, sampled_evidence
+from qlvbayes.inference.importance import BoundedStudentT, sampled_evidence
 
 LOG = -7.3  # of the evidence of the first size; the second's is half of it
 COVARIANCE = np.array([[1.0, 0.6, 0.0], [0.6, 2.0, -0.3], [0.0, -0.3, 0.5]])
@@ -105,7 +105,9 @@ def test_nothing_is_told_where_the_draws_miss_what_counts():
 def test_a_bound_at_a_centre_draws_alike_whichever_side_rounding_puts_it():
     """Else draws, and so answers, would differ between processors."""
     below, above = (
-        Cloud.of(np.zeros(2), np.eye(2), np.array([low, -np.inf])).draw(100, rng)
+        BoundedStudentT.from_covariance(np.zeros(2), np.eye(2), np.array([low, -np.inf])).draw(
+            100, rng
+        )
         for low, rng in ((-1e-15, np.random.default_rng(0)), (1e-15, np.random.default_rng(0)))
     )
     assert below == pytest.approx(above, abs=1e-12)

@@ -14,7 +14,7 @@ from support.endtoend import experiment
 from qlvbayes.diagnosis.diagnose import nested_audit
 from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.fitting.fit import build_posterior
-from qlvbayes.inference.nested import nested_evidence
+from qlvbayes.inference.nested_sampling import nested_evidence
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.posterior import draw_priors
 from qlvbayes.priors import Normal

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from qlvbayes.inference.noticeable import log_density, log_noticeable
+from qlvbayes.inference.amplitude_prior import log_density, log_noticeable
 from qlvbayes.laws.scales import SHARE
 from qlvbayes.priors import HalfNormal, Normal
 

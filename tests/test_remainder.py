@@ -13,8 +13,8 @@ from qlvbayes.diagnosis.checks.remainder import Left, Remainder, structured
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.evaluation.study import measured
+from qlvbayes.inference.amplitude_prior import log_noticeable
 from qlvbayes.inference.errors.discrepancy import TOLERANCE
-from qlvbayes.inference.noticeable import log_noticeable
 from qlvbayes.io.checks import InputError
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.priors import HalfNormal

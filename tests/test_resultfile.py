@@ -21,8 +21,8 @@ from qlvbayes.comparison.contrast import Comparison
 from qlvbayes.diagnosis.nexttest.result import NextTests
 from qlvbayes.diagnosis.result import DiagnosisResult, Estimate
 from qlvbayes.diagnosis.settings import Settings as Thresholds
-from qlvbayes.fitting.checked import Curves
 from qlvbayes.fitting.ensemble import Settings as Sampler
+from qlvbayes.fitting.pad_check import Curves
 from qlvbayes.fitting.relaxation import RelaxationReport
 from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.runs import Runs

@@ -8,7 +8,7 @@ from support.hidden_pads import hidden_pad
 
 from qlvbayes.diagnosis.workbench import search_of
 from qlvbayes.effects.catalogue import EFFECTS, FORMS
-from qlvbayes.inference.extending import amplitude_of, shapes
+from qlvbayes.inference.starts import amplitude_of, shapes
 from qlvbayes.motion.timing import kink_sds, off_kinks, timing_sd
 from qlvbayes.motion.trajectory import Trajectory
 
@@ -112,7 +112,7 @@ def test_a_billionth_of_an_effect_moves_no_block_mean(search, below):
     own = space.parameters(base)
     theta = np.zeros(own.size)
     point = search.modes[search.usual][0].point
-    theta[own.carried(point.own)] = point.theta
+    theta[own.positions_of(point.own)] = point.theta
     for name in below:
         amplitude = amplitude_of(own, name)
         theta[amplitude.number] = 3.0 * amplitude.sd

@@ -171,7 +171,7 @@ def least_squares(density: Density, point: Point, rms: float) -> float:
     From a fit, from where coarse noise leads it, with its relaxation drawn anew, and near by.
     """
     hypothesis = point.own.hypothesis
-    whitener = density.whitener.replaced(_BEFORE_PRIORS * rms)
+    whitener = density.whitener.with_independent_noise(_BEFORE_PRIORS * rms)
     white = Density(density.space, whitener, Discrepancy.none(whitener, density.discrepancy.peak))
     rough = rough_mode(density, hypothesis, point.theta)
     places = around(density.space, hypothesis, point.theta, redrawn=3, moved=2)

@@ -19,7 +19,7 @@ def around(
     """Theta (F,) itself, with its relaxation drawn anew from the prior, and all numbers moved."""
     own = space.parameters(hypothesis)
     found = [own.within(theta)]
-    relaxing = space.numbers_of(hypothesis, "relaxation")
+    relaxing = space.indices_of(hypothesis, "relaxation")
     for drawn in space.draws_of(hypothesis, "relaxation")[:redrawn]:
         start = found[0].copy()
         start[relaxing] = drawn

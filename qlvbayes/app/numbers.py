@@ -19,8 +19,8 @@ from qlvbayes.app.intake import opened, read_in
 from qlvbayes.app.tables import constants_csv, residuals_csv
 from qlvbayes.diagnosis.protocol import protocol_of
 from qlvbayes.diagnosis.result import CellError
-from qlvbayes.fitting.checked import Curves
-from qlvbayes.fitting.prediction import looked_at
+from qlvbayes.fitting.pad_check import Curves
+from qlvbayes.fitting.prediction import representative_rows
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements, read_measurements
@@ -193,7 +193,7 @@ def measured(data: str, pad: str, effects_file: str | None) -> Answer:
     experiment = _experiment(data, pad)
     tests = []
     for trial in experiment.trials:
-        rows = looked_at(trial)
+        rows = representative_rows(trial)
         time = trial.test.time[rows]
         tests.append(
             {

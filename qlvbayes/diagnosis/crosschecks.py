@@ -24,13 +24,13 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from qlvbayes.diagnosis.weighed import Weighed
+from qlvbayes.inference.amplitude_prior import log_noticeable
 from qlvbayes.inference.density import Density
-from qlvbayes.inference.extending import amplitude_of, carried, shapes
 from qlvbayes.inference.forward.fixedrates import relaxation_of
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.forward.space import FEW, Space
-from qlvbayes.inference.noticeable import log_noticeable
 from qlvbayes.inference.projection import with_curve
+from qlvbayes.inference.starts import amplitude_of, shapes, transferred
 
 Array = NDArray[np.float64]
 
@@ -68,7 +68,7 @@ def nested_starts(
     if abs(fuller.log_evidence - bare.log_evidence - expected) < apart:
         return []
     own, old = fuller.point, bare.point
-    back = carried(own.own, own.theta, old.own)
+    back = transferred(own.own, own.theta, old.own)
     forth = shapes(density.space, old, own.own, effect, count=1)[0]
     return [Start(less, back), Start(hypothesis, forth)]
 
@@ -104,9 +104,9 @@ def exchanged_starts(space: Space, fuller: Weighed, effects: Iterable[str]) -> I
         fractions, rates = space.spectra(hypothesis, point.constants[None])
         if rates.shape[1] > FEW + 1:
             continue
-        theta = carried(point.own, point.theta, space.parameters(less))
+        theta = transferred(point.own, point.theta, space.parameters(less))
         for k in range(rates.shape[1]):
             rest = np.delete(fractions, k + 1, axis=1)
             rest /= rest.sum(axis=1, keepdims=True)
-            goal = relaxation_of(rest, np.delete(rates, k, axis=1), space.places[1])[0]
+            goal = relaxation_of(rest, np.delete(rates, k, axis=1), space.curve_grids[1])[0]
             yield Start(less, with_curve(space, less, "relaxation", goal, theta))

@@ -86,7 +86,7 @@ def nested_audit(
     Under the noise floor alone, without a discrepancy, against Laplace's approximation of the same.
     """
     # here, as few ask for it and blackjax is slow to import
-    from qlvbayes.inference.nested import nested_evidence
+    from qlvbayes.inference.nested_sampling import nested_evidence
 
     order = sorted(search.modes, key=search.log_posterior, reverse=True)
     found = []

@@ -22,11 +22,11 @@ from qlvbayes.diagnosis.prior import Families, log_prior
 from qlvbayes.diagnosis.settings import Breadth, Settings
 from qlvbayes.diagnosis.weighed import Weighed, described, weigh
 from qlvbayes.inference.density import Density
-from qlvbayes.inference.extending import amplitude_of, carried, shapes, starts
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.forward.space import in_natural_amplitude
 from qlvbayes.inference.importance import CLOSE, sampled_evidence
 from qlvbayes.inference.modes import Mode, base_modes, distinct, find_modes, modes, redrawn_modes
+from qlvbayes.inference.starts import amplitude_of, shapes, starts, transferred
 from qlvbayes.io.checks import NoFiniteForceError
 from qlvbayes.io.runtime import cores
 from qlvbayes.laws.scales import SHARE
@@ -317,7 +317,7 @@ class Search:
             own = self.density.space.parameters(hypothesis)
             if bare and bare[0].hypothesis.base != base.base:
                 known_law = bare[0].point
-                some.append(carried(known_law.own, known_law.theta, own, some[0]))
+                some.append(transferred(known_law.own, known_law.theta, own, some[0]))
             some = [own.within(start) for start in some]
         if known or len(some) == 1:  # known from another neighbour
             found = find_modes(self.density, hypothesis, some[0], lowest, known)

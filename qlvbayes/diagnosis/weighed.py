@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from qlvbayes.inference.amplitude_prior import log_noticeable
 from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.evidence import Evidence, evidence
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.modes import Mode
-from qlvbayes.inference.noticeable import log_noticeable
 from qlvbayes.priors.natural import Natural
 
 

@@ -11,7 +11,7 @@ from qlvbayes.diagnosis.search import Search, Tell
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE
 from qlvbayes.effects.effect import AbstractEffect
-from qlvbayes.fitting.marginal import known_floor
+from qlvbayes.fitting.marginal_likelihood import known_floor
 from qlvbayes.inference.density import Density
 from qlvbayes.inference.errors.discrepancy import Discrepancy
 from qlvbayes.inference.forward.hypothesis import Hypothesis
@@ -61,7 +61,7 @@ def search_of(
     listed = {kind.name for kind in kinds}
     kinds = (*kinds, *(one for one in FORMS if one.family() in listed), *OUTSIDE)
     space = _space(experiment, choices, model, kinds, settings)
-    discrepancy = Discrepancy.on(
+    discrepancy = Discrepancy.from_blocks(
         experiment,
         experiment.trials,
         space.record.blocks,

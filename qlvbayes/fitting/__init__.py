@@ -1,1 +1,1 @@
-"""Constants from tests: least squares and emcee, predictions, where they fail, results."""
+"""Estimate constants from tests, predicts tests, checks the fit and stores results."""

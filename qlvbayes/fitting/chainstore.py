@@ -1,4 +1,4 @@
-"""A chain on disk, in blocks, so that a killed run goes on where it was."""
+"""Store a chain on disk in segments, so that an interrupted run can resume."""
 
 from __future__ import annotations
 
@@ -14,8 +14,12 @@ from qlvbayes.io.files import write_whole
 
 
 @dataclass(frozen=True)
-class Stretch:
-    """Consecutive steps: theta (S, W, D), log density (S, W), and the generator's state after."""
+class ChainSegment:
+    """Consecutive steps of a chain, with the state of the random generator after them.
+
+    theta (S, W, D) and log_density (S, W): of S steps of W walkers; accepted: number of accepted
+    moves.
+    """
 
     theta: np.ndarray
     log_density: np.ndarray
@@ -24,57 +28,61 @@ class Stretch:
 
 
 class ChainStore:
-    """Stretches as numbered files in one folder; ``key`` ties them to one posterior and seed."""
+    """The segments of a chain as numbered files in one folder.
+
+    key: identifies the posterior and the seed that the chain belongs to.
+    """
 
     def __init__(self, folder: Path, key: str) -> None:
         self.folder = folder
         self.key = key
 
-    def load(self) -> Iterator[Stretch]:
-        """The stretches written before, in order, as far as they belong to this run.
+    def load(self) -> Iterator[ChainSegment]:
+        """Yield the stored segments in order, as far as they belong to this run.
 
-        One that cannot be read ends them: it and what came after are sampled again.
+        A segment that cannot be read ends the chain: it and those after it are sampled again.
         """
         for number in range(10**6):
             try:
-                stretch = self._read(self._path(number))
+                segment = self._read(self._path(number))
             except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile):
                 return
-            if stretch is None:
+            if segment is None:
                 return
-            yield stretch
+            yield segment
 
-    def _read(self, path: Path) -> Stretch | None:
-        """One stretch; None if it is another run's."""
+    def _read(self, path: Path) -> ChainSegment | None:
+        """Return one segment; None if it belongs to another run."""
         with np.load(io.BytesIO(path.read_bytes())) as file:
             if str(file["key"]) != self.key:
                 return None
-            place, half, normal = file["place"]
-            state = ("MT19937", file["state"], int(place), int(half), float(normal))
-            return Stretch(file["theta"], file["log_density"], int(file["accepted"]), state)
+            position, half, normal = file["place"]
+            state = ("MT19937", file["state"], int(position), int(half), float(normal))
+            return ChainSegment(file["theta"], file["log_density"], int(file["accepted"]), state)
 
-    def save(self, number: int, stretch: Stretch) -> None:
-        """Write stretch ``number``, whole or not at all."""
+    def save(self, number: int, segment: ChainSegment) -> None:
+        """Write segment ``number``, completely or not at all."""
         self.folder.mkdir(parents=True, exist_ok=True)
-        _, state, *place = stretch.random_state
+        _, state, *position = segment.random_state
         content = io.BytesIO()
         np.savez(
             content,
             key=self.key,
-            theta=stretch.theta,
-            log_density=stretch.log_density,
-            accepted=stretch.accepted,
+            theta=segment.theta,
+            log_density=segment.log_density,
+            accepted=segment.accepted,
             state=state,
-            place=np.array(place, dtype=float),
+            place=np.array(position, dtype=float),
         )
         write_whole(self._path(number), content.getbuffer())
 
     def _path(self, number: int) -> Path:
+        """Return the path of a segment."""
         return self.folder / f"stretch-{number:05d}.npz"
 
 
 def remove_chain(folder: Path) -> None:
-    """Remove a chain's folder, once the results are written."""
+    """Remove a chain's folder; called once the results are written."""
     if folder.is_dir():
         for path in folder.glob("stretch-*"):
             path.unlink()

@@ -1,4 +1,4 @@
-"""The functions that inference compiles, shared by every posterior of one shape."""
+"""Provide the compiled functions of the fit, which all posteriors of one shape share."""
 
 from __future__ import annotations
 
@@ -18,36 +18,36 @@ from qlvbayes.motion.record import Blocks, Record
 
 @jax.jit
 def log_densities(posterior: Posterior, thetas: Array) -> Array:
-    """(W, D) flat vectors to (W,) log densities."""
+    """Return log densities (W,) at thetas (W, D)."""
     return jax.vmap(posterior.log_density)(thetas)
 
 
 @jax.jit
 def loss_and_gradient(posterior: Posterior, theta: Array) -> tuple[Array, Array]:
-    """Minus log density and its gradient (D,) at theta (D,)."""
+    """Return minus the log density and its gradient (D,) at theta (D,)."""
     return _value_and_slopes(lambda x: -posterior.log_density(x), theta)
 
 
 @jax.jit
 def residuals_and_slopes(posterior: Posterior, scale: Array, theta: Array) -> tuple[Array, Array]:
-    """(T*B,) differences of block means from the model over ``scale``, and (T*B, D) slopes."""
+    """Return residuals (T*B,) of the block means over ``scale``, and their derivatives (T*B, D)."""
     return _value_and_slopes(lambda x: _residuals(posterior, scale, x), theta)
 
 
 def response(posterior: Posterior, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(D, T, B) slopes of the force along the free numbers at theta (D,), and (T, B) what is left.
+    """Return derivatives (D, T, B) of the force at theta (D,), and residuals (T, B).
 
-    Both of block means, in N.
+    Both are block means, in N and N per unit of theta.
     """
     shape = posterior.record.blocks.force.shape
-    left, slopes = residuals_and_slopes(posterior, jnp.ones(shape), theta)
+    residual, slopes = residuals_and_slopes(posterior, jnp.ones(shape), theta)
     slopes = np.moveaxis(np.asarray(slopes).reshape(*shape, -1), -1, 0)
-    return -slopes, np.asarray(left).reshape(shape)
+    return -slopes, np.asarray(residual).reshape(shape)
 
 
 @jax.jit
 def beyond_gaps(model: Model, record: Record, gaps: Array) -> Array:
-    """Block means (T, B) of a model of numbers where contact lies at gaps (T,) of displacement."""
+    """Return block means (T, B) of the force where contact lies at gaps (T,) of displacement."""
 
     def one(record: Record, gap: Array) -> Array:
         return record.average((model + ContactOffset(gap)).force(record.motion))
@@ -57,7 +57,7 @@ def beyond_gaps(model: Model, record: Record, gaps: Array) -> Array:
 
 @jax.jit
 def prior_terms(posterior: Posterior, theta: Array) -> tuple[Array, Array]:
-    """Gradient (D,) and curvature (D, D) of minus the log prior density at theta (D,)."""
+    """Return gradient (D,) and curvature (D, D) of minus the log prior density at theta (D,)."""
 
     def loss(theta: Array) -> Array:
         return -posterior.bind(theta)[2]
@@ -67,19 +67,26 @@ def prior_terms(posterior: Posterior, theta: Array) -> tuple[Array, Array]:
 
 @jax.jit
 def constants(posterior: Posterior, thetas: Array) -> Array:
-    """(W, D) flat vectors to (W, P) constants."""
+    """Return constants (W, P) at thetas (W, D)."""
     return jax.vmap(posterior.constants)(thetas)
 
 
 @jax.jit
 def drawn_constants(posterior: Posterior, thetas: Array, shares: Array) -> Array:
-    """The same, with what the likelihood sums over drawn by shares (W,) between 0 and 1."""
+    """Return constants (W, P) at thetas (W, D), with noise and discrepancy drawn.
+
+    The likelihood sums over scales of the noise and sizes of the discrepancy. Each draw takes the
+    pair at which the cumulative posterior probability reaches its share (W,), between 0 and 1.
+    """
     return jax.vmap(posterior.drawn_constants)(thetas, shares)
 
 
 @jax.jit
 def judgements(posterior: Posterior, thetas: Array, keys: Array) -> Array:
-    """(W, 2, T, B): pointwise log likelihoods, and block means predicted with new noise."""
+    """Return pointwise log likelihoods and replicated block means, (W, 2, T, B) together.
+
+    thetas (W, D); keys: a random key each, for the noise of the replicates.
+    """
 
     def one(theta: Array, key: Array) -> Array:
         model, noise, _ = posterior.bind(theta)
@@ -94,13 +101,13 @@ def judgements(posterior: Posterior, thetas: Array, keys: Array) -> Array:
 
 @jax.jit
 def predictions(posterior: Posterior, constants: Array) -> Array:
-    """(W, T, B) block means predicted by (W, P) constants, without noise."""
+    """Return block means (W, T, B) predicted by constants (W, P), without noise."""
     return jax.vmap(lambda x: posterior.predict_with(posterior.with_constants(x)[0]))(constants)
 
 
 @jax.jit
 def noise_draws(noise: AbstractNoise, blocks: Blocks, keys: Array) -> Array:
-    """(W, T, B) realisations of one noise model, a key each."""
+    """Return realisations (W, T, B) of one noise model, with a random key each."""
 
     def one(key: Array) -> Array:
         return jax.vmap(noise.draw)(jax.random.split(key, blocks.force.shape[0]), blocks)
@@ -111,9 +118,9 @@ def noise_draws(noise: AbstractNoise, blocks: Blocks, keys: Array) -> Array:
 def in_batches(
     function: Callable[..., Array], posterior: Posterior, *arrays: np.ndarray, size: int = 256
 ) -> np.ndarray:
-    """``function(posterior, *arrays)`` over the first axis, ``size`` at a time.
+    """Return ``function(posterior, *arrays)`` over the first axis, ``size`` rows at a time.
 
-    The last batch is filled up, so that one compiled function serves any number.
+    The last batch is filled up, so that one compiled function serves any number of rows.
     """
     count = len(arrays[0])
     out = []
@@ -124,9 +131,9 @@ def in_batches(
 
 
 def _value_and_slopes(function: Callable[[Array], Array], theta: Array) -> tuple[Array, Array]:
-    """A function and its derivatives in one pass.
+    """Return a function and its derivatives in one pass.
 
-    Forward mode: with a dozen constants it compiles and runs faster here than reverse mode.
+    Forward mode is used: with a dozen constants it compiles and runs faster here than reverse mode.
     """
 
     def along(direction: Array) -> tuple[Array, Array]:
@@ -136,6 +143,7 @@ def _value_and_slopes(function: Callable[[Array], Array], theta: Array) -> tuple
 
 
 def _residuals(posterior: Posterior, scale: Array, theta: Array) -> Array:
+    """Return the residuals (T*B,) of the block means over ``scale``, 0 in padding."""
     blocks = posterior.record.blocks
     difference = (blocks.force - posterior.predict(theta)) / scale
     return jnp.where(blocks.real, difference, 0.0).reshape(-1)

@@ -1,4 +1,4 @@
-"""The constants of all pads in one table, beside reference values: CSV and LaTeX."""
+"""Tabulate the constants of all pads with reference values, as CSV and LaTeX."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _INDEXED = re.compile(r"([a-z])\[(\d+)\]")
 
 @dataclass(frozen=True)
 class Reference:
-    """A value of a constant from elsewhere, in a unit."""
+    """A value of a constant from elsewhere, with its unit."""
 
     value: float
     unit: str
@@ -30,9 +30,9 @@ class Reference:
 
 @dataclass(frozen=True)
 class Entry:
-    """One constant of one pad: median and 90 % interval, and what a reference says, if it does.
+    """One constant of one pad: median, 90 % interval, and the reference value if there is one.
 
-    A fixed constant has an interval of no width.
+    A fixed constant has an interval of zero width.
     """
 
     pad: str
@@ -48,10 +48,15 @@ References = Mapping[tuple[str, str], Reference]
 
 
 def read_references(path: str | Path) -> dict[tuple[str, str], Reference]:
-    """Reference values by pad and parameter, from a CSV file: ``pad,parameter,value,unit``.
+    """Read reference values by pad and parameter from a CSV file: ``pad,parameter,value,unit``.
 
-    Lines that begin with # are comments. Raises InputError, with file and line, where the file is
-    not of this kind, a value is not a number or a constant is given twice.
+    Lines that begin with # are comments.
+
+    Raises
+    ------
+    InputError
+        The file is not of this kind, a value is not a number, or a constant is given twice. The
+        error names file and line.
     """
     file = Path(path)
     try:
@@ -65,15 +70,16 @@ def read_references(path: str | Path) -> dict[tuple[str, str], Reference]:
         line = rows[0][0] if rows else None
         remedy = f"begin with the line {','.join(_COLUMNS)}"
         raise InputError("not a table of references", file=file, line=line, remedy=remedy)
-    found: dict[tuple[str, str], Reference] = {}
+    references: dict[tuple[str, str], Reference] = {}
     for (number, _), cells in zip(rows[1:], parsed[1:], strict=True):
-        _add(found, [cell.strip() for cell in cells], file, number)
-    return found
+        _add(references, [cell.strip() for cell in cells], file, number)
+    return references
 
 
 def _add(
-    found: dict[tuple[str, str], Reference], cells: Sequence[str], file: Path, line: int
+    references: dict[tuple[str, str], Reference], cells: Sequence[str], file: Path, line: int
 ) -> None:
+    """Add the reference of one row, or raise InputError."""
     if len(cells) != len(_COLUMNS):
         remedy = f"write {','.join(_COLUMNS)}"
         raise InputError(f"{len(cells)} columns, not 4", file=file, line=line, remedy=remedy)
@@ -85,25 +91,38 @@ def _add(
     if not isfinite(value):
         remedy = "write a number or delete the row"
         raise InputError(f"value is not a number ('{text}')", file=file, line=line, remedy=remedy)
-    if (pad, parameter) in found:
+    if (pad, parameter) in references:
         remedy = "delete one of them"
         raise InputError(f"{parameter} of pad {pad} again", file=file, line=line, remedy=remedy)
-    found[pad, parameter] = Reference(value, unit)
+    references[pad, parameter] = Reference(value, unit)
 
 
-def that_fit(references: References, summaries: Iterable[FitSummary]) -> References:
-    """Those in the unit of the constant, which another elastic law may give another one."""
+def matching_references(references: References, summaries: Iterable[FitSummary]) -> References:
+    """Return the references that are in the constant's unit; another law may have another one."""
     units = {(s.pad, name): c.unit for s in summaries for name, c in s.parameters.items()}
-    return {at: known for at, known in references.items() if units.get(at) in (None, known.unit)}
+    return {
+        key: reference
+        for key, reference in references.items()
+        if units.get(key) in (None, reference.unit)
+    }
 
 
 def constants_table(
     summaries: Iterable[FitSummary], references: References | None = None
 ) -> list[Entry]:
-    """Every constant of every pad, pad by pad.
+    """Return the entries of every constant, pad by pad.
 
-    references: by pad and parameter. Raises InputError where one is given in another unit than
-    the constant has.
+    Parameters
+    ----------
+    summaries
+        Fits of the pads.
+    references
+        Reference values by pad and parameter.
+
+    Raises
+    ------
+    InputError
+        A reference is in another unit than its constant.
     """
     return [
         _entry(s.pad, name, c, references or {})
@@ -112,19 +131,23 @@ def constants_table(
     ]
 
 
-def _entry(pad: str, name: str, found: Constant, references: References) -> Entry:
+def _entry(pad: str, name: str, constant: Constant, references: References) -> Entry:
+    """Return the entry of one constant."""
     reference = references.get((pad, name))
-    if reference is not None and reference.unit != found.unit:
+    if reference is not None and reference.unit != constant.unit:
         raise InputError(
             f"the reference of {name} of pad {pad} is in {reference.unit or 'no unit'}",
-            remedy=f"give it in {found.unit}",
+            remedy=f"give it in {constant.unit}",
         )
     value = None if reference is None else reference.value
-    return Entry(pad, name, found.unit, found.median, *found.hdi90, value)
+    return Entry(pad, name, constant.unit, constant.median, *constant.hdi90, value)
 
 
 def as_csv(entries: Sequence[Entry]) -> str:
-    """A row a constant of a pad: median, ends of the 90 % interval, reference."""
+    """Return the table as CSV: one row for each constant of a pad.
+
+    Columns are median, ends of the 90 % interval, and reference.
+    """
     file = io.StringIO()
     table = csv.writer(file, lineterminator="\n")
     table.writerow(_HEADS.split(","))
@@ -136,20 +159,20 @@ def as_csv(entries: Sequence[Entry]) -> str:
 
 
 def as_latex(entries: Sequence[Entry]) -> str:
-    """A table for the booktabs package: a row a constant, a column a pad and its reference.
+    """Return the table for LaTeX's booktabs: constants in rows, pads and references in columns.
 
-    Median with the 90 % interval in brackets, to two digits of half its width. Constants of the
-    noise are left out.
+    A cell has the median with the 90 % interval in brackets, to two digits of half its width.
+    Constants of the noise are left out.
     """
     shown = [e for e in entries if not e.parameter.startswith("noise.")]
     pads = list(dict.fromkeys(e.pad for e in shown))
     known = {e.pad for e in shown if e.reference is not None}
     heads = [f"pad {tex(pad)}{' & reference' if pad in known else ''}" for pad in pads]
-    places = {(e.pad, e.parameter): e for e in shown}
+    entry_of = {(e.pad, e.parameter): e for e in shown}
     units = {e.parameter: e.unit for e in shown}
     rows = [
         [symbol(name), "" if unit == "1" else tex(unit)]
-        + [cell for pad in pads for cell in _cells(places.get((pad, name)), pad in known)]
+        + [cell for pad in pads for cell in _cells(entry_of.get((pad, name)), pad in known)]
         for name, unit in units.items()
     ]
     lines = [
@@ -166,9 +189,21 @@ def as_latex(entries: Sequence[Entry]) -> str:
 
 
 def write_constants(out: Path, entries: Sequence[Entry], *, for_print: bool = True) -> list[Path]:
-    """Write ``out``/constants.csv and .tex, whole or not at all; return their paths.
+    """Write ``out``/constants.csv and .tex, completely or not at all.
 
-    for_print: whether the .tex, with a column a pad, is written.
+    Parameters
+    ----------
+    out
+        Folder of the tables.
+    entries
+        Constants of all pads.
+    for_print
+        Whether the .tex file, with one column a pad, is written.
+
+    Returns
+    -------
+    list of Path
+        The files written.
     """
     texts = {"csv": as_csv(entries)}
     if for_print:
@@ -179,7 +214,7 @@ def write_constants(out: Path, entries: Sequence[Entry], *, for_print: bool = Tr
 
 
 def symbol(name: str) -> str:
-    """A constant's name as it is written in mathematics: 'c[0]' as '$c_0$'; others as they are."""
+    """Return a constant's name in mathematical notation: '$c_0$' for 'c[0]'; others unchanged."""
     match = _INDEXED.fullmatch(name)
     if match:
         return f"${match[1]}_{match[2]}$"
@@ -187,7 +222,10 @@ def symbol(name: str) -> str:
 
 
 def rounded(entry: Entry) -> tuple[str, str, str]:
-    """Median, low and high to two digits of half the interval's width; four where it has none."""
+    """Return median, low and high to two digits of half the interval's width, or to four digits.
+
+    Four digits are used where the interval has no width.
+    """
     half = 0.5 * (entry.high - entry.low)
     values = (entry.median, entry.low, entry.high)
     places = 1 - floor(log10(half)) if half > 0.0 else 7
@@ -198,6 +236,7 @@ def rounded(entry: Entry) -> tuple[str, str, str]:
 
 
 def _cells(entry: Entry | None, with_reference: bool) -> list[str]:
+    """Return the cells of one constant of one pad, with its reference if there is a column."""
     if entry is None:
         return ["--", "--"] if with_reference else ["--"]
     median, low, high = (text.replace("-", "$-$") for text in rounded(entry))

@@ -1,4 +1,4 @@
-"""Whether a chain can be trusted: R-hat, effective samples, autocorrelation."""
+"""Judge whether a chain can be trusted: R-hat, effective sample size."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ FEWEST_EFFECTIVE = 400
 
 @dataclass(frozen=True)
 class Diagnostics:
-    """R-hat and bulk effective sample size of each constant; NaN for those that do not vary."""
+    """R-hat and bulk effective sample size (P,) of each constant; NaN if it does not vary."""
 
     r_hat: np.ndarray
     ess_bulk: np.ndarray
 
     @property
     def troubles(self) -> list[str]:
-        """What speaks against the chain, in words; empty where nothing does."""
-        found = []
+        """Return what speaks against the chain, as messages; an empty list if nothing does."""
+        messages = []
         varying = np.isfinite(self.r_hat) & np.isfinite(self.ess_bulk)
         worst = float(np.max(self.r_hat[varying], initial=1.0))
         fewest = float(np.min(self.ess_bulk[varying], initial=np.inf))
         if worst > LARGEST_R_HAT:
-            found.append(f"R-hat reaches {worst:.3f}, above {LARGEST_R_HAT}")
+            messages.append(f"R-hat reaches {worst:.3f}, above {LARGEST_R_HAT}")
         if fewest < FEWEST_EFFECTIVE:
-            found.append(f"only {fewest:.0f} effective samples, below {FEWEST_EFFECTIVE}")
-        return found
+            messages.append(f"only {fewest:.0f} effective samples, below {FEWEST_EFFECTIVE}")
+        return messages
 
 
 def diagnose_chain(chains: np.ndarray) -> Diagnostics:
-    """Split R-hat (rank-normalised) and bulk ESS of (chains, draws, P) numbers.
+    """Return split R-hat (rank-normalised) and bulk ESS of draws (chains, draws, P).
 
-    Vehtari et al. 2021, doi:10.1214/20-BA1221, with an ensemble's walkers as the chains.
+    The walkers of an ensemble count as chains. Source: Vehtari et al. 2021, doi:10.1214/20-BA1221.
     """
     r_hat = np.full(chains.shape[-1], np.nan)
     ess = np.full(chains.shape[-1], np.nan)
@@ -47,7 +47,7 @@ def diagnose_chain(chains: np.ndarray) -> Diagnostics:
 
 
 def highest_density(values: np.ndarray, share: float = 0.9) -> tuple[float, float]:
-    """Shortest interval that holds ``share`` of the draws (any shape)."""
+    """Return the ends of the shortest interval that holds ``share`` of the draws (any shape)."""
     flat = np.sort(np.ravel(values))
     inside = int(np.floor(share * flat.size))
     widths = flat[inside:] - flat[: flat.size - inside]

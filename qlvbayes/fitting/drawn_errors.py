@@ -1,13 +1,14 @@
-r"""What a fit misses at any samples of a pad, drawn given the tests that were fitted.
+r"""Draw the errors of a fit at any samples of a pad: noise, and discrepancy given the fitted tests.
 
-Of a discrepancy of size s beside a floor of scale phi the coefficients w of smooth functions are
-normal given the fitted tests' whitened residuals r (`discrepancy.Discrepancy.weights`, at the size
-s / phi). At a sample x the features phi(x) leave out a part of the smooth functions (what is the
-sample's test's own, if that was not fitted), which has the variance
+Given a discrepancy of size s and a floor of scale phi, the coefficients w of its smooth functions
+are normal given the fitted tests' whitened residuals r (`discrepancy.Discrepancy.weights`, at the
+size s / phi). At a sample x the features phi(x) leave out a part of the smooth functions (namely
+the function of the sample's own test, if that was not fitted). Together with the rough part it has
+the variance
 
-.. math:: s^2 \left(g^2 - \phi(x)^T \phi(x) + \rho\right)
+.. math:: s^2 \left(g^2 - \phi(x)^T \phi(x) + \rho\right).
 
-together with the rough part. Realisations of the noise floor at single readings stand beside it.
+Realisations of the noise floor at single readings are drawn separately.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 
 from qlvbayes.fitting import compiled
 from qlvbayes.inference.errors.discrepancy import Discrepancy
-from qlvbayes.inference.errors.features import Features, Places
+from qlvbayes.inference.errors.features import Features, Locations
 from qlvbayes.model.posterior import Posterior
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.noisefloor import NoiseFloor
@@ -28,17 +29,17 @@ from qlvbayes.motion.record import Blocks
 Array = NDArray[np.float64]
 
 BATCH = 100
-"""Draws that are run at once."""
+"""Number of draws that are computed together."""
 
-_TINY = 1e-300  # variance gained over no time: no share of 0/0
+_TINY = 1e-300  # avoids 0/0 where no time has passed
 
 
 def realisations(
     floors: Sequence[NoiseFloor], samples: Blocks, rng: np.random.Generator
 ) -> np.ndarray:
-    """(len(floors), n) errors of single readings (n,), one realisation of each floor (N).
+    """Return one realisation of each of F floors at n single readings, (F, n) in N.
 
-    An error of the motion is drawn once for all readings, that of its moments for each.
+    An error of the motion is drawn once for all readings, an error of moments for each reading.
     """
     time, weight, scale = (np.asarray(x) for x in (samples.first, samples.weight, samples.scale))
     extra, timing = np.asarray(samples.extra), np.asarray(samples.timing)
@@ -54,7 +55,7 @@ def realisations(
 
 
 def _walk(time: np.ndarray, tau: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """(D, n) unit Ornstein-Uhlenbeck processes of correlation times tau (D,)."""
+    """Return unit Ornstein-Uhlenbeck processes (D, n) of correlation times tau (D,)."""
     memory = np.exp(-np.diff(time) / tau[:, None])
     kicks = rng.standard_normal((tau.size, time.size))
     kicks[:, 1:] *= np.sqrt(1.0 - memory**2)
@@ -64,58 +65,64 @@ def _walk(time: np.ndarray, tau: np.ndarray, rng: np.random.Generator) -> np.nda
 
 
 def _smooth_walk(time: np.ndarray, tau: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """(D, n) unit processes of correlation e^-x (cos x + sin x), x = t/tau; state: their slopes."""
-    found = np.empty((tau.size, time.size))
+    """Return unit processes (D, n) of correlation e^-x (cos x + sin x), x = t/tau.
+
+    The state of each process consists of its value and its slope.
+    """
+    values = np.empty((tau.size, time.size))
     value, slope = rng.standard_normal((2, tau.size))
-    found[:, 0] = value
+    values[:, 0] = value
     for k, gap in enumerate(np.diff(time), start=1):
         x = gap / tau
         decay, sine, cosine = np.exp(-x), np.sin(x), np.cos(x)
-        beside = np.sqrt(2.0) * sine
-        own = 1.0 - decay**2 * (2.0 + np.sin(2.0 * x) - np.cos(2.0 * x))
-        own = np.where(x < 1e-2, 8.0 / 3.0 * x**3 * (1.0 - 1.5 * x), own)
-        rest = 1.0 - decay**2 * (2.0 - np.cos(2.0 * x) - np.sin(2.0 * x))
-        tilt = decay**2 * 2.0 * np.sqrt(2.0) * sine**2 / np.sqrt(np.maximum(own, _TINY))
+        mixed = np.sqrt(2.0) * sine
+        variance = 1.0 - decay**2 * (2.0 + np.sin(2.0 * x) - np.cos(2.0 * x))
+        variance = np.where(x < 1e-2, 8.0 / 3.0 * x**3 * (1.0 - 1.5 * x), variance)
+        slope_variance = 1.0 - decay**2 * (2.0 - np.cos(2.0 * x) - np.sin(2.0 * x))
+        slope_on_value = (
+            decay**2 * 2.0 * np.sqrt(2.0) * sine**2 / np.sqrt(np.maximum(variance, _TINY))
+        )
         first, second = rng.standard_normal((2, tau.size))
         value, slope = (
-            decay * ((cosine + sine) * value + beside * slope) + np.sqrt(own) * first,
-            decay * ((cosine - sine) * slope - beside * value)
-            + tilt * first
-            + np.sqrt(np.maximum(rest - tilt**2, 0.0)) * second,
+            decay * ((cosine + sine) * value + mixed * slope) + np.sqrt(variance) * first,
+            decay * ((cosine - sine) * slope - mixed * value)
+            + slope_on_value * first
+            + np.sqrt(np.maximum(slope_variance - slope_on_value**2, 0.0)) * second,
         )
-        found[:, k] = value
-    return found
+        values[:, k] = value
+    return values
 
 
-def missed(
+def discrepancy_draws(
     experiment: Experiment,
     posterior: Posterior,
     fitted: Sequence[Trial],
     constants: Array,
-    places: Places,
+    locations: Locations,
     rng: np.random.Generator,
 ) -> Array:
-    """(R, N) draws of the discrepancy (N) at places, one for each row (R, P) of constants.
+    """Return draws (R, N) in N of the discrepancy at N locations, one for each row of constants.
 
-    posterior: of the fitted trials; the last two of its constants are the factor of the noise and
-    the size of the discrepancy. What the features leave out is drawn sample by sample.
+    constants (R, P): their last two columns are the scale of the noise and the size of the
+    discrepancy; posterior: of the fitted trials. What the features leave out is drawn independently
+    for each sample.
     """
     sizes, scales = constants[:, -1], constants[:, -2]
-    found = np.zeros((len(constants), places.size.size))
+    draws = np.zeros((len(constants), locations.size.size))
     rows = np.flatnonzero(sizes > 0.0)
     if not rows.size:
-        return found
+        return draws
     blocks = posterior.record.blocks
     predicted = compiled.in_batches(compiled.predictions, posterior, constants[rows], size=BATCH)
-    made = Discrepancy.on(experiment, fitted, blocks)
-    residuals = made.whitener(np.asarray(blocks.force) - predicted)
-    features = Features.of(Places.of_blocks(experiment, fitted, blocks))(places)
+    discrepancy = Discrepancy.from_blocks(experiment, fitted, blocks)
+    residuals = discrepancy.whitener(np.asarray(blocks.force) - predicted)
+    features = Features.from_locations(Locations.from_blocks(experiment, fitted, blocks))(locations)
     ratios = sizes[rows] / scales[rows]
-    own = np.maximum(places.size**2 - np.sum(features**2, axis=0), 0.0) + made.rough
+    left_out = np.maximum(locations.size**2 - np.sum(features**2, axis=0), 0.0) + discrepancy.rough
     for ratio in np.unique(ratios):
-        at = ratios == ratio
-        mean, root = made.weights(residuals[at], float(ratio))
-        draws = mean + scales[rows[at], None] * (rng.standard_normal(mean.shape) @ root)
-        noise = rng.standard_normal((len(draws), own.size)) * np.sqrt(own)
-        found[rows[at]] = draws @ features + sizes[rows[at], None] * noise
-    return found
+        same = ratios == ratio
+        mean, root = discrepancy.weights(residuals[same], float(ratio))
+        coefficients = mean + scales[rows[same], None] * (rng.standard_normal(mean.shape) @ root)
+        noise = rng.standard_normal((len(coefficients), left_out.size)) * np.sqrt(left_out)
+        draws[rows[same]] = coefficients @ features + sizes[rows[same], None] * noise
+    return draws

@@ -1,9 +1,10 @@
-"""emcee over a posterior: one compiled call for all walkers, kept on disk, run until it is enough.
+"""Sample a posterior with emcee, store the chain on disk, and stop when it suffices.
 
-Moves alternate at random: independence proposals shaped like the posterior (see ``proposal``), and
-differential evolution between walkers (ter Braak 2006, doi:10.1007/s11222-006-8769-1), which needs
-no such knowledge. Each leaves the posterior invariant on its own. The proposals are made anew from
-the chain a few times; what was sampled before the last time is left out.
+One compiled call evaluates all walkers. Two kinds of moves alternate at random: independence
+proposals shaped like the posterior (see ``proposal``), and differential evolution between walkers
+(ter Braak 2006, doi:10.1007/s11222-006-8769-1), which needs no knowledge of the posterior. Each
+leaves the posterior invariant on its own. The proposals are adapted to the chain a few times, and
+the steps before the last adaptation are discarded.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import jax
 import numpy as np
 
 from qlvbayes.fitting import compiled
-from qlvbayes.fitting.chainstore import ChainStore, Stretch
+from qlvbayes.fitting.chainstore import ChainSegment, ChainStore
 from qlvbayes.fitting.diagnostics import diagnose_chain
 from qlvbayes.fitting.least_squares import NormalApproximation
 from qlvbayes.fitting.proposal import Proposal, from_draws, from_normal
@@ -26,15 +27,27 @@ from qlvbayes.model.posterior import Posterior
 Progress = Callable[[int, int], None]
 
 STEPS_PER_TIME = 50  # autocorrelation times a chain must last (emcee's own advice)
-_BURN_IN = 0.1  # share of the chain since the last adaptation left out at its beginning
-_ADAPT_AFTER = (1, 2, 10, 30)  # stretches after which the independence proposal is made anew
+_BURN_IN = 0.1  # share of the chain since the last adaptation that is discarded at its beginning
+_ADAPT_AFTER = (1, 2, 10, 30)  # segments after which the independence proposals are adapted
 _INDEPENDENT = 0.5  # share of independence proposals among the moves
-_PATIENCE = 1.25  # growth of the chain between looks at its autocorrelation
+_PATIENCE = 1.25  # growth of the chain between convergence checks
 
 
 @dataclass(frozen=True)
 class Settings:
-    """How long to sample: at least ``min_steps`` that are kept, at most ``max_steps`` in all."""
+    """The settings of the sampler: numbers of walkers and steps, and the seed.
+
+    Parameters
+    ----------
+    walkers
+        Number of walkers; twice the number of parameters and 2 more at least.
+    min_steps, max_steps
+        At least ``min_steps`` are kept, and at most ``max_steps`` are sampled in all.
+    stretch
+        Steps in one stored segment of the chain.
+    seed
+        Seed of the chain.
+    """
 
     walkers: int = 32
     min_steps: int = 600
@@ -45,10 +58,12 @@ class Settings:
 
 @dataclass(frozen=True)
 class Chain:
-    """theta (S, W, D) and log density (S, W) after burn-in, and how well they mixed.
+    """The steps of a chain after burn-in, and how well they mixed.
 
-    autocorrelation: the longest autocorrelation time (steps) over the D numbers; enough: whether
-    the chain lasts 50 of them, and R-hat and effective sample size agree.
+    theta (S, W, D) and log density (S, W): of S steps of W walkers; autocorrelation: the longest
+    autocorrelation time (steps) of the D parameters; acceptance: share of accepted moves; steps:
+    number sampled in all; enough: whether the chain lasts 50 autocorrelation times, with R-hat and
+    effective sample size in agreement.
     """
 
     theta: np.ndarray
@@ -62,7 +77,7 @@ class Chain:
     def judged(
         cls, theta: np.ndarray, log_density: np.ndarray, acceptance: float, steps: int
     ) -> Chain:
-        """The chain with its autocorrelation time, and whether that is enough."""
+        """Return the chain with its autocorrelation time, and whether it suffices."""
         time = autocorrelation_time(theta)
         mixed = not diagnose_chain(np.swapaxes(theta, 0, 1)).troubles
         enough = mixed and bool(len(theta) >= STEPS_PER_TIME * time)
@@ -70,55 +85,58 @@ class Chain:
 
 
 @dataclass
-class _Run:
-    """What has been sampled so far."""
+class _ChainProgress:
+    """The segments of a chain that have been sampled so far."""
 
-    stretches: list[Stretch] = field(default_factory=list)
+    segments: list[ChainSegment] = field(default_factory=list)
 
     @property
     def steps(self) -> int:
-        return sum(len(stretch.theta) for stretch in self.stretches)
+        """Return the number of steps."""
+        return sum(len(segment.theta) for segment in self.segments)
 
     @property
     def adapted(self) -> int:
-        """Stretches before the last adaptation."""
-        return max((n for n in _ADAPT_AFTER if n <= len(self.stretches)), default=0)
+        """Return the number of segments before the last adaptation."""
+        return max((n for n in _ADAPT_AFTER if n <= len(self.segments)), default=0)
 
     @property
     def kept(self) -> int:
-        """Steps since the last adaptation."""
-        return sum(len(stretch.theta) for stretch in self.stretches[self.adapted :])
+        """Return the number of steps since the last adaptation."""
+        return sum(len(segment.theta) for segment in self.segments[self.adapted :])
 
-    def due(self, first: int) -> bool:
-        """Whether to look at the chain: with ``first`` steps kept, then 1.25 times as many, ...
+    def is_check_due(self, first: int) -> bool:
+        """Return whether to check convergence, at ``first`` kept steps, then 1.25 times as many.
 
-        It depends on nothing but the stretches, so that a resumed run looks where it would have.
+        The answer depends on nothing but the segments, so that a resumed run checks at the same
+        steps.
         """
-        kept, look_at, due = 0, first, False
-        for stretch in self.stretches[self.adapted :]:
-            kept += len(stretch.theta)
-            due = kept >= look_at
-            look_at = int(_PATIENCE * kept) if due else look_at
+        kept, next_check, due = 0, first, False
+        for segment in self.segments[self.adapted :]:
+            kept += len(segment.theta)
+            due = kept >= next_check
+            next_check = int(_PATIENCE * kept) if due else next_check
         return due
 
     def proposals(self, start: NormalApproximation) -> tuple[Proposal, ...]:
-        """One kernel from the optimum; later one, and many, from the chain."""
+        """Return one kernel about the optimum; after an adaptation, one and many from the chain."""
         if not self.adapted:
             return (from_normal(start),)
         # the later half of what was sampled with the proposal before
-        recent = self.stretches[self.adapted // 2 : self.adapted]
-        theta = np.concatenate([stretch.theta for stretch in recent])
+        recent = self.segments[self.adapted // 2 : self.adapted]
+        theta = np.concatenate([segment.theta for segment in recent])
         draws = theta[len(theta) // 2 :].reshape(-1, theta.shape[-1])
         covariance = np.atleast_2d(np.cov(draws, rowvar=False))
         overall = NormalApproximation(draws.mean(axis=0), covariance)
         return from_normal(overall), from_draws(draws)
 
     def chain(self) -> Chain:
-        kept = self.stretches[self.adapted :] or self.stretches[-1:]
-        theta = np.concatenate([stretch.theta for stretch in kept])
-        density = np.concatenate([stretch.log_density for stretch in kept])
+        """Return the chain of all steps since the last adaptation, without burn-in."""
+        kept = self.segments[self.adapted :] or self.segments[-1:]
+        theta = np.concatenate([segment.theta for segment in kept])
+        density = np.concatenate([segment.log_density for segment in kept])
         burn = int(_BURN_IN * len(theta))
-        accepted = sum(stretch.accepted for stretch in kept) / density.size
+        accepted = sum(segment.accepted for segment in kept) / density.size
         return Chain.judged(theta[burn:], density[burn:], accepted, self.steps)
 
 
@@ -129,42 +147,55 @@ def sample(
     store: ChainStore | None = None,
     progress: Progress | None = None,
 ) -> Chain:
-    """Sample until the chain has lasted 50 autocorrelation times and mixed, or ``max_steps``.
+    """Return a chain that has lasted 50 autocorrelation times and mixed, or ``max_steps``.
 
-    ``store`` keeps each stretch on disk and is where an interrupted run resumes: the resumed chain
-    is the one that the uninterrupted run would have had.
+    Parameters
+    ----------
+    posterior
+        Posterior to sample.
+    start
+        Normal approximation from which walkers and the first proposal are drawn.
+    settings
+        Number of walkers and steps, and the seed.
+    store
+        Where each segment is stored and from where an interrupted run resumes. The resumed chain is
+        identical to that of an uninterrupted run.
+    progress
+        Called with the steps done and those expected.
     """
     walkers = max(settings.walkers, 2 * posterior.size + 2)
-    run = _Run(list(store.load()) if store else [])
-    sampler = _sampler(posterior, run.proposals(start), walkers)
-    state = _state(run, sampler, start, walkers, settings.seed)
+    so_far = _ChainProgress(list(store.load()) if store else [])
+    sampler = _sampler(posterior, so_far.proposals(start), walkers)
+    state = _state(so_far, sampler, start, walkers, settings.seed)
     expected = settings.min_steps
-    while run.steps < settings.max_steps:
-        if run.due(settings.min_steps):
-            chain = run.chain()
+    while so_far.steps < settings.max_steps:
+        if so_far.is_check_due(settings.min_steps):
+            chain = so_far.chain()
             if chain.enough:
                 return chain
-            expected = _expected(chain, run, settings)
+            expected = _expected(chain, so_far, settings)
         if progress:
-            progress(run.steps, expected)
-        count = min(settings.stretch, settings.max_steps - run.steps)
-        state, stretch = _advance(sampler, state, count)
+            progress(so_far.steps, expected)
+        count = min(settings.stretch, settings.max_steps - so_far.steps)
+        state, segment = _advance(sampler, state, count)
         if store:
-            store.save(len(run.stretches), stretch)
-        run.stretches.append(stretch)
-        if len(run.stretches) in _ADAPT_AFTER:
-            sampler = _sampler(posterior, run.proposals(start), walkers)
-    return run.chain()
+            store.save(len(so_far.segments), segment)
+        so_far.segments.append(segment)
+        if len(so_far.segments) in _ADAPT_AFTER:
+            sampler = _sampler(posterior, so_far.proposals(start), walkers)
+    return so_far.chain()
 
 
-def _expected(chain: Chain, run: _Run, settings: Settings) -> int:
-    """Steps that will probably be needed."""
+def _expected(chain: Chain, so_far: _ChainProgress, settings: Settings) -> int:
+    """Return the number of steps that will probably be needed."""
     wanted = STEPS_PER_TIME * chain.autocorrelation / (1.0 - _BURN_IN)
-    return int(min(run.steps - run.kept + max(wanted, settings.min_steps), settings.max_steps))
+    return int(
+        min(so_far.steps - so_far.kept + max(wanted, settings.min_steps), settings.max_steps)
+    )
 
 
 def autocorrelation_time(theta: np.ndarray) -> float:
-    """Longest integrated autocorrelation time (steps) over the numbers of theta (S, W, D)."""
+    """Return the longest integrated autocorrelation time (steps) in theta (S, W, D)."""
     spread = theta.std(axis=(0, 1))
     if theta.shape[-1] == 0 or np.any(spread == 0.0):
         return float("inf")
@@ -174,6 +205,7 @@ def autocorrelation_time(theta: np.ndarray) -> float:
 def _sampler(
     posterior: Posterior, proposals: tuple[Proposal, ...], walkers: int
 ) -> emcee.EnsembleSampler:
+    """Return emcee's sampler with its moves."""
     size = posterior.size
 
     def log_density(thetas: np.ndarray) -> np.ndarray:
@@ -188,21 +220,25 @@ def _sampler(
 
 
 def _differential(size: int) -> list[tuple[emcee.moves.DEMove, float]]:
-    """Differential evolution with its usual stride, and with a short one for narrow places."""
-    usual = 2.38 / np.sqrt(2.0 * size)
+    """Return differential evolution with its optimal stride, and with a short one.
+
+    The short one serves narrow regions of the posterior.
+    """
+    optimal = 2.38 / np.sqrt(2.0 * size)
     share = (1.0 - _INDEPENDENT) / 2.0
-    return [(emcee.moves.DEMove(gamma0=stride), share) for stride in (usual, 0.3 * usual)]
+    return [(emcee.moves.DEMove(gamma0=stride), share) for stride in (optimal, 0.3 * optimal)]
 
 
 def _state(
-    run: _Run,
+    so_far: _ChainProgress,
     sampler: emcee.EnsembleSampler,
     start: NormalApproximation,
     walkers: int,
     seed: int,
 ) -> emcee.State:
-    if run.stretches:
-        last = run.stretches[-1]
+    """Return the state from which sampling goes on."""
+    if so_far.segments:
+        last = so_far.segments[-1]
         return emcee.State(
             last.theta[-1], log_prob=last.log_density[-1], random_state=last.random_state
         )
@@ -215,16 +251,19 @@ def _state(
 
 def _advance(
     sampler: emcee.EnsembleSampler, state: emcee.State, count: int
-) -> tuple[emcee.State, Stretch]:
+) -> tuple[emcee.State, ChainSegment]:
+    """Return the state after ``count`` more steps, and these as a segment."""
     sampler.reset()
     state = sampler.run_mcmc(state, count, skip_initial_state_check=True)
     accepted = int(np.sum(sampler.backend.accepted))
-    stretch = Stretch(sampler.get_chain(), sampler.get_log_prob(), accepted, state.random_state)
-    return state, stretch
+    segment = ChainSegment(
+        sampler.get_chain(), sampler.get_log_prob(), accepted, state.random_state
+    )
+    return state, segment
 
 
 def key_of(posterior: Posterior, settings: Settings, method: str = "emcee") -> str:
-    """Digest of everything that a chain depends on."""
+    """Return a digest of everything that a chain depends on."""
     leaves, shape = jax.tree.flatten(posterior)
     digest = hashlib.sha256(repr((str(shape), settings, method)).encode())
     for leaf in leaves:

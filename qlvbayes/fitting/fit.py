@@ -1,4 +1,4 @@
-"""From a pad's tests to its constants, by emcee or by one of the paper's least-squares routes."""
+"""Estimate the constants of a pad from its tests, by emcee or by the paper's least squares."""
 
 from __future__ import annotations
 
@@ -14,12 +14,19 @@ from qlvbayes.fitting.chainstore import ChainStore
 from qlvbayes.fitting.diagnostics import diagnose_chain
 from qlvbayes.fitting.ensemble import STEPS_PER_TIME, Chain, Progress, Settings, key_of, sample
 from qlvbayes.fitting.least_squares import NormalApproximation
-from qlvbayes.fitting.marginal import Fitted, Spread, discrepancy_of, floor_likelihood, zero_errors
+from qlvbayes.fitting.marginal_likelihood import (
+    FitResponse,
+    Spread,
+    discrepancy_of,
+    floor_likelihood,
+    zero_errors,
+)
 from qlvbayes.fitting.optimum import least_squares_points, optimum_near, starting_point
 from qlvbayes.fitting.prediction import Prediction, predict
 from qlvbayes.fitting.residuals import CheckResult, check_experiment
 from qlvbayes.fitting.routes import LeastSquaresFit, one_step, two_step
 from qlvbayes.fitting.summary import FitSummary, constant_of
+from qlvbayes.inference.density import Terms
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.laws.unresolved import unresolved_times
@@ -36,21 +43,39 @@ Sampler = Callable[
 ]
 SAMPLERS: dict[str, Sampler] = {"emcee": sample}
 METHODS = (*SAMPLERS, "least-squares", "two-step")
-_SEPARATIONS = 2  # of the discrepancy from the slopes: the second moves the highest point by little
-_OF_NOISE = 5  # constants of measured noise, the last one the discrepancy's size
-_KEPT = 2000  # draws kept in the results, at most
-_NORMAL_DRAWS = (4, 1000)  # chains and draws that stand for a normal approximation
+_SEPARATIONS = 2  # iterations of separation and optimum: the second moves the mode by little
+_NOISE_CONSTANTS = 5  # of measured noise; the last one is the discrepancy's size
+_KEPT = 2000  # largest number of draws kept in the results
+_NORMAL_DRAWS = (4, 1000)  # chains and draws that represent a normal approximation
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
     """Draws of every constant of one pad.
 
-    theta (chains, draws, D) and constants (chains, draws, P) named by ``names``; ``every`` holds
-    the constants before thinning, from which means are computed, with what a discrepancy may have
-    moved them by; ``chain`` (chains, steps, P) holds them as they were sampled, where the curve
-    follows the data, from which diagnostics are computed; settings: of the sampler, of which least
-    squares heed the seed alone.
+    Parameters
+    ----------
+    pad, method, choices, settings
+        Name of the pad, method, model, and settings of the sampler; least squares use its seed
+        alone.
+    experiment, trials
+        Tests of the pad, and those that were fitted.
+    posterior
+        Posterior of these trials.
+    theta
+        Draws (chains, draws, D) of the free parameters, thinned.
+    constants
+        Draws (chains, draws, P) of the constants that ``names`` lists, thinned, moved by what a
+        discrepancy may have moved them by.
+    every
+        The same before thinning (chains, steps, P), from which means are computed.
+    chain
+        Constants (chains, steps, P) as they were sampled, where the curve follows the data.
+        Diagnostics are computed from these.
+    enough
+        Whether the sampling suffices.
+    facts
+        Figures of the sampling, by name.
     """
 
     pad: str
@@ -69,37 +94,38 @@ class Fit:
 
     @property
     def names(self) -> list[str]:
-        """Names of the constants."""
+        """Return the names of the P constants."""
         return names(self.posterior)
 
     @property
     def units(self) -> list[str]:
-        """Unit of each constant."""
+        """Return the unit of each constant."""
         return [self.experiment.units.of(kind) for kind in unit_kinds(self.posterior)]
 
     @property
     def draws(self) -> dict[str, np.ndarray]:
-        """Draws (chains*draws,) of each constant by its name."""
+        """Return draws (chains*draws,) of each constant, by name."""
         return self._by_name(self.constants)
 
     @property
     def followed(self) -> np.ndarray:
-        """(chains, draws, P) constants where the curve follows the data."""
+        """Return thinned constants (chains, draws, P) where the curve follows the data."""
         return self.chain[:, :: int(self.facts.get("thinned_by", 1))]
 
     @property
     def curve_draws(self) -> dict[str, np.ndarray]:
-        """The same where the curve follows the data: these predict."""
+        """Return draws (chains*draws,) by name where the curve follows the data; these predict."""
         return self._by_name(self.followed)
 
     def _by_name(self, constants: np.ndarray) -> dict[str, np.ndarray]:
+        """Return constants (..., P) as one column for each name."""
         columns = constants.reshape(-1, constants.shape[-1]).T
         return dict(zip(self.names, columns, strict=True))
 
     def summary(self) -> FitSummary:
-        """Means, sds, medians, intervals and diagnostics of every constant, before thinning."""
-        judged = diagnose_chain(self.chain) if self.method in SAMPLERS else None
-        troubles = (*(judged.troubles if judged else ()), *_length_troubles(self))
+        """Return means, intervals and diagnostics of every constant, before thinning."""
+        diagnostics = diagnose_chain(self.chain) if self.method in SAMPLERS else None
+        troubles = (*(diagnostics.troubles if diagnostics else ()), *_length_troubles(self))
         return FitSummary(
             pad=self.pad,
             units=self.experiment.units,
@@ -110,37 +136,48 @@ class Fit:
             notices=tuple(_notices(self)),
             settings=self.settings,
             parameters={
-                name: constant_of(self.every[..., k], unit, k, judged)
+                name: constant_of(self.every[..., k], unit, k, diagnostics)
                 for k, (name, unit) in enumerate(zip(self.names, self.units, strict=True))
             },
         )
 
     def predict(self, trials: Sequence[Trial] | None = None, *, seed: int = 0) -> list[Prediction]:
-        """Predict tests sample by sample, with noise; all of the pad's where none are named.
+        """Predict tests sample by sample, with noise.
 
         Parameters
         ----------
         trials
-            Of ``experiment.trials``, or others in the same units.
+            Tests to predict, of ``experiment.trials`` or others in the same units; all of the pad's
+            by default.
         seed
-            Of the draws that are picked, and of the noise.
+            Seed of the choice of draws and of the noise.
+
+        Returns
+        -------
+        list of Prediction
+            One for each test.
         """
         chosen = self.experiment.trials if trials is None else trials
         return predict(self.experiment, self.choices, self.curve_draws, chosen, seed=seed)
 
     def check(self, *, seed: int = 0) -> CheckResult:
-        """Where the model fails, test by test and phase by phase, of all the pad's tests.
+        """Check where the model fails, test by test and phase by phase, over all the pad's tests.
 
         Parameters
         ----------
         seed
-            Of the draws that are picked, and of the noise.
+            Seed of the choice of draws and of the noise.
+
+        Returns
+        -------
+        CheckResult
+            The cells of test and phase.
         """
         return check_experiment(self.experiment, self.choices, self.predict(seed=seed))
 
 
 def build_posterior(experiment: Experiment, choices: Choices, trials: Sequence[Trial]) -> Posterior:
-    """Model, noise and the block averages of some trials.
+    """Return the posterior of model and noise over the block means of some trials.
 
     Under measured noise the discrepancy is not separated yet: see `separated_start`.
     """
@@ -156,11 +193,11 @@ def build_posterior(experiment: Experiment, choices: Choices, trials: Sequence[T
 def separated_start(
     experiment: Experiment, choices: Choices, trials: Sequence[Trial], rng: np.random.Generator
 ) -> tuple[Posterior, NormalApproximation, Spread | None]:
-    """The posterior that is sampled, the normal approximation about its highest point, the spread.
+    """Return the posterior to sample, the normal approximation about its mode, and the spread.
 
-    Under measured noise the discrepancy is separated from what the model's slopes can follow, at
-    the highest point itself, to which a few steps lead; the spread is by what it may have moved the
-    constants.
+    Under measured noise the discrepancy is separated from what the derivatives of the force can
+    follow at the mode itself, which takes a few iterations. The spread is what the discrepancy may
+    have moved the constants by; it is None under other noise.
     """
     posterior, floor = build_posterior(experiment, choices, trials), experiment.floor
     noise = posterior.noise
@@ -168,17 +205,18 @@ def separated_start(
         return posterior, starting_point(posterior, floor, rng).normal, None
     points = least_squares_points(posterior, floor, rng)
     for _ in range(_SEPARATIONS):
-        fitted = Fitted(*compiled.response(posterior, points[0]))
+        fitted = FitResponse(*compiled.response(posterior, points[0]))
         zeros = zero_errors(posterior, trials, points[0])
         blocks = posterior.record.blocks
         likelihood = floor_likelihood(experiment, trials, blocks, noise, fitted, zeros)
         posterior = replace(posterior, floor=likelihood)
         best = optimum_near(posterior, floor, points)
         points = [best.theta]
-    fitted = Fitted(*compiled.response(posterior, points[0]))
-    made = discrepancy_of(experiment, trials, posterior.record.blocks, noise, zeros)
-    prior = map(np.nan_to_num, compiled.prior_terms(posterior, points[0]))  # one may have no slope
-    return posterior, best.normal, Spread.about(made, fitted, *prior)
+    fitted = FitResponse(*compiled.response(posterior, points[0]))
+    discrepancy = discrepancy_of(experiment, trials, posterior.record.blocks, noise, zeros)
+    # some priors have no derivative at their bounds
+    slopes = map(np.nan_to_num, compiled.prior_terms(posterior, points[0]))
+    return posterior, best.normal, Spread.about(discrepancy, fitted, Terms(0.0, *slopes))
 
 
 def fit_pad(
@@ -192,10 +230,32 @@ def fit_pad(
 ) -> Fit:
     """Fit the trials whose role is ``fit``.
 
-    method: ``emcee``, or another of ``SAMPLERS``, samples the posterior; ``least-squares`` and
-    ``two-step`` are the paper's routes, whose draws come from the normal approximation at the
-    optimum. ``folder`` is where the growing chain is kept, so that a killed run resumes. Raises
-    InputError on settings that do not fit the model.
+    Parameters
+    ----------
+    experiment
+        Prepared tests of one pad.
+    choices
+        Model and priors.
+    method
+        ``emcee``, or another of ``SAMPLERS``, samples the posterior. ``least-squares`` and
+        ``two-step`` are the paper's routes, whose draws come from the normal approximation at the
+        optimum.
+    settings
+        Settings of the sampler.
+    folder
+        Where the growing chain is stored, so that an interrupted run resumes.
+    progress
+        Called with the steps done and those expected.
+
+    Returns
+    -------
+    Fit
+        Draws of the constants.
+
+    Raises
+    ------
+    InputError
+        The method is unknown, or settings do not fit the model.
     """
     settings = settings or Settings()
     experiment = replace(experiment, rested=choices.rested)
@@ -208,8 +268,8 @@ def fit_pad(
     posterior = build_posterior(experiment, white, trials)
     rng = np.random.default_rng(settings.seed)
     route = one_step if method == "least-squares" else two_step
-    found = route(experiment, posterior, rng)
-    return _approximated(experiment, white, settings, trials, method, found, rng)
+    result = route(experiment, posterior, rng)
+    return _approximated(experiment, white, settings, trials, method, result, rng)
 
 
 def _sampled(
@@ -221,6 +281,7 @@ def _sampled(
     folder: Path | None,
     progress: Progress | None,
 ) -> Fit:
+    """Return the fit by a sampler."""
     rng = np.random.default_rng(settings.seed)
     posterior, start, spread = separated_start(experiment, choices, trials, rng)
     store = ChainStore(folder, key_of(posterior, settings, method)) if folder else None
@@ -238,21 +299,9 @@ def _sampled(
         "walkers": walkers,
         "thinned_by": thin,
     }
-    return Fit(
-        experiment.pad,
-        method,
-        choices,
-        settings,
-        experiment,
-        trials,
-        posterior,
-        theta[:, ::thin],
-        every[:, ::thin],
-        every,
-        constants,
-        chain.enough,
-        facts,
-    )
+    setup = experiment.pad, method, choices, settings, experiment, trials, posterior
+    draws = theta[:, ::thin], every[:, ::thin], every, constants
+    return Fit(*setup, *draws, chain.enough, facts)
 
 
 def _approximated(
@@ -261,32 +310,20 @@ def _approximated(
     settings: Settings,
     trials: tuple[Trial, ...],
     method: str,
-    found: LeastSquaresFit,
+    result: LeastSquaresFit,
     rng: np.random.Generator,
 ) -> Fit:
+    """Return the fit by a least-squares route."""
     chains, draws = _NORMAL_DRAWS
-    theta = found.normal.draw(chains * draws, rng).reshape(chains, draws, -1)
-    constants = _constants(found.posterior, theta, rng)
-    facts = {"residual_sd": found.residual_sd, "starts_agreeing": found.agreeing}
-    return Fit(
-        experiment.pad,
-        method,
-        choices,
-        settings,
-        experiment,
-        trials,
-        found.posterior,
-        theta,
-        constants,
-        constants,
-        constants,
-        found.agreeing > 1,
-        facts,
-    )
+    theta = result.normal.draw(chains * draws, rng).reshape(chains, draws, -1)
+    constants = _constants(result.posterior, theta, rng)
+    facts = {"residual_sd": result.residual_sd, "starts_agreeing": result.agreeing}
+    setup = experiment.pad, method, choices, settings, experiment, trials, result.posterior
+    return Fit(*setup, theta, constants, constants, constants, result.agreeing > 1, facts)
 
 
 def _notices(fit: Fit) -> Iterator[str]:
-    """What the tests have from each other and cannot say, by the median constants."""
+    """Yield what tests carry over from each other or cannot determine, at median constants."""
     constants = np.median(fit.constants.reshape(-1, fit.constants.shape[-1]), axis=0)
 
     def predicted(record: Record) -> np.ndarray:
@@ -305,18 +342,19 @@ def _notices(fit: Fit) -> Iterator[str]:
 
 
 def _contact_notices(pad: str, trials: Sequence[Trial], units: UnitSystem) -> Iterator[str]:
-    """That the error of contact is part of the fit, where it was measured."""
+    """Yield that the error of the contact point is part of the fit, where it was measured."""
     sds = {trial.name: trial.test.contact_sd for trial in trials if trial.test.contact_sd}
     if sds:
         listed = ", ".join(f"{name} {sd:.2g}" for name, sd in sds.items())
         unit = units.displacement
         yield (
-            f"pad {pad}: where contact lies is uncertain, and the constants heed it (standard "
-            f"error in {unit}: {listed})"
+            f"pad {pad}: the contact point is uncertain, and the constants' intervals include this "
+            f"(standard error in {unit}: {listed})"
         )
 
 
 def _length_troubles(fit: Fit) -> list[str]:
+    """Return messages on a chain that is too short, or on least squares without agreement."""
     if fit.method not in SAMPLERS:
         return [] if fit.enough else ["no two starts came to the same optimum"]
     steps, time = fit.facts["kept_steps"], fit.facts["autocorrelation_steps"]
@@ -326,15 +364,19 @@ def _length_troubles(fit: Fit) -> list[str]:
 
 
 def _constants(posterior: Posterior, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Of places (..., D); what the likelihood sums over is drawn, alike where a walker stayed."""
+    """Return constants (..., P) at thetas (..., D).
+
+    What the likelihood sums over is drawn, once for each distinct theta, so that a walker that
+    stayed has the same constants.
+    """
     flat = theta.reshape(-1, theta.shape[-1])
     if posterior.floor is None:
         values = compiled.in_batches(compiled.constants, posterior, flat, size=4096)
         return values.reshape(*theta.shape[:-1], -1)
-    visited, places = np.unique(flat, axis=0, return_inverse=True)
+    visited, rows = np.unique(flat, axis=0, return_inverse=True)
     shares = rng.random(len(visited))
     values = compiled.in_batches(compiled.drawn_constants, posterior, visited, shares)
-    return values[places.ravel()].reshape(*theta.shape[:-1], -1)
+    return values[rows.ravel()].reshape(*theta.shape[:-1], -1)
 
 
 def _moved(
@@ -344,10 +386,13 @@ def _moved(
     spread: Spread,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Constants (..., P) moved by what a discrepancy of each draw's size may have moved them."""
+    """Return constants (..., P) with the moves that a discrepancy may have caused.
+
+    chain (..., P): constants as sampled, of which each draw has its own size of the discrepancy.
+    """
     flat = theta.reshape(-1, theta.shape[-1])
-    noise = chain.reshape(-1, chain.shape[-1])[:, -_OF_NOISE:]
+    noise = chain.reshape(-1, chain.shape[-1])[:, -_NOISE_CONSTANTS:]
     moves = spread.draws(noise[:, -1], rng)
     values = compiled.in_batches(compiled.constants, posterior, flat + moves, size=4096)
-    values[:, -_OF_NOISE:] = noise
+    values[:, -_NOISE_CONSTANTS:] = noise
     return values.reshape(chain.shape)

@@ -1,4 +1,7 @@
-"""Least squares from many starts: the paper's own routes, and the sampler's starting point."""
+"""Fit a model by least squares from many starts.
+
+The paper's routes use it, and the sampler starts from it.
+"""
 
 from __future__ import annotations
 
@@ -13,29 +16,29 @@ from qlvbayes.io.checks import NoFiniteForceError
 from qlvbayes.model.noise import White
 from qlvbayes.model.posterior import Posterior, draw_priors
 
-LARGEST_SD = 3.0  # of a direction that the data leave open; theta's units are of order one
+LARGEST_SD = 3.0  # of a direction that the data do not determine, in theta's units of order one
 _PRIOR_DRAWS = 96
 _BOUND_SDS = 5.0
 
 
 @dataclass(frozen=True)
 class NormalApproximation:
-    """Mean (D,) and covariance (D, D) over theta."""
+    """A normal distribution over theta: mean (D,) and covariance (D, D)."""
 
     mean: np.ndarray
     covariance: np.ndarray
 
     def draw(self, count: int, rng: np.random.Generator) -> np.ndarray:
-        """(count, D) draws."""
+        """Return draws (count, D)."""
         root = np.linalg.cholesky(self.covariance)
         return self.mean + rng.standard_normal((count, self.mean.size)) @ root.T
 
 
 @dataclass(frozen=True)
 class LeastSquares:
-    """Optima of several starts, best first, each a theta (D,) with its sum of squares.
+    """The optima of several starts, best first: thetas (D,) with their sums of squares.
 
-    The sums are over the largest measured force squared.
+    The sums are divided by the square of the largest measured force.
     """
 
     thetas: tuple[np.ndarray, ...]
@@ -43,7 +46,7 @@ class LeastSquares:
 
 
 def without_noise(posterior: Posterior) -> Posterior:
-    """The same constants and record; the noise is fixed, as least squares needs it."""
+    """Return the posterior with the same constants and record, but with fixed noise."""
     return Posterior(posterior.model, White(1.0), posterior.record)
 
 
@@ -52,24 +55,42 @@ def least_squares(
 ) -> LeastSquares:
     """Minimise the sum of ((block mean - model)/scale)^2 over the model's free constants.
 
-    ``scale`` (T, B): what a residual is divided by. Starts are the best of 96 prior draws; bounds
-    are five prior sds about the prior mean of the unconstrained numbers. The noise of
-    ``posterior`` must be fixed. Raises NoFiniteForceError where no draw gives finite forces.
+    Parameters
+    ----------
+    posterior
+        Posterior whose noise is fixed.
+    scale
+        Divisors (T, B) of the residuals.
+    rng
+        Random generator of the starts, which are the best of 96 prior draws.
+    starts
+        Number of starts.
+
+    Returns
+    -------
+    LeastSquares
+        The optima. They lie within five prior sds of the prior mean of the unconstrained
+        parameters.
+
+    Raises
+    ------
+    NoFiniteForceError
+        No draw gives finite forces.
     """
-    # the optimiser's tolerance on slopes is absolute
+    # the optimiser's tolerance on gradients is absolute
     scale = scale * float(np.max(np.abs(np.asarray(posterior.record.blocks.force))))
     draws = draw_priors(posterior, _PRIOR_DRAWS, rng)
-    centre, reach = draws.mean(axis=0), _BOUND_SDS * draws.std(axis=0)
-    low, high = centre - reach, centre + reach
+    centre, distance = draws.mean(axis=0), _BOUND_SDS * draws.std(axis=0)
+    low, high = centre - distance, centre + distance
     draws = np.clip(draws, low, high)
-    with np.errstate(over="ignore"):  # a sum too large for a number is the worst
+    with np.errstate(over="ignore"):  # a sum that overflows is the worst
         sums = np.array([np.sum(_residuals(posterior, scale, draw)[0] ** 2) for draw in draws])
         order = [k for k in np.argsort(sums) if np.isfinite(sums[k])]
-        found = [_descend(posterior, scale, draws[k], (low, high)) for k in order[:starts]]
-    if not found:
+        optima = [_descend(posterior, scale, draws[k], (low, high)) for k in order[:starts]]
+    if not optima:
         raise NoFiniteForceError
-    found.sort(key=lambda result: result.cost)
-    return LeastSquares(tuple(r.x for r in found), tuple(2.0 * float(r.cost) for r in found))
+    optima.sort(key=lambda result: result.cost)
+    return LeastSquares(tuple(r.x for r in optima), tuple(2.0 * float(r.cost) for r in optima))
 
 
 def _descend(
@@ -78,19 +99,20 @@ def _descend(
     start: np.ndarray,
     bounds: tuple[np.ndarray, np.ndarray],
 ) -> OptimizeResult:
+    """Return the optimum that a start leads to."""
     inside = np.clip(start, bounds[0] + 1e-9, bounds[1] - 1e-9)
-    latest: dict[bytes, np.ndarray] = {}
+    slopes_at: dict[bytes, np.ndarray] = {}
 
     def residuals(theta: np.ndarray) -> np.ndarray:
-        # the slopes come with the residuals: keep them for the question that follows
-        latest.clear()
-        values, latest[theta.tobytes()] = _residuals(posterior, scale, theta)
+        # the derivatives come with the residuals, and the optimiser asks for them next
+        slopes_at.clear()
+        values, slopes_at[theta.tobytes()] = _residuals(posterior, scale, theta)
         return values
 
     def slopes(theta: np.ndarray) -> np.ndarray:
-        if theta.tobytes() not in latest:
+        if theta.tobytes() not in slopes_at:
             residuals(theta)
-        return latest[theta.tobytes()]
+        return slopes_at[theta.tobytes()]
 
     return minimise(residuals, inside, jac=slopes, bounds=bounds, x_scale="jac", max_nfev=200)
 
@@ -98,6 +120,7 @@ def _descend(
 def _residuals(
     posterior: Posterior, scale: np.ndarray, theta: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
+    """Return residuals (T*B,) over ``scale`` and their derivatives (T*B, D)."""
     values, slopes = compiled.residuals_and_slopes(posterior, scale, theta)
     return np.asarray(values), np.asarray(slopes)
 
@@ -105,7 +128,7 @@ def _residuals(
 def normal_approximation(
     posterior: Posterior, scale: np.ndarray, theta: np.ndarray
 ) -> tuple[NormalApproximation, float]:
-    """The textbook covariance s^2 (J^T J)^-1 at an optimum, and s (in units of ``scale``)."""
+    """Return the covariance s^2 (J^T J)^-1 about an optimum, and s in units of ``scale``."""
     values, slopes = _residuals(posterior, scale, theta)
     cost = float(np.sum(values**2))
     points = int(np.sum(np.asarray(posterior.record.blocks.real) & np.isfinite(scale)))
@@ -115,7 +138,7 @@ def normal_approximation(
 
 
 def covariance_from(curvature: np.ndarray) -> np.ndarray:
-    """Inverse of a curvature matrix (D, D), with sds of ``LARGEST_SD`` at most."""
+    """Return the inverse of a curvature (D, D), with sds of ``LARGEST_SD`` at most."""
     values, vectors = np.linalg.eigh(0.5 * (curvature + curvature.T))
-    kept = np.maximum(values, 1.0 / LARGEST_SD**2)
-    return (vectors / kept) @ vectors.T
+    limited = np.maximum(values, 1.0 / LARGEST_SD**2)
+    return (vectors / limited) @ vectors.T

@@ -1,6 +1,7 @@
-"""The posterior's highest point, where sampling starts, and the curvature there (Laplace's).
+"""Find the mode of the posterior, from which sampling starts, and the curvature there (Laplace).
 
-Optimised from least squares for the model and from the priors' middle for the noise.
+The optimisation starts from least squares for the model and from the centre of the prior for the
+noise.
 """
 
 from __future__ import annotations
@@ -24,13 +25,13 @@ from qlvbayes.model.posterior import Posterior, central
 from qlvbayes.motion.noisefloor import NoiseFloor
 
 _PASSES = 3
-_NOISE_SD = 0.3  # of the noise's unconstrained numbers, to begin with
-_OPTIMA = 2  # distinct least-squares optima that are optimised from
+_NOISE_SD = 0.3  # of the noise's unconstrained parameters, as a first guess
+_OPTIMA = 2  # distinct least-squares optima from which the posterior is optimised
 
 
 @dataclass(frozen=True)
 class Optimum:
-    """theta (D,) of highest density, log density there, and the normal approximation."""
+    """The mode theta (D,), the log density there, and the normal approximation."""
 
     theta: np.ndarray
     log_density: float
@@ -38,28 +39,28 @@ class Optimum:
 
 
 def block_scale(posterior: Posterior, floor: NoiseFloor) -> np.ndarray:
-    """(T, B) sd of each block mean under the noise floor, as if blocks were independent."""
+    """Return the sd (T, B) of each block mean under the noise floor, ignoring correlations."""
     blocks = posterior.record.blocks
     variance = floor.white**2 / np.asarray(blocks.count) + floor.ou**2
-    own = np.asarray(blocks.weight) * np.asarray(blocks.scale) * np.sqrt(variance)
-    return np.hypot(own, np.asarray(blocks.extra))
+    readings = np.asarray(blocks.weight) * np.asarray(blocks.scale) * np.sqrt(variance)
+    return np.hypot(readings, np.asarray(blocks.extra))
 
 
 def starting_point(posterior: Posterior, floor: NoiseFloor, rng: np.random.Generator) -> Optimum:
-    """Highest point found from multi-start least squares, and the curvature there."""
+    """Return the mode found from multi-start least squares."""
     return optimum_near(posterior, floor, least_squares_points(posterior, floor, rng))
 
 
 def least_squares_points(
     posterior: Posterior, floor: NoiseFloor, rng: np.random.Generator
 ) -> list[np.ndarray]:
-    """Thetas of the model alone at the best optima of multi-start least squares."""
+    """Return thetas of the model alone at the best optima of multi-start least squares."""
     fits = least_squares(without_noise(posterior), block_scale(posterior, floor), rng)
     return list(fits.thetas[:_OPTIMA])
 
 
 def optimum_near(posterior: Posterior, floor: NoiseFloor, thetas: Sequence[np.ndarray]) -> Optimum:
-    """The highest point found from some thetas of the model alone."""
+    """Return the mode found from thetas (D,) of the model alone."""
     bare, scale = without_noise(posterior), block_scale(posterior, floor)
     noise = central(posterior.noise)
     guesses = []
@@ -71,17 +72,18 @@ def optimum_near(posterior: Posterior, floor: NoiseFloor, thetas: Sequence[np.nd
 
 
 def find_optimum(posterior: Posterior, guesses: list[NormalApproximation]) -> Optimum:
-    """Optimise from each guess (quasi-Newton, exact gradients) and keep the highest point.
+    """Return the highest of the modes found from each guess (quasi-Newton with exact gradients).
 
-    A guess's covariance only sets the scale of the steps; it need not be accurate.
+    The covariance of a guess only sets the scale of the steps; it need not be accurate.
     """
     optima = [(_optimised(posterior, guess), guess) for guess in guesses]
-    (theta, loss), guess = min(optima, key=lambda found: found[0][1])
+    (theta, loss), guess = min(optima, key=lambda optimum: optimum[0][1])
     covariance = _covariance(posterior, theta, np.linalg.cholesky(guess.covariance))
     return Optimum(theta, -loss, NormalApproximation(theta, covariance))
 
 
 def _optimised(posterior: Posterior, guess: NormalApproximation) -> tuple[np.ndarray, float]:
+    """Return the mode that a guess leads to, and minus the log density there."""
     axes = np.linalg.cholesky(guess.covariance)
 
     def loss(z: np.ndarray) -> tuple[float, np.ndarray]:
@@ -96,13 +98,13 @@ def _optimised(posterior: Posterior, guess: NormalApproximation) -> tuple[np.nda
 
 
 def _covariance(posterior: Posterior, theta: np.ndarray, axes: np.ndarray) -> np.ndarray:
-    """Inverse curvature (D, D) of minus log density at the scale of the posterior itself.
+    """Return the inverse curvature (D, D) of minus the log density, at the scale of the posterior.
 
-    Differences of exact gradients half an sd either side of the optimum, along directions (the
-    columns of ``axes``, about one sd long) that each pass whitens anew. Contact makes the gradient
-    jump where a force reaches zero, so that the curvature at a point would describe one side of a
-    kink; and this spares compiling second derivatives. Where the density does not curve down, the
-    sd is bounded.
+    It is computed from differences of exact gradients half an sd either side of the optimum, along
+    directions (the columns of ``axes``, about one sd long) that each pass whitens anew. Contact
+    makes the gradient jump where a force reaches zero, so that the curvature at a point would
+    describe one side of a kink; and no second derivatives need to be compiled. Where the density
+    does not curve down, the sd is bounded.
     """
     for _ in range(_PASSES):
         change = np.array([_gradient_change(posterior, theta, 0.5 * axis) for axis in axes.T])
@@ -114,7 +116,7 @@ def _covariance(posterior: Posterior, theta: np.ndarray, axes: np.ndarray) -> np
 
 
 def _gradient_change(posterior: Posterior, theta: np.ndarray, half: np.ndarray) -> np.ndarray:
-    """Change of the gradient over twice ``half``, which is one axis long."""
+    """Return the change (D,) of the gradient between ``half`` an axis before and after theta."""
     above = compiled.loss_and_gradient(posterior, theta + half)[1]
     below = compiled.loss_and_gradient(posterior, theta - half)[1]
     return np.asarray(above) - np.asarray(below)

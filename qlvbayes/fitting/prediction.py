@@ -1,4 +1,4 @@
-"""What a posterior predicts of tests, sample by sample, with noise."""
+"""Predict tests from a posterior, sample by sample, with noise."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import jax
 import numpy as np
 
 from qlvbayes.fitting import compiled
-from qlvbayes.fitting.drawn_errors import missed, realisations
-from qlvbayes.fitting.marginal import known_floor
-from qlvbayes.inference.errors.features import Places
+from qlvbayes.fitting.drawn_errors import discrepancy_draws, realisations
+from qlvbayes.fitting.marginal_likelihood import known_floor
+from qlvbayes.inference.errors.features import Locations
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import Floor
 from qlvbayes.model.parameters import names
@@ -22,18 +22,31 @@ from qlvbayes.motion.record import Record, batch
 from qlvbayes.motion.reduction import clear_of_kinks
 
 DRAWS = 400
-_ROWS = 300  # samples looked at in a phase, at most; spread evenly in the logarithm of time
+_ROWS = 300  # largest number of samples in a phase, evenly spread in the logarithm of time
 
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """One test's samples (n,) and what was predicted of them.
+    """The n samples of one test, and their predictions.
 
-    observed: measured force; mean: posterior mean of the model's force; low, high: 90 % predictive
-    interval with noise and with what the fit says that the model misses, which may lie beside the
-    mean; forces (draws, n): the model's force for each posterior draw; floor
-    (draws, n): realisations of the noise floor that was measured without the model, each of its own
-    draw of what the dwells leave open.
+    Parameters
+    ----------
+    trial
+        The test.
+    time, phase
+        Time (s) and kind of phase of each sample.
+    observed
+        Measured force.
+    mean
+        Posterior mean of the model's force.
+    low, high
+        Ends of the 90 % predictive interval, with noise and with the discrepancy that the fit
+        implies. The mean may therefore lie outside it.
+    forces
+        The model's force (draws, n) for each posterior draw.
+    floor
+        Realisations (draws, n) of the noise floor that was measured without the model, each with
+        its own draw of what the dwells leave open.
     """
 
     trial: Trial
@@ -48,7 +61,7 @@ class Prediction:
 
     @property
     def residual(self) -> np.ndarray:
-        """Observed minus predicted mean (n,)."""
+        """Return the observed force minus the predicted mean (n,)."""
         return self.observed - self.mean
 
 
@@ -60,22 +73,42 @@ def predict(
     *,
     seed: int = 0,
 ) -> list[Prediction]:
-    """Predict some trials from posterior draws of the named constants, each (draws,).
+    """Predict some trials from posterior draws.
 
-    Long records are looked at in at most 300 samples a phase. Raises KeyError if a constant of the
-    model is missing from ``constants``.
+    Parameters
+    ----------
+    experiment
+        Prepared tests of the pad that was fitted.
+    choices
+        Model and priors of the fit.
+    constants
+        Draws (draws,) of each constant, by name.
+    trials
+        Tests to predict. Of a long phase at most 300 samples are predicted.
+    seed
+        Seed of the choice of draws and of the noise.
+
+    Returns
+    -------
+    list of Prediction
+        One for each trial.
+
+    Raises
+    ------
+    KeyError
+        A constant of the model is missing.
     """
     experiment = replace(experiment, rested=choices.rested)
     chosen = [_rows(trial) for trial in trials]
     posterior = _sample_by_sample(experiment, choices, trials, chosen)
     rng = np.random.default_rng(seed)
-    matrix = _some(constants, names(posterior), rng)
+    matrix = _drawn(constants, names(posterior), rng)
     forces = compiled.in_batches(compiled.predictions, posterior, matrix, size=DRAWS // 4)
     noise = _noise(posterior, matrix, rng)
     floor = _floor_draws(experiment, posterior, rng)
     if isinstance(posterior.noise, Floor):
         known = replace(experiment, floor=known_floor(experiment.floor, posterior.noise))
-        noise += _missed(known, posterior, matrix, trials, chosen, forces.mean(axis=0), rng)
+        noise += _discrepancy(known, posterior, matrix, trials, chosen, forces.mean(axis=0), rng)
     return [
         _prediction(trial, rows, forces[:, k], noise[:, k], floor[:, k])
         for k, (trial, rows) in enumerate(zip(trials, chosen, strict=True))
@@ -83,14 +116,14 @@ def predict(
 
 
 def _rows(trial: Trial) -> np.ndarray:
-    """Samples to look at: all of a short phase, some of a long one."""
-    place = phase_index(trial.phases, trial.test.time)
+    """Return the indices of samples to predict: all of a short phase, some of a long one."""
+    phase = phase_index(trial.phases, trial.test.time)
     picked = []
     for k in range(len(trial.phases)):
-        inside = np.flatnonzero(place == k)
+        inside = np.flatnonzero(phase == k)
         if inside.size > _ROWS:
-            places = np.geomspace(1.0, inside.size, _ROWS).astype(int) - 1
-            inside = inside[np.unique(np.concatenate([places, [inside.size - 1]]))]
+            positions = np.geomspace(1.0, inside.size, _ROWS).astype(int) - 1
+            inside = inside[np.unique(np.concatenate([positions, [inside.size - 1]]))]
         picked.append(inside)
     return np.unique(np.concatenate(picked))
 
@@ -98,6 +131,7 @@ def _rows(trial: Trial) -> np.ndarray:
 def _sample_by_sample(
     experiment: Experiment, choices: Choices, trials: Sequence[Trial], rows: list[np.ndarray]
 ) -> Posterior:
+    """Return a posterior of which each sample is a block of its own."""
     model, noise = choices.build(experiment.scales)
     records = [
         single_samples(experiment, trial, chosen)
@@ -106,17 +140,18 @@ def _sample_by_sample(
     return Posterior(model, noise, batch(records))
 
 
-def looked_at(trial: Trial) -> np.ndarray:
-    """Which samples of a trial stand for all.
+def representative_rows(trial: Trial) -> np.ndarray:
+    """Return the indices of samples that represent a trial.
 
-    Samples too near a kink to tell on which side they lie are left out, as in the likelihood.
+    As in the likelihood, samples are left out if they are so near a kink that it is unclear on
+    which side of it they lie.
     """
     rows = _rows(trial)
     return rows[clear_of_kinks(trial.test.time, trial.trajectory, trial.phases)[rows]]
 
 
 def single_samples(experiment: Experiment, trial: Trial, rows: np.ndarray) -> Record:
-    """The record of some samples of a trial, each its own block."""
+    """Return the record of some samples of a trial, each its own block."""
     test = trial.test
     thinned = replace(
         test,
@@ -128,22 +163,22 @@ def single_samples(experiment: Experiment, trial: Trial, rows: np.ndarray) -> Re
     return experiment.reduced(trial, thinned)
 
 
-def _some(
+def _drawn(
     constants: dict[str, np.ndarray], order: list[str], rng: np.random.Generator
 ) -> np.ndarray:
-    """(DRAWS, P) draws of the constants in the posterior's order."""
+    """Return draws (DRAWS, P) of the constants in the posterior's order."""
     matrix = np.stack([np.ravel(constants[name]) for name in order], axis=-1)
     return matrix[rng.integers(0, len(matrix), DRAWS)]
 
 
 def _noise(posterior: Posterior, matrix: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """(DRAWS, T, B) independent noise of single samples, each draw with its own sd."""
+    """Return independent noise (DRAWS, T, B) of single samples, each draw with its own sd."""
     weight = posterior.record.blocks.weight
     sds = jax.vmap(lambda x: posterior.with_constants(x)[1].sample_sd(weight))(matrix)
     return np.asarray(sds) * rng.standard_normal((len(matrix), *weight.shape))
 
 
-def _missed(
+def _discrepancy(
     experiment: Experiment,
     posterior: Posterior,
     matrix: np.ndarray,
@@ -152,11 +187,11 @@ def _missed(
     forces: np.ndarray,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """(DRAWS, T, B) of what the model misses at the samples, where its force is (T, B)."""
+    """Return draws (DRAWS, T, B) of the discrepancy at the samples, where the force is (T, B)."""
     names = [trial.name for trial in experiment.trials]
-    places = Places.joined(
+    locations = Locations.joined(
         [
-            Places.of(
+            Locations.from_trial(
                 experiment,
                 trial,
                 names.index(trial.name),
@@ -168,18 +203,18 @@ def _missed(
     )
     fitted = experiment.with_role("fit")
     of_fit = Posterior(posterior.model, posterior.noise, experiment.record(fitted))
-    found = np.zeros((len(matrix), *forces.shape))
+    drawn = np.zeros((len(matrix), *forces.shape))
     inside = np.zeros(forces.shape, dtype=bool)
     for k, rows in enumerate(chosen):
         inside[k, : rows.size] = True
-    found[:, inside] = missed(experiment, of_fit, fitted, matrix, places, rng)
-    return found
+    drawn[:, inside] = discrepancy_draws(experiment, of_fit, fitted, matrix, locations, rng)
+    return drawn
 
 
 def _floor_draws(
     experiment: Experiment, posterior: Posterior, rng: np.random.Generator
 ) -> np.ndarray:
-    """(DRAWS, T, B) realisations of the floor, each of its own draw of it given the dwells."""
+    """Return realisations (DRAWS, T, B) of the floor, each with its own draw given the dwells."""
     blocks = posterior.record.blocks
     floors = experiment.floor.draws(DRAWS)
     tests = [
@@ -191,6 +226,7 @@ def _floor_draws(
 def _prediction(
     trial: Trial, rows: np.ndarray, forces: np.ndarray, noise: np.ndarray, floor: np.ndarray
 ) -> Prediction:
+    """Return the prediction of one trial."""
     count = rows.size
     forces, noise, floor = forces[:, :count], noise[:, :count], floor[:, :count]
     low, high = np.quantile(forces + noise, [0.05, 0.95], axis=0)

@@ -1,4 +1,4 @@
-"""Where a model fails: test by test and phase by phase, against the noise floor."""
+"""Check where a model fails, test by test and phase by phase, against the noise floor."""
 
 from __future__ import annotations
 
@@ -23,10 +23,11 @@ FALSE_ALARMS = 0.01  # probability that any cell of a right model is called fail
 class Cell(Part, frozen=True, rename={"rate": "rate_mm_s", "rmse": "rmse_N", "bias": "bias_N"}):
     """One test's samples in one kind of phase.
 
-    rate: None where the test has none; rmse, bias: of observed minus predicted mean (N);
-    coverage90: share of samples within the 90 % predictive interval; p_value: probability of an
-    rmse at least as large if the model were right, from posterior draws plus the noise floor;
-    fails: whether structure beyond noise is left (1 % false alarms over all cells of the pad).
+    rate: None where the test has none; n: number of samples; rmse, bias: root mean square and mean
+    of observed minus predicted mean (N); coverage90: share of samples within the 90 % predictive
+    interval; p_value: probability of an rmse at least as large if the model were right, from
+    posterior draws plus the noise floor; fails: whether structure beyond noise is left (1 % false
+    alarms over all cells of the pad).
     """
 
     test: str
@@ -42,9 +43,9 @@ class Cell(Part, frozen=True, rename={"rate": "rate_mm_s", "rmse": "rmse_N", "bi
 
 
 class Cycle(Part, frozen=True, rename={"rmse": "rmse_N", "bias": "bias_N"}):
-    """One phase of a test that has several of its kind: a cycle's loading, a staircase's step.
+    """One phase of a test that has several of its kind, as a cycle's loading or a staircase's step.
 
-    number: from 1, in order of time; rmse, bias: as in `Cell` (N).
+    number: counts from 1 in order of time; rmse, bias: as in `Cell` (N).
     """
 
     test: str
@@ -59,8 +60,8 @@ class CheckResult(Result, frozen=True, kw_only=True, rename={"noise": "noise_N"}
     """All cells of one pad and the noise floor (sd, in the unit of force): ``check.json``.
 
     false_alarms: probability that any cell of a right model is called failing; cycles: the phases
-    of tests that have several of a kind, one by one; notices: about the measurements and their
-    noise.
+    of tests that have several of a kind, one by one; notices: messages on the measurements and
+    their noise.
     """
 
     pad: str
@@ -74,12 +75,12 @@ class CheckResult(Result, frozen=True, kw_only=True, rename={"noise": "noise_N"}
 
     @property
     def failing(self) -> list[Cell]:
-        """Cells in which structure beyond noise is left."""
+        """Return the cells in which structure beyond noise is left."""
         return [cell for cell in self.cells if cell.fails]
 
     @property
     def worst(self) -> Cell | None:
-        """The one with the largest error among those that fail; None where none does."""
+        """Return the failing cell with the largest error; None where no cell fails."""
         return max(self.failing, key=lambda cell: cell.rmse, default=None)
 
 
@@ -92,8 +93,29 @@ def check(
     units: UnitSystem = PAD,
     notices: Sequence[str] = (),
 ) -> CheckResult:
-    """Compare predictions with what was measured; cells without samples are left out."""
-    places = [
+    """Compare predictions with measured forces.
+
+    Parameters
+    ----------
+    pad
+        Name of the pad.
+    noise
+        Sd of the noise floor (N).
+    predictions
+        Predictions of its tests. Cells without samples are left out.
+    effects
+        Names of the model's effects.
+    units
+        Unit system of the pad.
+    notices
+        Messages on the measurements and their noise.
+
+    Returns
+    -------
+    CheckResult
+        The cells of test and phase.
+    """
+    keys = [
         (prediction, kind)
         for prediction in predictions
         for kind in KINDS
@@ -104,7 +126,7 @@ def check(
         effects=tuple(effects),
         units=units,
         noise=noise,
-        cells=tuple(_cell(*place, FALSE_ALARMS / len(places)) for place in places),
+        cells=tuple(_cell(*key, FALSE_ALARMS / len(keys)) for key in keys),
         cycles=tuple(cycle for prediction in predictions for cycle in _cycles(prediction)),
         notices=tuple(notices),
     )
@@ -113,86 +135,89 @@ def check(
 def check_experiment(
     experiment: Experiment, choices: Choices, predictions: Sequence[Prediction]
 ) -> CheckResult:
-    """`check` with all that is known of the pad, and what one should know of its tests."""
+    """Return `check` with all that is known of the pad, and notices on its tests."""
     bonded, effects = choices.bonded, choices.effects
-    pulling = pull_notices(experiment, bonded=bonded, effects=effects)
-    of_noise = [f"pad {experiment.pad}: {text}" for text in experiment.floor.notices]
+    pull = pull_notices(experiment, bonded=bonded, effects=effects)
+    noise_notices = [f"pad {experiment.pad}: {text}" for text in experiment.floor.notices]
     return check(
         experiment.pad,
         experiment.floor.total,
         predictions,
         effects,
         units=experiment.units,
-        notices=(*experiment.notices, *pulling, *of_noise),
+        notices=(*experiment.notices, *pull, *noise_notices),
     )
 
 
 def _cell(prediction: Prediction, kind: str, level: float) -> Cell:
-    """level: p-value below which it fails."""
-    here = prediction.phase == kind
-    residual = prediction.residual[here]
+    """Return one cell, which fails if its p-value is below ``level``."""
+    selected = prediction.phase == kind
+    residual = prediction.residual[selected]
     inside = (prediction.observed >= prediction.low) & (prediction.observed <= prediction.high)
     trial = prediction.trial
     rmse = _rmse(residual)
-    p_value = _p_value(rmse, prediction, here)
+    p_value = _p_value(rmse, prediction, selected)
     return Cell(
         test=trial.name,
         role=trial.role,
         rate=_finite(trial.rate),
         phase=kind,
-        n=int(here.sum()),
+        n=int(selected.sum()),
         rmse=rmse,
         bias=float(residual.mean()),
-        coverage90=float(inside[here].mean()),
+        coverage90=float(inside[selected].mean()),
         p_value=p_value,
         fails=p_value < level,
     )
 
 
 def _cycles(prediction: Prediction) -> list[Cycle]:
-    """Every phase by itself, of kinds that the test has several of."""
+    """Return every phase separately, of those kinds that the test has several of."""
     phases = prediction.trial.phases
-    place = phase_index(phases, prediction.time)
-    found = []
+    phase_of_sample = phase_index(phases, prediction.time)
+    cycles = []
     for kind in KINDS:
-        places = [k for k, phase in enumerate(phases) if phase.kind == kind]
-        for number, k in enumerate(places, start=1):
-            residual = prediction.residual[place == k]
-            if len(places) > 1 and residual.size:
+        indices = [k for k, phase in enumerate(phases) if phase.kind == kind]
+        for number, k in enumerate(indices, start=1):
+            residual = prediction.residual[phase_of_sample == k]
+            if len(indices) > 1 and residual.size:
                 name, bias = prediction.trial.name, float(residual.mean())
-                found.append(Cycle(name, kind, number, residual.size, _rmse(residual), bias))
-    return found
+                cycles.append(Cycle(name, kind, number, residual.size, _rmse(residual), bias))
+    return cycles
 
 
 def _rmse(residual: np.ndarray) -> float:
+    """Return the root mean square of residuals."""
     return float(np.sqrt(np.mean(residual**2)))
 
 
 def _finite(rate: float) -> float | None:
+    """Return a rate, or None where it is not finite."""
     return float(rate) if np.isfinite(rate) else None
 
 
-def _p_value(rmse: float, prediction: Prediction, here: np.ndarray) -> float:
-    """Upper tail of the mean square of normal errors, whose draws are a few hundred.
+def _p_value(rmse: float, prediction: Prediction, selected: np.ndarray) -> float:
+    """Return the probability of a larger mean square under normal errors, of few draws.
 
-    The mean square is a sum of chi-squares, few of them where noise is correlated over much of the
-    cell. A chi-square with the same mean, variance and skewness has the same upper tail (Pearson's
-    approximation; Imhof 1961, doi:10.1093/biomet/48.3-4.419).
+    The mean square is a sum of chi-squares, of only a few where noise is correlated over much of
+    the cell. A chi-square with the same mean, variance and skewness has the same upper tail
+    (Pearson's approximation; Imhof 1961, doi:10.1093/biomet/48.3-4.419).
     """
-    error = (prediction.forces - prediction.mean + prediction.floor)[:, here]
+    error = (prediction.forces - prediction.mean + prediction.floor)[:, selected]
     mean, variance, third = _cumulants(error)
     if variance <= 0.0:
         return float(rmse**2 <= mean)
     freedom = 8.0 * variance**3 / max(third, 1e-3 * variance**1.5) ** 2
-    place = (rmse**2 - mean) / np.sqrt(variance)
-    return float(chi2.sf(freedom + np.sqrt(2.0 * freedom) * place, freedom))
+    deviation = (rmse**2 - mean) / np.sqrt(variance)
+    return float(chi2.sf(freedom + np.sqrt(2.0 * freedom) * deviation, freedom))
 
 
 def _cumulants(error: np.ndarray) -> tuple[float, float, float]:
-    """First three cumulants of the mean square of a normal error of which rows are draws.
+    """Return the first three cumulants of the mean square of a normal error, given its draws.
 
-    With A the error's covariance over its length: tr A, 2 tr A^2 and 8 tr A^3. Products of
-    different draws estimate the traces without bias, and better than the squares' own moments.
+    error: (draws, n). With A the error's covariance over its length, the cumulants are tr A,
+    2 tr A^2 and 8 tr A^3. Products of different draws estimate the traces without bias, and better
+    than the squares' own moments do.
     """
     draws, size = error.shape
     products = error @ error.T / size

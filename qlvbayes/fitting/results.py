@@ -1,4 +1,4 @@
-"""A fit as an ArviZ file, and back: the only place that touches ArviZ's data structures."""
+"""Write a fit as an ArviZ file and read it: the only module that uses ArviZ's data structures."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import xarray
 import qlvbayes
 from qlvbayes.fitting import compiled
 from qlvbayes.fitting.fit import Fit
-from qlvbayes.fitting.marginal import Judged
+from qlvbayes.fitting.marginal_likelihood import DrawResiduals
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.files import folder_fault, write_whole
@@ -37,12 +37,32 @@ _MEMBER = re.compile(r"(.+)\[(\d+)\]")
 
 @dataclass(frozen=True)
 class Saved:
-    """What a results file says: draws (chains, draws, P) of the constants and how they were got.
+    """The contents of a results file: draws of the constants, and how they were obtained.
 
-    curves: the same where the curve follows the data, which predict the tests; None where these are
-    the draws themselves. fluid: of the pad, where it is known; units: of its constants; covered:
-    what its tests cover; converged: whether nothing spoke against the sampling. A posterior made
-    elsewhere has an empty ``source``, ``sha256`` and ``fitted`` where its file does not say.
+    Parameters
+    ----------
+    pad, names
+        Name of the pad, and names of the P constants.
+    constants
+        Draws (chains, draws, P).
+    choices, method
+        Model, and method by which it was fitted.
+    source, sha256, fitted
+        File of the data, its digest, and names of the fitted tests; empty for a posterior made
+        elsewhere, where its file does not state them.
+    all_tests
+        Whether all tests of the pad were used.
+    fluid
+        Fluid of the pad, where it is known.
+    units
+        Unit system of the constants.
+    covered
+        What the tests cover.
+    converged
+        Whether nothing spoke against the sampling.
+    curves
+        Draws where the curve follows the data, which predict the tests; None where these are the
+        draws themselves.
     """
 
     pad: str
@@ -62,23 +82,41 @@ class Saved:
 
     @property
     def draws(self) -> np.ndarray:
-        """(chains*draws, P)."""
+        """Return draws (chains*draws, P) of the constants."""
         return self.constants.reshape(-1, self.constants.shape[-1])
 
     @property
     def curve_draws(self) -> np.ndarray:
-        """(chains*draws, P) where the curve follows the data."""
+        """Return draws (chains*draws, P) of the constants where the curve follows the data."""
         return self.draws if self.curves is None else self.curves.reshape(self.draws.shape)
 
 
 def to_arviz(
     fit: Fit, summary: FitSummary, *, source: str, sha256: str, all_tests: bool, seed: int
 ) -> xarray.DataTree:
-    """Posterior, posterior predictive, pointwise log likelihood, data and constant data.
+    """Return a fit as a tree of posterior, predictive, log likelihood and data.
 
-    Where a discrepancy may have moved the constants from what the chain has, that is the group
-    ``curve``. Walkers are chains. The log likelihood of a block is conditional on the blocks before
-    it in its test. Units are attributes of the variables; everything else of the root.
+    Where a discrepancy may have moved the constants from those of the chain, the group ``curve``
+    has the latter. Walkers are chains. The log likelihood of a block is conditional on the blocks
+    before it in its test. Units are attributes of the variables, everything else of the root.
+
+    Parameters
+    ----------
+    fit
+        Draws of the constants of one pad.
+    summary
+        Summary of the fit, which says whether the sampling converged.
+    source, sha256
+        File of the data, and its digest.
+    all_tests
+        Whether all tests of the pad were used.
+    seed
+        Seed of the replicated block means.
+
+    Returns
+    -------
+    xarray.DataTree
+        The groups as arviz expects them.
     """
     posterior, dims, coords = _grouped(fit.names, fit.constants)
     force = fit.experiment.units.force_name
@@ -109,48 +147,48 @@ def to_arviz(
 
 
 def _judged(fit: Fit, real: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """(draws, blocks) pointwise log likelihoods, and block means predicted with new noise.
+    """Return pointwise log likelihoods (draws, blocks), and block means predicted with new noise.
 
-    Of the chain's own draws, whose curves follow the data.
+    Both are those of the chain's own draws, whose curves follow the data.
     """
     posterior = fit.posterior
     if posterior.floor is not None:
         constants = fit.followed.reshape(-1, fit.followed.shape[-1])
         forces = compiled.in_batches(compiled.predictions, posterior, constants)
-        judged = Judged(posterior, forces, constants)
-        return judged.log_likelihoods(), judged.replicates(np.random.default_rng(seed))
+        residuals = DrawResiduals(posterior, forces, constants)
+        return residuals.log_likelihoods(), residuals.replicates(np.random.default_rng(seed))
     flat = fit.theta.reshape(-1, fit.theta.shape[-1])
     keys = _keys(len(flat), seed)
-    found = compiled.in_batches(compiled.judgements, posterior, flat, keys)
-    return found[:, 0, real], found[:, 1, real]
+    values = compiled.in_batches(compiled.judgements, posterior, flat, keys)
+    return values[:, 0, real], values[:, 1, real]
 
 
 def _keys(count: int, seed: int) -> np.ndarray:
-    """(count, 2) random keys, as numbers."""
+    """Return random keys (count, 2), as numbers."""
     return np.random.default_rng(seed).integers(0, 2**32, (count, 2), dtype=np.uint32)
 
 
 def _grouped(names: list[str], constants: np.ndarray) -> tuple[dict, dict, dict]:
-    """Variables (c and v as vectors), their dimensions and their coordinates."""
+    """Return variables (c and v as vectors), their dimensions and their coordinates."""
     members: dict[str, list[tuple[int | None, int]]] = {}
-    for place, name in enumerate(names):
+    for column, name in enumerate(names):
         match = _MEMBER.fullmatch(name)
         key, index = (match[1], int(match[2])) if match else (name, None)
-        members.setdefault(key, []).append((index, place))
+        members.setdefault(key, []).append((index, column))
     variables, dims, coords = {}, {}, {}
-    for key, found in members.items():
-        places = [place for _, place in found]
-        if found[0][0] is None:
-            variables[key] = constants[..., places[0]]
+    for key, indices_columns in members.items():
+        columns = [column for _, column in indices_columns]
+        if indices_columns[0][0] is None:
+            variables[key] = constants[..., columns[0]]
             continue
-        variables[key] = constants[..., places]
+        variables[key] = constants[..., columns]
         dims[key] = [f"{key}_index"]
-        coords[f"{key}_index"] = np.array([index for index, _ in found])
+        coords[f"{key}_index"] = np.array([index for index, _ in indices_columns])
     return variables, dims, coords
 
 
 def _block_facts(fit: Fit, real: np.ndarray) -> dict[str, np.ndarray]:
-    """What is known of each block: its test, times, samples and weight."""
+    """Return the test, times, samples and weight of each block."""
     blocks = fit.posterior.record.blocks
     test = np.repeat(np.arange(len(real))[:, None], real.shape[1], axis=1)
     return {
@@ -163,6 +201,7 @@ def _block_facts(fit: Fit, real: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _label(tree: xarray.DataTree, fit: Fit, force: str) -> None:
+    """Add units to the variables."""
     for name, unit in zip(fit.names, fit.units, strict=True):
         match = _MEMBER.fullmatch(name)
         tree["posterior"][match[1] if match else name].attrs["units"] = unit
@@ -175,6 +214,7 @@ def _label(tree: xarray.DataTree, fit: Fit, force: str) -> None:
 def _provenance(
     fit: Fit, summary: FitSummary, source: str, sha256: str, all_tests: bool, seed: int
 ) -> dict:
+    """Return the attributes that say how the fit was made."""
     units = fit.experiment.units
     return {
         "schema": 1,
@@ -199,9 +239,9 @@ def _provenance(
 
 
 def save(tree: xarray.DataTree, path: Path) -> None:
-    """Write the file whole or not at all, with checksums of its numbers.
+    """Write the file completely or not at all, with checksums of its numbers.
 
-    By way of memory: HDF5 brings the process down where the disk is full.
+    It is composed in memory: HDF5 crashes the process where the disk is full.
     """
     checksums = {
         node.path: {name: {"fletcher32": True} for name in node.to_dataset(inherit=False).variables}
@@ -211,20 +251,25 @@ def save(tree: xarray.DataTree, path: Path) -> None:
 
 
 def load(path: Path) -> Saved:
-    """Read a results file, or a posterior made elsewhere that has our names of the constants.
+    """Read a results file, or a posterior made elsewhere that uses the same names of the constants.
 
     Parameters
     ----------
     path
         An ArviZ file (NetCDF), as ``OUT/<pad>/posterior.nc``.
 
+    Returns
+    -------
+    Saved
+        Draws of the constants, model and provenance.
+
     Raises
     ------
     InputError
-        It is neither; the error names what is missing.
+        The file is neither of these; the error names what is missing.
     """
     try:
-        # h5netcdf, given what is no HDF5 file, prints a traceback when it is swept up
+        # h5netcdf, given another file than HDF5, prints a traceback when it is garbage-collected
         h5py.File(path).close()
         tree = xarray.load_datatree(path, engine="h5netcdf")
         posterior = tree["posterior"].to_dataset()
@@ -243,8 +288,9 @@ def load(path: Path) -> Saved:
 
 
 def _ours(tree: xarray.DataTree, posterior: xarray.Dataset) -> Saved:
+    """Return the contents of a file that this program wrote."""
     attrs, (names, columns) = tree.attrs, _flattened(posterior)
-    reach = attrs.get("covered")
+    coverage = attrs.get("covered")
     curves = _flattened(tree["curve"].to_dataset())[1] if "curve" in tree else None
     return Saved(
         pad=str(attrs["pad"]),
@@ -258,14 +304,14 @@ def _ours(tree: xarray.DataTree, posterior: xarray.Dataset) -> Saved:
         fitted=tuple(json.loads(attrs["fitted_tests"])),
         fluid=str(attrs["fluid"]) if attrs.get("fluid") else None,
         units=stated_units(attrs.get("displacement_unit"), attrs.get("force_unit"), {}),
-        covered=Covered(**json.loads(reach)) if reach else None,
+        covered=Covered(**json.loads(coverage)) if coverage else None,
         converged=bool(attrs.get("converged", True)),
         curves=None if curves is None else np.stack(curves, axis=-1),
     )
 
 
 def _from_elsewhere(posterior: xarray.Dataset, attrs: dict, path: Path) -> Saved:
-    """A posterior of another program; attributes of the same names as ours are heeded."""
+    """Return the contents of another program's posterior; attributes of the same names are read."""
     if not {"chain", "draw"} <= set(posterior.sizes):
         raise InputError(
             "not a results file: its posterior has no dimensions chain and draw",
@@ -277,14 +323,14 @@ def _from_elsewhere(posterior: xarray.Dataset, attrs: dict, path: Path) -> Saved
         attrs.get("force_unit"),
         {str(key): str(v.attrs.get("units", "")) for key, v in posterior.data_vars.items()},
     )
-    found = dict(zip(*_flattened(posterior), strict=True))
+    columns = dict(zip(*_flattened(posterior), strict=True))
     try:
         choices = infer_choices(
-            found,
+            columns,
             bonded=bool(attrs.get("bonded", units.bonded_default)),
             effects_file=attrs.get("effects_file"),
         )
-        draws = {name: np.asarray(found[name], float) for name in wanted_names(choices, found)}
+        draws = {name: np.asarray(columns[name], float) for name in wanted_names(choices, columns)}
         check_draws(choices, draws)
     except InputError as error:
         raise InputError(str(error), file=path) from error
@@ -304,7 +350,7 @@ def _from_elsewhere(posterior: xarray.Dataset, attrs: dict, path: Path) -> Saved
 
 
 def _flattened(posterior: xarray.Dataset) -> tuple[list[str], list[np.ndarray]]:
-    """Names and draws (chain, draw) of every number; a vector's members are named by index."""
+    """Return names and draws (chain, draw) of every number; vectors' members by index."""
     names, columns = [], []
     for key, variable in posterior.data_vars.items():
         values = variable.transpose("chain", "draw", ...).to_numpy()

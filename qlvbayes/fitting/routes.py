@@ -1,7 +1,8 @@
-"""The paper's two routes to the constants, by least squares.
+"""Fit the constants by the paper's two least-squares routes.
 
-One step (Eq. 9): all constants from the ramp and the hold of one test together. Two steps: m and b
-from the fastest ramp taken as purely elastic, then the relaxation from the hold.
+In one step (Eq. 9), all constants come from the ramp and the hold of one test together. In two
+steps, m and b come from the fastest ramp taken as purely elastic, then the relaxation from the
+hold.
 """
 
 from __future__ import annotations
@@ -29,10 +30,10 @@ _AGREEMENT = 1.001  # starts within 0.1 % of the best cost count as agreeing
 
 @dataclass(frozen=True)
 class LeastSquaresFit:
-    """Normal approximation over the posterior's theta, with white noise of the residual's sd.
+    """The normal approximation over the posterior's theta, with white noise of the residual's sd.
 
     posterior: with the noise as fitted; residual_sd: root mean square of the block means' residuals
-    (N); agreeing: how many starts came to the best optimum.
+    (N); agreeing: how many starts led to the best optimum.
     """
 
     posterior: Posterior
@@ -44,7 +45,7 @@ class LeastSquaresFit:
 def one_step(
     experiment: Experiment, posterior: Posterior, rng: np.random.Generator
 ) -> LeastSquaresFit:
-    """Minimise the time integral of the squared residual over first ramp and hold."""
+    """Return the fit that minimises the time integral of squared residuals of ramp and hold."""
     bare = without_noise(posterior)
     trials = experiment.with_role("fit")
     scale = _scale(bare, [_span(trial, ("ramp", "hold")) for trial in trials], weigh=True)
@@ -56,7 +57,7 @@ def one_step(
 def two_step(
     experiment: Experiment, posterior: Posterior, rng: np.random.Generator
 ) -> LeastSquaresFit:
-    """Elastic constants from the fastest ramp, then fractions and rates from the hold."""
+    """Return the fit of elastic constants to the fastest ramp, then of relaxation to the hold."""
     bare = without_noise(posterior)
     fastest = max(experiment.trials, key=lambda trial: trial.rate)
     ramp = Posterior(
@@ -82,7 +83,7 @@ def two_step(
 
 
 def _span(trial: Trial, kinds: tuple[str, ...]) -> tuple[float, float]:
-    """From the beginning of the first ramp (or of the hold after it) to the end of that hold."""
+    """Return beginning and end (s) of the first ramp and its hold, or of one of these."""
     ramps = [k for k, phase in enumerate(trial.phases) if phase.kind == "ramp"]
     first = ramps[0] if ramps else 0
     chosen = [p for p in trial.phases[first : first + 2] if p.kind in kinds]
@@ -91,10 +92,10 @@ def _span(trial: Trial, kinds: tuple[str, ...]) -> tuple[float, float]:
 
 
 def _scale(posterior: Posterior, spans: list[tuple[float, float]], *, weigh: bool) -> np.ndarray:
-    """(T, B) what residuals are divided by: infinite outside the spans.
+    """Return the divisors (T, B) of residuals, which are infinite outside the spans.
 
-    With ``weigh``, one over the root of a block's duration, so that the sum is the time integral
-    of Eq. 9; else one over the root of its samples.
+    With ``weigh`` they are one over the root of a block's duration, so that the sum is the time
+    integral of Eq. 9; else one over the root of its number of samples.
     """
     blocks = posterior.record.blocks
     first, last, count = (np.asarray(x) for x in (blocks.first, blocks.last, blocks.count))
@@ -110,6 +111,7 @@ def _scale(posterior: Posterior, spans: list[tuple[float, float]], *, weigh: boo
 
 
 def _agreeing(costs: tuple[float, ...]) -> int:
+    """Return how many costs are as low as the first one."""
     return sum(cost <= _AGREEMENT * costs[0] + 1e-12 for cost in costs)
 
 
@@ -120,11 +122,11 @@ def _finish(
     normal: NormalApproximation,
     agreeing: int,
 ) -> LeastSquaresFit:
-    """Give the white noise the residual's root mean square over the blocks that were fitted."""
+    """Return the fit with white noise of the residual's root mean square over the fitted blocks."""
     values, _ = compiled.residuals_and_slopes(
         bare, np.where(np.isinf(scale), np.inf, 1.0), normal.mean
     )
-    used = max(int(np.sum(np.isfinite(scale))), 1)
-    residual_sd = float(np.sqrt(np.sum(np.asarray(values) ** 2) / used))
+    count = max(int(np.sum(np.isfinite(scale))), 1)
+    residual_sd = float(np.sqrt(np.sum(np.asarray(values) ** 2) / count))
     fitted = Posterior(posterior.model, White(residual_sd), posterior.record)
     return LeastSquaresFit(fitted, normal, residual_sd, agreeing)

@@ -1,4 +1,4 @@
-"""How results were made, so that they can be made again: ``run.json``."""
+"""Record how results were made, so that they can be made again: ``run.json``."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ _LIBRARIES = (
 
 
 class Run(Part, frozen=True):
-    """One command: its data with their digest, its seed, the model's choices, versions used.
+    """One command: its data with their digest, its seed, the model's choices, and versions used.
 
-    choices: as `Choices.as_dict` gives them, for a file of laws or effects may have gone since;
-    settings: what else the step was told, ``sampler`` and ``thresholds`` among it.
+    choices: as `Choices.as_dict` gives them, because a file of laws or effects may have vanished
+    since; settings: further options of the step, ``sampler`` and ``thresholds`` among them.
     """
 
     command: str
@@ -62,31 +62,45 @@ def record_run(
     seed: int,
     settings: Mapping[str, object] | None = None,
 ) -> None:
-    """Note in ``out/run.json`` by which command a step was made; ``study`` replaces all others.
+    """Record in ``out/run.json`` by which command a step was made; ``study`` replaces all others.
 
-    settings: plain values and dataclasses.
+    Parameters
+    ----------
+    out
+        Folder of the results.
+    step, command
+        Name of the step, and the command line.
+    study
+        Measurements, whose file and digest are recorded.
+    choices
+        Model and priors.
+    seed
+        Seed of the random numbers.
+    settings
+        Further options: plain values and dataclasses.
     """
     path = out / "run.json"
     runs = {} if step == "study" else _before(path)
-    told = to_builtins(dict(settings or {}))
+    options = to_builtins(dict(settings or {}))
     chosen = choices.as_dict()
-    runs[step] = Run(command, study.source, study.sha256, seed, chosen, _versions(), told)
+    runs[step] = Run(command, study.source, study.sha256, seed, chosen, _versions(), options)
     Runs(runs=runs).write(path)
 
 
 def _before(path: Path) -> dict[str, Run]:
+    """Return the recorded runs; none where there is no such file, or one of another program."""
     try:
         return Runs.read(path).runs
     except (OSError, InputError):
-        return {}  # none yet, or not ours
+        return {}  # there is none yet, or it is another program's
 
 
 def _versions() -> dict[str, str]:
-    """Of Python and of the libraries that the numbers depend on."""
-    found = {"python": platform.python_version()}
+    """Return the versions of Python and of the libraries that the numbers depend on."""
+    versions = {"python": platform.python_version()}
     for name in _LIBRARIES:
         try:
-            found[name] = version(name)
+            versions[name] = version(name)
         except PackageNotFoundError:
             continue
-    return found
+    return versions

@@ -1,4 +1,4 @@
-"""A fit in numbers: ``summary.json``, and what terminal and report show of it."""
+"""Summarise a fit in numbers: ``summary.json``, and what terminal and report show of it."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from qlvbayes.io.units import PAD, UnitSystem
 
 
 class Constant(Part, frozen=True):
-    """One constant's posterior: mean, sd, median, 90 % highest-density interval, diagnostics.
+    """The posterior of one constant: mean, sd, median, 90 % highest-density interval, diagnostics.
 
-    r_hat, ess_bulk: None where there is no chain to judge.
+    r_hat, ess_bulk: None where there is no chain.
     """
 
     unit: str
@@ -26,16 +26,16 @@ class Constant(Part, frozen=True):
 
     @property
     def fixed(self) -> bool:
-        """Whether it was not fitted."""
+        """Return whether the constant was not fitted."""
         return self.sd == 0.0
 
 
 class FitSummary(Result, frozen=True, kw_only=True):
     """All constants of one pad, and whether the sampling can be trusted: ``summary.json``.
 
-    sampler: the method; converged: no R-hat, effective sample size or autocorrelation time speaks
-    against it; troubles: what does; notices: what one should know of the tests; settings: of the
-    sampler; parameters: the constants by name.
+    sampler: the method; converged: whether no R-hat, effective sample size or autocorrelation time
+    speaks against the sampling; troubles: messages on what does; notices: messages on the tests;
+    settings: of the sampler; parameters: the constants by name.
     """
 
     pad: str
@@ -49,11 +49,11 @@ class FitSummary(Result, frozen=True, kw_only=True):
     parameters: dict[str, Constant]
 
     def __getitem__(self, name: str) -> Constant:
-        """The constant of that name."""
+        """Return the constant of a name."""
         return self.parameters[name]
 
     def __str__(self) -> str:
-        """A line a constant: median, 90 % interval and unit."""
+        """Return a line for each constant: median, 90 % interval and unit."""
         wide = max(map(len, self.parameters), default=0)
         lines = [
             f"{name:{wide}}  {c.median:.4g} [{c.hdi90[0]:.4g}, {c.hdi90[1]:.4g}]"
@@ -63,19 +63,27 @@ class FitSummary(Result, frozen=True, kw_only=True):
         return "\n".join([*lines, *(f"not converged: {text}" for text in self.troubles)])
 
 
-def constant_of(values: np.ndarray, unit: str, place: int, judged: Diagnostics | None) -> Constant:
-    """Draws (chains, draws) of one constant in numbers; place: its own in the diagnostics."""
-    varies = np.ptp(values) > 0.0  # else exactly the constant's value, and exactly 0
+def constant_of(
+    values: np.ndarray, unit: str, index: int, diagnostics: Diagnostics | None
+) -> Constant:
+    """Return the summary of draws (chains, draws) of one constant.
+
+    index: of the constant in the diagnostics, which are None where there is no chain.
+    """
+    varies = (
+        np.ptp(values) > 0.0
+    )  # a fixed constant keeps its exact value, and has an sd of exactly 0
     return Constant(
         unit=unit,
         mean=float(values.mean()) if varies else float(values.flat[0]),
         sd=float(values.std()) if varies else 0.0,
         median=float(np.median(values)),
         hdi90=highest_density(values),
-        r_hat=_or_none(judged.r_hat[place]) if judged else None,
-        ess_bulk=_or_none(judged.ess_bulk[place]) if judged else None,
+        r_hat=_or_none(diagnostics.r_hat[index]) if diagnostics else None,
+        ess_bulk=_or_none(diagnostics.ess_bulk[index]) if diagnostics else None,
     )
 
 
 def _or_none(value: float) -> float | None:
+    """Return a value, or None where it is not finite."""
     return float(value) if np.isfinite(value) else None

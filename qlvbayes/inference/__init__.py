@@ -1,1 +1,1 @@
-"""The evidence of hypotheses: one density, its modes, importance sampling, nested sampling."""
+"""Compute the evidence of hypotheses: density, modes, Laplace and sampling."""

@@ -1,13 +1,14 @@
-r"""The posterior density of one hypothesis, with its derivatives, in the prior's own numbers.
+r"""Evaluate the posterior density of one hypothesis and its first two derivatives.
 
-Whitened by the noise floor, residual r and Jacobian J of the force give loss, gradient and
-curvature of minus the log density, the discrepancy of size s integrated out:
+The free parameters are those of the prior (unconstrained numbers, or amplitudes within bounds).
+With residual r and Jacobian J of the force, whitened by the noise floor, and with a discrepancy of
+size s integrated out, minus the log density has the value, gradient and curvature
 
 .. math:: \ell = \tfrac12 r^T Q r + \tfrac12 \ln|Q^{-1}| - \ln \pi, \quad
           g = -J Q r - \nabla \ln \pi, \quad H = J Q J^T - \nabla^2 \ln \pi,
 
-with Q of `discrepancy`. H leaves out second derivatives of the force
-(Gauss-Newton).
+where Q is the precision matrix that `discrepancy` defines. H leaves out the second derivatives of
+the force (the Gauss-Newton approximation).
 """
 
 from __future__ import annotations
@@ -21,27 +22,32 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.tree_util import PyTreeDef
 from jaxtyping import Array as JaxArray
 from numpy.typing import NDArray
 
+from qlvbayes.inference.amplitude_prior import log_noticeable
 from qlvbayes.inference.errors.discrepancy import Discrepancy
 from qlvbayes.inference.errors.separation import Separated, Separation, Sized
 from qlvbayes.inference.errors.whitening import Whitener
 from qlvbayes.inference.forward.hypothesis import Hypothesis, Parameters
 from qlvbayes.inference.forward.space import Space
-from qlvbayes.inference.noticeable import log_noticeable
 from qlvbayes.priors.distributions import AbstractPrior
 from qlvbayes.priors.natural import Natural
 
 Array = NDArray[np.float64]
 
-_COARSE = 0.005  # of the peak force: noise under which modes are looked for first
-_FARTHEST = 1e6  # times the largest force: beyond, squares overflow and nothing is fitted
-_STEP = 1e-5  # of a natural length, over which a slope is taken: half a float64's digits
+_COARSE = 0.005  # of the peak force: sd of the noise under which modes are first searched for
+_LARGEST_FORCE = 1e6  # times the peak force: beyond it squares overflow and nothing fits
+_STEP = 1e-5  # natural lengths of a difference quotient: half the digits of a float64
 
 
 class Terms(NamedTuple):
-    """Loss, gradient (F,) and curvature (F, F) over the free numbers; or of S sizes at once."""
+    """The second-order expansion of minus the log density at a point.
+
+    loss: value; gradient (F,) and curvature (F, F) are over the F free parameters. Where several
+    sizes of the discrepancy are evaluated together, each has a leading axis of length S.
+    """
 
     loss: Any
     gradient: Array
@@ -50,12 +56,13 @@ class Terms(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """A place in the density of a hypothesis, and what was computed there.
+    """A point theta in the parameter space of a hypothesis, with all that was computed there.
 
-    theta (F,): the free numbers; constants (P,) and their slopes (P, F) along them;
-    predicted (T, B) and responses (F, T, B): the force (N) and its slopes; residual (n,) and
-    jacobian (F, n): whitened; prior: log density over the free numbers, gradient and curvature (of
-    minus it); separation: of the discrepancy from what the slopes can follow.
+    theta (F,): free parameters; constants (P,): the model's constants; slopes (P, F): derivatives
+    of the constants with respect to theta; predicted (T, B): block means of the force (N);
+    responses (F, T, B): derivatives of these with respect to theta; residual (n,) and jacobian
+    (F, n): whitened; prior: expansion of minus the log prior density; separation: separates the
+    discrepancy from what the derivatives of the force can follow.
     """
 
     own: Parameters
@@ -71,34 +78,43 @@ class Point:
 
     @cached_property
     def vectors(self) -> Array:
-        """(1 + F, n): residual and Jacobian."""
+        """Return the residual and the rows of the Jacobian as one array (1 + F, n)."""
         return np.concatenate([self.residual[None], self.jacobian])
 
-    def terms(self, own: Sized | Separated) -> Terms:
-        """Beside a discrepancy of one size."""
-        products = own.products(self.vectors)
-        return Terms(
-            0.5 * (float(products[0, 0]) + own.log_volume) + self.prior.loss,
-            self.prior.gradient - products[0, 1:],
-            self.prior.curvature + products[1:, 1:],
-        )
+    def terms(self, discrepancy: Sized | Separated) -> Terms:
+        """Return the expansion of minus the log density, given a discrepancy of one size."""
+        return gauss_newton(discrepancy, self.vectors, self.prior)
 
-    def beyond(self, more: Array, own: Sized | Separated) -> tuple[Array, Array]:
-        """Gradient (K,) and curvature (K, K) over K more columns of the Jacobian, without priors.
+    def added_terms(self, columns: Array, discrepancy: Sized | Separated) -> tuple[Array, Array]:
+        """Return gradient (K,) and curvature (K, K) over K added parameters that have no prior.
 
-        more: (K, n), whitened. The free numbers follow: what they take off is taken off.
+        columns (K, n): whitened derivatives of the force with respect to the added parameters. The
+        free parameters are optimised out (Schur complement).
         """
-        products = own.products(np.concatenate([self.vectors, more]))
+        products = discrepancy.products(np.concatenate([self.vectors, columns]))
         old, new = slice(1, len(self.vectors)), slice(len(self.vectors), None)
-        beside = products[old, new]
-        known = np.column_stack([beside, self.prior.gradient - products[0, old]])
+        mixed = products[old, new]
+        known = np.column_stack([mixed, self.prior.gradient - products[0, old]])
         solved = np.linalg.solve(products[old, old] + self.prior.curvature, known)
-        gradient = -products[0, new] - beside.T @ solved[:, -1]
-        return gradient, products[new, new] - beside.T @ solved[:, :-1]
+        gradient = -products[0, new] - mixed.T @ solved[:, -1]
+        return gradient, products[new, new] - mixed.T @ solved[:, :-1]
+
+
+def gauss_newton(discrepancy: Sized | Separated, vectors: Array, prior: Terms) -> Terms:
+    """Return the expansion of minus the log density from vectors (1 + F, n).
+
+    vectors: the whitened residual, and below it the whitened derivatives of the force.
+    """
+    products = discrepancy.products(vectors)
+    return Terms(
+        0.5 * (float(products[0, 0]) + discrepancy.log_volume) + prior.loss,
+        prior.gradient - products[0, 1:],
+        prior.curvature + products[1:, 1:],
+    )
 
 
 class Density:
-    """Densities of all hypotheses of a space, under one floor."""
+    """The posterior densities of all hypotheses of a space, under one noise floor."""
 
     def __init__(self, space: Space, whitener: Whitener, discrepancy: Discrepancy) -> None:
         self.space = space
@@ -108,150 +124,160 @@ class Density:
 
     @cached_property
     def coarse(self) -> Density:
-        """The same as if the noise were white and of half a per cent of the peak force."""
+        """Return the density under white noise of 0.5 % of the peak force, without discrepancy."""
         size = _COARSE * float(np.max(np.abs(self._force)))
-        whitener = self.whitener.replaced(size)
+        whitener = self.whitener.with_independent_noise(size)
         none = Discrepancy.none(whitener, self.discrepancy.peak)
         return Density(self.space, whitener, none)
 
     def with_space(self, space: Space, features: Sequence[Array] = ()) -> Density:
-        """Of other priors, about the same record; features (T, B): more of the discrepancy's."""
-        return Density(space, self.whitener, self.discrepancy.beside(features))
+        """Return the density with another space, whose priors may differ, about the same record.
+
+        features (T, B) are added to those of the discrepancy.
+        """
+        return Density(space, self.whitener, self.discrepancy.with_features(features))
 
     def without(self, left_out: NDArray[np.bool_]) -> Density:
-        """The same with some of the n block means left out."""
+        """Return the density with some of the n block means left out; left_out (n,) marks them."""
         whitener = self.whitener.without(left_out)
-        return Density(self.space, whitener, self.discrepancy.under(whitener))
+        return Density(self.space, whitener, self.discrepancy.with_whitener(whitener))
 
     @property
     def log_constant(self) -> float:
-        """What a log likelihood has that losses leave out: -n/2 ln(2 pi) - ln|Sigma|/2."""
+        """Return -n/2 ln(2 pi) - ln|Sigma|/2, which the loss leaves out of the likelihood."""
         precisions = self.whitener.precisions
         return 0.5 * float(np.log(precisions).sum() - precisions.size * math.log(2.0 * math.pi))
 
     def predicted(self, hypothesis: Hypothesis, theta: Array) -> tuple[Array, Array]:
-        """Block means (T, B) at theta (F,), and their slopes (F, T, B)."""
-        return self._run(self.space.parameters(hypothesis), theta)[1:]
+        """Return block means (T, B) of the force (N) at theta (F,), and derivatives (F, T, B)."""
+        return self._forces_and_slopes(self.space.parameters(hypothesis), theta)[1:]
 
-    def _run(self, own: Parameters, theta: Array) -> tuple[Array, Array, Array]:
-        """Constants (1 + F, P) at theta and a step along each number, block means and slopes."""
-        steps = _STEP * own.length
-        constants = own.constants(_stepped(theta, steps))
-        found = self.space.forces(own.hypothesis, constants)
-        return constants, found[0], (found[1:] - found[0]) / steps[:, None, None]
+    def _forces_and_slopes(
+        self, parameters: Parameters, theta: Array
+    ) -> tuple[Array, Array, Array]:
+        """Return constants (1 + F, P), block means (T, B) and their derivatives (F, T, B).
+
+        The first row of the constants is at theta, the others are one step along each parameter.
+        """
+        steps = _STEP * parameters.length
+        constants = parameters.constants(_stepped(theta, steps))
+        forces = self.space.forces(parameters.hypothesis, constants)
+        return constants, forces[0], (forces[1:] - forces[0]) / steps[:, None, None]
 
     def at(self, hypothesis: Hypothesis, theta: Array) -> Point | None:
-        """Everything at theta (F,); None where the force is not finite, or absurdly large."""
-        own = self.space.parameters(hypothesis)
-        constants, predicted, responses = self._run(own, theta)
-        prior = _prior(own, theta)
-        steps = np.abs(responses).max() * _STEP * own.length.max()
-        largest = np.maximum(np.abs(predicted).max(), steps)  # not a number stays none
-        if not (largest < _FARTHEST * self.discrepancy.peak and np.isfinite(prior.loss)):
+        """Return the point at theta (F,); None where the force is not finite or absurdly large."""
+        parameters = self.space.parameters(hypothesis)
+        constants, predicted, responses = self._forces_and_slopes(parameters, theta)
+        prior = _prior(parameters, theta)
+        steps = np.abs(responses).max() * _STEP * parameters.length.max()
+        largest = np.maximum(np.abs(predicted).max(), steps)  # a NaN fails the comparison below
+        if not (largest < _LARGEST_FORCE * self.discrepancy.peak and np.isfinite(prior.loss)):
             return None
         if not (np.isfinite(prior.gradient).all() and np.isfinite(prior.curvature).all()):
             return None
-        white = self.whitener(np.concatenate([(self._force - predicted)[None], responses]))
+        whitened = self.whitener(np.concatenate([(self._force - predicted)[None], responses]))
         return Point(
-            own,
+            parameters,
             theta,
             constants[0],
-            ((constants[1:] - constants[0]) / (_STEP * own.length)[:, None]).T,
+            ((constants[1:] - constants[0]) / (_STEP * parameters.length)[:, None]).T,
             predicted,
             responses,
-            white[0],
-            white[1:],
+            whitened[0],
+            whitened[1:],
             prior,
-            self.discrepancy.separated(responses, own.length),
+            self.discrepancy.separated(responses, parameters.length),
         )
 
     def log_density(
-        self, own: Parameters, thetas: Array, tolerance: float, about: Sequence[Point]
+        self, parameters: Parameters, thetas: Array, tolerance: float, modes: Sequence[Point]
     ) -> Array:
-        """(K, S) log posterior density at thetas (K, F) and each size of the discrepancy.
+        """Return log posterior densities (K, S) at thetas (K, F) and each size of the discrepancy.
 
-        Less the likelihood's constant. Minus infinity beyond the bounds and where the force is not
-        finite; amplitudes have the priors that leave out what is below the tolerance. The
-        discrepancy is separated as at the nearest of some points, the modes.
+        The constant of the likelihood is left out. The value is minus infinity beyond the bounds
+        and where the force is not finite. Priors of amplitudes exclude contributions below the
+        tolerance, a share of the peak force. At each theta the discrepancy is separated as at the
+        nearest of the modes.
         """
-        inside = np.all((thetas >= own.lowest) & (thetas <= own.highest), axis=1)
-        found = np.full((len(thetas), self.discrepancy.sizes.size), -np.inf)
+        inside = np.all((thetas >= parameters.lowest) & (thetas <= parameters.highest), axis=1)
+        logs = np.full((len(thetas), self.discrepancy.sizes.size), -np.inf)
         if not inside.any():
-            return found
-        predicted = self.space.forces(own.hypothesis, own.constants(thetas[inside]))
+            return logs
+        predicted = self.space.forces(parameters.hypothesis, parameters.constants(thetas[inside]))
         residuals = self._force - predicted
         largest = np.abs(residuals).max(axis=(1, 2))
-        sound = largest < _FARTHEST * self.discrepancy.peak  # not a number is not
+        sound = largest < _LARGEST_FORCE * self.discrepancy.peak  # false for NaN
         kept = np.flatnonzero(inside)[sound]
-        white, nearest = self.whitener(residuals[sound]), _nearest(thetas[kept], about)
-        for k, point in enumerate(about):
-            some = nearest == k
-            log = self.discrepancy.log_likelihoods(white[some], point.separation)
-            prior = [_log_prior_of(own, theta, tolerance) for theta in thetas[kept[some]]]
-            found[kept[some]] = log + np.array(prior)[:, None] if prior else log
-        return found
+        white, nearest = self.whitener(residuals[sound]), _nearest(thetas[kept], modes)
+        for k, point in enumerate(modes):
+            nearest_k = nearest == k
+            likelihood = self.discrepancy.log_likelihoods(white[nearest_k], point.separation)
+            prior = [
+                _log_prior_of(parameters, theta, tolerance) for theta in thetas[kept[nearest_k]]
+            ]
+            logs[kept[nearest_k]] = likelihood + np.array(prior)[:, None] if prior else likelihood
+        return logs
 
     def terms(self, point: Point, size: float) -> Terms:
-        """At a size (N) of the discrepancy."""
+        """Return the expansion of minus the log density, given a discrepancy of a size (N)."""
         return point.terms(self.discrepancy.at(size, point.separation))
 
     def loss(self, point: Point, size: float, separation: Separation) -> float:
-        """Minus log density at a place, the discrepancy separated as at another one."""
-        own = self.discrepancy.at(size, separation)
-        misfit = float(own.squares(point.residual[None])[0])
-        return 0.5 * (misfit + own.log_volume) + float(point.prior.loss)
+        """Return minus the log density at a point; the separation may be another point's."""
+        discrepancy = self.discrepancy.at(size, separation)
+        misfit = float(discrepancy.squares(point.residual[None])[0])
+        return 0.5 * (misfit + discrepancy.log_volume) + float(point.prior.loss)
 
     def terms_by_size(self, point: Point) -> Terms:
-        """At each of the discrepancy's S sizes."""
-        found = [self.terms(point, size) for size in self.discrepancy.sizes.tolist()]
-        return Terms(*(np.array(values) for values in zip(*found, strict=True)))
+        """Return the expansions at each of the discrepancy's S sizes, stacked."""
+        expansions = [self.terms(point, size) for size in self.discrepancy.sizes.tolist()]
+        return Terms(*(np.array(values) for values in zip(*expansions, strict=True)))
 
-    def likeliest_size(self, point: Point, near: float = 0.0) -> float:
-        """Size (N) of highest density at a place, looked for from another one (N)."""
-        return self.discrepancy.likeliest(point.residual, near, point.separation)
+    def likeliest_size(self, point: Point, guess: float = 0.0) -> float:
+        """Return the size (N) of highest density at a point; the search starts from a guess (N)."""
+        return self.discrepancy.likeliest(point.residual, guess, point.separation)
 
 
 def _stepped(theta: Array, steps: Array) -> Array:
-    """(1 + F, F): theta, and theta with a step along each number."""
+    """Return theta and, below it, theta with a step along each parameter, (1 + F, F)."""
     return np.concatenate([theta[None], theta + np.diag(steps)])
 
 
-def _nearest(thetas: Array, about: Sequence[Point]) -> NDArray[np.intp]:
-    """(K,) which of some points each of thetas (K, F) is nearest to, in natural lengths."""
-    apart = [((thetas - one.theta) / one.own.length) ** 2 for one in about]
-    return np.argmin([one.sum(axis=1) for one in apart], axis=0)
+def _nearest(thetas: Array, modes: Sequence[Point]) -> NDArray[np.intp]:
+    """Return the index (K,) of the mode nearest to each of thetas (K, F), in natural lengths."""
+    distances = [((thetas - one.theta) / one.own.length) ** 2 for one in modes]
+    return np.argmin([one.sum(axis=1) for one in distances], axis=0)
 
 
-def _prior(own: Parameters, theta: Array) -> Terms:
-    """Minus the log prior density, its gradient (F,) and curvature (F, F)."""
-    direct = own.direct
-    apart = theta[direct.theta] - direct.mean
-    gradient, curvature = np.zeros(own.size), np.zeros((own.size, own.size))
-    gradient[direct.theta] = direct.precision * apart
+def _prior(parameters: Parameters, theta: Array) -> Terms:
+    """Return the expansion of minus the log prior density at theta (F,)."""
+    direct = parameters.direct
+    offset = theta[direct.theta] - direct.mean
+    gradient, curvature = np.zeros(parameters.size), np.zeros((parameters.size, parameters.size))
+    gradient[direct.theta] = direct.precision * offset
     curvature[direct.theta, direct.theta] = direct.curvature
-    loss = 0.5 * float(gradient[direct.theta] @ apart) - direct.top
-    for leaf in own.joint:
+    loss = 0.5 * float(gradient[direct.theta] @ offset) - direct.top
+    for leaf in parameters.joint:
         here = slice(leaf.theta.start, leaf.theta.stop)
         log, first, second = map(np.asarray, _log_prior(*leaf.flat, theta[here]))
         loss -= float(log)
         gradient[here] = -first
-        curvature[here, here] = _positive_part(-second)
+        overflowed = not np.isfinite(second).all()
+        curvature[here, here] = 0.0 if overflowed else positive_part(-second)
     return Terms(loss, gradient, curvature)
 
 
-def _log_prior_of(own: Parameters, theta: Array, tolerance: float) -> float:
-    """Log prior density at theta (F,), of amplitudes that matter."""
-    log = -float(_prior(own, theta).loss)
-    for leaf in own.leaves:
+def _log_prior_of(parameters: Parameters, theta: Array, tolerance: float) -> float:
+    """Return the log prior density at theta (F,), with negligible amplitudes excluded."""
+    log = -float(_prior(parameters, theta).loss)
+    for leaf in parameters.leaves:
         if isinstance(leaf.prior, Natural):
             log += log_noticeable(leaf.prior.inner, float(theta[leaf.theta.start]), 0.0, tolerance)
     return log
 
 
-def _positive_part(matrix: Array) -> Array:
-    """Symmetric part with negative eigenvalues taken as 0; 0 where the density has overflowed."""
-    if not np.isfinite(matrix).all():
-        return np.zeros_like(matrix)
+def positive_part(matrix: Array) -> Array:
+    """Return the symmetric part of a matrix (F, F) with its negative eigenvalues set to 0."""
     if matrix.size == 1:
         return np.maximum(matrix, 0.0)
     values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
@@ -259,12 +285,14 @@ def _positive_part(matrix: Array) -> Array:
 
 
 @partial(jax.jit, static_argnums=0)
-def _log_prior(structure: Any, prior: tuple[Array, ...], numbers: JaxArray) -> tuple[JaxArray, ...]:
-    """Log density and its two derivatives at numbers (size,), by a flattened prior."""
-    whole: AbstractPrior = jax.tree.unflatten(structure, prior)
+def _log_prior(
+    structure: PyTreeDef, prior: tuple[Array, ...], theta: JaxArray
+) -> tuple[JaxArray, ...]:
+    """Return log density (), gradient and curvature at theta (size,) of a flattened prior."""
+    distribution: AbstractPrior = jax.tree.unflatten(structure, prior)
 
     def log(x: JaxArray) -> JaxArray:
-        return jnp.sum(whole.constrain(x)[1])
+        return jnp.sum(distribution.constrain(x)[1])
 
     slope = jax.jacfwd(log)
-    return log(numbers), slope(numbers), jax.jacfwd(slope)(numbers)
+    return log(theta), slope(theta), jax.jacfwd(slope)(theta)

@@ -1,16 +1,16 @@
-r"""Posterior draws of a hypothesis by adaptive importance sampling, and its evidence with an error.
+r"""Draw from a hypothesis's posterior by adaptive importance sampling.
 
-Draws come from Student-t distributions about the modes, later ones also from one of the mean and
-covariance of those before; number by number, each about what those before it say and cut at its
-bounds (as Geweke, Hajivassiliou and Keane do with a normal; Genz & Bretz 2009,
-doi:10.1007/978-3-642-01689-9). All are weighed by the mixture q that they came from (Cornuet et al.
-2012, doi:10.1111/j.1467-9469.2011.00756.x),
+The draws give the evidence with a standard error. They come from Student-t distributions about the
+modes, later also from one with the mean and covariance of the earlier draws. Each parameter is
+drawn given the ones before it and truncated at its bounds (as Geweke, Hajivassiliou and Keane do
+with a normal; Genz & Bretz 2009, doi:10.1007/978-3-642-01689-9). All draws are weighted by the
+mixture q that they came from (Cornuet et al. 2012, doi:10.1111/j.1467-9469.2011.00756.x),
 
 .. math:: Z \approx \frac1N \sum_k w_k, \quad w_k = \frac{p(\theta_k)}{q(\theta_k)}, \quad
           \text{error of } \ln Z = \frac{\text{sd}(w)}{\sqrt N\, \bar w},
 
-with the density p summed over the sizes of the discrepancy and with what is too small to matter
-left out of amplitudes (of `noticeable`).
+where the density p is summed over the sizes of the discrepancy, and amplitudes exclude what is too
+small to matter (`amplitude_prior`).
 """
 
 from __future__ import annotations
@@ -33,25 +33,26 @@ from qlvbayes.inference.modes import Mode
 Array = NDArray[np.float64]
 
 CLOSE = 0.1
-"""Error of a log evidence that does: 10 % of a probability."""
+"""Standard error of a log evidence that is small enough: 10 % of a probability."""
 
 _TAIL = 5.0  # degrees of freedom of a Student-t: heavier tails than a posterior has
-_ROUND = 64  # draws
+_ROUND = 64  # draws in a round
 _ROUNDS = 5
-_ADAPTED = 2  # times at most
-_GOOD = 0.2  # effective draws a draw, from which the clouds stay as they are
-_FEWEST = 10.0  # effective draws, below which an error is not to be trusted
-_SPREAD = 3.0  # effective draws a number, behind a covariance
-_BEYOND = 2.0  # sds beyond a bound, up to which a normal's mean is the centre of draws
-_LEAST_SHARE = 0.1  # of the draws about the least of the modes
-_NEAR = 6.0  # log evidence behind the best mode, at which another is left out
+_MAX_ADAPTATIONS = 2
+_GOOD = 0.2  # effective draws per draw above which proposals are not adapted
+_FEWEST = 10.0  # effective draws below which a standard error cannot be trusted
+_SPREAD = 3.0  # effective draws per parameter that a covariance needs
+_BEYOND = 2.0  # sds that the centre of a proposal may lie beyond a bound
+_LEAST_SHARE = 0.1  # draws about a mode over those about the best one, at least
+_NEAR = 6.0  # log evidence below the best mode at which another mode is left out
 
 
-class Cloud(NamedTuple):
-    """Where draws come from: each number Student-t about what those before it say, within bounds.
+class BoundedStudentT(NamedTuple):
+    """A proposal distribution: Student-t in each parameter given the previous ones, within bounds.
 
-    centre (F,), root (F, F) of the scale matrix, root root^T, lowest and highest (F,): of numbers
-    in the order in which they are drawn, those with bounds first; order (F,): their places.
+    centre (F,), root (F, F) with scale matrix root root^T, lowest and highest (F,): of the
+    parameters in the order in which they are drawn, those with bounds first; order (F,): their
+    indices in theta.
     """
 
     centre: Array
@@ -61,14 +62,14 @@ class Cloud(NamedTuple):
     order: NDArray[np.intp]
 
     @classmethod
-    def of(
+    def from_covariance(
         cls,
         centre: Array,
         covariance: Array,
         lowest: Array | None = None,
         highest: Array | None = None,
-    ) -> Cloud:
-        """With a scale matrix (F, F), made positive definite where rounding left it."""
+    ) -> BoundedStudentT:
+        """Return the proposal of a scale matrix (F, F), repaired where rounding spoilt it."""
         low = np.full(centre.size, -math.inf) if lowest is None else lowest
         high = np.full(centre.size, math.inf) if highest is None else highest
         order = np.argsort(~(np.isfinite(low) | np.isfinite(high)), kind="stable")
@@ -76,54 +77,62 @@ class Cloud(NamedTuple):
         return cls(centre[order], root, low[order], high[order], order)
 
     def draw(self, count: int, rng: np.random.Generator) -> Array:
-        """(count, F)."""
+        """Return draws (count, F)."""
         shares = rng.random((count, self.centre.size))
-        apart, found = np.zeros_like(shares), np.zeros_like(shares)
+        steps, thetas = np.zeros_like(shares), np.zeros_like(shares)
         for k in range(self.centre.size):
-            low, high, turned = self._between(apart, k)
+            low, high, turned = self._between(steps, k)
             below, above = stdtr(_TAIL, low), stdtr(_TAIL, high)
-            share = np.where(turned, 1.0 - shares[:, k], shares[:, k])  # one draw, either way about
-            number = stdtrit(_TAIL, below + share * (above - below))
-            apart[:, k] = np.where(turned, -number, number)
-        drawn = self.centre + apart @ self.root.T
-        found[:, self.order] = np.clip(drawn, self.lowest, self.highest)
-        return found
+            share = np.where(
+                turned, 1.0 - shares[:, k], shares[:, k]
+            )  # mirrored bounds use the same draw
+            quantile = stdtrit(_TAIL, below + share * (above - below))
+            steps[:, k] = np.where(turned, -quantile, quantile)
+        drawn = self.centre + steps @ self.root.T
+        thetas[:, self.order] = np.clip(drawn, self.lowest, self.highest)
+        return thetas
 
     def log_density(self, thetas: Array) -> Array:
-        """(K,) at (K, F); minus infinity beyond the bounds."""
-        places = thetas[:, self.order]
-        apart = solve_triangular(self.root, (places - self.centre).T, lower=True).T
+        """Return the log density (K,) at thetas (K, F), minus infinity beyond the bounds."""
+        ordered = thetas[:, self.order]
+        steps = solve_triangular(self.root, (ordered - self.centre).T, lower=True).T
         height = gammaln(0.5 * (_TAIL + 1.0)) - gammaln(0.5 * _TAIL)
         height -= 0.5 * math.log(_TAIL * math.pi)
-        found = self.centre.size * height - np.log(np.diag(self.root)).sum()
-        found -= 0.5 * (_TAIL + 1.0) * np.log1p(apart**2 / _TAIL).sum(axis=1)
+        log = self.centre.size * height - np.log(np.diag(self.root)).sum()
+        log -= 0.5 * (_TAIL + 1.0) * np.log1p(steps**2 / _TAIL).sum(axis=1)
         for k in range(self._bounded):
-            low, high, _ = self._between(apart, k)
-            found -= np.log(np.maximum(stdtr(_TAIL, high) - stdtr(_TAIL, low), 1e-300))
-        inside = np.all((places >= self.lowest) & (places <= self.highest), axis=1)
-        return np.where(inside, found, -math.inf)
+            low, high, _ = self._between(steps, k)
+            log -= np.log(np.maximum(stdtr(_TAIL, high) - stdtr(_TAIL, low), 1e-300))
+        inside = np.all((ordered >= self.lowest) & (ordered <= self.highest), axis=1)
+        return np.where(inside, log, -math.inf)
 
     @property
     def _bounded(self) -> int:
-        """Numbers with bounds."""
+        """Return how many parameters have bounds."""
         return int(np.sum(np.isfinite(self.lowest) | np.isfinite(self.highest)))
 
-    def _between(self, apart: Array, k: int) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Bounds (K,) of the k-th number in its own scale, after the steps (K, F) before it.
+    def _between(self, steps: Array, k: int) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Return the bounds (K,) of parameter k in its own scale, given the steps (K, F) before it.
 
-        Turned about, where they lie above zero, to the tail whose probabilities keep their digits.
+        Bounds that lie above zero are mirrored, to the tail where probabilities keep their digits;
+        the third array (K,) says which.
         """
-        mean = self.centre[k] + apart[:, :k] @ self.root[k, :k]
+        mean = self.centre[k] + steps[:, :k] @ self.root[k, :k]
         low, high = ((bound[k] - mean) / self.root[k, k] for bound in (self.lowest, self.highest))
         turned = low > 0.0
         return np.where(turned, -high, low), np.where(turned, -low, high), turned
 
 
-@dataclass(frozen=True, eq=False)
-class Sampled:
-    """Log evidence, by_size (S,) of each size of the discrepancy, its error, effective draws.
+Mixture = Sequence[tuple[BoundedStudentT, float]]
+"""Proposals with their shares of the draws, which sum to 1."""
 
-    thetas (K, F): the draws; weights (K,): theirs, which sum to 1.
+
+@dataclass(frozen=True, eq=False)
+class ImportanceSample:
+    """Weighted draws of a posterior, and the log evidence with its standard error.
+
+    by_size (S,): log evidence of each size of the discrepancy; effective: effective number of
+    draws; thetas (K, F): the draws; weights (K,): their weights, which sum to 1.
     """
 
     log: float
@@ -136,81 +145,113 @@ class Sampled:
 
 def sampled_evidence(
     density: Density,
-    found: Sequence[tuple[Mode, Evidence]],
+    modes: Sequence[tuple[Mode, Evidence]],
     tolerance: float,
-    close: float = CLOSE,
+    max_error: float = CLOSE,
     seed: int = 0,
-) -> Sampled | None:
-    """From a hypothesis's modes with their Laplace evidences; None where too few draws count.
+) -> ImportanceSample | None:
+    """Return the evidence of a hypothesis by sampling about its modes; None if few draws count.
 
-    tolerance: share of the peak force from which an amplitude matters; close: error that does.
+    Parameters
+    ----------
+    density
+        Posterior density.
+    modes
+        Modes of the hypothesis with their Laplace evidences, the best first.
+    tolerance
+        Share of the peak force below which an amplitude's contribution does not matter.
+    max_error
+        Standard error of the log evidence at which sampling ends.
+    seed
+        Seed of the draws.
     """
 
-    def does(so_far: Sampled) -> bool:
-        return so_far.error < close and so_far.effective >= _FEWEST
+    def is_sufficient(so_far: ImportanceSample) -> bool:
+        return so_far.error < max_error and so_far.effective >= _FEWEST
 
-    own, rng = found[0][0].point.own, np.random.default_rng(seed)
-    points = [mode.point for mode, _ in found]
-    best = sample(density, own, about(found), points, does, _ROUNDS, rng, tolerance)
+    parameters, rng = modes[0][0].point.own, np.random.default_rng(seed)
+    points = [mode.point for mode, _ in modes]
+    best = importance_sample(
+        density, parameters, mixture_about(modes), points, is_sufficient, _ROUNDS, rng, tolerance
+    )
     return best if best.effective >= _FEWEST else None
 
 
-def sample(
+def importance_sample(
     density: Density,
-    own: Parameters,
-    start: Sequence[tuple[Cloud, float]],
+    parameters: Parameters,
+    start: Mixture,
     points: Sequence[Point],
-    does: Callable[[Sampled], bool],
+    is_sufficient: Callable[[ImportanceSample], bool],
     rounds: int,
     rng: np.random.Generator,
     tolerance: float = 0.0,
-) -> Sampled:
-    """Until the draws do or ``rounds`` are over; start: clouds and their shares, which sum to 1.
+) -> ImportanceSample:
+    """Return the draws of the last mixture of proposals, when they suffice or ``rounds`` are over.
 
-    points: the modes, as at the nearest of which the discrepancy is separated.
+    Only draws of the last mixture count, which was chosen before they were made. A proposal that is
+    shaped by draws which it then weights itself makes their weights too small (by 0.2 of ln Z in
+    twelve parameters).
 
-    What counts are the draws of the last mixture, as chosen before them: clouds laid about draws
-    that have been weighed make these too light (by 0.2 of ln Z in twelve numbers).
+    Parameters
+    ----------
+    density, parameters
+        Posterior density, and the free parameters of the hypothesis.
+    start
+        First mixture.
+    points
+        Modes, as at the nearest of which the discrepancy is separated.
+    is_sufficient
+        Decides whether the draws so far suffice.
+    rounds
+        Largest number of rounds.
+    rng
+        Random generator of the draws.
+    tolerance
+        Share of the peak force below which an amplitude's contribution does not matter.
     """
-    clouds, adapted = list(start), 0
-    seen, seen_heights = np.zeros((0, own.size)), np.zeros((0, density.discrepancy.sizes.size))
-    first = 0
-    for done in range(1, rounds + 1):
-        fresh = np.concatenate([cloud.draw(count, rng) for cloud, count in _counts(clouds)])
-        seen = np.concatenate([seen, fresh])
-        heights = density.log_density(own, fresh, tolerance, points)
-        seen_heights = np.concatenate([seen_heights, heights])
-        logs = seen_heights[first:] - _mixture(clouds, seen[first:])[:, None]
-        best = _summed(seen[first:], logs)
-        if done == rounds or does(best):
+    proposals, adaptations = list(start), 0
+    thetas = np.zeros((0, parameters.size))
+    heights = np.zeros((0, density.discrepancy.sizes.size))
+    first = 0  # row of the first draw of the present mixture
+    for round_number in range(1, rounds + 1):
+        fresh = np.concatenate([one.draw(count, rng) for one, count in _counts(proposals)])
+        thetas = np.concatenate([thetas, fresh])
+        fresh_heights = density.log_density(parameters, fresh, tolerance, points)
+        heights = np.concatenate([heights, fresh_heights])
+        logs = heights[first:] - _mixture(proposals, thetas[first:])[:, None]
+        best = _summed(thetas[first:], logs)
+        if round_number == rounds or is_sufficient(best):
             break
-        if adapted < _ADAPTED and best.effective < _GOOD * len(logs):
-            every = logsumexp(seen_heights, axis=1) - _mixture(clouds, seen)
-            after = _after(own, seen, every)
-            if after is not None:
-                clouds = [*((cloud, 0.5 * share) for cloud, share in start), (after, 0.5)]
-                adapted, first = adapted + 1, len(seen)
+        if adaptations < _MAX_ADAPTATIONS and best.effective < _GOOD * len(logs):
+            all_logs = logsumexp(heights, axis=1) - _mixture(proposals, thetas)
+            adapted = _after(parameters, thetas, all_logs)
+            if adapted is not None:
+                proposals = [*((one, 0.5 * share) for one, share in start), (adapted, 0.5)]
+                adaptations, first = adaptations + 1, len(thetas)
     return best
 
 
-def about(found: Sequence[tuple[Mode, Evidence]]) -> list[tuple[Cloud, float]]:
-    """A cloud about each mode that counts, and the share of the draws that it gives."""
-    highest = max(told.log for _, told in found)
-    near = [(mode, told) for mode, told in found if told.log > highest - _NEAR]
-    shares = np.maximum(np.exp([told.log - highest for _, told in near]), _LEAST_SHARE)
-    clouds = [_about(mode.point.own, told) for mode, told in near]
-    return list(zip(clouds, (shares / shares.sum()).tolist(), strict=True))
+def mixture_about(modes: Sequence[tuple[Mode, Evidence]]) -> Mixture:
+    """Return a mixture of a proposal about each mode that matters."""
+    highest = max(evidence.log for _, evidence in modes)
+    likely = [(mode, evidence) for mode, evidence in modes if evidence.log > highest - _NEAR]
+    shares = np.maximum(np.exp([evidence.log - highest for _, evidence in likely]), _LEAST_SHARE)
+    proposals = [_about(mode.point.own, evidence) for mode, evidence in likely]
+    return list(zip(proposals, (shares / shares.sum()).tolist(), strict=True))
 
 
-def _about(own: Parameters, told: Evidence) -> Cloud:
-    """As the normal about a mode, whose mean may lie a little beyond the bounds."""
-    little = _BEYOND * np.sqrt(np.diag(told.covariance))
-    centre = np.clip(told.mean, own.lowest - little, own.highest + little)
-    return Cloud.of(centre, told.covariance, own.lowest, own.highest)
+def _about(parameters: Parameters, evidence: Evidence) -> BoundedStudentT:
+    """Return the proposal about one mode; its centre may lie a little beyond the bounds."""
+    margin = _BEYOND * np.sqrt(np.diag(evidence.covariance))
+    centre = np.clip(evidence.mean, parameters.lowest - margin, parameters.highest + margin)
+    return BoundedStudentT.from_covariance(
+        centre, evidence.covariance, parameters.lowest, parameters.highest
+    )
 
 
 def _root(covariance: Array) -> Array:
-    """Lower root of a covariance."""
+    """Return the lower triangular root of a covariance (F, F)."""
     sds = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     values, vectors = np.linalg.eigh(covariance / np.outer(sds, sds))
     half = sds[:, None] * vectors * np.sqrt(np.maximum(values, 1e-10))
@@ -218,45 +259,47 @@ def _root(covariance: Array) -> Array:
     return np.asarray(root * np.sign(np.diag(root)))
 
 
-def _counts(clouds: Sequence[tuple[Cloud, float]]) -> list[tuple[Cloud, int]]:
-    """How many draws of a round each cloud gives."""
-    return [(cloud, max(round(_ROUND * share), 1)) for cloud, share in clouds]
+def _counts(proposals: Mixture) -> list[tuple[BoundedStudentT, int]]:
+    """Return each proposal with the number of draws that it gives in a round."""
+    return [(proposal, max(round(_ROUND * share), 1)) for proposal, share in proposals]
 
 
-def _mixture(clouds: Sequence[tuple[Cloud, float]], thetas: Array) -> Array:
-    """(K,) log density of the mixture of clouds that draws come from."""
-    counts = _counts(clouds)
+def _mixture(proposals: Mixture, thetas: Array) -> Array:
+    """Return the log density (K,) at thetas (K, F) of the mixture from which draws come."""
+    counts = _counts(proposals)
     total = sum(count for _, count in counts)
-    each = [cloud.log_density(thetas) + math.log(count / total) for cloud, count in counts]
-    return np.asarray(np.logaddexp.reduce(each, axis=0))
+    logs = [proposal.log_density(thetas) + math.log(count / total) for proposal, count in counts]
+    return np.asarray(np.logaddexp.reduce(logs, axis=0))
 
 
-def _summed(thetas: Array, logs: Array) -> Sampled:
-    """Of draws and their log weights (K, S) at each size."""
+def _summed(thetas: Array, logs: Array) -> ImportanceSample:
+    """Return the importance sample of draws (K, F) with log weights (K, S) for each size."""
     count = len(logs)
-    whole = logsumexp(logs, axis=1)
-    log = float(logsumexp(whole)) - math.log(count)
+    log_weights = logsumexp(logs, axis=1)
+    log = float(logsumexp(log_weights)) - math.log(count)
     if not math.isfinite(log):
         nothing = np.full(logs.shape[1], -math.inf)
-        return Sampled(-math.inf, nothing, math.inf, 0.0, thetas, np.zeros(count))
-    ratio = np.exp(whole - log)  # of mean 1
+        return ImportanceSample(-math.inf, nothing, math.inf, 0.0, thetas, np.zeros(count))
+    ratio = np.exp(log_weights - log)  # of mean 1
     error = float(ratio.std() / math.sqrt(count))
     by_size = np.asarray(logsumexp(logs, axis=0) - math.log(count))
     effective = count / float(np.mean(ratio**2))
-    return Sampled(log, by_size, error, effective, thetas, ratio / count)
+    return ImportanceSample(log, by_size, error, effective, thetas, ratio / count)
 
 
-def _after(own: Parameters, thetas: Array, logs: Array) -> Cloud | None:
-    """The cloud with the mean and covariance of weighted draws; uneven weights are tempered."""
-    real = np.isfinite(logs)
-    if not real.any():
+def _after(own: Parameters, thetas: Array, logs: Array) -> BoundedStudentT | None:
+    """Return a proposal of weighted draws' mean and covariance; uneven weights are tempered."""
+    finite = np.isfinite(logs)
+    if not finite.any():
         return None
-    thetas, logs = thetas[real], logs[real]
+    thetas, logs = thetas[finite], logs[finite]
     wanted = min(_SPREAD * thetas.shape[1], 0.5 * len(thetas))
     weights = np.exp(logs - logsumexp(logs))
     while 1.0 / np.sum(weights**2) < wanted:
         logs = 0.5 * logs
         weights = np.exp(logs - logsumexp(logs))
     centre = weights @ thetas
-    apart = thetas - centre
-    return Cloud.of(centre, (weights[:, None] * apart).T @ apart, own.lowest, own.highest)
+    offset = thetas - centre
+    return BoundedStudentT.from_covariance(
+        centre, (weights[:, None] * offset).T @ offset, own.lowest, own.highest
+    )

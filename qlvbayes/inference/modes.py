@@ -1,4 +1,7 @@
-"""Modes of a hypothesis: damped Gauss-Newton steps within bounds, from one start or from many."""
+"""Find modes of a hypothesis's posterior by damped Gauss-Newton steps within bounds.
+
+A search starts from one point or from many.
+"""
 
 from __future__ import annotations
 
@@ -15,22 +18,22 @@ from qlvbayes.inference.forward.hypothesis import Hypothesis
 Array = NDArray[np.float64]
 
 _STEPS = 60
-_ENOUGH = 0.02  # rise of the log density that a step promises, below which the mode is found
-_NEARLY = 0.2  # the same under coarse noise, which only leads to a place
-_CREEP = 0.02  # rise in a step, at which the way along a ridge ends
-_NEED = 0.02  # both as a share of how far a place is behind the best: there no more is asked
-_FARTHEST = 3.0  # longest step in a natural length
-_DAMPING = (1e-3, 1e-4, 1e9)  # first, least, most
-_ROUGHLY = 10.0  # loss behind the best, under coarse noise, up to which a place is followed
-_SPREAD = 4.0  # of squared sds a number, within which a way ends at a mode that is known
-_SAME = 0.5  # of loss, within which two modes are one
+_MIN_GAIN = 0.02  # predicted rise of the log density of a step at which a search has converged
+_ROUGH_GAIN = 0.2  # the same under coarse noise, which only leads to a neighbourhood
+_CREEP = 0.02  # rise in a step below which a search along a ridge ends
+_NEED = 0.02  # both, as a share of the distance to the best loss: poor modes need no accuracy
+_LONGEST = 3.0  # natural lengths that a step may have
+_DAMPING = (1e-3, 1e-4, 1e9)  # first, smallest, largest
+_FOLLOWED = 10.0  # loss above the best under coarse noise up to which a mode is followed
+_SPREAD = 4.0  # squared sds per parameter within which a search ends at a known mode
+_SAME = 0.5  # difference of loss within which two modes count as one
 
 
 @dataclass(frozen=True, eq=False)
 class Mode:
-    """Where optimising ended: the point, the discrepancy's size (N) there, the loss.
+    """The point where an optimisation ended, the size of the discrepancy (N) and the loss there.
 
-    converged: whether no step promised more; steps: how many were tried.
+    converged: whether no further step was expected to gain enough; steps: how many were tried.
     """
 
     point: Point
@@ -45,56 +48,75 @@ def find_mode(
     hypothesis: Hypothesis,
     start: Array | Point,
     best: float = np.inf,
-    enough: float = _ENOUGH,
+    min_gain: float = _MIN_GAIN,
     known: Sequence[Mode] = (),
 ) -> Mode | None:
-    """Levenberg-Marquardt from theta (F,) or a point, then on at the discrepancy's likeliest size.
+    """Return the mode to which damped Gauss-Newton steps lead, or None if the start is not finite.
 
-    best: loss of the best so far, behind which a mode is known less exactly; enough: rise of the
-    log density that a step must promise; known: modes of the hypothesis, one of which is the answer
-    as soon as the way leads into its neighbourhood. None: not finite.
+    The steps follow Levenberg (1944, doi:10.1090/qam/10666) and Marquardt (1963,
+    doi:10.1137/0111030). After each convergence the discrepancy takes its likeliest size, until
+    that stays the same.
+
+    Parameters
+    ----------
+    density
+        Posterior density.
+    hypothesis
+        Laws and effects whose free parameters are optimised.
+    start
+        Theta (F,) or a point.
+    best
+        Loss of the best mode so far. A mode far above it is located less exactly.
+    min_gain
+        Rise of the log density below which a step is no longer worth taking.
+    known
+        Modes of the hypothesis. One of them is returned as soon as the search enters its
+        neighbourhood.
     """
     point = start if isinstance(start, Point) else density.at(hypothesis, start)
     if point is None:
         return None
     size = density.likeliest_size(point)
-    here = density.terms(point, size)
-    damping, least, most = _DAMPING
-    tried, over = 0, False
-    for tried in range(1, _STEPS + 1):
-        step = bounded_step(here, damping, point)
-        promise = promised(here, step)
-        least_rise = max(enough, _NEED * (here.loss - best))
-        if over or (promise < least_rise and damping <= 1.0):
+    terms = density.terms(point, size)
+    damping, least, largest = _DAMPING
+    steps, stalled = 0, False
+    for steps in range(1, _STEPS + 1):
+        step = bounded_step(terms, damping, point)
+        expected = predicted_decrease(terms, step)
+        least_rise = max(min_gain, _NEED * (terms.loss - best))
+        if stalled or (expected < least_rise and damping <= 1.0):
             likeliest = density.likeliest_size(point, size)
             if likeliest == size:
-                return Mode(point, size, here.loss, True, tried)
-            size, damping, over = likeliest, _DAMPING[0], False
-            here = density.terms(point, size)
+                return Mode(point, size, terms.loss, True, steps)
+            size, damping, stalled = likeliest, _DAMPING[0], False
+            terms = density.terms(point, size)
             continue
-        if tried > 1 and (met := _met(density, point, here.loss, known)):
-            return met
-        found = density.at(hypothesis, point.own.within(point.theta + step))
-        # the discrepancy's separation is held in a step: the objective must be one function
-        rise = here.loss - density.loss(found, size, point.separation) if found else -np.inf
-        if found is None or not rise > 0.0:
+        if steps > 1 and (reached := _known_nearby(density, point, terms.loss, known)):
+            return reached
+        candidate = density.at(hypothesis, point.own.within(point.theta + step))
+        # a step keeps the separation of the discrepancy, so that both losses are of one function
+        separation = point.separation
+        rise = terms.loss - density.loss(candidate, size, separation) if candidate else -np.inf
+        if candidate is None or not rise > 0.0:
             damping *= 10.0
-            over = damping > most
+            stalled = damping > largest
             continue
-        gain = rise / max(promise, 1e-300)
+        gain = rise / max(expected, 1e-300)
         damping = max(damping * (0.1 if gain > 0.5 else 1.0 if gain > 0.1 else 4.0), least)
-        point, here = found, density.terms(found, size)
-        over = max(rise, 0.2 * promise) < max(_CREEP, least_rise)
+        point, terms = candidate, density.terms(candidate, size)
+        stalled = max(rise, 0.2 * expected) < max(_CREEP, least_rise)
     size = density.likeliest_size(point, size)
-    return Mode(point, size, density.terms(point, size).loss, False, tried)
+    return Mode(point, size, density.terms(point, size).loss, False, steps)
 
 
-def _met(density: Density, point: Point, loss: float, known: Sequence[Mode]) -> Mode | None:
-    """The known mode within whose spread a point lies, and about as high."""
+def _known_nearby(
+    density: Density, point: Point, loss: float, known: Sequence[Mode]
+) -> Mode | None:
+    """Return the known mode near which a point lies at a similar height, or None."""
     for mode in known:
         gap = point.theta - mode.point.theta
-        far = gap @ density.terms(mode.point, mode.size).curvature @ gap
-        if far < _SPREAD * gap.size and loss < mode.loss + _SPREAD * gap.size:
+        distance = gap @ density.terms(mode.point, mode.size).curvature @ gap
+        if distance < _SPREAD * gap.size and loss < mode.loss + _SPREAD * gap.size:
             return mode
     return None
 
@@ -106,7 +128,7 @@ def find_modes(
     best: float = np.inf,
     known: Sequence[Mode] = (),
 ) -> list[Mode]:
-    """The mode that a start leads to, if it leads to one that is not known yet; see `find_mode`."""
+    """Return [mode] if a start leads to a mode that is not known yet, else []; see `find_mode`."""
     mode = find_mode(density, hypothesis, start, best, known=known)
     return [] if mode is None or mode in known else [mode]
 
@@ -118,8 +140,8 @@ def rough_mode(
     best: float = np.inf,
     known: Sequence[Mode] = (),
 ) -> Mode | None:
-    """As `find_mode` under coarse noise, where there are few modes and wide ones."""
-    return find_mode(density.coarse, hypothesis, start, best, _NEARLY, known)
+    """Return what `find_mode` gives under coarse noise, where modes are few and wide."""
+    return find_mode(density.coarse, hypothesis, start, best, _ROUGH_GAIN, known)
 
 
 def modes(
@@ -127,76 +149,79 @@ def modes(
     hypothesis: Hypothesis,
     starts: Iterable[Array],
     best: float = np.inf,
-    most: int = 3,
+    max_modes: int = 3,
 ) -> list[Mode]:
-    """Distinct modes from many starts, the highest first.
+    """Return distinct modes that many starts (F,) lead to, the highest first.
 
-    All are optimised under coarse noise first; the best places it leads to (at most ``most``) are
-    followed under the noise itself.
+    All starts are optimised under coarse noise first. The best points that this gives, at most
+    ``max_modes``, are followed under the noise itself. best: loss of the best mode so far.
     """
     rough: list[Mode] = []
     for start in starts:
         least = min((mode.loss for mode in rough), default=np.inf)
         mode = rough_mode(density, hypothesis, start, least, rough)
         rough += [mode] if mode is not None and mode not in rough else []
-    found: list[Mode] = []
-    places = distinct(rough)[:most]
-    for place in places:
-        if place.loss > places[0].loss + _ROUGHLY:  # it would fall back farther under less noise
+    sharp: list[Mode] = []
+    candidates = distinct(rough)[:max_modes]
+    for candidate in candidates:
+        # under less noise it would be even farther behind
+        if candidate.loss > candidates[0].loss + _FOLLOWED:
             break
-        found += find_modes(density, hypothesis, place.point.theta, best, known=found)
-    return distinct(found)
+        sharp += find_modes(density, hypothesis, candidate.point.theta, best, known=sharp)
+    return distinct(sharp)
 
 
 def redrawn_modes(
     density: Density,
     hypothesis: Hypothesis,
-    found: Sequence[Mode],
+    initial: Sequence[Mode],
     seed: int,
-    vain: int,
+    max_failures: int,
 ) -> list[Mode]:
-    """Modes, the highest first: those found, and more from the best with its relaxation redrawn.
+    """Return the initial modes and those found by redrawing the best one's relaxation, best first.
 
-    Until ``vain`` draws of the relaxation's prior in a row lead no higher: spectra have several
-    modes where other constants have one, and coarse noise cannot tell spectra apart.
+    The relaxation is redrawn from its prior until ``max_failures`` draws in a row lead no higher.
+    Spectra have several modes where other constants have one, and coarse noise cannot distinguish
+    spectra.
     """
-    known, tried = list(found), 0
-    numbers = density.space.numbers_of(hypothesis, "relaxation")
+    known, failures = list(initial), 0
+    indices = density.space.indices_of(hypothesis, "relaxation")
     for drawn in density.space.draws_of(hypothesis, "relaxation", seed):
         start = known[0].point.theta.copy()
-        start[numbers] = drawn
+        start[indices] = drawn
         mode = find_mode(density, hypothesis, start, known[0].loss, known=known)
         is_higher = mode is not None and mode.loss < known[0].loss - _SAME
         known = distinct([*known, mode]) if mode is not None else known
-        tried = 0 if is_higher else tried + 1
-        if tried == vain:
+        failures = 0 if is_higher else failures + 1
+        if failures == max_failures:
             break
     return known
 
 
 def base_modes(
-    density: Density, hypothesis: Hypothesis, seed: int, starts: int, vain: int
+    density: Density, hypothesis: Hypothesis, seed: int, starts: int, max_failures: int
 ) -> list[Mode]:
-    """Modes of a hypothesis from so many draws of its priors, then of its relaxation's alone.
+    """Return modes of a hypothesis from draws of its priors, the highest first.
 
-    Of these until ``vain`` in a row lead no higher.
+    The first ``starts`` draws vary all parameters. Further ones vary the relaxation alone, until
+    ``max_failures`` in a row lead no higher.
     """
-    draws = density.space.plain_draws(hypothesis, seed)
-    found = modes(density, hypothesis, draws[:starts])
-    return redrawn_modes(density, hypothesis, found, seed, vain) if found else []
+    draws = density.space.prior_draws(hypothesis, seed)
+    initial = modes(density, hypothesis, draws[:starts])
+    return redrawn_modes(density, hypothesis, initial, seed, max_failures) if initial else []
 
 
-def distinct(found: Iterable[Mode]) -> list[Mode]:
-    """The highest first, one of those that are alike."""
+def distinct(candidates: Iterable[Mode]) -> list[Mode]:
+    """Return the modes sorted by height, the highest first, one of each group of duplicates."""
     kept: list[Mode] = []
-    for mode in sorted(found, key=lambda m: m.loss):
-        if not any(_alike(mode, other) for other in kept):
+    for mode in sorted(candidates, key=lambda m: m.loss):
+        if not any(_is_duplicate(mode, other) for other in kept):
             kept.append(mode)
     return kept
 
 
-def _alike(one: Mode, two: Mode) -> bool:
-    """Whether two are one: of equal height and hardly apart by the curvature."""
+def _is_duplicate(one: Mode, two: Mode) -> bool:
+    """Return whether two modes have equal heights and hardly differ in terms of the curvature."""
     if abs(one.loss - two.loss) > _SAME:
         return False
     gap = one.point.theta - two.point.theta
@@ -204,24 +229,27 @@ def _alike(one: Mode, two: Mode) -> bool:
     return bool(gap @ curvature @ gap < 1e3 or np.allclose(gap, 0.0, atol=1e-3))
 
 
-def promised(terms: Terms, step: Array) -> float:
-    """Rise of the log density that a step (F,) promises, by slope and curvature."""
+def predicted_decrease(terms: Terms, step: Array) -> float:
+    """Return by how much the quadratic expansion predicts that a step (F,) reduces the loss."""
     return -float(terms.gradient @ step + 0.5 * step @ terms.curvature @ step)
 
 
 def bounded_step(terms: Terms, damping: float, point: Point) -> Array:
-    """A damped step (F,): to the lowest place of the quadratic within the bounds, or near it."""
-    own, curvature = point.own, terms.curvature
+    """Return the damped step (F,) that minimises the quadratic expansion within the bounds.
+
+    The step is shortened where it exceeds three natural lengths of a parameter.
+    """
+    parameters, curvature = point.own, terms.curvature
     diagonal = np.maximum(np.diag(curvature), 1e-8 * np.diag(curvature).max())
     scale = 1.0 / np.sqrt(diagonal)
     matrix = curvature * np.outer(scale, scale) + damping * np.eye(scale.size)
     values, axes = np.linalg.eigh(matrix)
     root = np.sqrt(np.maximum(values, 1e-13))
-    goal = -(axes.T @ (terms.gradient * scale)) / root
-    below, above = own.lowest - point.theta, own.highest - point.theta
-    step = np.asarray(scale * (axes @ (goal / root)))
+    target = -(axes.T @ (terms.gradient * scale)) / root
+    below, above = parameters.lowest - point.theta, parameters.highest - point.theta
+    step = np.asarray(scale * (axes @ (target / root)))
     if not np.all((below <= step) & (step <= above)):
         bounds = (below / scale, above / scale)
-        found = lsq_linear(root[:, None] * axes.T, goal, bounds, method="bvls")
-        step = np.clip(scale * found.x, below, above)
-    return step * min(1.0, _FARTHEST / max(float(np.max(np.abs(step) / own.length)), 1e-300))
+        solution = lsq_linear(root[:, None] * axes.T, target, bounds, method="bvls")
+        step = np.clip(scale * solution.x, below, above)
+    return step * min(1.0, _LONGEST / max(float(np.max(np.abs(step) / parameters.length)), 1e-300))

@@ -1,7 +1,7 @@
-"""Another law as like as it can be: its constants fitted to a law's curve, without any force.
+"""Fit the constants of one law to the curve of another law, without any force.
 
-An elastic law is known by its force over depth, a relaxation by its curve over the logarithm of
-time. Where one law takes another's place, optimising starts from the nearest of its curves.
+An elastic law is compared by its force over depth, a relaxation by its function over the logarithm
+of time. Where one law replaces another, optimisation starts from the nearest of its curves.
 """
 
 from __future__ import annotations
@@ -19,80 +19,82 @@ from qlvbayes.inference.forward.space import Space
 Array = NDArray[np.float64]
 Curve = Callable[[Array], Array]
 
-_CLOSE = 0.01  # of the curve's largest value, by which it may be missed as gladly as a prior's sd
+_CLOSE = 0.01  # of the curve's largest value: a deviation that weighs as much as one prior sd
 _STARTS = 2  # draws of the priors, the median first
-_CALLS = 15  # of the curve at most: what comes after is for the force to settle
-_ENOUGH = 1e-3  # relative fall of the cost in a step, at which it is near enough
-_STEP = 1e-6  # over which slopes are taken
+_CALLS = 15  # evaluations of the curve at most: the force decides what follows
+_TOLERANCE = 1e-3  # relative decrease of the cost in a step at which a fit ends
+_STEP = 1e-6  # of difference quotients
 
 
 def projected(space: Space, point: Point, hypothesis: Hypothesis, theta: Array) -> Array:
-    """Theta (F,) with the numbers of its laws such that their curves are the point's.
+    """Return theta (F,) with those parameters of its laws whose curves are nearest to the point's.
 
-    A law that both have keeps what stands in theta.
+    A law that both hypotheses have keeps its parameters in theta.
     """
-    found = theta
+    projected_theta = theta
     for part in ("elastic", "relaxation"):
         if getattr(hypothesis, part) == getattr(point.own.hypothesis, part):
-            continue  # what both have stays
+            continue
         goal = space.curve(point.own.hypothesis, part, point.constants[None])[0]
-        found = with_curve(space, hypothesis, part, goal, found)
-    return found
+        projected_theta = with_curve(space, hypothesis, part, goal, projected_theta)
+    return projected_theta
 
 
 def with_curve(space: Space, hypothesis: Hypothesis, part: str, goal: Array, theta: Array) -> Array:
-    """Theta (F,) with the numbers of one of its laws such that its curve is near a goal (40,).
+    """Return theta (F,) with the parameters of one law fitted such that its curve is near a goal.
 
-    part: ``elastic`` or ``relaxation``; goal: as `Space.curve` gives it.
+    part: ``elastic`` or ``relaxation``; goal (40,): a curve as `Space.curve` gives it.
     """
-    numbers = space.numbers_of(hypothesis, part)
-    if not numbers:
+    indices = space.indices_of(hypothesis, part)
+    if not indices:
         return theta
-    own, found = space.parameters(hypothesis), theta.copy()
-    curve = _curve(space, own, part, theta, numbers)
-    found[numbers] = _fitted(curve, goal, space.draws_of(hypothesis, part), own, numbers)
-    return found
+    parameters, fitted = space.parameters(hypothesis), theta.copy()
+    curve = _curve(space, parameters, part, theta, indices)
+    fitted[indices] = _fitted(curve, goal, space.draws_of(hypothesis, part), parameters, indices)
+    return fitted
 
 
 def _curve(
-    space: Space, own: Parameters, part: str, theta: Array, numbers: list[int]
+    space: Space, parameters: Parameters, part: str, theta: Array, indices: list[int]
 ) -> Callable[[Array], Array]:
-    """Curves (K, places) of some of theta's numbers (K, count)."""
+    """Return a function from values (K, count) of some of theta's parameters to curves (K, 40)."""
 
-    def curve(some: Array) -> Array:
-        thetas = np.tile(theta, (len(some), 1))
-        thetas[:, numbers] = some
-        return space.curve(own.hypothesis, part, own.constants(thetas))
+    def curve(values: Array) -> Array:
+        thetas = np.tile(theta, (len(values), 1))
+        thetas[:, indices] = values
+        return space.curve(parameters.hypothesis, part, parameters.constants(thetas))
 
     return curve
 
 
-def _fitted(curve: Curve, goal: Array, draws: Array, own: Parameters, numbers: list[int]) -> Array:
-    """Numbers whose curve is nearest to a goal (places,), kept near their priors' draws."""
+def _fitted(
+    curve: Curve, goal: Array, draws: Array, parameters: Parameters, indices: list[int]
+) -> Array:
+    """Return parameters (count,) whose curve is nearest to a goal, held near the priors' draws."""
     middle, spread = np.median(draws, axis=0), np.maximum(draws.std(axis=0), _STEP)
-    close = _CLOSE * float(np.max(np.abs(goal)))
+    scale = _CLOSE * float(np.max(np.abs(goal)))
     steps = _STEP * np.eye(middle.size)
 
     def residual(x: Array) -> Array:
-        return np.concatenate([(curve(x[None])[0] - goal) / close, (x - middle) / spread])
+        return np.concatenate([(curve(x[None])[0] - goal) / scale, (x - middle) / spread])
 
     def slopes(x: Array) -> Array:
         rows = curve(np.concatenate([x[None], x + steps]))
-        return np.concatenate([(rows[1:] - rows[0]).T / (_STEP * close), np.diag(1.0 / spread)])
+        return np.concatenate([(rows[1:] - rows[0]).T / (_STEP * scale), np.diag(1.0 / spread)])
 
-    bounds = own.lowest[numbers], own.highest[numbers]
+    bounds = parameters.lowest[indices], parameters.highest[indices]
     inside = [np.clip(x, *bounds) for x in (middle, *draws[: _STARTS - 1])]
     finite = [x for x in inside if np.isfinite(residual(x)).all()]
-    found = [_least(residual, slopes, x, bounds) for x in finite]
-    return min(found, key=lambda one: one[0], default=(0.0, middle))[1]
+    fits = [_least(residual, slopes, x, bounds) for x in finite]
+    return min(fits, key=lambda one: one[0], default=(0.0, middle))[1]
 
 
 def _least(
     residual: Curve, slopes: Curve, start: Array, bounds: tuple[Array, Array]
 ) -> tuple[float, Array]:
-    """Least cost from a start, and where."""
+    """Return the least cost that a start leads to, and the parameters there."""
     try:
-        found = least_squares(residual, start, slopes, bounds, max_nfev=_CALLS, ftol=_ENOUGH)
-    except ValueError:  # a curve that is not finite on the way
+        fit = least_squares(residual, start, slopes, bounds, max_nfev=_CALLS, ftol=_TOLERANCE)
+    except ValueError:  # the curve became infinite
         return np.inf, start
-    return float(found.cost), np.asarray(found.x)
+    return float(fit.cost), np.asarray(fit.x)

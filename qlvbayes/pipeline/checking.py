@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
-from qlvbayes.fitting.checked import CheckedPad, check_pad, curves
+from qlvbayes.fitting.pad_check import CheckedPad, check_pad, curves
 from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.results import Saved, load
 from qlvbayes.io.data import Measurements

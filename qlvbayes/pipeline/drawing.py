@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from qlvbayes.fitting.checked import Curves, TestCurves
 from qlvbayes.fitting.constants_table import (
     constants_table,
+    matching_references,
     read_references,
-    that_fit,
     write_constants,
 )
 from qlvbayes.fitting.fit import Fit
+from qlvbayes.fitting.pad_check import Curves, TestCurves
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.report.page import MOST_ON_A_PAGE
@@ -68,7 +68,7 @@ def draw_constants(out: Path, references: Known | None) -> list[Path]:
     files = sorted(out.glob("*/summary.json"))
     summaries = [FitSummary.read(file) for file in files]
     known = read_references(references.file) if references else {}
-    usable = known if references and references.asked else that_fit(known, summaries)
+    usable = known if references and references.asked else matching_references(known, summaries)
     entries = constants_table(summaries, usable)
     few = len(files) <= MOST_ON_A_PAGE
     write_constants(out, entries, for_print=few)

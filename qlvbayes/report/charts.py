@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from math import inf
 
-from qlvbayes.fitting.checked import Curves, TestCurves
+from qlvbayes.fitting.pad_check import Curves, TestCurves
 from qlvbayes.report.collect import Model, PadResults
 from qlvbayes.report.failing import model_name
 

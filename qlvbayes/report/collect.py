@@ -12,8 +12,8 @@ import numpy as np
 
 from qlvbayes.comparison.contrast import Comparison
 from qlvbayes.diagnosis.result import DiagnosisResult
-from qlvbayes.fitting.checked import Curves
 from qlvbayes.fitting.diagnostics import diagnose_chain
+from qlvbayes.fitting.pad_check import Curves
 from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.results import load
 from qlvbayes.fitting.runs import Run, Runs

@@ -27,9 +27,9 @@ from qlvbayes.diagnosis.result import CellError
 from qlvbayes.diagnosis.workbench import as_chosen, search_of
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.inference.density import Density, Point
-from qlvbayes.inference.extending import amplitude_of, carried
 from qlvbayes.inference.forward.space import Space
 from qlvbayes.inference.projection import projected
+from qlvbayes.inference.starts import amplitude_of, transferred
 from qlvbayes.io.checks import InputError, NoFiniteForceError
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import Experiment
@@ -159,7 +159,7 @@ class Bench:
         model, space = self.usual(), self.space
         own = space.parameters(model.hypothesis)
         starts = np.concatenate(
-            [nothing_added(own, space)[None], own.within(space.plain_draws(model.hypothesis))]
+            [nothing_added(own, space)[None], own.within(space.prior_draws(model.hypothesis))]
         )
         costs = self.squares.costs(model.hypothesis, starts)
         best = [starts[k] for k in np.argsort(costs)[:_STARTS]]
@@ -179,7 +179,7 @@ class Bench:
         point = self._point(model)
         own = self.space.parameters(more.hypothesis)
         start = nothing_added(own, self.space)
-        start[own.carried(point.own)] = point.theta
+        start[own.positions_of(point.own)] = point.theta
         if amplitude_of(own, effect) is None:
             return self._least(more, [start])
         found = beside(self.squares, point, more.hypothesis, effect)
@@ -206,7 +206,7 @@ class Bench:
         checked(other, self.space)
         point = self._point(model)
         own = self.space.parameters(other.hypothesis)
-        start = carried(point.own, point.theta, own, nothing_added(own, self.space))
+        start = transferred(point.own, point.theta, own, nothing_added(own, self.space))
         near = projected(self.space, point, other.hypothesis, start)
         return self._least(other, [own.within(near)])
 

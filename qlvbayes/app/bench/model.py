@@ -116,7 +116,7 @@ def values_of(own: Parameters, constants: Array) -> dict[str, float]:
 
 def nothing_added(own: Parameters, space: Space) -> Array:
     """(F,) free numbers at their priors' medians, every effect's amplitude at nothing."""
-    theta = median(space.plain_draws(own.hypothesis))
+    theta = median(space.prior_draws(own.hypothesis))
     for name, leaf in own.by_name.items():
         effect = name.partition(".")[0]
         if isinstance(leaf.prior, Natural) and effect in own.hypothesis.effects:

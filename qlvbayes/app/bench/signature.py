@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from qlvbayes.app.bench.squares import Squares
 from qlvbayes.inference.density import Point
-from qlvbayes.inference.extending import Amplitude, amplitude_of, shapes
 from qlvbayes.inference.forward.hypothesis import Hypothesis, Parameters
+from qlvbayes.inference.starts import Amplitude, amplitude_of, shapes
 
 Array = NDArray[np.float64]
 
@@ -92,5 +92,5 @@ def _scaled(
     after = start.copy()
     after[number] += size
     moved = after.copy()
-    moved[own.carried(point.own)] += shift
+    moved[own.positions_of(point.own)] += shift
     return Beside(own, amplitude, start, own.within(after), own.within(moved), cost)

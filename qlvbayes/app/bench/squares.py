@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from qlvbayes.inference.density import Density, Point, Terms
 from qlvbayes.inference.forward.hypothesis import Hypothesis
-from qlvbayes.inference.modes import bounded_step, promised
+from qlvbayes.inference.modes import bounded_step, predicted_decrease
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -84,7 +84,7 @@ class Squares:
         here, (damping, least, most) = self.terms(point), _DAMPING
         for _ in range(_STEPS):
             step = bounded_step(here, damping, point)
-            promise = promised(here, step)
+            promise = predicted_decrease(here, step)
             if promise < _ENOUGH * max(abs(here.loss), 1.0) and damping <= 1.0:
                 break
             found = self.density.at(hypothesis, point.own.within(point.theta + step))

@@ -32,8 +32,8 @@ from qlvbayes.diagnosis.search import Search
 from qlvbayes.diagnosis.settings import Imitation
 from qlvbayes.diagnosis.weighed import Weighed
 from qlvbayes.inference.density import Density
-from qlvbayes.inference.errors.features import Places
-from qlvbayes.inference.extending import carried
+from qlvbayes.inference.errors.features import Locations
+from qlvbayes.inference.starts import transferred
 
 Array = NDArray[np.float64]
 
@@ -55,11 +55,11 @@ def log_odds_of_varying(
     """Log Bayes factor of an imitation, of one effect of a hypothesis, at its mode."""
     point, space = found.point, density.space
     less = found.hypothesis.less(effect)
-    theta = carried(point.own, point.theta, space.parameters(less))
+    theta = transferred(point.own, point.theta, space.parameters(less))
     without = space.forces(less, space.parameters(less).constants(theta[None]))[0]
     parts = _parts(samples, point.predicted - without)
     sized = density.discrepancy.at(found.mode.size, point.separation)
-    gradient, free = point.beyond(density.whitener(parts), sized)
+    gradient, free = point.added_terms(density.whitener(parts), sized)
     return log_bayes_factor(free, -gradient, imitation)
 
 
@@ -79,7 +79,7 @@ def _log_likelihood(squares: Array, values: Array, tau: float) -> float:
 def _parts(samples: Samples, force: Array) -> Array:
     """(G, T, B) of a force (T, B): in each test (phase, of one alone), each kind of phase."""
     real = samples.space.real
-    places = Places.of_blocks(samples.experiment, samples.trials, samples.space.record.blocks)
+    places = Locations.from_blocks(samples.experiment, samples.trials, samples.space.record.blocks)
     masks = [out for out, _, _ in samples.left_out()]
     masks += [places.phase == kind for kind in np.unique(places.phase)]
     found = np.zeros((len(masks), *force.shape))

@@ -35,7 +35,7 @@ def log_densities(density: Density, found: Weighed) -> Array:
     """(n,) log density of every block mean given those before it, at a hypothesis's mode."""
     whitener, point = density.whitener, found.point
     force = np.asarray(density.space.record.blocks.force)
-    left = whitener.plain((force - point.predicted)[None])[0]
+    left = whitener.flattened((force - point.predicted)[None])[0]
     covariance = block_diag(*whitener.covariances)
     covariance += density.discrepancy.covariance(found.mode.size, point.separation)
     root = cholesky(covariance, lower=True, check_finite=False)
@@ -57,7 +57,7 @@ def decisive(
     if not gains.sum() > 0.0:
         return None
     blocks = jax.tree.map(np.asarray, density.space.record.blocks)
-    middle = density.whitener.plain(0.5 * (blocks.first + blocks.last)[None])[0]
+    middle = density.whitener.flattened(0.5 * (blocks.first + blocks.last)[None])[0]
     first = int(np.argmax(gains))
     trial = trials[int(density.whitener.tests[first])]
     phase = trial.phases[int(phase_index(trial.phases, middle[first : first + 1])[0])]

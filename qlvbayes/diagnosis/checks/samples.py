@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes.diagnosis.result import CellError
-from qlvbayes.fitting.prediction import looked_at, single_samples
+from qlvbayes.fitting.prediction import representative_rows, single_samples
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.forward.space import Space
 from qlvbayes.motion.experiment import Experiment, Trial
@@ -39,7 +39,7 @@ class Samples:
     @classmethod
     def of(cls, experiment: Experiment, space: Space) -> Samples:
         """The trials of an experiment."""
-        rows = tuple(looked_at(trial) for trial in experiment.trials)
+        rows = tuple(representative_rows(trial) for trial in experiment.trials)
         weights = tuple(
             np.ones(own.size)
             if trial.test.force_sd is None

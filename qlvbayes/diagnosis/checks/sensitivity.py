@@ -13,8 +13,8 @@ from qlvbayes.diagnosis.result import ParameterBias, Unseen
 from qlvbayes.diagnosis.search import Search
 from qlvbayes.diagnosis.weighed import Weighed
 from qlvbayes.effects.effect import AbstractEffect, Protocol
-from qlvbayes.inference.extending import Amplitude, amplitude_of, shapes
 from qlvbayes.inference.forward.hypothesis import Parameters
+from qlvbayes.inference.starts import Amplitude, amplitude_of, shapes
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from qlvbayes.diagnosis.nexttest.design import Design
 from qlvbayes.diagnosis.nexttest.rig import Rig
-from qlvbayes.inference.errors.features import UNDECIDED, Places
+from qlvbayes.inference.errors.features import UNDECIDED, Locations
 from qlvbayes.laws.motion import Motion
 from qlvbayes.motion.phases import KINDS, MOVING
 from qlvbayes.motion.record import Blocks, Record
@@ -96,7 +96,7 @@ def _filled(values: NDArray, size: int) -> NDArray:
     return np.pad(values, missing, mode="edge")
 
 
-def places_of(design: Design, rig: Rig, middle: Array, force: Array, peak: float) -> Places:
+def places_of(design: Design, rig: Rig, middle: Array, force: Array, peak: float) -> Locations:
     """Where a discrepancy is looked at, in the middle of the blocks (n,) of a design."""
     stretches = design.stretches
     starts = np.array([start for _, start, _ in stretches])
@@ -108,4 +108,4 @@ def places_of(design: Design, rig: Rig, middle: Array, force: Array, peak: float
         np.full(middle.shape, design.speed),
     )
     size = UNDECIDED.size(force / peak)
-    return Places(smooth, size, kinds[which], np.zeros(middle.shape, np.intp))
+    return Locations(smooth, size, kinds[which], np.zeros(middle.shape, np.intp))

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes.diagnosis.telling.work import Work
-from qlvbayes.inference.errors.features import Features, Places
+from qlvbayes.inference.errors.features import Features, Locations
 
 Array = NDArray[np.float64]
 
@@ -39,14 +39,18 @@ def discrepancy(work: Work) -> list[Band]:
         return [Band(np.zeros(own.size), np.zeros(own.size)) for own in samples.rows]
     blocks = samples.space.record.blocks
     prior = work.search.settings.discrepancy
-    features = Features.of(Places.of_blocks(work.experiment, samples.trials, blocks, prior))
+    features = Features.from_locations(
+        Locations.from_blocks(work.experiment, samples.trials, blocks, prior)
+    )
     # the smooth functions alone: what looks like an effect has no place of its own in a sample
     smooth = len(features.factor)
     mean, root = work.search.density.discrepancy.weights(point.residual, size, smooth)
     forces = samples.predict(told.hypothesis, point.constants[None])
     found = []
     for k, (trial, rows) in enumerate(zip(samples.trials, samples.rows, strict=True)):
-        places = Places.of(work.experiment, trial, k, trial.test.time[rows], forces[k][0], prior)
+        places = Locations.from_trial(
+            work.experiment, trial, k, trial.test.time[rows], forces[k][0], prior
+        )
         own = features(places)
         found.append(Band(mean @ own, np.sqrt(np.sum((root @ own) ** 2, axis=0))))
     return found

@@ -21,7 +21,12 @@ from qlvbayes.inference.errors.whitening import Whitener
 from qlvbayes.inference.evidence import evidence
 from qlvbayes.inference.forward.hypothesis import Leaf, Parameters
 from qlvbayes.inference.forward.space import Space
-from qlvbayes.inference.importance import Cloud, Sampled, about, sample
+from qlvbayes.inference.importance import (
+    BoundedStudentT,
+    ImportanceSample,
+    importance_sample,
+    mixture_about,
+)
 from qlvbayes.inference.modes import Mode, distinct, find_mode, modes
 from qlvbayes.io.checks import NoFiniteForceError
 from qlvbayes.model.noise import Correlated
@@ -44,7 +49,7 @@ class Slice:
     """Loss at the mode, and a cloud about it that reaches to the next slices."""
 
     loss: float
-    cloud: Cloud
+    cloud: BoundedStudentT
 
 
 def slices(density: Density, own: Parameters, effect: str, best: Mode) -> Iterator[Slice]:
@@ -53,7 +58,7 @@ def slices(density: Density, own: Parameters, effect: str, best: Mode) -> Iterat
     Where the amplitude may be zero the posterior has an arm along the whole prior of each constant
     beside it, such as a rate; where that is a rate of the pad, one along the amplitude.
     """
-    draws = density.space.plain_draws(own.hypothesis)
+    draws = density.space.prior_draws(own.hypothesis)
     fields = {
         name.removeprefix(f"{effect}.").partition("[")[0]: leaf
         for name, leaf in own.by_name.items()
@@ -69,12 +74,12 @@ def slices(density: Density, own: Parameters, effect: str, best: Mode) -> Iterat
             start = middle.copy()
             start[indices] = np.quantile(draws[:, indices], share, axis=0)
             held = _held(density, effect, field, leaf, start)
-            kept = own.carried(held.space.parameters(own.hypothesis))
+            kept = own.positions_of(held.space.parameters(own.hypothesis))
             mode = find_mode(held, own.hypothesis, start[kept])
             if mode is not None:
                 start[kept] = mode.point.theta
                 covariance = _along(density, own, start, indices, sds)
-                yield Slice(mode.loss, Cloud.of(start, covariance))
+                yield Slice(mode.loss, BoundedStudentT.from_covariance(start, covariance))
 
 
 def _held(density: Density, effect: str, field: str, leaf: Leaf, theta: Array) -> Density:
@@ -144,27 +149,27 @@ class Pads:
         errors = np.asarray(compiled.noise_draws(noise, record.blocks, key[None])[0])
         forces = self.space.forces(self.own.hypothesis, constants)[0] + errors
         floor = NoiseFloor(float(noise.white), float(noise.ou), float(noise.tau))
-        whitener = Whitener.of(floor, record.blocks, peak)
+        whitener = Whitener.from_floor(floor, record.blocks, peak)
         none = Discrepancy.none(whitener, peak)
         return Density(self.space.with_forces(forces), whitener, none)
 
-    def _sampled(self, density: Density, rng: np.random.Generator) -> Sampled:
+    def _sampled(self, density: Density, rng: np.random.Generator) -> ImportanceSample:
         """Sample from clouds about the modes and between slices; every amplitude counts."""
         hypothesis = self.own.hypothesis
-        best_modes = modes(density, hypothesis, self.space.plain_draws(hypothesis)[:_STARTS])
+        best_modes = modes(density, hypothesis, self.space.prior_draws(hypothesis)[:_STARTS])
         if not best_modes:
             raise NoFiniteForceError
         cut = list(slices(density, self.own, self.effect, best_modes[0]))
         ways = [find_mode(density, hypothesis, one.cloud.centre) for one in cut]
         best_modes = distinct([*best_modes, *(way for way in ways if way is not None)])
-        clouds = about([(mode, evidence(density, mode.point)) for mode in best_modes])
+        clouds = mixture_about([(mode, evidence(density, mode.point)) for mode in best_modes])
         between = [one.cloud for one in cut if one.loss < best_modes[0].loss + _BEHIND]
         if between:
             clouds = [(cloud, 0.5 * share) for cloud, share in clouds]
             clouds += [(cloud, 0.5 / len(between)) for cloud in between]
         points = [mode.point for mode in best_modes]
         does = lambda one: one.effective >= _WORTH  # noqa: E731
-        return sample(density, self.own, clouds, points, does, _ROUNDS, rng)
+        return importance_sample(density, self.own, clouds, points, does, _ROUNDS, rng)
 
 
 def _quantiles(values: Array, weights: Array, shares: tuple[float, ...]) -> Array:

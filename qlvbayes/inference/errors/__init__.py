@@ -1,1 +1,1 @@
-"""What a record holds beside the force: the noise floor, and a smooth discrepancy."""
+"""Model what a record holds apart from the force: noise, and a smooth discrepancy."""

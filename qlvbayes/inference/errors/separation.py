@@ -1,29 +1,30 @@
-r"""The part of a discrepancy that a model's own slopes can follow, made independent of the rest.
+r"""Make a discrepancy independent of what a model's own derivatives can follow.
 
-Beside a smooth discrepancy of covariance s^2 K the likeliest curve need not follow the data: where
-the constants bend it away, what is missed elsewhere is more probable. With P the projection on the
-rows of the Jacobian J, orthogonal in plain squared error over the block means,
+Given a smooth discrepancy of covariance s^2 K, the likeliest curve need not follow the data: where
+the constants bend it away from them, the error elsewhere may become more probable. Let P be the
+orthogonal projection, in unweighted squared error over the block means, on the rows of the Jacobian
+J,
 
-.. math:: P = J^T (J J^T)^{-1} J, \quad K_P = (1 - P) K (1 - P) + \kappa\, P K P,
+.. math:: P = J^T (J J^T)^{-1} J, \quad K_P = (1 - P) K (1 - P).
 
-nothing that is missed says any more where the curve should be: the constants are those of least
-squares as far as misfit goes (Zyskind 1967, doi:10.1214/aoms/1177698779; L2 calibration, Tuo & Wu
-2015, doi:10.1214/15-AOS1314; orthogonal Gaussian processes, Plumlee 2017,
-doi:10.1080/01621459.2016.1211016). P K P, which keeps its share kappa, is by what a discrepancy may
-have moved the constants before the data are seen. With kappa = 1 their posterior is wider by that.
-With kappa = 0 it is that of the curve which follows the data, and the spread is added where the
-constants are reported (`evidence`). Evidence is the same either way, as far as priors are wide.
+With K_P in place of K the discrepancy no longer affects where the curve lies: the constants are
+those of least squares as far as misfit goes (Zyskind 1967, doi:10.1214/aoms/1177698779; L2
+calibration, Tuo & Wu 2015, doi:10.1214/15-AOS1314; orthogonal Gaussian processes, Plumlee 2017,
+doi:10.1080/01621459.2016.1211016). The part P K P that is left out describes by how much a
+discrepancy may have moved the constants. The posterior of the constants is therefore that of the
+curve which follows the data, and this spread is added where constants are reported (`evidence`).
+The evidence is the same with or without P K P as far as priors are wide.
 
-So it is, with kappa = 1, with the variances T of what is not known of moments (`timing`): a reading
-next to a kink may be off, and no curve is bent beside a discrepancy to leave it so.
+The variances T of uncertain moments (`timing`) are treated likewise, but keep their part P T P: a
+reading next to a kink may be off, and no curve should bend to follow it or to avoid it.
 
 With Q an orthonormal basis of P, the difference to C = Sigma + T + s^2 K has a low rank,
 
 .. math:: C_P = C - Q^T Y - Y^T Q = C - U^T S U, \quad
-          Y = s^2 Q K (1 - \tfrac{1 + \kappa}{2} P) + Q T (1 - P), \quad U = (Q; Y), \quad
+          Y = s^2 Q K (1 - \tfrac12 P) + Q T (1 - P), \quad U = (Q; Y), \quad
           S = \begin{pmatrix} 0 & 1 \\ 1 & 0 \end{pmatrix}
 
-so that with the inverse and determinant of C at hand those of C_P follow (Woodbury):
+so that the inverse and determinant of C_P follow from those of C (Woodbury):
 
 .. math:: C_P^{-1} = C^{-1} + C^{-1} U^T M^{-1} U C^{-1}, \quad
           M = S - U C^{-1} U^T, \quad |C_P| = |C|\, |M|
@@ -42,79 +43,82 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _SMALLEST = 1e-8
-"""Singular value of the scaled Jacobian, over the largest, below which it is rounding."""
+"""Singular values of the scaled Jacobian below this share of the largest are rounding."""
 
 
 def orthonormal_rows(slopes: Array, lengths: Array) -> Array:
-    """(R, n) an orthonormal basis of what slopes (F, n) of the plain block means span.
+    """Return an orthonormal basis (R, n) of the span of slopes (F, n) of the block means.
 
-    lengths (F,): natural ones of the free numbers, by which slopes are scaled; what no number moves
-    is left out.
+    lengths (F,): natural lengths of the free parameters, which scale the slopes. Directions that no
+    parameter moves are left out.
     """
     _, values, rows = np.linalg.svd(slopes * lengths[:, None], full_matrices=False)
-    kept: Array = rows[values > _SMALLEST * values.max(initial=0.0)]
-    return kept
+    basis: Array = rows[values > _SMALLEST * values.max(initial=0.0)]
+    return basis
 
 
 @dataclass(frozen=True, eq=False)
 class Separation:
-    """Of the discrepancy of one Jacobian, computed when a size above nothing asks for it.
+    """The separation of a discrepancy for one Jacobian, computed when a size above zero needs it.
 
-    slopes (F, n): of the plain block means; lengths (F,): natural ones of the free numbers; tied:
-    from Q (R, n) the parts Y of K and of the moments, both (R, n); whiten: (M, n) block means.
+    slopes (F, n): of the block means, not whitened; lengths (F,): natural lengths of the free
+    parameters; coupled: function from Q (R, n) to the parts Y of K and of the moments, both (R, n);
+    whiten: function that whitens block means (M, n).
     """
 
     slopes: Array
     lengths: Array
-    tied: Callable[[Array], tuple[Array, Array]]
+    coupled: Callable[[Array], tuple[Array, Array]]
     whiten: Callable[[Array], Array]
     _sized: dict[float, Separated] = field(default_factory=dict)
 
     @cached_property
     def rows(self) -> Array:
-        """(R, n) Q."""
+        """Return the orthonormal basis Q (R, n)."""
         return orthonormal_rows(self.slopes, self.lengths)
 
     @cached_property
     def _parts(self) -> tuple[Array, ...]:
-        """Q, Y of K and Y of the moments, whitened, (R, n) each."""
-        parts = np.concatenate([self.rows, *self.tied(self.rows)])
+        """Return Q, Y of K and Y of the moments, (R, n) each, whitened."""
+        parts = np.concatenate([self.rows, *self.coupled(self.rows)])
         return tuple(np.split(self.whiten(parts), 3))
 
     @property
     def rank(self) -> int:
-        """R."""
+        """Return the rank R of the Jacobian."""
         return len(self.rows)
 
     @property
     def removed(self) -> Array:
-        """(n, n) K - K_P, whitened."""
+        """Return K - K_P (n, n), whitened."""
         basis, ties, _ = self._parts
         product = basis.T @ ties
         return np.asarray(product + product.T)
 
     def forget_but(self, size: float) -> None:
-        """Keep what was computed of one size (N) only: of all, a point holds megabytes."""
+        """Discard what was computed for sizes other than one (N), to save megabytes a point."""
         for other in [known for known in self._sized if known != size]:
             self._sized.pop(other, None)
 
-    def at(self, plain: Sized) -> Sized | Separated:
-        """Of the size of a discrepancy that is not separated."""
-        if plain.size == 0.0 or not self.rank:
-            return plain
-        found = self._sized.get(plain.size)
-        if found is None:
+    def at(self, unseparated: Sized) -> Sized | Separated:
+        """Return the separated discrepancy at the size of one that is not separated."""
+        if unseparated.size == 0.0 or not self.rank:
+            return unseparated
+        separated = self._sized.get(unseparated.size)
+        if separated is None:
             basis, ties, moments = self._parts
-            tied = plain.size**2 * ties + moments
-            found = self._sized[plain.size] = Separated.from_plain(plain, basis, tied)
-        return found
+            coupled = unseparated.size**2 * ties + moments
+            separated = self._sized[unseparated.size] = Separated.from_unseparated(
+                unseparated, basis, coupled
+            )
+        return separated
 
 
 @dataclass(frozen=True, eq=False)
 class Sized:
-    """A discrepancy of one size s (N): C^-1 = root (1 - axes^T axes) root, in whitened numbers.
+    """A discrepancy of one size s (N), not separated: C^-1 = root (1 - axes^T axes) root.
 
-    root (n,): D^(-1/2); axes (M, n); log_volume: ln|C|.
+    The matrices act on whitened block means. root (n,): D^(-1/2); axes (M, n); log_volume: ln|C|.
     """
 
     size: float
@@ -123,64 +127,67 @@ class Sized:
     log_volume: float
 
     def products(self, vectors: Array) -> Array:
-        """(M, M) v^T C^-1 w of whitened vectors (M, n)."""
-        own, parts = self.parts(vectors)
-        return np.asarray(own @ own.T - parts @ parts.T)
+        """Return the products v^T C^-1 w (M, M) of whitened vectors (M, n)."""
+        scaled, projected = self.parts(vectors)
+        return np.asarray(scaled @ scaled.T - projected @ projected.T)
 
     def squares(self, vectors: Array) -> Array:
-        """(M,) v^T C^-1 v."""
-        own, parts = self.parts(vectors)
-        return np.asarray((own**2).sum(axis=1) - (parts**2).sum(axis=1))
+        """Return v^T C^-1 v (M,) of whitened vectors (M, n)."""
+        scaled, projected = self.parts(vectors)
+        return np.asarray((scaled**2).sum(axis=1) - (projected**2).sum(axis=1))
 
     def parts(self, vectors: Array) -> tuple[Array, Array]:
-        """Scaled vectors (M, n) and what of them the axes take."""
-        own = vectors * self.root
-        return own, own @ self.axes.T
+        """Return the scaled vectors (M, n) and their components (M, K) along the K axes."""
+        scaled = vectors * self.root
+        return scaled, scaled @ self.axes.T
 
 
 @dataclass(frozen=True, eq=False)
 class Separated:
-    """The same for C_P.
+    """A separated discrepancy of one size, with the covariance C_P.
 
-    plain: for K; own, parts: of U; core (2R, 2R): M; log_volume: ln of the determinant.
+    unseparated: the discrepancy of covariance C; own (2R, n), parts: scaled U and its components
+    along the axes; core (2R, 2R): M; log_volume: ln|C_P|.
     """
 
-    plain: Sized
+    unseparated: Sized
     own: Array
     parts: Array
     core: Array
     log_volume: float
 
     @classmethod
-    def from_plain(cls, plain: Sized, basis: Array, tied: Array) -> Self:
-        """Of Q and Y (R, n), whitened."""
-        scale = plain.size  # both alike in size: for the digits
-        own, parts = plain.parts(np.concatenate([scale * basis, tied / scale]))
+    def from_unseparated(cls, unseparated: Sized, basis: Array, coupled: Array) -> Self:
+        """Return the separated discrepancy of Q and Y (R, n), whitened."""
+        scale = unseparated.size  # makes Q and Y of similar size, which saves digits
+        own, parts = unseparated.parts(np.concatenate([scale * basis, coupled / scale]))
         rank = len(basis)
         swap = np.roll(np.eye(2 * rank), rank, axis=0)
         core = swap - (own @ own.T - parts @ parts.T)
-        log_volume = plain.log_volume + float(np.linalg.slogdet(core)[1])
-        return cls(plain, own, parts, core, log_volume)
+        log_volume = unseparated.log_volume + float(np.linalg.slogdet(core)[1])
+        return cls(unseparated, own, parts, core, log_volume)
 
     @property
     def size(self) -> float:
-        """The discrepancy's size (N)."""
-        return self.plain.size
+        """Return the size (N) of the discrepancy."""
+        return self.unseparated.size
 
     @cached_property
     def inverse(self) -> Array:
-        """(2R, 2R) M^-1."""
+        """Return M^-1 (2R, 2R)."""
         return np.asarray(np.linalg.inv(self.core))
 
     def products(self, vectors: Array) -> Array:
-        """(M, M) v^T C^-1 w of whitened vectors (M, n)."""
-        own, parts = self.plain.parts(vectors)
-        with_u = own @ self.own.T - parts @ self.parts.T
-        return np.asarray(own @ own.T - parts @ parts.T + with_u @ self.inverse @ with_u.T)
+        """Return the products v^T C_P^-1 w (M, M) of whitened vectors (M, n)."""
+        scaled, projected = self.unseparated.parts(vectors)
+        with_u = scaled @ self.own.T - projected @ self.parts.T
+        return np.asarray(
+            scaled @ scaled.T - projected @ projected.T + with_u @ self.inverse @ with_u.T
+        )
 
     def squares(self, vectors: Array) -> Array:
-        """(M,) v^T C^-1 v."""
-        own, parts = self.plain.parts(vectors)
-        with_u = own @ self.own.T - parts @ self.parts.T
-        found = (own**2).sum(axis=1) - (parts**2).sum(axis=1)
-        return np.asarray(found + np.einsum("mu,uw,mw->m", with_u, self.inverse, with_u))
+        """Return v^T C_P^-1 v (M,) of whitened vectors (M, n)."""
+        scaled, projected = self.unseparated.parts(vectors)
+        with_u = scaled @ self.own.T - projected @ self.parts.T
+        unseparated = (scaled**2).sum(axis=1) - (projected**2).sum(axis=1)
+        return np.asarray(unseparated + np.einsum("mu,uw,mw->m", with_u, self.inverse, with_u))

@@ -1,12 +1,13 @@
-r"""Block means as independent numbers of unit variance, under the noise floor alone.
+r"""Turn block means into independent numbers of unit variance under the noise floor.
 
-The floor gives each test's block means a `covariance`. With its eigenvectors and eigenvalues,
+The floor gives the block means of each test a `covariance`. With its eigenvectors and eigenvalues,
 Sigma = V diag(lambda) V^T,
 
 .. math:: \tilde x = \lambda^{-1/2} V^T x,
 
-so that products of whitened vectors are the products :math:`x^T \Sigma^{-1} y` of a likelihood, and
-noise of variance a, independent from block to block, adds :math:`a / \lambda` to each variance.
+so that products of whitened vectors are the products :math:`x^T \Sigma^{-1} y` of a likelihood.
+Additional noise of variance a, independent from block to block, adds :math:`a / \lambda` to each
+variance.
 """
 
 from __future__ import annotations
@@ -25,16 +26,17 @@ from qlvbayes.motion.record import Blocks
 
 Array = NDArray[np.float64]
 
-_LEAST = 1e-6  # sd of a block mean, over the largest force, that keeps covariances invertible
-_SINGULAR = 1e-14  # of the largest eigenvalue: less is rounding
+_LEAST = 1e-6  # smallest sd of a block mean over the largest force, for invertible covariances
+_SINGULAR = 1e-14  # eigenvalues below this share of the largest are rounding
 
 
 @dataclass(frozen=True, eq=False)
 class Whitener:
-    """Of the n blocks of T tests that are no padding and not left out.
+    """The whitening of the n blocks of T tests that are neither padding nor left out.
 
-    blocks: of each test, which of its B blocks those are; covariances: of their means (N^2);
-    timing: what of their variances is for what is not known of moments (N^2).
+    blocks: for each test, a mask (B,) of those blocks; covariances: of their means, for each test
+    (N^2); timing: the part of their variances that uncertain moments contribute, for each test
+    (N^2).
     """
 
     blocks: tuple[NDArray[np.bool_], ...]
@@ -42,80 +44,81 @@ class Whitener:
     timing: tuple[Array, ...]
 
     @classmethod
-    def of(cls, floor: NoiseFloor, blocks: Blocks, peak: float) -> Whitener:
-        """Of a floor; peak: largest force (N), a share of which every block mean has as noise."""
+    def from_floor(cls, floor: NoiseFloor, blocks: Blocks, peak: float) -> Whitener:
+        """Return the whitener of a noise floor; peak: largest force (N), see `covariance`."""
         arrays = jax.tree.map(np.asarray, blocks)
-        found, timing = [], []
+        covariances, timing = [], []
         for k, real in enumerate(arrays.real):
             of_test = jax.tree.map(lambda x, k=k, real=real: x[k][real], arrays)
-            found.append(covariance(floor, of_test, peak))
+            covariances.append(covariance(floor, of_test, peak))
             timing.append(of_test.timing**2)
-        return cls(tuple(arrays.real), tuple(found), tuple(timing))
+        return cls(tuple(arrays.real), tuple(covariances), tuple(timing))
 
-    def replaced(self, size: float) -> Whitener:
-        """As if the noise of every block were independent, of one size (N)."""
-        found = tuple(size**2 * np.eye(len(one)) for one in self.covariances)
-        return Whitener(self.blocks, found, tuple(np.zeros(len(one)) for one in found))
+    def with_independent_noise(self, size: float) -> Whitener:
+        """Return the whitener for independent noise of one sd (N) in every block mean."""
+        covariances = tuple(size**2 * np.eye(len(one)) for one in self.covariances)
+        return Whitener(self.blocks, covariances, tuple(np.zeros(len(one)) for one in covariances))
 
     def without(self, left_out: NDArray[np.bool_]) -> Whitener:
-        """Less some (n,) of the blocks."""
-        masks, found, timing = [], [], []
+        """Return the whitener without some of the n blocks, which left_out (n,) marks."""
+        masks, covariances, timing = [], [], []
         for k, (real, of_test) in enumerate(zip(self.blocks, self.covariances, strict=True)):
             kept = ~left_out[self.tests == k]
             mask = real.copy()
             mask[real] = kept
             masks.append(mask)
-            found.append(of_test[np.ix_(kept, kept)])
+            covariances.append(of_test[np.ix_(kept, kept)])
             timing.append(self.timing[k][kept])
-        return Whitener(tuple(masks), tuple(found), tuple(timing))
+        return Whitener(tuple(masks), tuple(covariances), tuple(timing))
 
     @cached_property
     def tests(self) -> NDArray[np.intp]:
-        """(n,) which test each block is of."""
+        """Return the index (n,) of the test that each block belongs to."""
         sizes = [len(one) for one in self.covariances]
         return np.repeat(np.arange(len(sizes)), sizes)
 
     @cached_property
     def _bases(self) -> list[tuple[Array, Array]]:
-        """Of each test: 1/sqrt(lambda), and the rows of V^T over it."""
-        found = []
+        """Return for each test 1/sqrt(lambda) and the rows of lambda^{-1/2} V^T."""
+        bases = []
         for one in self.covariances:
             values, vectors = np.linalg.eigh(one)
             roots = np.maximum(values, _SINGULAR * values.max(initial=0.0)) ** -0.5
-            found.append((roots, roots[:, None] * vectors.T))
-        return found
+            bases.append((roots, roots[:, None] * vectors.T))
+        return bases
 
     @cached_property
     def precisions(self) -> Array:
-        """(n,) 1/lambda (1/N^2)."""
+        """Return the precisions 1/lambda (n,) in 1/N^2."""
         return np.concatenate([roots**2 for roots, _ in self._bases])
 
     @property
     def matrix(self) -> Array:
-        """(n, n) what takes the block means of all tests, one after another, to whitened ones."""
+        """Return the matrix (n, n) that whitens the block means of all tests, joined."""
         return np.asarray(block_diag(*(rows for _, rows in self._bases)))
 
-    def plain(self, vectors: Array) -> Array:
-        """(M, T, B) to (M, n): the block means that count, one test after another."""
+    def flattened(self, vectors: Array) -> Array:
+        """Return (M, T, B) as (M, n): the block means that count, one test after another."""
         return np.concatenate([vectors[:, k, own] for k, own in enumerate(self.blocks)], axis=1)
 
-    def of_plain(self, vectors: Array) -> Array:
-        """(M, n) whitened."""
+    def whiten(self, vectors: Array) -> Array:
+        """Return (M, n) whitened."""
         ends = np.cumsum([len(one) for one in self.covariances])[:-1]
         parts = np.split(vectors, ends, axis=1)
         whitened = [part @ rows.T for part, (_, rows) in zip(parts, self._bases, strict=True)]
         return np.concatenate(whitened, axis=1)
 
     def __call__(self, vectors: Array) -> Array:
-        """(M, T, B) to (M, n) whitened."""
-        return self.of_plain(self.plain(vectors))
+        """Return (M, T, B) whitened, as (M, n)."""
+        return self.whiten(self.flattened(vectors))
 
 
 def covariance(floor: NoiseFloor, blocks: Blocks, peak: float) -> np.ndarray:
-    """Covariance (N, N) of the noise of one test's block means (N^2); peak: largest force (N).
+    """Return the covariance (N, N) of the noise of one test's block means (N^2).
 
-    A millionth of it every block mean has, whatever the floor. What the motion is not known by is
-    one error a block, and alike over a movement; what moments are not known by is independent.
+    Every block mean has at least a millionth of the largest force ``peak`` (N) as its sd, whatever
+    the floor. The error of the motion is half independent from block to block and half common to a
+    movement. The error of moments is independent.
     """
     first, last, count, weight, scale, extra, timing = map(
         np.asarray,
@@ -129,18 +132,22 @@ def covariance(floor: NoiseFloor, blocks: Blocks, peak: float) -> np.ndarray:
     correlation = averaged_correlation(first, last, count, floor.tau, floor.smooth)
     moving = (extra > 0.0).astype(float)
     group = np.cumsum(np.abs(np.diff(moving, prepend=moving[:1])))
-    alike = np.where(group[:, None] == group, 0.5, 0.0)
-    motion = np.outer(extra, extra) * (alike + 0.5 * np.eye(extra.size))
+    common = np.where(group[:, None] == group, 0.5, 0.0)
+    motion = np.outer(extra, extra) * (common + 0.5 * np.eye(extra.size))
     return np.diag(white) + correlated * correlation + motion
 
 
 def averaged_correlation(
     first: np.ndarray, last: np.ndarray, count: np.ndarray, tau: float, smooth: bool = False
 ) -> np.ndarray:
-    """Correlation (N, N) of means over ``count`` evenly spaced readings of a unit process."""
+    """Return the correlation (N, N) of means over ``count`` readings of a unit process.
+
+    first, last (N,): times of the first and last of the evenly spaced readings of each block (s);
+    tau: correlation time (s); smooth: whether the process has a derivative.
+    """
     z = rate(tau, smooth)
     mean = regression(last - first, count, z)
     gap = np.maximum(first[None, :] - last[:, None], 0.0)
-    found = np.exp(-z * (gap + gap.T)) * np.outer(mean, mean)
-    np.fill_diagonal(found, variance(last - first, count, z))
-    return np.real(z * tau * found)
+    averaged = np.exp(-z * (gap + gap.T)) * np.outer(mean, mean)
+    np.fill_diagonal(averaged, variance(last - first, count, z))
+    return np.real(z * tau * averaged)

@@ -1,1 +1,1 @@
-"""The force of any hypothesis: laws and effects with their numbers, compiled for all at once."""
+"""Compute the force of any hypothesis by compiled pieces that all of them share."""

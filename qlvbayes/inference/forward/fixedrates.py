@@ -1,12 +1,12 @@
-r"""Any relaxation as a sum of exponentials of fixed rates: a long spectrum by few modes.
+r"""Approximate any relaxation by a sum of exponentials of fixed rates, with few modes.
 
-A continuous law hands over some fifty modes, which over the times of one record are far from
-independent: the functions e^{-v t} of all rates v span, to a few parts in 1e5, what three a decade
-do. Least squares over times t_k (weights in W)
+A continuous relaxation has some fifty modes, which over the times of one record are far from
+independent: to a few parts in 1e5, the functions e^{-v t} of all rates v are spanned by three per
+decade. The least-squares problem over times t_k (weights W_k)
 
 .. math:: \min_w \sum_k W_k^2 \left(g(t_k) - w_0 - \sum_j w_j e^{-v_j t_k}\right)^2
 
-is linear in g, so that w = M g with one matrix M a record.
+is linear in g, so that w = M g with one matrix M for each record.
 """
 
 from __future__ import annotations
@@ -21,21 +21,24 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_A_DECADE = 3  # rates: 2e-5 of g(0), where two leave 5e-4
-_BEFORE = 10.0  # times the shortest step at which the densest rates begin, as ramps see within it
-_FASTER = (10.0, 100.0)  # times that, for what relaxes within a step
-_BEYOND = 3.0  # times the longest time: what is slower is as good as a straight line
-_TIMES = 8  # a decade, at which g is met
-_AT_ONCE = 30.0  # weight of g(0), which every force follows
+_A_DECADE = 3  # rates per decade: they leave 2e-5 of g(0), two would leave 5e-4
+_BEFORE = 10.0  # the densest rates begin at the shortest step over this, as ramps resolve it
+_FASTER = (10.0, 100.0)  # times that rate, for what relaxes within a step
+_BEYOND = 3.0  # times the longest time: slower relaxation looks like a straight line
+_TIMES = 8  # times per decade at which g is fitted
+_AT_ONCE = 30.0  # weight of g(0), to which every force is proportional
 _WITHIN = 0.1  # weight of times that no step resolves
-_SHORTEST = 0.05  # quantile of steps that counts as the shortest: a few may be rounding
-_ROUNDED = 4.0  # rates begin and end at whole quarters of a decade, so that records share them
-_MULTIPLE = 8  # modes come in multiples, so that few sizes are compiled
+_SHORTEST = 0.05  # quantile of the steps that counts as the shortest: a few may be rounding
+_ROUNDED = 4.0  # the ends of the rates lie on quarters of a decade, so that records share them
+_MULTIPLE = 8  # the number of modes is a multiple of this, so that few sizes are compiled
 
 
 @dataclass(frozen=True, eq=False)
 class FixedRates:
-    """rates (L,) in 1/s; times (N,) in s; matrix (L + 1, N): fractions of g at those times."""
+    """A set of fixed rates with the matrix that fits fractions to a relaxation function g.
+
+    rates (L,): in 1/s; times (N,): in s; matrix (L + 1, N): takes g at those times to fractions.
+    """
 
     rates: Array
     times: Array
@@ -43,7 +46,7 @@ class FixedRates:
 
     @classmethod
     def over(cls, time: Array) -> Self:
-        """For motions whose grids of times (..., N) are given, in s."""
+        """Return the rates for motions whose grids of times (..., N) are given, in s."""
         steps = np.diff(time, axis=-1)
         shortest = float(np.quantile(steps[steps > 0.0], _SHORTEST))
         longest = float(np.max(time) - np.min(time))
@@ -52,19 +55,19 @@ class FixedRates:
         return cls(*_fixed(low, high))
 
     def fractions(self, fractions: Array, rates: Array) -> Array:
-        """(K, L + 1) of spectra of other fractions (K, R + 1) and rates (K, R)."""
+        """Return fractions (K, L + 1) that fit spectra of fractions (K, R + 1) and rates (K, R)."""
         return np.asarray(relaxation_of(fractions, rates, self.times) @ self.matrix.T)
 
 
 def relaxation_of(fractions: Array, rates: Array, times: Array) -> Array:
-    """(K, N) relaxation function at times (N,) of fractions (K, R + 1) and rates (K, R)."""
+    """Return the relaxation function (K, N) at times (N,) of fractions (K, R + 1), rates (K, R)."""
     decays = np.exp(-rates[:, :, None] * times)
     return np.asarray(fractions[:, :1] + np.einsum("kr,krn->kn", fractions[:, 1:], decays))
 
 
 @lru_cache(maxsize=16)
 def _fixed(low: float, high: float) -> tuple[Array, Array, Array]:
-    """Rates, times and matrix between times of 10**low and 10**high (s)."""
+    """Return rates, times and matrix for times between 10**low and 10**high (s)."""
     begin, end = 10.0**low / _BEFORE, 10.0**high * _BEYOND
     decades = math.log10(end / begin)
     count = math.ceil(_A_DECADE * decades) + 1 + len(_FASTER)

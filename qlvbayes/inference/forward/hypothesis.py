@@ -1,4 +1,4 @@
-"""A hypothesis about one specimen, and the numbers that it leaves free: a base law and effects."""
+"""Define a hypothesis about one specimen (a base law and effects) and its free parameters."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any
 
 import jax
 import numpy as np
+from jax.tree_util import PyTreeDef
 from jaxtyping import Array as JaxArray
 from numpy.typing import NDArray
 
@@ -21,8 +21,8 @@ from qlvbayes.priors.natural import AbstractDirect
 Array = NDArray[np.float64]
 
 ELASTIC, RELAXATION = "elastic", "relaxation"
-"""The parts of a model beside its effects."""
-_LEAST = 16  # rows of constants that are computed at once: what has few takes no time
+"""The names of a model's parts other than effects."""
+_LEAST = 16  # smallest number of rows that is compiled: so few take no time
 
 
 @dataclass(frozen=True)
@@ -35,44 +35,45 @@ class Hypothesis:
 
     @property
     def base(self) -> tuple[str, str]:
-        """Its laws."""
+        """Return the names of its laws."""
         return self.elastic, self.relaxation
 
     def plus(self, effect: str) -> Hypothesis:
-        """With one more effect."""
+        """Return the hypothesis with one more effect."""
         return replace(self, effects=self.effects | {effect})
 
     def less(self, effect: str) -> Hypothesis:
-        """Without one of its effects."""
+        """Return the hypothesis without one of its effects."""
         return replace(self, effects=self.effects - {effect})
 
 
 @dataclass(frozen=True, eq=False)
 class Leaf:
-    """One field: its prior, its places in theta, and in a hypothesis's constants."""
+    """A free field of a model: its prior, its indices in theta and in the constants."""
 
     prior: AbstractPrior
     theta: range
     constants: range
 
     @cached_property
-    def flat(self) -> tuple[Any, tuple[Array, ...]]:
-        """The prior's structure and numbers: JAX takes them faster than the prior itself."""
-        numbers, structure = jax.tree.flatten(self.prior)
-        return structure, tuple(np.asarray(number, dtype=float) for number in numbers)
+    def flat(self) -> tuple[PyTreeDef, tuple[Array, ...]]:
+        """Return the prior's structure and values, which JAX takes faster than the prior itself."""
+        values, structure = jax.tree.flatten(self.prior)
+        return structure, tuple(np.asarray(number, dtype=float) for number in values)
 
     def values(self, thetas: Array) -> Array:
-        """(K, ...) values of rows of all free numbers (K, F)."""
-        own = thetas[:, self.theta.start : self.theta.stop]
-        return np.asarray(_value(*self.flat, few_sizes(own)))[: len(thetas)]
+        """Return values (K, ...) of the field at thetas (K, F)."""
+        theta = thetas[:, self.theta.start : self.theta.stop]
+        return np.asarray(_value(*self.flat, few_sizes(theta)))[: len(thetas)]
 
 
 @dataclass(frozen=True, eq=False)
 class Direct:
-    """The free numbers whose priors are quadratic in them, all at once.
+    """The free parameters whose priors are quadratic in them, as arrays.
 
-    theta, constants (Q,): their places in theta and in the constants; in_log (Q,): which are
-    logarithms; mean, precision, curvature (Q,); top: sum of the log densities' tops.
+    theta, constants (Q,): their indices in theta and in the constants; in_log (Q,): which of them
+    are logarithms; mean, precision, curvature (Q,): of the priors; top: sum of the maxima of the
+    log densities.
     """
 
     theta: NDArray[np.intp]
@@ -84,8 +85,8 @@ class Direct:
     top: float
 
     @classmethod
-    def of(cls, leaves: Iterable[Leaf]) -> Direct:
-        """Of those among some fields that have such a prior."""
+    def from_leaves(cls, leaves: Iterable[Leaf]) -> Direct:
+        """Return those parameters among some fields that have such a prior."""
         pairs = [(leaf, p) for leaf in leaves if isinstance(p := leaf.prior, AbstractDirect)]
         densities = [prior.density() for _, prior in pairs]
         return cls(
@@ -99,19 +100,19 @@ class Direct:
         )
 
     def values(self, thetas: Array) -> Array:
-        """(K, Q) constants of thetas (K, F)."""
-        own = thetas[:, self.theta]
-        own[:, self.in_log] = np.exp(own[:, self.in_log])
-        return own
+        """Return constants (K, Q) at thetas (K, F)."""
+        selected = thetas[:, self.theta]
+        selected[:, self.in_log] = np.exp(selected[:, self.in_log])
+        return selected
 
 
 @dataclass(frozen=True, eq=False)
 class Parameters:
-    """What a hypothesis leaves free: F numbers theta, P constants in the order of ``names``.
+    """The free parameters theta (F,) of a hypothesis, and its constants (P,).
 
-    lowest, highest, length (F,): bounds and natural length of each free number; fixed (P,):
-    constants that are not free, nan elsewhere; direct: numbers whose prior is quadratic in them;
-    joint: the other fields.
+    lowest, highest, length (F,): bounds and natural length of each parameter; fixed (P,): constants
+    that are not free, NaN elsewhere; direct: parameters whose prior is quadratic in them; joint:
+    the other fields; leaves: all free fields.
     """
 
     hypothesis: Hypothesis
@@ -125,8 +126,8 @@ class Parameters:
     joint: tuple[Leaf, ...]
 
     @classmethod
-    def of(cls, hypothesis: Hypothesis, posterior: Posterior) -> Parameters:
-        """Of a posterior whose noise is fixed."""
+    def from_posterior(cls, hypothesis: Hypothesis, posterior: Posterior) -> Parameters:
+        """Return the parameters of a posterior whose noise is fixed."""
         leaves: list[Leaf] = []
         fixed, bounds = [np.zeros(0)], [np.zeros((0, 3))]
         theta = constants = 0
@@ -136,72 +137,72 @@ class Parameters:
                 constants += fixed[-1].size
                 continue
             count = int(np.prod(value_shape(leaf), dtype=int))
-            places = range(theta, theta + leaf.size), range(constants, constants + count)
-            leaves.append(Leaf(leaf, *places))
+            indices = range(theta, theta + leaf.size), range(constants, constants + count)
+            leaves.append(Leaf(leaf, *indices))
             bounds.append(np.tile(_bounds(leaf), (leaf.size, 1)))
             fixed.append(np.full(count, np.nan))
             theta, constants = theta + leaf.size, constants + count
         low, high, length = np.concatenate(bounds).T.copy()
         joint = tuple(leaf for leaf in leaves if not isinstance(leaf.prior, AbstractDirect))
-        known = np.concatenate(fixed), Direct.of(leaves), joint
-        return cls(hypothesis, posterior, tuple(leaves), low, high, length, *known)
+        rest = np.concatenate(fixed), Direct.from_leaves(leaves), joint
+        return cls(hypothesis, posterior, tuple(leaves), low, high, length, *rest)
 
     def within(self, thetas: Array) -> Array:
-        """Thetas (..., F) brought back to the bounds that they are beyond."""
+        """Return thetas (..., F) clipped to the bounds."""
         return np.clip(thetas, self.lowest, self.highest)
 
     @property
     def size(self) -> int:
-        """F."""
+        """Return F, the number of free parameters."""
         return self.lowest.size
 
     @cached_property
     def names(self) -> list[str]:
-        """Of the P constants."""
+        """Return the names of the P constants."""
         return names(self.posterior)
 
     @cached_property
     def by_name(self) -> dict[str, Leaf]:
-        """Fields by the name of their first constant, in the order of theta."""
+        """Return the fields by the name of their first constant, in the order of theta."""
         return {self.names[leaf.constants.start]: leaf for leaf in self.leaves}
 
     @cached_property
     def columns(self) -> dict[str, slice]:
-        """Where in the P constants those of each law and effect are."""
+        """Return the slice of the P constants that each law and effect takes, by name."""
         model = self.posterior.model
         parts = {ELASTIC: model.elastic, RELAXATION: model.relaxation}
         parts |= {effect.name: effect for effect in model.effects}
-        found, start = {}, 0
+        columns, start = {}, 0
         for name, part in parts.items():
             shapes = map(value_shape, jax.tree.leaves(part, is_leaf=is_prior))
             stop = start + sum(math.prod(shape) for shape in shapes)
-            found[name] = slice(start, stop)
+            columns[name] = slice(start, stop)
             start = stop
-        return found
+        return columns
 
-    def carried(self, fewer: Parameters) -> list[int]:
-        """Where in theta the numbers are of a hypothesis that leaves no others free."""
-        return [place for name in fewer.by_name for place in self.by_name[name].theta]
+    def positions_of(self, fewer: Parameters) -> list[int]:
+        """Return the indices in theta of the parameters of a hypothesis that has fewer of them."""
+        return [index for name in fewer.by_name for index in self.by_name[name].theta]
 
     def constants(self, thetas: Array) -> Array:
-        """(K, P) constants of thetas (K, F)."""
-        found = np.tile(self.fixed, (len(thetas), 1))
-        found[:, self.direct.constants] = self.direct.values(thetas)
+        """Return the constants (K, P) at thetas (K, F)."""
+        values = np.tile(self.fixed, (len(thetas), 1))
+        values[:, self.direct.constants] = self.direct.values(thetas)
         for leaf in self.joint:
-            here = slice(leaf.constants.start, leaf.constants.stop)
-            found[:, here] = leaf.values(thetas).reshape(len(thetas), -1)
-        return found
+            columns = slice(leaf.constants.start, leaf.constants.stop)
+            values[:, columns] = leaf.values(thetas).reshape(len(thetas), -1)
+        return values
 
 
 def _bounds(prior: AbstractPrior) -> tuple[float, float, float]:
-    """Least and largest of a prior's numbers, and their natural length."""
+    """Return lower bound, upper bound and natural length of a prior's parameters."""
     if isinstance(prior, AbstractDirect):
         return prior.density()[:3]
     return -math.inf, math.inf, 1.0
 
 
 def few_sizes(rows: Array) -> Array:
-    """Rows (K, ...) and the first of them again, up to 16, 64, 256 ...: few sizes are compiled."""
+    """Return rows (K, ...) filled up with the first one to 16, 64, 256 ..., to compile rarely."""
     size = _LEAST
     while size < len(rows):
         size *= 4
@@ -209,12 +210,12 @@ def few_sizes(rows: Array) -> Array:
 
 
 def filled_up(rows: Array, multiple: int) -> Array:
-    """Rows (K, ...) and the first of them again, up to a multiple."""
+    """Return rows (K, ...) filled up with the first one to a multiple of some number of rows."""
     return np.concatenate([rows, np.repeat(rows[:1], -len(rows) % multiple, axis=0)])
 
 
 @partial(jax.jit, static_argnums=0)
-def _value(structure: Any, prior: tuple[Array, ...], numbers: JaxArray) -> JaxArray:
-    """(K, ...) values of numbers (K, size), by a flattened prior."""
-    whole: AbstractPrior = jax.tree.unflatten(structure, prior)
-    return jax.vmap(lambda x: whole.constrain(x)[0])(numbers)
+def _value(structure: PyTreeDef, prior: tuple[Array, ...], theta: JaxArray) -> JaxArray:
+    """Return values (K, ...) at theta (K, size), by a flattened prior."""
+    distribution: AbstractPrior = jax.tree.unflatten(structure, prior)
+    return jax.vmap(lambda x: distribution.constrain(x)[0])(theta)

@@ -1,13 +1,13 @@
-r"""What a layer does to the motion and to the force beneath it, as compiled functions of its own.
+r"""Compile what a layer does to the motion and to the force beneath it, piece by piece.
 
-A layer is written as one statement, ``force(below, motion)``. Here it is traced with a stand-in for
-the law beneath: all up to its first question to that is one piece, all up to the next question
-another one, and the last piece makes the force of the answers,
+A layer is written as one function, ``force(below, motion)``. Here it is traced with a stand-in for
+the law beneath. All that happens up to its first request for that law's force is one piece, all up
+to the next request another one, and the last piece computes the force from the answers,
 
 .. math:: m_1 = p_0(m), \quad m_2 = p_1(m, F_1), \ldots \quad F = p_n(m, F_1, \ldots, F_n).
 
-A piece acts on all tests T and sets of constants K together, and knows nothing of what lies beneath
-or above it: a hypothesis is a chain of calls, and what it has not got costs nothing.
+A piece acts on all tests T and sets of constants K together, and depends on nothing beneath or
+above it. A hypothesis is a chain of such calls, and layers that it lacks cost nothing.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
 from qlvbayes.laws.relaxation.spectrum import Spectrum
 
-# LLVM's costly passes take half of the time to compile, and what they gain cannot be measured.
-# XLA's newer emitters take as much again; they make the material's recursion a quarter faster.
+# LLVM's expensive passes take half of the compilation time and speed up nothing measurably. XLA's
+# newer emitters take as long again; they speed up the material's recursion by a quarter.
 _QUICK = {"xla_llvm_disable_expensive_passes": True}
 _QUICKEST = {**_QUICK, "xla_cpu_use_fusion_emitters": False}
 _PACKAGE = Path(__file__).parents[2]
-# What the source of a piece lies in, and all of the package that is imported there.
+# The source of the pieces, and all of the package that is imported there.
 MADE_OF = (
     "laws",
     "effects",
@@ -48,46 +48,46 @@ MADE_OF = (
     "io/usermodule.py",
     "inference/forward/pieces.py",
 )
-_POINTS = 8  # of the motion on which it is seen what a layer asks for: any number would do
+_POINTS = 8  # of the motion on which a layer is traced: any number would do
 
 
-class _AskedError(Exception):
-    """A layer asks for a force that is not known yet."""
+class _UnansweredError(Exception):
+    """A layer requests a force that is not known yet."""
 
 
-class _Beneath:
-    """Stands for the law beneath a layer: gives the answers known, and keeps what is asked."""
+class _LawBeneath:
+    """A stand-in for the law beneath a layer: it returns known answers and records requests."""
 
     def __init__(self, elastic: Any, relaxation: Any, answers: Sequence[Array]) -> None:
         self._elastic, self._relaxation, self._answers = elastic, relaxation, answers
-        self.asked: list[Motion] = []
-        self.is_looked_at = False
+        self.requested: list[Motion] = []
+        self.uses_laws = False
 
     @property
     def elastic(self) -> AbstractElastic:
-        """The material's elastic law."""
-        self.is_looked_at = True
+        """Return the material's elastic law."""
+        self.uses_laws = True
         return self._elastic
 
     @property
     def relaxation(self) -> AbstractRelaxation:
-        """The material's relaxation."""
-        self.is_looked_at = True
+        """Return the material's relaxation."""
+        self.uses_laws = True
         return self._relaxation
 
     def force(self, motion: Motion) -> Array:
-        """The answer, if it is known."""
-        self.asked.append(motion)
-        if len(self.asked) > len(self._answers):
-            raise _AskedError
-        return self._answers[len(self.asked) - 1]
+        """Return the answer to a request for the force of a motion, if it is known."""
+        self.requested.append(motion)
+        if len(self.requested) > len(self._answers):
+            raise _UnansweredError
+        return self._answers[len(self.requested) - 1]
 
 
 @dataclass(frozen=True, eq=False)
-class Question:
-    """What a layer asks of the law beneath: a motion, by its structure, with some leaves changed.
+class MotionRequest:
+    """A motion of which a layer requests the force, given by its structure.
 
-    new: which leaves of the motion are not those of the motion above.
+    new: which of its leaves differ from those of the motion above.
     """
 
     structure: Any
@@ -95,76 +95,84 @@ class Question:
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
-    """A layer's questions in turn, and whether it looks at the material's own laws."""
+class LayerPlan:
+    """The requests of a layer in order, and whether it uses the material's own laws."""
 
-    questions: tuple[Question, ...]
-    is_looking: bool
+    requests: tuple[MotionRequest, ...]
+    uses_laws: bool
 
 
 @cache
-def plan_of(layer: Any, elastic: Any, of_motion: Any) -> Plan | None:
-    """Of a layer over an elastic law under a motion, each given by its structure.
+def plan_of(layer: Any, elastic: Any, motion_structure: Any) -> LayerPlan | None:
+    """Return the plan of a layer over an elastic law under a motion, each given by its structure.
 
-    None where the layer runs the law beneath in a loop or a derivative of its own, which cannot be
-    cut into pieces.
+    The result is None where the layer evaluates the law beneath inside a loop or a derivative of
+    its own, which cannot be cut into pieces.
     """
-    questions: list[Question] = []
+    requests: list[MotionRequest] = []
     answers: list[jax.ShapeDtypeStruct] = []
-    looking = False
+    any_uses_laws = False
     while True:
-        seen: list[tuple[Question | None, bool]] = []
-        ask = partial(_question, layer, elastic, of_motion, seen)
+        outcomes: list[tuple[MotionRequest | None, bool]] = []
+        trace_request = partial(_first_request, layer, elastic, motion_structure, outcomes)
         try:
-            trace = jax.make_jaxpr(ask, return_shape=True)
-            traced, shapes = trace(_zeros(layer), _zeros(elastic), _dummy(of_motion), answers)
+            trace = jax.make_jaxpr(trace_request, return_shape=True)
+            traced, shapes = trace(
+                _zeros(layer), _zeros(elastic), _dummy(motion_structure), answers
+            )
         except (jax.errors.JAXTypeError, jax.errors.UnexpectedTracerError):
             return None
         if any(isinstance(constant, jax.core.Tracer) for constant in traced.consts):
-            return None  # what is asked for comes about inside a loop
-        question, looks = seen[-1]
-        looking |= looks
-        if question is None:
-            return Plan(tuple(questions), looking)
-        questions.append(question)
-        points = jax.tree.unflatten(question.structure, shapes).time.shape
+            return None  # the request is made inside a loop
+        request, uses_laws = outcomes[-1]
+        any_uses_laws |= uses_laws
+        if request is None:
+            return LayerPlan(tuple(requests), any_uses_laws)
+        requests.append(request)
+        points = jax.tree.unflatten(request.structure, shapes).time.shape
         answers.append(jax.ShapeDtypeStruct(points, float))
 
 
-def _question(
+def _first_request(
     layer: Any,
     elastic: Any,
-    of_motion: Any,
-    seen: list[tuple[Question | None, bool]],
-    own: Any,
+    motion_structure: Any,
+    outcomes: list[tuple[MotionRequest | None, bool]],
+    constants: Any,
     law: Any,
     motion: Motion,
     answers: Sequence[Array],
 ) -> list[Array]:
-    """Leaves of the motion first asked for beyond some answers; it tells ``seen`` of them."""
+    """Return the leaves of the first requested motion that is not answered yet, or the force.
+
+    The request, or None, is appended to ``outcomes``, with whether the layer used the material's
+    laws.
+    """
     spectrum = Spectrum(jnp.zeros(3), jnp.zeros(2))
-    beneath = _Beneath(jax.tree.unflatten(elastic, law), spectrum, answers)
-    whole: Layer = jax.tree.unflatten(layer, own)
-    with suppress(_AskedError):
-        force = whole.force(beneath, motion)  # type: ignore[arg-type]
-        seen.append((None, beneath.is_looked_at))
+    beneath = _LawBeneath(jax.tree.unflatten(elastic, law), spectrum, answers)
+    instance: Layer = jax.tree.unflatten(layer, constants)
+    with suppress(_UnansweredError):
+        force = instance.force(beneath, motion)  # type: ignore[arg-type]
+        outcomes.append((None, beneath.uses_laws))
         return [force]
-    leaves, structure = jax.tree.flatten(beneath.asked[-1])
-    old = jax.tree.leaves(motion) if structure == of_motion else leaves
+    leaves, structure = jax.tree.flatten(beneath.requested[-1])
+    old = jax.tree.leaves(motion) if structure == motion_structure else leaves
     new = tuple(
-        structure != of_motion or leaf is not other for leaf, other in zip(leaves, old, strict=True)
+        structure != motion_structure or leaf is not other
+        for leaf, other in zip(leaves, old, strict=True)
     )
-    seen.append((Question(structure, new), beneath.is_looked_at))
+    outcomes.append((MotionRequest(structure, new), beneath.uses_laws))
     return leaves
 
 
 def _zeros(structure: Any) -> list[Array]:
+    """Return a zero for each leaf of a structure."""
     return [jnp.zeros(())] * structure.num_leaves
 
 
-def _dummy(of_motion: Any) -> Motion:
-    """Any motion of a structure."""
-    like: Motion = jax.tree.unflatten(of_motion, [0] * of_motion.num_leaves)
+def _dummy(motion_structure: Any) -> Motion:
+    """Return some motion of a structure."""
+    like: Motion = jax.tree.unflatten(motion_structure, [0] * motion_structure.num_leaves)
     time = jnp.arange(float(_POINTS))
     ago = None if like.ago is None else jnp.zeros(_POINTS, int)
     return Motion(time, time, time, time, ago=ago, bow=None if like.bow is None else time)
@@ -174,85 +182,89 @@ def _dummy(of_motion: Any) -> Motion:
 def piece_of(
     layer: Any,
     elastic: Any,
-    of_motion: Any,
+    motion_structure: Any,
     turn: int,
-    alike: tuple[bool, ...],
+    shared: tuple[bool, ...],
     new: tuple[bool, ...] = (),
 ) -> Callable[..., Any]:
-    """The compiled piece of a layer before its question ``turn``, or after the last answer.
+    """Return the compiled piece of a layer before its request ``turn``, or after the last answer.
 
-    elastic: None where the layer does not look at the laws; alike: which leaves of the motion are
-    the same for all sets, (T, N) and not (T, K, N); new: of the question.
-    Its arguments: the layer's constants (K, P); the elastic law's constants (K, E), fractions
-    (K, L + 1) and rates (K, L), or nothing where the layer does not look at them; the leaves of the
-    motion; the answers so far, (T, K, N). It gives the new leaves, or the force (T, K, N).
+    elastic: None where the layer does not use the laws; shared: which leaves of the motion are the
+    same for all sets, (T, N) instead of (T, K, N); new: as of the request.
+
+    The piece takes the layer's constants (K, P); the elastic law's constants (K, E), fractions
+    (K, L + 1) and rates (K, L), or nothing where the layer does not use them; the leaves of the
+    motion; and the answers so far, (T, K, N) each. It returns the new leaves, or the force
+    (T, K, N).
     """
 
-    def one(own: Array, laws: Any, leaves: Sequence[Array], answers: Sequence[Array]) -> Any:
+    def one(constants: Array, laws: Any, leaves: Sequence[Array], answers: Sequence[Array]) -> Any:
         law, relaxation = None, None
         if laws:
             law, relaxation = jax.tree.unflatten(elastic, list(laws[0])), Spectrum(*laws[1:])
-        return done(own, _Beneath(law, relaxation, answers), leaves)
+        return evaluate(constants, _LawBeneath(law, relaxation, answers), leaves)
 
-    done = partial(_done, layer, of_motion, new)
-    axes = _axes(alike)
-    over = _over_all(one, (0, 0, axes, 0), (None, None, 0, 0))
-    return _compiled(over, (layer, elastic), ("piece", of_motion, turn, alike, new))
+    evaluate = partial(_evaluated, layer, motion_structure, new)
+    axes = _axes(shared)
+    batched = _over_all(one, (0, 0, axes, 0), (None, None, 0, 0))
+    return _compiled(batched, (layer, elastic), ("piece", motion_structure, turn, shared, new))
 
 
 @cache
-def common_piece_of(layer: Any, of_motion: Any, new: tuple[bool, ...]) -> Callable[..., Any]:
-    """The first piece of a layer without constants, under a motion that all sets have: (T, N)."""
+def common_piece_of(layer: Any, motion_structure: Any, new: tuple[bool, ...]) -> Callable[..., Any]:
+    """Return the first piece of a layer without constants, for a motion (T, N) of all sets."""
 
     def one(leaves: Sequence[Array]) -> Any:
-        return _done(layer, of_motion, new, (), _Beneath(None, None, ()), leaves)
+        return _evaluated(layer, motion_structure, new, (), _LawBeneath(None, None, ()), leaves)
 
-    return _compiled(jax.vmap(one), (layer,), ("common", of_motion, new))
+    return _compiled(jax.vmap(one), (layer,), ("common", motion_structure, new))
 
 
-def _done(
+def _evaluated(
     layer: Any,
-    of_motion: Any,
+    motion_structure: Any,
     new: tuple[bool, ...],
-    own: Any,
-    beneath: _Beneath,
+    constants: Any,
+    beneath: _LawBeneath,
     leaves: Sequence[Array],
 ) -> Any:
-    """New leaves of the motion that a layer asks for beyond the answers known, or its force."""
-    whole: Layer = jax.tree.unflatten(layer, list(own))
-    with suppress(_AskedError):
-        motion = jax.tree.unflatten(of_motion, leaves)
-        return whole.force(beneath, motion)  # type: ignore[arg-type]
-    asked = jax.tree.leaves(beneath.asked[-1])
-    return [leaf for leaf, is_new in zip(asked, new, strict=True) if is_new]
+    """Return the new leaves of the motion requested beyond the known answers, or the force."""
+    instance: Layer = jax.tree.unflatten(layer, list(constants))
+    with suppress(_UnansweredError):
+        motion = jax.tree.unflatten(motion_structure, leaves)
+        return instance.force(beneath, motion)  # type: ignore[arg-type]
+    requested = jax.tree.leaves(beneath.requested[-1])
+    return [leaf for leaf, is_new in zip(requested, new, strict=True) if is_new]
 
 
 @cache
 def whole_of(
-    layers: tuple[Any, ...], elastic: Any, of_motion: Any, alike: tuple[bool, ...]
+    layers: tuple[Any, ...], elastic: Any, motion_structure: Any, shared: tuple[bool, ...]
 ) -> Callable[..., Array]:
-    """The compiled force of a law under layers that cannot be cut into pieces, (T, K, N).
+    """Return the compiled force (T, K, N) of a law under layers that cannot be cut into pieces.
 
-    Its arguments are those of `piece_of`, with each layer's constants and without answers.
+    It takes the arguments of `piece_of`, with the constants of each layer and without answers.
     """
 
-    def one(owns: Sequence[Array], laws: Any, leaves: Sequence[Array]) -> Array:
-        own = tuple(jax.tree.unflatten(s, list(own)) for s, own in zip(layers, owns, strict=True))
+    def one(constants: Sequence[Array], laws: Any, leaves: Sequence[Array]) -> Array:
+        values = tuple(
+            jax.tree.unflatten(s, list(values)) for s, values in zip(layers, constants, strict=True)
+        )
         law, relaxation = jax.tree.unflatten(elastic, list(laws[0])), Spectrum(*laws[1:])
-        return Law(law, relaxation, own).force(jax.tree.unflatten(of_motion, leaves))
+        return Law(law, relaxation, values).force(jax.tree.unflatten(motion_structure, leaves))
 
-    axes = _axes(alike)
-    over = _over_all(one, (0, 0, axes), (None, None, 0))
-    return _compiled(over, (*layers, elastic), ("whole", of_motion, alike))
+    axes = _axes(shared)
+    batched = _over_all(one, (0, 0, axes), (None, None, 0))
+    return _compiled(batched, (*layers, elastic), ("whole", motion_structure, shared))
 
 
 @cache
 def material_of(elastic: Any, rates: bool, path: tuple[bool, bool, bool]) -> Callable[..., Array]:
-    """The compiled force of the material alone, (T, K, N).
+    """Return the compiled force (T, K, N) of the material alone.
 
-    Of the elastic law's constants (K, E), fractions (K, L + 1), rates (K, L), time, depth and bow
-    (T, K, N). rates: whether all sets have the same, (L,); path: the same of time, depth and bow,
-    which are (T, N) then.
+    It takes the elastic law's constants (K, E), fractions (K, L + 1), rates (K, L), and time, depth
+    and bow of the motion's path (`Motion`), (T, K, N) each. rates: whether all sets share the rates
+    (L,); path: which of time, depth and bow they share, (T, N) each.
     """
 
     def one(
@@ -262,17 +274,17 @@ def material_of(elastic: Any, rates: bool, path: tuple[bool, bool, bool]) -> Cal
         return hereditary_force(jax.tree.unflatten(elastic, list(law)), spectrum, time, depth, bow)
 
     inner = (0, 0, *_axes((rates, *path)))
-    over = _over_all(one, inner, (None, None, None, 0, 0, 0))
-    return _compiled(over, (elastic,), ("material", rates, path), _QUICK)
+    batched = _over_all(one, inner, (None, None, None, 0, 0, 0))
+    return _compiled(batched, (elastic,), ("material", rates, path), _QUICK)
 
 
-def _axes(alike: Sequence[bool]) -> tuple[int | None, ...]:
-    """Over which axis sets lie, none where all have the same."""
-    return tuple(None if same else 0 for same in alike)
+def _axes(shared: Sequence[bool]) -> tuple[int | None, ...]:
+    """Return the axis of the sets for each argument, None where all sets share it."""
+    return tuple(None if same else 0 for same in shared)
 
 
 def _over_all(one: Callable[..., Any], sets: Any, tests: Any) -> Callable[..., Any]:
-    """Over sets of constants within tests."""
+    """Return a function mapped over sets of constants within tests."""
     return jax.vmap(jax.vmap(one, in_axes=sets), in_axes=tests)
 
 
@@ -282,23 +294,24 @@ def _compiled(
     meaning: Sequence[Any],
     options: dict[str, bool] = _QUICKEST,
 ) -> Executables:
-    """A function, compiled; parts: structures of the laws and effects in it, as far as there are.
+    """Return a function in compiled form.
 
-    meaning: all else that it is made of.
+    parts: structures of the laws and effects in it, None for those that are absent; meaning:
+    whatever else distinguishes it from other functions.
     """
-    known = {name: value for name, value in options.items() if name in _known_options()}
+    options_known = {name: value for name, value in options.items() if name in _known_options()}
     kinds = [part.node_data()[0] for part in parts if part is not None]
-    ours = all(
+    in_package = all(
         kind.__module__.startswith(("qlvbayes.laws.", "qlvbayes.effects.")) for kind in kinds
     )
     names = [f"{kind.__module__}.{kind.__qualname__}" for kind in kinds]
     text = f"{names} {[str(part) for part in parts]} {[str(one) for one in meaning]} {_source()}"
-    return Executables(function, known, text if ours else None)
+    return Executables(function, options_known, text if in_package else None)
 
 
 @cache
 def _source() -> str:
-    """A digest of the source that pieces are made of: an edit elsewhere compiles nothing again."""
+    """Return a digest of the source of all pieces: an edit elsewhere recompiles nothing."""
     digest = hashlib.sha256()
     for made_of in MADE_OF:
         path = _PACKAGE / made_of
@@ -309,10 +322,10 @@ def _source() -> str:
 
 @cache
 def _known_options() -> frozenset[str]:
-    """Those that this XLA knows: options come and go with its versions."""
-    found = set()
+    """Return the options that this version of XLA knows: they come and go."""
+    known = set()
     for name, value in _QUICKEST.items():
         with suppress(jax.errors.JaxRuntimeError):
             jax.jit(lambda x: x, compiler_options={name: value}).lower(0.0).compile()
-            found.add(name)
-    return frozenset(found)
+            known.add(name)
+    return frozenset(known)

@@ -1,7 +1,7 @@
-"""All that hypotheses about one record are made of, and what they predict.
+"""Hold what all hypotheses about one record are made of, and compute what they predict.
 
-Every hypothesis has a posterior of its own, under the noise floor as it was measured; all are run
-by one `Engine`.
+Every hypothesis has a posterior of its own, under the noise floor as measured. One `ForceEngine`
+computes the forces of all.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from jaxtyping import Array as JaxArray
 from numpy.typing import NDArray
 
 from qlvbayes.effects.effect import AbstractEffect
-from qlvbayes.inference.forward.engine import Chain, Engine, Sets
+from qlvbayes.inference.forward.engine import ForceEngine, LayerChain, Sets
 from qlvbayes.inference.forward.fixedrates import FixedRates, relaxation_of
 from qlvbayes.inference.forward.hypothesis import (
     ELASTIC,
@@ -41,17 +41,17 @@ from qlvbayes.priors.natural import Natural, natural
 Array = NDArray[np.float64]
 
 FEW = 4
-"""Modes up to which a spectrum runs as it is: longer ones share fixed rates."""
+"""Largest number of modes of a spectrum that is computed as it is, without fixed rates."""
 _DRAWS = 25  # of each prior, for medians, quantiles and starts
-_PLACES = 40  # depths, or times, at which laws are compared
+_GRID = 40  # depths, or times, at which the curves of laws are compared
 
 
 @dataclass(frozen=True, eq=False)
 class Space:
-    """All that hypotheses about one record are made of, with priors.
+    """The record, laws and effects, with priors, from which hypotheses are formed.
 
-    elastic, relaxation: laws by name; effects: candidates by name, amplitudes `Natural`; noise: the
-    floor, its numbers fixed.
+    elastic, relaxation: laws by name; effects: candidates by name, with `Natural` amplitudes;
+    noise: the floor, with fixed parameters; bonded: whether the specimen is fixed to the indenter.
     """
 
     record: Record
@@ -60,29 +60,29 @@ class Space:
     effects: dict[str, AbstractEffect]
     noise: AbstractNoise
     bonded: bool
-    _engine: Engine = field(default_factory=Engine)
+    _engine: ForceEngine = field(default_factory=ForceEngine)
     _cache: dict[Hypothesis, Parameters] = field(default_factory=dict)
-    _chains: dict[Hypothesis, tuple[Chain, list[slice]]] = field(default_factory=dict)
-    _draws: dict[Any, Array] = field(default_factory=dict)
+    _chains: dict[Hypothesis, tuple[LayerChain, list[slice]]] = field(default_factory=dict)
+    _draws: dict[tuple[str, str, int], Array] = field(default_factory=dict)
     _rates: dict[int, tuple[Record, FixedRates]] = field(default_factory=dict)
 
     def with_effects(self, effects: dict[str, AbstractEffect]) -> Space:
-        """The same with other priors of its effects."""
+        """Return the space with other priors of its effects."""
         laws = {key: own for key, own in self._draws.items() if key[0] != "effects"}
         return replace(self, effects=effects, _cache={}, _chains={}, _draws=laws)
 
     def with_forces(self, forces: Array) -> Space:
-        """The same about other block means (T, B) of the force (N)."""
+        """Return the space about other block means (T, B) of the force (N)."""
         record = eqx.tree_at(lambda r: r.blocks.force, self.record, jnp.asarray(forces))
         return replace(self, record=record, _cache={}, _chains={})
 
     @cached_property
     def real(self) -> NDArray[np.bool_]:
-        """(T, B) which blocks are no padding."""
+        """Return a mask (T, B) of the blocks that are not padding."""
         return np.asarray(self.record.blocks.real)
 
     def parameters(self, hypothesis: Hypothesis) -> Parameters:
-        """What a hypothesis leaves free."""
+        """Return the free parameters of a hypothesis."""
         if hypothesis not in self._cache:
             model = Model(
                 self.elastic[hypothesis.elastic],
@@ -93,28 +93,31 @@ class Space:
                 if name in hypothesis.effects:
                     model = model + self.effects[name]
             posterior = Posterior(model, self.noise, self.record)
-            self._cache[hypothesis] = Parameters.of(hypothesis, posterior)
+            self._cache[hypothesis] = Parameters.from_posterior(hypothesis, posterior)
         return self._cache[hypothesis]
 
     def forces(
         self, hypothesis: Hypothesis, constants: Array, record: Record | None = None
     ) -> Array:
-        """(K, T, B) block means of the force (N) of constants (K, P), of another record if given.
+        """Return block means (K, T, B) of the force (N) at constants (K, P).
 
-        One of the same shape as the space's own takes no compiling.
+        record: another record than the space's own. One of the same shape needs no compilation.
         """
         record = record or self.record
         sets = self._sets(hypothesis, constants, self._fixed(record))
         return self._engine.forces(self._chain(hypothesis)[0], sets, record)
 
     def _fixed(self, record: Record) -> FixedRates:
-        """Rates by which long spectra run over a record."""
-        if id(record) not in self._rates:  # with the record, which so keeps its id
+        """Return the rates by which long spectra are represented over a record."""
+        if id(record) not in self._rates:  # the record is kept too, so that its id stays unique
             self._rates[id(record)] = record, FixedRates.over(np.asarray(record.motion.time))
         return self._rates[id(record)][1]
 
     def added_force(self, hypothesis: Hypothesis, theta: Array, number: int, size: float) -> Array:
-        """(T, B) what ``size`` more of one free number adds to the force (N) at theta (F,)."""
+        """Return the force (T, B) in N that ``size`` more of one parameter adds at theta (F,).
+
+        number: index of the parameter in theta.
+        """
         added = theta.copy()
         added[number] += size
         constants = self.parameters(hypothesis).constants(np.stack([theta, added]))
@@ -122,18 +125,22 @@ class Space:
         return np.asarray(after - before)
 
     @cached_property
-    def places(self) -> tuple[Array, Array]:
-        """Depths (mm) and times (s) at which laws are looked at, over all that the tests hold."""
+    def curve_grids(self) -> tuple[Array, Array]:
+        """Return the depths (mm) and times (s) at which curves of laws are compared, (40,) each.
+
+        They cover what the tests cover.
+        """
         motion = self.record.motion
         time = np.asarray(motion.time)
         steps = np.diff(time, axis=-1)
         depth, least = float(np.max(motion.displacement)), float(steps[steps > 0.0].min())
-        return np.linspace(0.0, depth, _PLACES), np.geomspace(least, float(time.max()), _PLACES)
+        return np.linspace(0.0, depth, _GRID), np.geomspace(least, float(time.max()), _GRID)
 
-    def numbers_of(self, hypothesis: Hypothesis, part: str) -> list[int]:
-        """Places in theta of its elastic law's or its relaxation's numbers.
+    def indices_of(self, hypothesis: Hypothesis, part: str) -> list[int]:
+        """Return the indices in theta of a hypothesis's elastic law or relaxation.
 
-        With those of effects that act on the relaxation function alone.
+        part: ``elastic`` or ``relaxation``. With the relaxation come the effects that act on it
+        alone.
         """
         elastic = self.draws("elastic", hypothesis.elastic).shape[1]
         if part == "elastic":
@@ -141,92 +148,99 @@ class Space:
         count = self.draws("relaxation", hypothesis.relaxation).shape[1]
         own = self.parameters(hypothesis).by_name.items()
         effects = tuple(f"{name}." for name in hypothesis.effects & self.relaxing)
-        beside = [k for name, leaf in own if name.startswith(effects) for k in leaf.theta]
-        return [*range(elastic, elastic + count), *(beside if effects else [])]
+        of_effects = [k for name, leaf in own if name.startswith(effects) for k in leaf.theta]
+        return [*range(elastic, elastic + count), *(of_effects if effects else [])]
 
     def draws_of(self, hypothesis: Hypothesis, part: str, seed: int = 0) -> Array:
-        """(25, size) draws of those numbers."""
-        found = [self.draws(part, getattr(hypothesis, part), seed)]
+        """Return prior draws (25, size) of the parameters that `indices_of` names."""
+        parts = [self.draws(part, getattr(hypothesis, part), seed)]
         if part == "relaxation":
             names = [name for name in self._nested(hypothesis) if name in self.relaxing]
-            found += [self.draws("effects", name, seed) for name in names]
-        return np.concatenate(found, axis=1)
+            parts += [self.draws("effects", name, seed) for name in names]
+        return np.concatenate(parts, axis=1)
 
     def curve(self, hypothesis: Hypothesis, part: str, constants: Array) -> Array:
-        """(K, 40) elastic force (N) over depth, or relaxation over time, of constants (K, P)."""
+        """Return the curves (K, 40) of a law at constants (K, P).
+
+        part: ``elastic`` for the force (N) over depth, ``relaxation`` for the relaxation function
+        over time, at `curve_grids`.
+        """
         if part == "elastic":
             law = _emptied(self.elastic[hypothesis.elastic])
-            own = few_sizes(constants[:, self.parameters(hypothesis).columns[ELASTIC]])
-            forces = _elastic_curves(jax.tree.structure(law), self.places[0], own)
+            columns = few_sizes(constants[:, self.parameters(hypothesis).columns[ELASTIC]])
+            forces = _elastic_curves(jax.tree.structure(law), self.curve_grids[0], columns)
             return np.asarray(forces)[: len(constants)]
-        return relaxation_of(*self.spectra(hypothesis, constants), self.places[1])
+        return relaxation_of(*self.spectra(hypothesis, constants), self.curve_grids[1])
 
     @cached_property
     def relaxing(self) -> frozenset[str]:
-        """Effects that act on the relaxation function alone."""
+        """Return the names of the effects that act on the relaxation function alone."""
         every = {name: type(effect) for name, effect in self.effects.items()}
         return frozenset(n for n, k in every.items() if k.spectrum is not AbstractEffect.spectrum)
 
-    def _chain(self, hypothesis: Hypothesis) -> tuple[Chain, list[slice]]:
-        """Of what does not act on the relaxation alone; where its layers' constants are."""
+    def _chain(self, hypothesis: Hypothesis) -> tuple[LayerChain, list[slice]]:
+        """Return the chain of layers, and the columns of the constants that each layer takes.
+
+        Effects that act on the relaxation alone are left out.
+        """
         if hypothesis not in self._chains:
-            own = self.parameters(hypothesis)
-            model: Model = _emptied(own.posterior.model)
+            parameters = self.parameters(hypothesis)
+            model: Model = _emptied(parameters.posterior.model)
             for name in hypothesis.effects & self.relaxing:
                 model = model.without(name)
             law, none = model.law, slice(0, 0)
             names = [getattr(layer, "name", None) for layer in law.layers]
-            places = [own.columns.get(name, none) if name else none for name in names]
-            self._chains[hypothesis] = Chain.of(law), places
+            columns = [parameters.columns.get(name, none) if name else none for name in names]
+            self._chains[hypothesis] = LayerChain.from_law(law), columns
         return self._chains[hypothesis]
 
     def _sets(self, hypothesis: Hypothesis, constants: Array, fixed: FixedRates) -> Sets:
-        """Constants (K, P) taken apart; long spectra by the fixed rates."""
+        """Return constants (K, P) by law and layer; long spectra are represented by fixed rates."""
         fractions, rates = self.spectra(hypothesis, constants)
         if rates.shape[1] > FEW:
             fractions, rates = fixed.fractions(fractions, rates), fixed.rates
         elastic = self.parameters(hypothesis).columns[ELASTIC]
-        layers = tuple(constants[:, place] for place in self._chain(hypothesis)[1])
+        layers = tuple(constants[:, columns] for columns in self._chain(hypothesis)[1])
         return Sets(constants[:, elastic], fractions, rates, layers)
 
     def spectra(self, hypothesis: Hypothesis, constants: Array) -> tuple[Array, Array]:
-        """Fractions (K, L + 1) and rates (K, L), with the effects that act on these alone."""
-        own, rows = self.parameters(hypothesis), few_sizes(constants)
-        model: Model = own.posterior.model
+        """Return fractions (K, L + 1) and rates (K, L), changed by the effects that act on them."""
+        parameters, rows = self.parameters(hypothesis), few_sizes(constants)
+        model: Model = parameters.posterior.model
         effects = [effect for effect in model.effects if effect.name in self.relaxing]
-        columns = [rows[:, own.columns[RELAXATION]]]
-        columns += [rows[:, own.columns[effect.name]] for effect in effects]
+        columns = [rows[:, parameters.columns[RELAXATION]]]
+        columns += [rows[:, parameters.columns[effect.name]] for effect in effects]
         fractions, rates = _spectrum(_filling(model.relaxation, *effects), tuple(columns))
         return np.asarray(fractions)[: len(constants)], np.asarray(rates)[: len(constants)]
 
     def draws(self, part: str, name: str, seed: int = 0) -> Array:
-        """(25, size) numbers drawn from the priors of a law or effect, the same for a seed."""
+        """Return draws (25, size) from the priors of a law or effect, which depend on the seed."""
         if (part, name, seed) not in self._draws:
             rng = np.random.default_rng(seed)
-            found = []
+            columns = []
             for leaf in jax.tree.leaves(getattr(self, part)[name], is_leaf=is_prior):
                 if is_prior(leaf):
                     values = np.stack([leaf.draw(rng) for _ in range(_DRAWS)])
-                    found.append(np.asarray(_unconstrained(leaf, values)).reshape(_DRAWS, -1))
+                    columns.append(np.asarray(_unconstrained(leaf, values)).reshape(_DRAWS, -1))
             self._draws[(part, name, seed)] = np.concatenate(
-                [np.zeros((_DRAWS, 0)), *found], axis=1
+                [np.zeros((_DRAWS, 0)), *columns], axis=1
             )
         return self._draws[(part, name, seed)]
 
-    def plain_draws(self, hypothesis: Hypothesis, seed: int = 0) -> Array:
-        """(25, F) of a hypothesis's numbers, drawn from their priors."""
+    def prior_draws(self, hypothesis: Hypothesis, seed: int = 0) -> Array:
+        """Return draws (25, F) of a hypothesis's free parameters from their priors."""
         parts = [("elastic", hypothesis.elastic), ("relaxation", hypothesis.relaxation)]
         parts += [("effects", name) for name in self._nested(hypothesis)]
         return np.concatenate([self.draws(*part, seed) for part in parts], axis=1)
 
     def _nested(self, hypothesis: Hypothesis) -> list[str]:
-        """Names of its effects, in the order in which they nest."""
+        """Return the names of a hypothesis's effects, in the order in which they nest."""
         model = self.parameters(hypothesis).posterior.model
         return [effect.name for effect in model.effects]
 
 
 def in_natural_amplitude(effect: AbstractEffect, factor: float = 1.0) -> AbstractEffect:
-    """The effect with its amplitude's prior in the amplitude itself, times ``factor``."""
+    """Return the effect with a prior on its amplitude itself, its sd scaled by ``factor``."""
     name = next(iter(effect.null))
     prior = natural(getattr(effect, name))
     if isinstance(prior, Natural):
@@ -238,21 +252,21 @@ def in_natural_amplitude(effect: AbstractEffect, factor: float = 1.0) -> Abstrac
 
 
 def _emptied(part: Any) -> Any:
-    """A law or effect with numbers of no account in the place of its priors."""
+    """Return a law or effect with zeros in place of its priors."""
     return jax.tree.map(lambda leaf: 0.0, part, is_leaf=is_prior)
 
 
 def _filling(*parts: Any) -> tuple[tuple[Any, tuple[tuple[int, ...], ...]], ...]:
-    """Of laws and effects, the structure and the shapes of the fields."""
-    found = []
+    """Return the structure and the shapes of the fields of some laws and effects."""
+    shapes = []
     for part in parts:
         leaves, structure = jax.tree.flatten(part, is_leaf=is_prior)
-        found.append((structure, tuple(value_shape(leaf) for leaf in leaves)))
-    return tuple(found)
+        shapes.append((structure, tuple(value_shape(leaf) for leaf in leaves)))
+    return tuple(shapes)
 
 
 def _filled(structure: Any, shapes: tuple[tuple[int, ...], ...], constants: JaxArray) -> Any:
-    """A law or effect with constants (P,) in its fields."""
+    """Return a law or effect with constants (P,) in its fields."""
     ends = np.cumsum([math.prod(shape) for shape in shapes])[:-1].tolist()
     parts = jnp.split(constants, ends)
     values = [part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)]
@@ -261,7 +275,7 @@ def _filled(structure: Any, shapes: tuple[tuple[int, ...], ...], constants: JaxA
 
 @partial(jax.jit, static_argnums=0)
 def _elastic_curves(structure: Any, depths: JaxArray, constants: JaxArray) -> JaxArray:
-    """(K, places) of constants (K, count) of an elastic law."""
+    """Return the elastic forces (K, D) at depths (D,) of constants (K, count)."""
 
     def one(row: JaxArray) -> JaxArray:
         law: AbstractElastic = jax.tree.unflatten(structure, list(row))
@@ -272,29 +286,30 @@ def _elastic_curves(structure: Any, depths: JaxArray, constants: JaxArray) -> Ja
 
 @partial(jax.jit, static_argnums=0)
 def _spectrum(filling: Any, columns: tuple[JaxArray | Array, ...]) -> tuple[JaxArray, JaxArray]:
-    """Fractions (K, L + 1) and rates (K, L) of a relaxation and what acts on it, by constants.
+    """Return fractions (K, L + 1) and rates (K, L) of a relaxation and the effects on it.
 
-    Plain arrays: to take modules apart at every call would cost as much as a force.
+    The arguments are plain arrays: flattening modules at every call would cost as much as a force.
     """
 
     def one(columns: tuple[Any, ...]) -> tuple[JaxArray, JaxArray]:
         pairs = zip(filling, columns, strict=True)
         relaxation, *effects = [
-            _filled(structure, shapes, own) for (structure, shapes), own in pairs
+            _filled(structure, shapes, values) for (structure, shapes), values in pairs
         ]
-        found: tuple[JaxArray, JaxArray] = relaxation.spectrum()
+        spectrum: tuple[JaxArray, JaxArray] = relaxation.spectrum()
         for effect in effects:
-            found = effect.spectrum(*found)
-        return found
+            spectrum = effect.spectrum(*spectrum)
+        return spectrum
 
     return jax.vmap(one)(columns)
 
 
 @jax.jit
 def _unconstrained(prior: AbstractPrior, values: JaxArray) -> JaxArray:
+    """Return the free parameters (K, size) of a prior at values (K, ...)."""
     return jax.vmap(prior.unconstrain)(values)
 
 
 def median(draws: Iterable[Array]) -> Array:
-    """Of draws (N, F), each number by itself."""
+    """Return the median (F,) of draws (N, F), parameter by parameter."""
     return np.asarray(np.median(np.asarray(list(draws)), axis=0))

@@ -14,7 +14,7 @@ from jaxtyping import Array
 from numpy.typing import NDArray
 from scipy.optimize import least_squares, nnls
 
-from qlvbayes.fitting.prediction import looked_at, single_samples
+from qlvbayes.fitting.prediction import representative_rows, single_samples
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.units import unit_system
 from qlvbayes.laws.motion import Motion
@@ -170,7 +170,7 @@ def _planned(pad: ExportedPad, reach: Covered, rate: float) -> _Run:
 
 
 def _tested(pad: ExportedPad, tests: Experiment) -> list[_Run]:
-    samples = [looked_at(trial) for trial in tests.trials]
+    samples = [representative_rows(trial) for trial in tests.trials]
     records = map(partial(single_samples, tests), tests.trials, samples)
     forces = eqx.filter_jit(eqx.filter_vmap(_averages, in_axes=(None, 0)))
     found = np.asarray(forces(pad.model, batch(list(records))))

@@ -1,4 +1,4 @@
-"""A saved fit against its data: predictions of every test, where they fail, and their curves."""
+"""Compare a saved fit with a pad's tests: predictions, where they fail, and curves to plot."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from qlvbayes.model.drawn import factors
 from qlvbayes.model.elsewhere import has_noise
 from qlvbayes.motion.experiment import Experiment, Trial, prepare
 
-_DIGITS = 5  # significant, of every number
+_DIGITS = 5  # significant digits
 
 
 @dataclass(frozen=True, eq=False)
 class CheckedPad:
-    """The tests of one pad, what was predicted of each, and the cells of test and phase."""
+    """The tests of one pad, their predictions, and the comparison by test and phase."""
 
     experiment: Experiment
     predictions: tuple[Prediction, ...]
@@ -31,11 +31,29 @@ class CheckedPad:
 
 
 def check_pad(saved: Saved, pad: Pad, *, seed: int = 0) -> CheckedPad:
-    """Predict all tests of ``pad`` from a saved posterior.
+    """Predict all tests of a pad from a saved posterior, and check them.
 
-    Tests keep the role they had in the fit, so that fitted ones are not taken for predictions.
-    Constants in other units than the pad's are converted.
-    Raises InputError where the posterior, made elsewhere, has no noise to predict with.
+    Tests keep the role they had in the fit, so that fitted tests are not taken for predicted ones.
+    Constants are converted to the pad's units.
+
+    Parameters
+    ----------
+    saved
+        Posterior and model, as `load_results` reads them.
+    pad
+        Tests to predict.
+    seed
+        Seed of the draws and of the noise.
+
+    Returns
+    -------
+    CheckedPad
+        Experiment, predictions and check.
+
+    Raises
+    ------
+    InputError
+        The posterior, made elsewhere, has no noise to predict with.
     """
     if not has_noise(saved.names):
         raise InputError(
@@ -49,15 +67,15 @@ def check_pad(saved: Saved, pad: Pad, *, seed: int = 0) -> CheckedPad:
         use=saved.choices.use,
     )
     constants = dict(zip(saved.names, saved.curve_draws.T, strict=True))
-    by = factors(saved.choices, constants, saved.units, pad.units)
-    constants = {name: by[name] * draws for name, draws in constants.items()}
+    scales = factors(saved.choices, constants, saved.units, pad.units)
+    constants = {name: scales[name] * draws for name, draws in constants.items()}
     predictions = predict(experiment, saved.choices, constants, experiment.trials, seed=seed)
-    found = check_experiment(experiment, saved.choices, predictions)
-    return CheckedPad(experiment, tuple(predictions), found)
+    check = check_experiment(experiment, saved.choices, predictions)
+    return CheckedPad(experiment, tuple(predictions), check)
 
 
 class PhaseSpan(Part, frozen=True, rename={"start": "start_s", "stop": "stop_s"}):
-    """A phase of a test: its kind, and from when to when (s)."""
+    """A phase of a test: its kind, and its beginning and end (s)."""
 
     kind: str
     start: float
@@ -69,7 +87,7 @@ class LeftOut(
     frozen=True,
     rename={"time": "time_s", "displacement": "displacement_mm", "force": "force_N"},
 ):
-    """A reading that was left out: when, what was read, in which channel it is bad, and how."""
+    """A reading that was left out: time (s), displacement, force, faulty channel and fault."""
 
     time: float
     displacement: float
@@ -91,10 +109,11 @@ class TestCurves(
         "high": "high_N",
     },
 ):
-    """One test, and of each sample the time (s), kind of phase, displacement and measured force.
+    """The curves of one test, at n samples, in the units of `Curves`.
 
-    mean: of the posterior; low, high: ends of the 90 % predictive interval; left_out: readings
-    that are not among the samples.
+    time (s), phase (its kind), displacement and observed force; mean: posterior mean of the force;
+    low, high: ends of the 90 % predictive interval; left_out: readings that are not among the
+    samples.
     """
 
     test: str
@@ -112,7 +131,7 @@ class TestCurves(
 
 
 class Curves(Result, frozen=True, kw_only=True, rename={"noise": "noise_N"}):
-    """The samples of one pad that were looked at, at most 300 a phase: ``curves.json``."""
+    """The curves of one pad at representative samples, at most 300 a phase: ``curves.json``."""
 
     indent: ClassVar[int | None] = None
 
@@ -129,7 +148,7 @@ class Curves(Result, frozen=True, kw_only=True, rename={"noise": "noise_N"}):
 
 
 def curves(checked: CheckedPad) -> Curves:
-    """What was looked at of a checked pad."""
+    """Return the curves of a checked pad."""
     units = checked.experiment.units
     return Curves(
         pad=checked.check.pad,
@@ -146,6 +165,7 @@ def curves(checked: CheckedPad) -> Curves:
 
 
 def _test(prediction: Prediction) -> TestCurves:
+    """Return the curves of one test."""
     trial = prediction.trial
     return TestCurves(
         test=trial.name,
@@ -154,40 +174,43 @@ def _test(prediction: Prediction) -> TestCurves:
         phases=tuple(PhaseSpan(p.kind, _short(p.start), _short(p.stop)) for p in trial.phases),
         time=tuple(_exact(t) for t in prediction.time),
         phase=tuple(str(kind) for kind in prediction.phase),
-        displacement=_numbers(_displacement(prediction)),
-        observed=_numbers(prediction.observed),
-        mean=_numbers(prediction.mean),
-        low=_numbers(prediction.low),
-        high=_numbers(prediction.high),
+        displacement=_rounded(_displacement(prediction)),
+        observed=_rounded(prediction.observed),
+        mean=_rounded(prediction.mean),
+        low=_rounded(prediction.low),
+        high=_rounded(prediction.high),
         left_out=_left_out(trial),
     )
 
 
 def _left_out(trial: Trial) -> tuple[LeftOut, ...]:
-    bad = trial.left_out
-    if bad is None:
+    """Return the readings of a trial that were left out."""
+    unused = trial.left_out
+    if unused is None:
         return ()
-    why = [run for run in bad.runs for _ in range(run.stop - run.first)]
-    values = zip(bad.time, bad.displacement, bad.force, why, strict=True)
+    runs = [run for run in unused.runs for _ in range(run.stop - run.first)]
+    values = zip(unused.time, unused.displacement, unused.force, runs, strict=True)
     return tuple(
         LeftOut(_exact(t), _short(d), _short(f), run.channel, run.kind) for t, d, f, run in values
     )
 
 
 def _displacement(prediction: Prediction) -> np.ndarray:
-    """Measured, at the samples that were looked at (n,)."""
+    """Return the measured displacement (n,) at the samples of a prediction."""
     test = prediction.trial.test
     return np.interp(prediction.time, test.time, test.displacement)
 
 
-def _numbers(values: np.ndarray) -> tuple[float, ...]:
+def _rounded(values: np.ndarray) -> tuple[float, ...]:
+    """Return values as a tuple, rounded."""
     return tuple(_short(value) for value in values)
 
 
 def _short(value: float) -> float:
+    """Return a value rounded to five significant digits."""
     return float(f"{value:.{_DIGITS}g}")
 
 
 def _exact(time: float) -> float:
-    """Microseconds are kept also late in a test."""
+    """Return a time rounded to microseconds, which also resolves times late in a test."""
     return round(float(time), 6)

@@ -1,10 +1,10 @@
-r"""The evidence without Laplace's approximation: nested sampling with slice moves.
+r"""Compute the evidence by nested sampling, without Laplace's approximation.
 
 .. math:: Z = \int L(\theta) \pi(\theta) d\theta = \int_0^1 L(X) dX
 
-X is the share of the prior's mass above a likelihood. Live points move up through it; those of
-lowest likelihood are replaced, several at a time, by hit-and-run slice moves within what is left
-(Skilling 2006, doi:10.1214/06-BA127; Neal 2003, doi:10.1214/aos/1056562461).
+X is the share of the prior's mass with a higher likelihood than L. Live points move up through the
+likelihood: the lowest ones are replaced, several at a time, by hit-and-run slice moves within the
+region that is left (Skilling 2006, doi:10.1214/06-BA127; Neal 2003, doi:10.1214/aos/1056562461).
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ from scipy.special import logsumexp
 from qlvbayes.model.posterior import Posterior, draw_priors
 
 LIVE = 80
-_AT_ONCE = 4  # live points over those replaced together
-_MOVES = 2.0  # slice moves a number, for one new point
-_LEFT = -4.0  # log share of the evidence that the live points may still hold at the end
-_SHUFFLES = 200
-_WORST = -1e100  # log likelihood where the model gives no number
+_AT_ONCE = 4  # number of live points over the number replaced together
+_MOVES = 2.0  # slice moves per parameter for one new point
+_LEFT = -4.0  # log share of the evidence that may remain in the live points at the end
+_SHUFFLES = 200  # draws of the unknown volumes
+_WORST = -1e100  # log likelihood where the model's force is not finite
 
 
 @dataclass(frozen=True, eq=False)
 class NestedEvidence:
-    """What a run found.
+    """The result of a nested sampling run.
 
     error: standard error of ``log_evidence``, from repeated draws of the unknown volumes X;
-    evaluations: likelihoods computed; draws (N, D): of the posterior, equally weighted.
+    evaluations: how many likelihoods were computed; draws (N, D): equally weighted posterior draws.
     """
 
     log_evidence: float
@@ -46,7 +46,7 @@ class NestedEvidence:
 
 
 class _Chunk(NamedTuple):
-    """State after one replacement, what died, and how many likelihoods it took."""
+    """The state after one replacement, the points removed, and how many likelihoods it took."""
 
     state: Any
     dead: Any
@@ -56,10 +56,21 @@ class _Chunk(NamedTuple):
 def nested_evidence(
     posterior: Posterior, seed: int = 0, *, live: int = LIVE, draws: int = 1000
 ) -> NestedEvidence:
-    """Evidence of a posterior whose model has exactly the effects wanted.
+    """Return the log evidence of a posterior, with its error and draws.
 
-    The prior is taken in theta, whose numbers are not bounded. One step is compiled for posteriors
-    of one shape. About 300 000 likelihoods for ten numbers.
+    The prior is that of the unbounded parameters theta. One step is compiled for all posteriors of
+    one shape. A run takes about 300 000 likelihoods for ten parameters.
+
+    Parameters
+    ----------
+    posterior
+        Posterior whose model has exactly the effects wanted.
+    seed
+        Seed of the run.
+    live
+        Number of live points.
+    draws
+        Number N of posterior draws to return.
     """
     moves = max(5, round(_MOVES * posterior.size))
     together = max(live // _AT_ONCE, 1)
@@ -77,6 +88,8 @@ def nested_evidence(
 
 
 def _algorithm(posterior: Posterior, moves: int, together: int) -> Any:
+    """Return blackjax's nested slice sampler for a posterior."""
+
     def log_likelihood(theta: Array) -> Array:
         total = posterior.log_likelihood(theta)
         return jnp.where(jnp.isfinite(total), total, _WORST)
@@ -89,20 +102,21 @@ def _algorithm(posterior: Posterior, moves: int, together: int) -> Any:
 
 @jax.jit
 def _start(posterior: Posterior, positions: Array) -> Any:
+    """Return the initial state of the sampler from live points (live, D)."""
     return _algorithm(posterior, 1, 1).init(positions)
 
 
 @partial(jax.jit, static_argnames=("moves", "together"))
 def _replace(posterior: Posterior, key: Array, state: Any, moves: int, together: int) -> _Chunk:
-    """Replace the lowest live points."""
+    """Return the state after the lowest live points were replaced, and what that took."""
     state, info = _algorithm(posterior, moves, together).step(key, state)
-    # both ends of each bracket, its growth and its shrinking
+    # likelihoods at both ends of each bracket, and at each expansion and shrinkage
     taken = info.update_info.num_expansions + info.update_info.num_shrink + 2
     return _Chunk(state, info._replace(update_info=None), jnp.sum(taken))
 
 
 def _judge(dead: Any, key: Array, evaluations: int, draws: int) -> NestedEvidence:
-    """Evidence and posterior draws of all points that died."""
+    """Return the evidence and posterior draws of all points that were removed."""
     one, two = jax.random.split(key)
     logs = np.asarray(log_weights(one, dead, shape=_SHUFFLES))
     totals = logsumexp(logs, axis=0)

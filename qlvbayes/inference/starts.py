@@ -1,0 +1,138 @@
+"""Give starting points for optimising a hypothesis from a neighbour's mode."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qlvbayes.inference.density import Point
+from qlvbayes.inference.forward.hypothesis import Hypothesis, Parameters
+from qlvbayes.inference.forward.space import Space
+from qlvbayes.inference.projection import projected
+from qlvbayes.priors.natural import Natural
+
+Array = NDArray[np.float64]
+
+_SHAPES = 4  # quantiles of the prior of an effect's first constant other than its amplitude
+
+
+class Amplitude(NamedTuple):
+    """The parameter with which an effect's force grows.
+
+    number: its index in theta; constant: its index in the constants; sd: of its prior.
+    """
+
+    number: int
+    constant: int
+    sd: float
+
+
+def amplitude_of(parameters: Parameters, effect: str) -> Amplitude | None:
+    """Return the amplitude of an effect; None if no parameter of its is an amplitude."""
+    for name, leaf in parameters.by_name.items():
+        if name.startswith(f"{effect}.") and isinstance(leaf.prior, Natural):
+            return Amplitude(leaf.theta.start, leaf.constants.start, float(leaf.prior.sd))
+    return None
+
+
+def transferred(
+    old: Parameters, theta: Array, new: Parameters, others: Array | None = None
+) -> Array:
+    """Return theta (G,) of other parameters, with the values of those that both have copied over.
+
+    The rest is taken from ``others`` (G,), or is zero where that is not given.
+    """
+    target = np.zeros(new.size) if others is None else others.copy()
+    leaves = old.by_name
+    for name, leaf in new.by_name.items():
+        if name in leaves and len(leaves[name].theta) == len(leaf.theta):
+            target[list(leaf.theta)] = theta[list(leaves[name].theta)]
+    return target
+
+
+def shapes(
+    space: Space, point: Point, parameters: Parameters, effect: str, count: int = _SHAPES
+) -> list[Array]:
+    """Return thetas (G,) that add an effect without force to a point, over its shape's prior.
+
+    The first other constant of the effect takes ``count`` quantiles of its prior.
+    """
+    return over_shapes(
+        space, parameters, effect, transferred(point.own, point.theta, parameters), count
+    )
+
+
+def over_shapes(
+    space: Space, parameters: Parameters, effect: str, theta: Array, count: int = _SHAPES
+) -> list[Array]:
+    """Return thetas (G,) that add an effect without force, over its shape's prior.
+
+    Theta is taken as it is but for the effect. The first constant other than the amplitude takes
+    ``count`` quantiles of its prior.
+    """
+    base = theta.copy()
+    leaves = [leaf for name, leaf in parameters.by_name.items() if name.startswith(f"{effect}.")]
+    draws, taken, shape = space.draws("effects", effect), 0, None
+    for leaf in leaves:
+        values = draws[:, taken : taken + len(leaf.theta)]
+        taken += len(leaf.theta)
+        if isinstance(leaf.prior, Natural):
+            base[leaf.theta.start] = next(iter(space.effects[effect].null.values()))
+            continue
+        base[list(leaf.theta)] = np.median(values, axis=0)
+        shape = shape or (leaf, values)
+    if shape is None:
+        return [base]
+    thetas = []
+    for share in (np.arange(count) + 0.5) / count:
+        start = base.copy()
+        start[list(shape[0].theta)] = np.quantile(shape[1], share, axis=0)
+        thetas.append(start)
+    return thetas
+
+
+def starts(
+    space: Space, point: Point, hypothesis: Hypothesis, count: int, sizes: tuple[float, float]
+) -> list[Array]:
+    """Return thetas (F,) from which to optimise a hypothesis, given a mode of a neighbouring one.
+
+    What both hypotheses have is copied. A law that differs is fitted to the curve of the other one.
+    A new effect starts small and large, with its shape at ``count`` quantiles of its prior.
+
+    sizes: small and large amplitude, in sds of its prior.
+    """
+    parameters = space.parameters(hypothesis)
+    base = projected(space, point, hypothesis, transferred(point.own, point.theta, parameters))
+    thetas = [base]
+    for effect in sorted(hypothesis.effects - point.own.hypothesis.effects):
+        thetas = [
+            theta
+            for start in thetas
+            for theta in _small_and_large(space, parameters, effect, start, count, sizes)
+        ]
+    return thetas
+
+
+def _small_and_large(
+    space: Space,
+    parameters: Parameters,
+    effect: str,
+    theta: Array,
+    count: int,
+    sizes: tuple[float, float],
+) -> list[Array]:
+    """Return thetas (F,) with an effect at each size, all shapes at one size after another."""
+    shapes_at_zero = over_shapes(space, parameters, effect, theta, count)
+    amplitude = amplitude_of(parameters, effect)
+    if amplitude is None:
+        return shapes_at_zero
+    signed = parameters.lowest[amplitude.number] == -np.inf
+    thetas = []
+    for size in (*sizes, -sizes[1]) if signed else sizes:
+        for at_zero in shapes_at_zero:
+            start = at_zero.copy()
+            start[amplitude.number] += size * amplitude.sd
+            thetas.append(start)
+    return thetas
