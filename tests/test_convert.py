@@ -77,7 +77,7 @@ def test_a_machine_s_file_is_read_unasked_like_its_conversion(make, tmp_path):
     assert call("convert", source, "-o", out)[0] == 0
     unasked = read_measurements(source)
     same(unasked, read_measurements(out))
-    assert any("is a file of" in notice for notice in unasked.notices)
+    assert any("read as" in notice for notice in unasked.notices)
 
 
 def test_what_is_in_doubt_is_refused_in_a_pipe(tmp_path):
