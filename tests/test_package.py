@@ -30,7 +30,11 @@ def wheel(tmp_path_factory):
     for name in ("qlvbayes", "data"):
         shutil.copytree(ROOT / name, copy / name, ignore=_NO_SOURCE)
     subprocess.run(
-        [sys.executable, "-c", _BUILD, built], cwd=copy, check=True, capture_output=True, timeout=300
+        [sys.executable, "-c", _BUILD, built],
+        cwd=copy,
+        check=True,
+        capture_output=True,
+        timeout=300,
     )
     (file,) = built.glob("*.whl")
     return file.name, set(zipfile.ZipFile(file).namelist())
