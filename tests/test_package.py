@@ -10,7 +10,8 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from support.endtoend import COMMAND
+from support.endtoend import COMMAND, call, one_line
+from support.exported_pad import write_fit
 
 import qlvbayes
 
@@ -111,3 +112,14 @@ def test_file_names_are_left_to_the_shell():
 def test_the_help_names_the_option_that_installs_completion():
     done = subprocess.run([COMMAND, "--help"], capture_output=True, text=True, timeout=60)
     assert "--install-completion" in done.stdout
+
+
+def test_export_takes_the_only_pad_and_asks_which_of_several(tmp_path):
+    write_fit(tmp_path)
+    status, out, err = call("export", tmp_path, "--to", "json")
+    assert (status, err) == (0, "")
+    assert "B/export/json" in out
+    write_fit(tmp_path, pad="C")
+    status, _, err = call("export", tmp_path, "--to", "json")
+    assert status == 2
+    assert "several pads are in this folder: B, C; name one, as --pad B" in one_line(err)

@@ -1,4 +1,4 @@
-"""Draws what each listed effect adds to the force: python docs/building/effect_pictures.py [FOLDER].
+"""Draws what each listed effect adds to the force: python docs/building/effect_pictures.py [DIR].
 
 One pad of the simulator is pressed twice, held and taken back to contact, as the second test of a
 series, with each effect in it and without; its difference is drawn. The simulator integrates
