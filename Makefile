@@ -6,7 +6,7 @@ OUT ?= results
 RECORDS ?=# folders of CSV files that `make validate` fits beside simulated pads
 PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
-.PHONY: demo test check bench validate notebooks docs clean
+.PHONY: demo test check bench validate notebooks docs dist clean
 
 $(VENV)/installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -49,5 +49,8 @@ notebooks: $(VENV)/installed-dev
 docs: $(VENV)/installed-dev
 	$(BIN)/python docs/building/stage.py
 
+dist: $(VENV)/installed-dev
+	$(BIN)/python -m build --outdir dist .
+
 clean:
-	rm -rf $(VENV) results build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) results build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

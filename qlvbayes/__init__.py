@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     from qlvbayes.use.prescribed.hypotheses import Hypotheses
     from qlvbayes.use.stepper import Stepper
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 # where each name comes from; the imports above, for type checkers, say the same
 _HOMES = {

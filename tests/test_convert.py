@@ -14,7 +14,7 @@ from support.machine_files import Pressed, pressed
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
 from qlvbayes.io.formats.answers import Answers
-from qlvbayes.io.formats.conversion import convert
+from qlvbayes.io.formats.conversion import convert, in_short
 from qlvbayes.io.formats.tidy import tidy_text
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.plots import figure_of, plot_conversion
@@ -77,7 +77,12 @@ def test_a_machine_s_file_is_read_unasked_like_its_conversion(make, tmp_path):
     assert call("convert", source, "-o", out)[0] == 0
     unasked = read_measurements(source)
     same(unasked, read_measurements(out))
-    assert any("is a file of" in notice for notice in unasked.notices)
+    assert any("read as" in notice for notice in unasked.notices)
+
+
+def test_what_is_the_same_of_several_tests_stands_once():
+    lines = ["a: units mm", "b: units mm", "a: 5 rows", "b: 6 rows", "columns not used"]
+    assert in_short(lines) == ["2 tests: units mm", "a: 5 rows", "b: 6 rows", "columns not used"]
 
 
 def test_what_is_in_doubt_is_refused_in_a_pipe(tmp_path):

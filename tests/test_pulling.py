@@ -1,10 +1,12 @@
 """Force below zero on a loose specimen: where, how much, and what to ask."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from qlvbayes.diagnosis.telling.words import _first
 from qlvbayes.evaluation.study import measured
 from qlvbayes.io.units import PAD, STRAIN
 from qlvbayes.motion.experiment import prepare
@@ -68,3 +70,13 @@ def test_the_lowest_of_all_tests_counts(pad):
     trial = experiment.trials[0]
     lowest = int(np.argmin(trial.test.force))
     assert pull_of(experiment).time == trial.test.time[lowest]
+
+
+@pytest.mark.parametrize(("named", "asked"), [((), True), (("adhesion",), False)])
+def test_what_to_do_next_begins_with_a_pull_that_has_no_name(pad, named, asked):
+    notices = pull_notices(pulled(pad, 0.08), bonded=False)
+    found = SimpleNamespace(pad="B", effects=named, stages=(SimpleNamespace(effects=()),))
+    said = _first(found, notices)
+    assert said.startswith("say first how the specimen is held, for the measured force") is asked
+    assert ("--bonded" in said) is asked
+    assert _first(found, ()) == ""

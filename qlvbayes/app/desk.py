@@ -15,12 +15,12 @@ from qlvbayes.app.events import Events
 from qlvbayes.app.failures import RefusedError, refused, told
 from qlvbayes.app.jobs import Job, Jobs
 from qlvbayes.app.sessions import OnBench, Session, Sessions, State, entry
+from qlvbayes.io.bundled import bundled
 
 BUNDLED = {
     "pads": "pads A, B and C, simulated from the paper's Table 1",
     "hidden": "a pad with something hidden in it",
 }
-_DATA = Path(__file__).resolve().parents[2] / "data"
 _AT_FIRST = 2.0  # s in which the page asks for all that it shows
 DATA = "data.csv"  # the measurements in a session's folder
 _CHANGES = ("add", "remove", "elastic", "relaxation")
@@ -62,12 +62,12 @@ class Desk:
         return [
             {"name": name, "text": text}
             for name, text in BUNDLED.items()
-            if (_DATA / f"{name}.csv").is_file()
+            if bundled(f"{name}.csv").is_file()
         ]
 
     def open_bundled(self, name: str, *, guess: bool) -> Session:
         """A session with measurements that come with the package."""
-        file = _DATA / f"{name}.csv"
+        file = bundled(f"{name}.csv")
         if name not in BUNDLED or not file.is_file():
             raise refused(404, f"no measurements {name!r} come with it", "open a file of your own")
         session = self.sessions.new(file.name)

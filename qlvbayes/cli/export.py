@@ -19,8 +19,8 @@ _NAMES = "|".join(target.name for target in TARGETS)
 
 def export_command(
     folder: Annotated[Path, typer.Argument(help="The folder that 'fit' or 'study' wrote.")],
-    pad: Annotated[str, typer.Option(help="The pad.")],
     to: Annotated[str, typer.Option(help=f"One of {_NAMES}, or several as 'c,fmu'.")],
+    pad: Annotated[str, typer.Option(help="The pad. Default: the only one.")] = "",
     draws: Annotated[
         int, typer.Option(min=1, help="Draws of the posterior, where the target takes them.")
     ] = DRAWS,
@@ -54,6 +54,7 @@ def export_command(
         raise InputError("no target", remedy=f"give --to {_NAMES}")
     for name in names:
         find(name)
+    pad = pad or _only_pad(folder)
     found: dict[str, list[str]] = {}
     for name in names:
         with waiting(f"export to {name}"):
@@ -66,3 +67,12 @@ def export_command(
         out.print(f"{name}: {find(name).what}", soft_wrap=True)
         for path in paths:
             out.print(f"  {path}", soft_wrap=True)
+
+
+def _only_pad(folder: Path) -> str:
+    """Its name, empty where there is none; InputError where there are several."""
+    pads = sorted(path.parent.name for path in folder.glob("*/posterior.nc"))
+    if len(pads) > 1:
+        what = f"several pads are in this folder: {', '.join(pads)}"
+        raise InputError(what, file=folder, remedy=f"name one, as --pad {pads[0]}")
+    return "".join(pads)

@@ -37,6 +37,7 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements, measurements_of, read_measurements
 from qlvbayes.io.escaping import as_typed
 from qlvbayes.io.formats.catalogue import FORMATS, own_formats
+from qlvbayes.io.formats.conversion import in_short
 from qlvbayes.io.reading.csvtext import digest
 from qlvbayes.io.reading.dialect import sniff
 from qlvbayes.io.units import UnitSystem
@@ -207,7 +208,8 @@ def _typed(said: Said, formats_file: Path | None) -> list[str]:
 def show_look(look: FirstLook, figures: Sequence[Path]) -> None:
     """Tables and lines of a first look."""
     if look.notices:
-        out.print("as read:", *(f"  {text}" for text in look.notices), sep="\n", soft_wrap=True)
+        lines = (f"  {text}" for text in in_short(look.notices))
+        out.print("as read:", *lines, sep="\n", soft_wrap=True)
     for pad, figure in zip(look.pads, figures, strict=True):
         out.print(_tests(pad, look.units))
         for line in lines_of(pad, look.units):

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import typer
 
+from qlvbayes.io.bundled import bundled
 from qlvbayes.io.escaping import as_typed, visible
 from qlvbayes.parallel.faults import FailedError, fault_of
 
@@ -71,7 +72,6 @@ def _bare() -> typer.Typer:
         help="Viscoelastic constants of soft pads from force-displacement tests.\n\n"
         "Begin with: qlvbayes study FILE.csv -o OUT",
         no_args_is_help=True,
-        add_completion=False,
         pretty_exceptions_enable=False,
     )
     app.callback()(lambda: None)  # or a single command would take no name
@@ -80,10 +80,10 @@ def _bare() -> typer.Typer:
 
 def run() -> None:
     """Run the command; status 2 and one line for what the user can mend, never a traceback."""
-    names = [word for word in sys.argv[1:2] if word in _COMMANDS]
-    app = application(names) if names else overview()
     if sys.argv[1:] == ["study"]:
         _stop(2, f"no file given; type qlvbayes study FILE.csv -o OUT{_offer()}")
+    names = [word for word in _words()[:1] if word in _COMMANDS]
+    app = application(names) if names else overview()
     if os.environ.get("QLVBAYES_DEBUG"):
         app()
     try:
@@ -104,9 +104,21 @@ def run() -> None:
         _stop(fault.status, fault.text)
 
 
+def _words() -> list[str]:
+    """What was typed; of a line that a shell asks to complete only if it ends in an option.
+
+    A command's options take a second or more to import, and file names the shell completes alone.
+    """
+    if "_QLVBAYES_COMPLETE" not in os.environ:
+        return sys.argv[1:]
+    line = os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS", "")
+    words = line.split()[1:]
+    return words if words and words[-1].startswith("-") else []
+
+
 def _offer() -> str:
     """The bundled measurements, where they are there."""
-    file = Path(__file__).parents[2] / "data" / "hidden.csv"
+    file = bundled("hidden.csv")
     command = as_typed("qlvbayes", "study", str(file), "-o", "hidden")
     return f", or try a simulated pad: {command}" if file.exists() else ""
 

@@ -9,6 +9,7 @@ from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import joined, percent, plain, to_noise
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.phases import NAMES
+from qlvbayes.motion.pulling import pull_notices
 
 _MOST_BIASES = 3
 _LINEAR = 0.5  # relative change up to which slopes tell how far a constant moves
@@ -28,10 +29,11 @@ def paragraphs(d: DiagnosisResult, work: Work) -> list[str]:
         "partly_explained": _of_partly,
         "unexplained": _of_unexplained,
     }[d.verdict]
+    pulls = pull_notices(work.experiment, bonded=work.search.density.space.bonded)
     text = [
         f"Pad {d.pad}: {_verdict(d, work)}",
-        f"What to do next: {_next(d, work)}",
-        *(f"{_upper(one)}." for one in d.notices),
+        f"What to do next: {_first(d, pulls)}{_next(d, work)}",
+        *(f"{_upper(_own(d, one))}." for one in d.notices if one not in pulls),
         grounds(d, work),
         *_certain(d),
     ]
@@ -45,7 +47,7 @@ def paragraphs(d: DiagnosisResult, work: Work) -> list[str]:
         *_refused(d),
         *_honest(d),
         *_unseen(d),
-        *_bent(d),
+        *_bent(d, work),
     ]
 
 
@@ -83,6 +85,18 @@ def _seen(d: DiagnosisResult, work: Work, effect: str) -> str:
     return f"{effect} ({kind.seen}; probability {percent(d.probability_of(effect))})"
 
 
+def _first(d: DiagnosisResult, pulls: tuple[str, ...]) -> str:
+    """What comes before the step that the verdict asks for: a loose pad that pulls is none."""
+    if not pulls or "adhesion" in (*d.stages[0].effects, *d.effects):
+        return ""
+    return f"say first how the specimen is held, for {_own(d, pulls[0])}. Then "
+
+
+def _own(d: DiagnosisResult, notice: str) -> str:
+    """A notice without the pad's name, which the first line has."""
+    return notice.removeprefix(f"pad {d.pad}: ")
+
+
 def _next(d: DiagnosisResult, work: Work) -> str:
     """The step that follows from the verdict."""
     if d.verdict == "adequate" and d.probability_of("none") < _LIKELY:
@@ -92,8 +106,8 @@ def _next(d: DiagnosisResult, work: Work) -> str:
     if d.verdict in ("adequate", "missing_effect"):
         with_it = " with it" if len(d.effects) == 1 else " with them" if d.effects else ""
         return (
-            f"use the constants of a fit to all tests{with_it}. qlvbayes study leaves them; by "
-            f"hand: {_command(d)}"
+            f"use the constants of a fit to all tests{with_it}. qlvbayes study makes this fit; "
+            f"after qlvbayes diagnose type {_command(d)}"
         )
     if d.verdict == "ambiguous":
         if not d.suggestions:
@@ -367,8 +381,8 @@ def _runner_up(d: DiagnosisResult) -> list[str]:
     same = f"leave the error at {without}"
     change = same if without == with_it else f"change the error from {without} to {with_it}"
     return [
-        f"Of the effects that are not named, {rival.effect} is the likeliest "
-        f"({percent(rival.inclusion)}); to add it would {change}."
+        f"Of the effects that are not named, but that these tests can show, {rival.effect} is the "
+        f"likeliest ({percent(rival.inclusion)}); to add it would {change}."
     ]
 
 
@@ -387,13 +401,15 @@ def _not_ruled_out(d: DiagnosisResult) -> list[str]:
     others = [one for one in d.not_ruled_out if set(one.effects) not in own]
     if not others or d.verdict in ("adequate", "unexplained"):
         return []
-    said = [f"{joined(list(o.effects)) or 'nothing'} ({percent(o.probability)})" for o in others]
+    said = [
+        f"{joined(list(o.effects), 'with') or 'nothing'} ({percent(o.probability)})" for o in others
+    ]
     rest = 1.0 - sum(one.probability for one in d.not_ruled_out)
     if rest > _LITTLE:
         said.append(f"others ({percent(rest)} together)")
     return [
-        f"The tests do not rule out {joined(said, 'or')} either; the constants are averaged over "
-        "all of these."
+        f"The tests do not rule out other explanations: {joined(said)}. The constants in "
+        "diagnosis.json are averaged over all of these."
     ]
 
 
@@ -419,19 +435,26 @@ def _unseen(d: DiagnosisResult) -> list[str]:
     return [f"These tests cannot show {said}."]
 
 
-def _bent(d: DiagnosisResult) -> list[str]:
+def _bent(d: DiagnosisResult, work: Work) -> list[str]:
     """Effects that would hide in the constants, the invisible ones first."""
     hidden = [bias for bias in d.biases if not bias.visible and bias.effect not in d.tried]
-    return [_bias(bias) for bias in hidden[:_MOST_BIASES]]
+    return [_bias(bias, _unit(bias.amplitude, d, work)) for bias in hidden[:_MOST_BIASES]]
 
 
-def _bias(bias: ParameterBias) -> str:
+def _unit(name: str, d: DiagnosisResult, work: Work) -> str:
+    """Of an effect's constant; empty for a pure number."""
+    effect, _, constant = name.partition(".")
+    unit = d.units.of(work.search.density.space.effects[effect].units[constant.partition("[")[0]])
+    return "" if unit == "1" else f" {unit}"
+
+
+def _bias(bias: ParameterBias, unit: str) -> str:
     (first, change), *others = sorted(bias.changes.items(), key=lambda item: -abs(item[1]))[:2]
     said = joined([f"{first} would be {_off(change)}", *(f"{n} {_off(x)}" for n, x in others)])
     constant = bias.amplitude.partition(".")[2]
     return (
-        f"If {bias.effect} were there ({constant} = {bias.size:.2g}), {said}, and these tests "
-        "would not show it."
+        f"If {bias.effect} were there ({constant} = {bias.size:.2g}{unit}), {said}, and these "
+        "tests would not show it."
     )
 
 

@@ -98,8 +98,20 @@ class Conversion:
 def told(test: Tidied) -> list[str]:
     """What was found in a test, as lines that begin with its name."""
     dropped = [f"dropped: {rows} {why}" for why, rows in test.dropped.items()]
-    source = f"{test.file.name} is a file of {test.format.machine}"
-    return [f"{test.test}: {line}" for line in (source, *test.findings, *dropped)]
+    same = test.file.stem == test.test  # then the name stands before the colon already
+    source = f"read as {test.format.machine}"
+    first = source if same else f"{test.file.name} {source}"
+    return [f"{test.test}: {line}" for line in (first, *test.findings, *dropped)]
+
+
+def in_short(notices: Sequence[str]) -> list[str]:
+    """Lines ``test: what`` for a terminal: what is the same of several tests stands once."""
+    lines: dict[str, list[str]] = {}
+    for line in notices:
+        lines.setdefault(line.partition(": ")[2] or line, []).append(line)
+    return [
+        same[0] if len(same) == 1 else f"{len(same)} tests: {what}" for what, same in lines.items()
+    ]
 
 
 def convert(
@@ -497,8 +509,9 @@ def _sign_told(signs: Signs, recording: Recording, answers: Answers) -> str:
     if recording.pressing:
         return f"sign {what}: this layout fixes it"
     return (
-        f"sign {what} (the peak force lies {signs.travel:.0%} of the travel from the start, and "
-        f"is {min(signs.swing, 999.0):.3g} times the swing to the other side; a pull looks alike)"
+        f"sign {what}: taken as pressing, with the largest force at {100.0 * signs.travel:.0f} % "
+        f"of the travel, {min(signs.swing, 999.0):.2g} times the largest of the other sign "
+        "(a test in tension would look the same)"
     )
 
 

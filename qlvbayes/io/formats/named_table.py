@@ -27,7 +27,7 @@ class NamedTable(AbstractFormat):
     """
 
     name: ClassVar[str] = "table"
-    machine: ClassVar[str] = "a rheometer (Anton Paar RheoCompass), or any program's table"
+    machine: ClassVar[str] = "a table of named columns with units (rheometers, most programs)"
     marks: ClassVar[str] = "names of time, displacement or strain, force or stress, with units"
     reads: ClassVar[str] = "the three columns, units in brackets or in the row below, UTF-16 too"
     reference: ClassVar[str] = "Anton Paar RheoCompass, export of tables; ISO 6721-10 for the names"

@@ -1,0 +1,13 @@
+"""Measurements that come with the package: in ``data`` of the repository or of an installed one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+_PACKAGE = Path(__file__).resolve().parents[1]
+
+
+def bundled(name: str) -> Path:
+    """Where ``name`` (``hidden.csv``) is; a path without a file where it was not installed."""
+    installed = _PACKAGE / "data" / name
+    return installed if installed.is_file() else _PACKAGE.parent / "data" / name
