@@ -176,7 +176,7 @@ def default_model(
     """
     elastic = find_elastic(law, laws).default(scales)
     kind = find_relaxation(relaxation, laws)
-    relaxing = Prony.of_modes(scales, modes) if kind is Prony else kind.default(scales)
+    relaxing = Prony.with_modes(scales, modes) if kind is Prony else kind.default(scales)
     return Model(elastic, relaxing, bonded)
 
 

@@ -1,4 +1,4 @@
-"""Priors: densities of constants, and the maps from unconstrained numbers to their supports."""
+"""Prior densities of constants, and the maps from unconstrained numbers to their supports."""
 
 from qlvbayes.priors.distributions import (
     AbstractPositivePrior,

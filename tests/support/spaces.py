@@ -10,7 +10,7 @@ from qlvbayes.priors.natural import in_own_numbers
 def space_of(experiment, trials, effects):
     """Every law, with two and three Prony modes, and some effects, under default priors."""
     scales = experiment.scales
-    relaxation = {f"prony:{k}": Prony.of_modes(scales, k) for k in (2, 3)}
+    relaxation = {f"prony:{k}": Prony.with_modes(scales, k) for k in (2, 3)}
     relaxation |= {kind.name: kind.default(scales) for kind in LAWS.relaxation if kind != Prony}
     return Space(
         experiment.record(trials),

@@ -1,1 +1,1 @@
-"""Relaxations: the reduced relaxation function g(t), handed over as a discrete spectrum."""
+"""Relaxation laws: the reduced relaxation function g(t), given as a discrete spectrum."""
