@@ -106,6 +106,6 @@ def _space(
         {name: in_own_numbers(law) for name, law in elastic.items()},
         {name: in_own_numbers(law) for name, law in relaxation.items()},
         {name: in_own_numbers(in_natural_amplitude(effect)) for name, effect in effects.items()},
-        Correlated.of(experiment.floor),
+        Correlated.from_floor(experiment.floor),
         choices.bonded,
     )

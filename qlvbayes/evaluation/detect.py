@@ -143,7 +143,7 @@ def _space(study: Study, experiment: Experiment) -> Space:
         {model.elastic.name: in_own_numbers(model.elastic)},
         {model.relaxation.name: in_own_numbers(model.relaxation)},
         {k.name: in_own_numbers(in_natural_amplitude(k.default(scales))) for k in EFFECTS},
-        Correlated.of(experiment.floor),
+        Correlated.from_floor(experiment.floor),
         model.bonded,
     )
 

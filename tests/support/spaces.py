@@ -17,6 +17,6 @@ def space_of(experiment, trials, effects):
         {kind.name: in_own_numbers(kind.default(scales)) for kind in LAWS.elastic},
         {name: in_own_numbers(law) for name, law in relaxation.items()},
         {k.name: in_own_numbers(in_natural_amplitude(k.default(scales))) for k in effects},
-        Correlated.of(experiment.floor),
+        Correlated.from_floor(experiment.floor),
         False,
     )
