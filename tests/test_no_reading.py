@@ -19,8 +19,8 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
 from qlvbayes.io.formats import apart
 from qlvbayes.io.formats.answers import Answers
-from qlvbayes.io.formats.apart import ApartError, read_apart
 from qlvbayes.io.formats.conversion import convert
+from qlvbayes.io.formats.isolation import ApartError, read_apart
 from qlvbayes.io.reading.noreading import no_readings
 from qlvbayes.laws.motion import Motion
 from qlvbayes.preprocess.freeknots import Joints, _merged

@@ -21,7 +21,7 @@ from qlvbayes.io.files import results_folder, write_whole
 from qlvbayes.io.formats.answers import SIGNS, Answers, UnsureError
 from qlvbayes.io.formats.catalogue import FORMATS
 from qlvbayes.io.formats.conversion import convert
-from qlvbayes.io.formats.recognise import head_of, matching
+from qlvbayes.io.formats.recognition import head_of, matching
 from qlvbayes.io.formats.tidy import write_tidy
 from qlvbayes.io.reading.dialect import sniff
 from qlvbayes.io.units import column_name

@@ -16,7 +16,7 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.escaping import as_typed
 from qlvbayes.io.formats.answers import FILE, SIGNS, Answers, UnsureError
 from qlvbayes.io.formats.catalogue import FORMATS, own_formats
-from qlvbayes.io.formats.conversion import Conversion, convert, told
+from qlvbayes.io.formats.conversion import Conversion, convert, findings_of
 from qlvbayes.io.formats.format import AbstractFormat
 from qlvbayes.io.formats.tidy import write_tidy
 
@@ -97,7 +97,7 @@ def convert_command(
         print(json.dumps([test.as_dict() for test in found.tests], allow_nan=False))
     else:
         for one in found.tests:
-            out.print(*told(one), sep="\n  ")
+            out.print(*findings_of(one), sep="\n  ")
         out.print(*found.remarks, sep="\n", end="\n" if found.remarks else "")
         out.print(f"wrote {output}, picture {picture}")
     if found.faults:

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Self
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from qlvbayes.effects.clocked import AbstractClocked
+from qlvbayes.effects.clock import AbstractClocked
 from qlvbayes.effects.effect import Level
 from qlvbayes.effects.spans import duration
 from qlvbayes.laws.scales import Scales

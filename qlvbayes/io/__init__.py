@@ -1,1 +1,1 @@
-"""Files, and what users read of them: measurements, layouts of machines, units, plain errors."""
+"""Files and what users read of them: measurements, machines' layouts, units, error messages."""
