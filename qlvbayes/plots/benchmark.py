@@ -1,4 +1,4 @@
-"""A benchmark at a glance: confusion matrix, reliability, errors on left-out tests."""
+"""The figure of a benchmark: confusion matrix, reliability, errors on left-out tests."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from qlvbayes.plots.style import BLACK, DOUBLE, MM, colours, narrow, style
 from qlvbayes.simulate import FORMS, OUTSIDE
 
 _ROW = 4.2  # mm
-_LEAST_ROWS = 6  # that the columns' labels fit
-_TITLES, _LOWER = 34.0, 62.0  # mm, of the columns' labels and of the lower panels
-_SMALL, _TINY = 6.0, 5.0  # type of the numbers, and in one column of the labels too
-_DARK = 0.55  # of the colour scale: from there on white type
+_LEAST_ROWS = 6  # rows for which the columns' labels fit
+_TITLES, _LOWER = 34.0, 62.0  # mm, height of the columns' labels and of the lower panels
+_SMALL, _TINY = 6.0, 5.0  # points: the numbers; in one column the labels too
+_DARK = 0.55  # share of the colour scale beyond which text is white
 _LEGEND = {"none": "nothing", "single": "one effect", "double": "two effects"}
 _LEGEND |= {"form": "other form", "outside": "outside the list"}
 _MARKS = dict(zip(_LEGEND, "os^Dv", strict=True))
@@ -32,12 +32,24 @@ _MARKS = dict(zip(_LEGEND, "os^Dv", strict=True))
 def plot_benchmark(report: Report, *, width: float = DOUBLE) -> list[Axes]:
     """Draw how often each hidden effect was named, and how far probabilities can be trusted.
 
-    Above: one row a hidden effect, one column a verdict; numbers are studies, the shade is their
-    share of the row; framed cells are the right verdicts. Lower left: how often the first-ranked
-    hypothesis is true against its probability, with standard errors; on the line, probabilities
-    keep their promise. Lower right: error on left-out tests over the noise floor, before and
-    after; 1 is as good as noise allows. width: of the figure (mm); in one column the lower panels
-    stand one below the other. Returns the three panels.
+    The upper panel has one row for each hidden effect and one column for each verdict. Numbers are
+    studies, the shade is their share of the row, and framed cells are the right verdicts. The lower
+    left panel shows how often the first-ranked hypothesis is true against its probability, with
+    standard errors; on the line, probabilities are calibrated. The lower right panel shows the
+    error on left-out tests over the noise floor, before and after; 1 is as good as noise allows. In
+    one column the lower panels are one below the other.
+
+    Parameters
+    ----------
+    report
+        The report of the benchmark.
+    width
+        Width of the figure (mm).
+
+    Returns
+    -------
+    list of Axes
+        The three panels.
     """
     tight = narrow(width)
     with style():
@@ -64,8 +76,8 @@ def _draw_confusion(axis: Axes, confusion: Confusion, *, tight: bool) -> None:
             frame = _square(row, confusion.columns.index(right), fill=False, edgecolor=BLACK)
             axis.add_patch(frame)
     axis.set(xlim=(0, len(confusion.columns)), ylim=(max(len(confusion.rows), 1), 0))
-    places = np.arange(len(confusion.columns)) + 0.5
-    axis.set_xticks(places, [_plain(name) for name in confusion.columns], rotation=90)
+    positions = np.arange(len(confusion.columns)) + 0.5
+    axis.set_xticks(positions, [_plain(name) for name in confusion.columns], rotation=90)
     labels = [_row_label(name, tight=tight) for name in confusion.rows]
     axis.set_yticks(np.arange(len(labels)) + 0.5, labels)
     axis.tick_params(length=0, labeltop=True, labelbottom=False)
@@ -92,13 +104,13 @@ def _square(row: int, column: int, **look: Any) -> Rectangle:
 
 
 def _rule(axis: Axes, confusion: Confusion) -> None:
-    """Thin lines, by which a cell is followed to its labels."""
+    """Draw thin lines, along which a cell is followed to its labels."""
     axis.hlines(range(len(confusion.rows) + 1), 0, len(confusion.columns), color="0.9", zorder=0)
     axis.vlines(range(len(confusion.columns) + 1), 0, len(confusion.rows), color="0.9", zorder=0)
 
 
 def _right_columns(row: str) -> tuple[str, ...]:
-    """The right verdicts; of another form, every effect that it may stand for."""
+    """Return the right verdicts; for another form, every effect that it may stand for."""
     if row in OUTSIDE:
         return ("unexplained",)
     if row in FORMS:
@@ -129,10 +141,10 @@ def _draw_reliability(axis: Axes, reliability: Reliability) -> None:
             fmt="o", color=colours()[0], markersize=4, capsize=2, clip_on=False,
         )  # fmt: skip
         for b in reliability.bins:
-            place = (b.probability, b.right.hits / b.right.n)
-            offset = (5, -9) if place[1] > 0.1 else (5, 3)
+            point = (b.probability, b.right.hits / b.right.n)
+            offset = (5, -9) if point[1] > 0.1 else (5, 3)
             axis.annotate(
-                str(b.right.n), place, offset, textcoords="offset points", fontsize=_SMALL
+                str(b.right.n), point, offset, textcoords="offset points", fontsize=_SMALL
             )
     axis.set(xlim=(0, 1), ylim=(0, 1.05), aspect="equal")
     axis.set_xlabel("probability of the first-ranked hypothesis")
@@ -144,7 +156,7 @@ def _draw_reliability(axis: Axes, reliability: Reliability) -> None:
 
 
 def _bar(rate: Rate) -> tuple[float, float]:
-    """One standard error down and up, within 0 and 1."""
+    """Return one standard error down and up, within 0 and 1."""
     error = rate.error or 0.0
     return min(error, rate.hits / rate.n), min(error, 1.0 - rate.hits / rate.n)
 
