@@ -1,4 +1,4 @@
-"""What the worker can be asked: the calls by name, with the answers that the page receives."""
+"""The calls that the worker answers, by name, with the answers that the page receives."""
 
 from __future__ import annotations
 

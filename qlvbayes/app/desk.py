@@ -14,7 +14,7 @@ from qlvbayes.app.calls import Calls
 from qlvbayes.app.events import Events
 from qlvbayes.app.failures import RefusedError, error_content, refused
 from qlvbayes.app.jobs import Job, Jobs
-from qlvbayes.app.sessions import OnBench, Session, Sessions, State, entry
+from qlvbayes.app.sessions import HistoryState, OnBench, Session, Sessions, entry
 
 BUNDLED = {
     "pads": "pads A, B and C, simulated from the paper's Table 1",
@@ -226,14 +226,14 @@ class Desk:
         self.events.publish(session.id, "state", {"pad": pad, "state": entry(state)})
         return {"state": entry(state), "curves": curves}
 
-    def _keep(self, session: Session, pad: str, state: State) -> None:
+    def _keep(self, session: Session, pad: str, state: HistoryState) -> None:
         """Publish a new state, and compute its held-out error."""
         self.events.publish(session.id, "state", {"pad": pad, "state": entry(state)})
         self._later(None, self._held_out(session, pad, state))
 
-    async def _held_out(self, session: Session, pad: str, state: State) -> None:
-        found = await self._ask("held_out", **self._where(session, pad), model=state.model)
-        state.heldout = found["heldout"]
+    async def _held_out(self, session: Session, pad: str, state: HistoryState) -> None:
+        answer = await self._ask("held_out", **self._where(session, pad), model=state.model)
+        state.heldout = answer["heldout"]
         self.events.publish(session.id, "state", {"pad": pad, "state": entry(state)})
         session.save()
 
@@ -371,10 +371,10 @@ def _truth(file: Path) -> dict[str, Any] | None:
     except (OSError, ValueError, KeyError):
         return None
     lines = [
-        f"{effect['effect']} ({', '.join(f'{k} = {v:.3g}' for k, v in effect['parameters'].items())})"
-        for effect in effects
+        f"{one['effect']} ({', '.join(f'{k} = {v:.3g}' for k, v in one['parameters'].items())})"
+        for one in effects
     ]
     return {
-        "effects": [effect["effect"] for effect in effects],
+        "effects": [one["effect"] for one in effects],
         "text": " and ".join(lines) if lines else "nothing was hidden",
     }

@@ -70,8 +70,8 @@ def has_noise(names: Iterable[str]) -> bool:
 def wanted_names(choices: Choices, given: Iterable[str]) -> list[str]:
     """Return the names of a model's constants, in order, with the noise's where they are given."""
     noise = has_noise(given)
-    found = [name for field in described_fields(choices) for name in field.names]
-    return [name for name in found if noise or not name.startswith("noise.")]
+    all_names = [name for field in described_fields(choices) for name in field.names]
+    return [name for name in all_names if noise or not name.startswith("noise.")]
 
 
 def check_draws(choices: Choices, draws: Mapping[str, np.ndarray]) -> None:

@@ -20,7 +20,7 @@ class AbstractPrior(eqx.Module):
 
     A prior stands in the field of a model where a number would stand: the constant is then free. It
     also maps an unconstrained vector y, in which samplers and optimisers move, to the value of the
-    constants. A prior of one's own extends `AbstractScalarPrior`.
+    constants. A user's own prior extends `AbstractScalarPrior`.
     """
 
     @property

@@ -140,29 +140,29 @@ def _fitted(way: Floats, load: Floats, level: float) -> FirstContact | None:
     if len(d) < _LEAST + _FEW or d[-1] <= d[0]:
         return None
     tried = [_best_point(d, f, power) for power in _POWERS]
-    misfits, places = (np.array(column) for column in zip(*tried, strict=True))
+    misfits, points = (np.array(column) for column in zip(*tried, strict=True))
     best = int(np.argmin(misfits))
-    before = d <= places[best]
+    before = d <= points[best]
     if np.count_nonzero(before) < _LEAST or np.count_nonzero(~before) < _FEW:
         return None
     force = f[before]
     own = float(np.std(force)) / np.sqrt(max(_independent(force), 1.0))
-    rise = _rises(d, f, float(places[best]), _POWERS[best])
+    rise = _rises(d, f, float(points[best]), _POWERS[best])
     free = max(_independent(f - rise) - _CONSTANTS, 1.0)
     least = max(float(misfits[best]), _EXACT * float(f @ f))
     heights = -0.5 * free * np.log(np.maximum(misfits, least) / least)
     likely = np.flatnonzero(heights > -_UNLIKELY)
     sds = np.array(
         [
-            _width(d, f, _POWERS[k], float(places[k]), max(misfits[k], least) * (1.0 + 1.0 / free))
+            _width(d, f, _POWERS[k], float(points[k]), max(misfits[k], least) * (1.0 + 1.0 / free))
             for k in likely
         ]
     )
     weights = np.exp(heights[likely]) * sds  # with the point of contact integrated out
     weights /= weights.sum()
-    place = float(weights @ places[likely])
-    sd = float(np.sqrt(weights @ (sds**2 + (places[likely] - place) ** 2)))
-    return FirstContact(place, sd, float(force.mean()), own, 0)
+    point = float(weights @ points[likely])
+    sd = float(np.sqrt(weights @ (sds**2 + (points[likely] - point) ** 2)))
+    return FirstContact(point, sd, float(force.mean()), own, 0)
 
 
 def _best_point(d: Floats, f: Floats, power: float) -> tuple[float, float]:
@@ -185,26 +185,26 @@ def _averaged(values: Floats) -> Floats:
     return values[:whole].reshape(-1, count).mean(axis=1)
 
 
-def _rises(d: Floats, f: Floats, place: float, power: float) -> Floats:
+def _rises(d: Floats, f: Floats, point: float, power: float) -> Floats:
     """Return the best F0 + a x^p + b x^(p+1) (n,) of a point of contact."""
-    rise, further = _columns(d, np.array([place]), power)
-    _, a, b = _solved(rise, further, f, power, _reach(d, np.array([place])))
+    rise, further = _columns(d, np.array([point]), power)
+    _, a, b = _solved(rise, further, f, power, _reach(d, np.array([point])))
     rises = a[:, None] * rise + b[:, None] * further
     return np.asarray((rises - rises.mean(axis=1, keepdims=True))[0] + f.mean())
 
 
-def _columns(d: Floats, places: Floats, power: float) -> tuple[Floats, Floats]:
+def _columns(d: Floats, points: Floats, power: float) -> tuple[Floats, Floats]:
     """Return x^p and x^(p+1) (points, n); powers are halves, which need no logarithm."""
-    x = np.maximum(d - places[:, None], 0.0) / float(d[-1] - d.min())
+    x = np.maximum(d - points[:, None], 0.0) / float(d[-1] - d.min())
     whole, half = divmod(power, 1.0)
     rise = x if whole == 1.0 else x * x if whole == 2.0 else x * x * x
     rise = rise * np.sqrt(x) if half else rise
     return rise, rise * x
 
 
-def _reach(d: Floats, places: Floats) -> Floats:
+def _reach(d: Floats, points: Floats) -> Floats:
     """Return the largest x (points,)."""
-    return np.asarray(np.maximum(d.max() - places, 0.0) / float(d[-1] - d.min()))
+    return np.asarray(np.maximum(d.max() - points, 0.0) / float(d[-1] - d.min()))
 
 
 def _solved(
@@ -233,25 +233,25 @@ def _solved(
     return np.maximum(errors, 0.0), a, b
 
 
-def _errors(d: Floats, f: Floats, places: Floats, power: float) -> Floats:
-    rise, further = _columns(d, places, power)
-    return _solved(rise, further, f, power, _reach(d, places))[0]
+def _errors(d: Floats, f: Floats, points: Floats, power: float) -> Floats:
+    rise, further = _columns(d, points, power)
+    return _solved(rise, further, f, power, _reach(d, points))[0]
 
 
-def _width(d: Floats, f: Floats, power: float, place: float, allowed: float) -> float:
+def _width(d: Floats, f: Floats, power: float, point: float, allowed: float) -> float:
     """Return half the width of the points whose squared error stays below ``allowed``."""
     low, high = float(d.min()), float(d[-1])
-    near, far = place - low, high - place
+    near, far = point - low, high - point
     for _ in range(_ROUNDS):  # narrows the grid around the limits
         below, above = (
-            np.linspace(place - near, place, _GRID),
-            np.linspace(place, place + far, _GRID),
+            np.linspace(point - near, point, _GRID),
+            np.linspace(point, point + far, _GRID),
         )
         left = int(np.argmax(_errors(d, f, below, power) <= allowed))
         right = _GRID - 1 - int(np.argmax(_errors(d, f, above, power)[::-1] <= allowed))
         near, far = (
-            place - float(below[max(left - 1, 0)]),
-            float(above[min(right + 1, _GRID - 1)]) - place,
+            point - float(below[max(left - 1, 0)]),
+            float(above[min(right + 1, _GRID - 1)]) - point,
         )
     return 0.5 * (near + far)
 

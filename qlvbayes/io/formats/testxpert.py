@@ -76,10 +76,7 @@ def names_row(rows: Sequence[Sequence[str]]) -> int:
 
 
 def _units(lines: Lines, header: int) -> str:
-    """Return whether the units are 'beside' the names or 'below' them.
-
-    Empty where there are none.
-    """
+    """Return where the units are: ``beside`` the names or ``below`` them; empty if nowhere."""
     separator = separator_of(lines.texts[header])
     if all(column.unit for column in in_cells(cells_of(lines.texts[header], separator))):
         return "beside"

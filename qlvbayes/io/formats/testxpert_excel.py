@@ -91,13 +91,13 @@ def _texts(row: Any) -> list[str]:
 
 def _test(title: str, rows: list[Any], header: int, path: Path) -> Recording:
     names, below = _texts(rows[header]), _texts(rows[header + 1])
-    beside = in_cells(names)
-    written = [column for column in beside if column.name]
-    columns = beside if all(c.unit for c in written) else in_two_rows(names, below)
+    one_row = in_cells(names)
+    written = [column for column in one_row if column.name]
+    columns = one_row if all(c.unit for c in written) else in_two_rows(names, below)
     picked = chosen(columns, path, header + 1)
     values = [_numbers(rows[header + 1 :], named.index) for named in picked.values()]
     good = np.logical_and.reduce([np.isfinite(column) for column in values])
-    units = int(columns is not beside)  # the row of units is not counted as lost
+    units = int(columns is not one_row)  # the row of units is not counted as lost
     lost = int(np.count_nonzero(~good)) - units
     dropped = {"rows without numbers": lost} if lost else {}
     return recording(columns, picked, [column[good] for column in values], dropped, title)

@@ -50,9 +50,9 @@ class OrientedRecording:
         travelled = self.contact.place - float(self.way[0]) > _AGREES * self.contact.sd
         return travelled or abs(self.contact.force) <= _REST * self.peak
 
-    def written(self, place: float) -> str:
+    def written(self, displacement: float) -> str:
         """Return a displacement as text with its sign in the file."""
-        return f"{self.signs.way * place:.6g}"
+        return f"{self.signs.way * displacement:.6g}"
 
 
 @dataclass(frozen=True)
@@ -99,9 +99,9 @@ def _zero(
         return Zero(0.0, 0.0, "contact at the file's own zero, as said", contact=one.contact)
     length = one.units.displacement
     if answers.contact is not None:
-        place = one.signs.way * float(answers.contact)
+        position = one.signs.way * float(answers.contact)
         finding = f"contact at {float(answers.contact):.6g} {length}, as said"
-        return Zero(place, 0.0, finding, contact=one.contact)
+        return Zero(position, 0.0, finding, contact=one.contact)
     if one.units.dimensionless:
         finding = "strain has the file's own zero: a fixed specimen has no contact"
         return Zero(0.0, 0.0, finding)
@@ -141,13 +141,13 @@ def _agreed(others: Sequence[OrientedRecording]) -> _Agreed | None:
     if np.count_nonzero(alike) < max(_ENOUGH, len(seen) / 2.0):
         return None
     weights = sds[alike] ** -2.0
-    place = float(np.average(positions[alike], weights=weights))
+    position = float(np.average(positions[alike], weights=weights))
     spread = float(np.std(positions[alike])) / np.sqrt(np.count_nonzero(alike))
     forces = np.array([c.force for c in seen])[alike]
     own = np.array([c.force_sd for c in seen])[alike]
     force_sd = float(np.hypot(np.std(forces), np.sqrt(np.mean(own**2))))
     sd = float(np.hypot(weights.sum() ** -0.5, spread))
-    return _Agreed(place, sd, float(np.mean(forces)), force_sd, int(np.count_nonzero(alike)))
+    return _Agreed(position, sd, float(np.mean(forces)), force_sd, int(np.count_nonzero(alike)))
 
 
 def _from_others(one: OrientedRecording, agreed: _Agreed) -> Zero:
@@ -213,13 +213,13 @@ def _at_start(one: OrientedRecording) -> Zero | UnsureError:
             f"zero, or '{FILE}' for its own zero",
             say="VALUE, or --contact file for the file's own zero",
         )
-    place = float(way[0])
-    near = abs(place) <= _NEAR * float(np.ptp(way))
-    where = "the file's own zero" if near else f"the first row, {one.written(place)}"
+    position = float(way[0])
+    near = abs(position) <= _NEAR * float(np.ptp(way))
+    where = "the file's own zero" if near else f"the first row, {one.written(position)}"
     # the force of the first row over the mean stiffness bounds how far contact may lie above
-    reach = abs(first) / peak * float(way[int(np.argmax(load))] - place)
+    reach = abs(first) / peak * float(way[int(np.argmax(load))] - position)
     finding = (
         f"contact at {where} {length}: there is no approach, and the first row has "
         f"{share:.2%} of the peak force (it may lie {reach:.2g} {length} higher)"
     )
-    return Zero(0.0 if near else place, 0.0, finding)
+    return Zero(0.0 if near else position, 0.0, finding)
