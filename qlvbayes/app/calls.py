@@ -1,4 +1,4 @@
-"""The server's end of the worker: calls that wait for their answer, and a restart if it dies."""
+"""Send calls to the worker and wait for their answers; restart the worker if it dies."""
 
 from __future__ import annotations
 

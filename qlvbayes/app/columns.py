@@ -1,4 +1,4 @@
-"""A table with an unknown header: the user states each column's quantity and unit."""
+"""Read a table with an unknown header: the user states each column's quantity and unit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The calls that the worker answers, by name, with the answers that the page receives."""
+"""Define the calls that the worker answers, with the answers that the page receives."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The actions of a session: read files, open pads, change models, take guesses, order jobs."""
+"""Do the actions of a session: read files, open pads, change models, take guesses, order jobs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Server-sent events: what happens in a session, for every page that shows it."""
+"""Send events of a session to every page that shows it (server-sent events)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The process of a job: it waits, warm, for an order, carries it out, and reports its progress.
+"""Run a job in its process: wait, warm, for an order, carry it out, and report progress.
 
 It leaves the files that the commands leave, so that any command can continue from there.
 """

@@ -1,4 +1,4 @@
-"""Long work in processes of its own: a queue, one warm process, progress, cancelling."""
+"""Run long work in processes of its own: a queue, one warm process, progress, cancelling."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A spawned Python process with JSON lines over its pipes.
+"""Spawn a Python process, and exchange JSON lines with it over its pipes.
 
 The server has a `Process`; the process has its `Parent`. It is a new interpreter, never a fork. It
 ends when its standard input does, so that no process outlives the server.

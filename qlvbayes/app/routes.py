@@ -1,4 +1,4 @@
-"""The routes of docs/app_api.md."""
+"""Answer the routes of docs/app_api.md."""
 
 from __future__ import annotations
 

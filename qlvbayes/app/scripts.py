@@ -1,4 +1,4 @@
-"""The steps of a session as a Python script and as command lines."""
+"""Write the steps of a session as a Python script and as command lines."""
 
 from __future__ import annotations
 

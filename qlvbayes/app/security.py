@@ -1,4 +1,4 @@
-"""Which requests are answered, and what the browser may do with the answer.
+"""Decide which requests are answered, and what the browser may do with the answer.
 
 A page of another site can make the browser send requests to this server. It cannot read the token,
 set its own header without permission, or hide its origin: therefore all three are checked.

@@ -1,4 +1,4 @@
-"""The server's process: run as a file, in an interpreter that never loads JAX.
+"""Run the server's process, as a file, in an interpreter that never loads JAX.
 
 ``import qlvbayes`` may load JAX. An empty package in its place lets the server's modules be
 imported without it.

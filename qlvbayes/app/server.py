@@ -1,4 +1,4 @@
-"""The server: its parts put together, its start and end, and what it prints."""
+"""Put the server's parts together, start and end it, and print its address."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sessions: a folder each, an ordinary OUT of the commands, with ``bench.json`` in it.
+"""Keep sessions: a folder each, an ordinary OUT of the commands, with ``bench.json`` in it.
 
 ``bench.json`` holds all that a session stores: opening it again restores every state.
 """

@@ -1,4 +1,4 @@
-"""Tables of a session as CSV: residuals by sample, and the constants with their fit."""
+"""Write tables of a session as CSV: residuals by sample, and the constants with their fit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The worker: one warm process that computes what the page asks for.
+"""Run the worker: one warm process that computes what the page asks for.
 
 Two threads answer. Calls that a slider or a first view waits for precede all others: running fits
 and compilations leave Python free meanwhile. All other calls are answered in turn, and long ones

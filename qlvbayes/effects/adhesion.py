@@ -1,4 +1,4 @@
-"""Adhesion: tension on retraction, then release."""
+"""Define adhesion: the surface carries tension on retraction, then lets go."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Backlash: play between the encoder and the platen."""
+"""Define backlash: there is play between the encoder and the platen."""
 
 from __future__ import annotations
 

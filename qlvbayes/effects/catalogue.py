@@ -1,4 +1,4 @@
-"""The effects that come with the package, in the order they are listed in, and a user's own."""
+"""List the effects that come with the package, and read a user's own."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Channel lag: the force is recorded late."""
+"""Define channel lag: the force is recorded late."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The common base of effects that change the force with the pad's clock."""
+"""Define the common base of effects that change the force with the pad's clock."""
 
 from __future__ import annotations
 

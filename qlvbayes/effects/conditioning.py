@@ -1,4 +1,4 @@
-"""Conditioning: each test leaves the pad weaker for the next ones, less and less so."""
+"""Define conditioning: each test leaves the pad weaker for the next ones, less and less so."""
 
 from __future__ import annotations
 

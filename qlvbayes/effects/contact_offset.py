@@ -1,4 +1,4 @@
-"""Contact offset: contact begins before or after the displacement's zero."""
+"""Define contact offset: contact begins before or after the displacement's zero."""
 
 from __future__ import annotations
 

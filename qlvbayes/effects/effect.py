@@ -1,4 +1,4 @@
-"""The interface of effects. A new effect is one class in one file."""
+"""Define the interface of effects. A new effect is one class in one file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Extra relaxation mode: one more Prony term."""
+"""Define an extra relaxation mode: one more Prony term."""
 
 from __future__ import annotations
 

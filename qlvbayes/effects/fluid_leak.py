@@ -1,4 +1,4 @@
-"""Fluid leak: fluid is lost for good, and the pad weakens from test to test."""
+"""Define fluid leak: fluid is lost for good, and the pad weakens from test to test."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fluid pressure, which builds up with compression and drains away."""
+"""Define fluid pressure, which builds up with compression and drains away."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Force drift: the load cell's zero drifts."""
+"""Define force drift: the load cell's zero drifts."""
 
 from __future__ import annotations
 

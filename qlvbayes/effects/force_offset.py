@@ -1,4 +1,4 @@
-"""Force offset: the load cell's zero is off."""
+"""Define force offset: the load cell's zero is off."""
 
 from __future__ import annotations
 

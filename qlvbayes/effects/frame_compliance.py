@@ -1,4 +1,4 @@
-"""Frame compliance: the rig deflects in proportion to force."""
+"""Define frame compliance: the rig deflects in proportion to force."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Friction: dry friction that reverses over a short distance."""
+"""Define friction: dry friction reverses over a short distance."""
 
 from __future__ import annotations
 

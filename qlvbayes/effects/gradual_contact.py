@@ -1,4 +1,4 @@
-"""Gradual contact, which makes a rounded toe."""
+"""Define gradual contact, which makes a rounded toe."""
 
 from __future__ import annotations
 

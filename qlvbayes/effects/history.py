@@ -1,4 +1,4 @@
-"""What effects compute from a test's past: largest depth, fading memory, material time."""
+"""Compute what effects need of a test's past: largest depth, fading memory, material time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Inertia of the mass that moves with the load cell."""
+"""Define the inertia of the mass that moves with the load cell."""
 
 from __future__ import annotations
 

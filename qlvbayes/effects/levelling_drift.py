@@ -1,4 +1,4 @@
-"""Levelling drift: the load cell's zero drifts less and less."""
+"""Define levelling drift: the load cell's zero drifts less and less."""
 
 from __future__ import annotations
 

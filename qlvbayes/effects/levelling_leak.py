@@ -1,4 +1,4 @@
-"""Levelling leak: fluid leaks out and back, and the pad weakens less and less."""
+"""Define levelling leak: fluid leaks out and back, and the pad weakens less and less."""
 
 from __future__ import annotations
 

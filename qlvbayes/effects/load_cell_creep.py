@@ -1,4 +1,4 @@
-"""Creep of the load cell under load."""
+"""Define the creep of the load cell under load."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Offsets by test: the load cell's zero differs from test to test, for whatever reason."""
+"""Define offsets by test: the load cell's zero differs from test to test."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Permanent set: the pad's surface does not come back after it was pressed."""
+"""Define permanent set: the pad's surface does not come back after it was pressed."""
 
 from __future__ import annotations
 

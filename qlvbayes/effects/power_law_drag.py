@@ -1,4 +1,4 @@
-"""Power-law drag: drag proportional to a power of the speed."""
+"""Define power-law drag, which is proportional to a power of the speed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Power-law drainage: fluid pressure that drains as a power of itself."""
+"""Define power-law drainage: fluid pressure drains as a power of itself."""
 
 from __future__ import annotations
 

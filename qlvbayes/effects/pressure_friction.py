@@ -1,4 +1,4 @@
-"""Pressure friction: dry friction that grows with the pad's force."""
+"""Define pressure friction: dry friction grows with the pad's force."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Second contact: a void that closes, or a backing that is reached."""
+"""Define second contact: a void closes, or a backing is reached."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Slow change: the scale of the force changes smoothly with the clock, for whatever reason."""
+"""Define slow change: the scale of the force changes smoothly with the clock."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What effects take from a study's clock: times and rates that it resolves, and a smooth curve."""
+"""Compute what effects need of a study's clock: resolved times and rates, and a smooth curve."""
 
 from __future__ import annotations
 

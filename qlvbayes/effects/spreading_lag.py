@@ -1,4 +1,4 @@
-"""Spreading lag: the force is recorded late, and smoothed."""
+"""Define spreading lag: the force is recorded late, and smoothed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Squeeze film: a liquid film whose drag grows as it gets thin."""
+"""Define squeeze film: the drag of a liquid film grows as it gets thin."""
 
 from __future__ import annotations
 

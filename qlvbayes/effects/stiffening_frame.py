@@ -1,4 +1,4 @@
-"""Stiffening frame: the rig deflects with force, the less the larger the force is."""
+"""Define stiffening frame: the rig deflects with force, the less the larger the force is."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Strain-dependent rate: relaxation runs faster or slower with depth."""
+"""Define strain-dependent rate: relaxation runs faster or slower with depth."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Strain-dependent strength: how much relaxes depends on depth."""
+"""Define strain-dependent strength: how much relaxes depends on depth."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Stress softening: the pad is softer below the largest depth so far."""
+"""Define stress softening: the pad is softer below the largest depth so far."""
 
 from __future__ import annotations
 

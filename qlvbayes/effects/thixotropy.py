@@ -1,4 +1,4 @@
-"""Thixotropy: motion breaks down structure, and rest builds it up again."""
+"""Define thixotropy: motion breaks down structure, and rest builds it up again."""
 
 from __future__ import annotations
 

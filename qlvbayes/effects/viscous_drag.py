@@ -1,4 +1,4 @@
-"""Viscous drag: drag proportional to speed."""
+"""Define viscous drag, which is proportional to speed."""
 
 from __future__ import annotations
 

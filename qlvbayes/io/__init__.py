@@ -1,1 +1,1 @@
-"""Files and what users read of them: measurements, machines' layouts, units, error messages."""
+"""Read and write files: measurements, machines' layouts, units, results, error messages."""

@@ -1,4 +1,4 @@
-"""The error that a user can correct, and one frequent case of it."""
+"""Define the error that a user can correct, and one frequent case of it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Measurements: a study of pads, each with its tests, read from one tidy CSV file."""
+"""Read measurements, a study of pads each with its tests, from one tidy CSV file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Compiled functions that processes share, kept on disk as XLA made them.
+"""Share compiled functions between processes, on disk as XLA made them.
 
 JAX's own cache keeps what XLA made of a function, but each process traces and lowers the function
 anew to look it up: a hundred small functions take seconds. Here the executable itself lies in the

@@ -1,4 +1,4 @@
-"""Results as types: a frozen record and the JSON file that holds it, each made from the other.
+"""Make frozen records and the JSON files that hold them, each from the other.
 
 msgspec reads and checks them: one wheel of half a megabyte without dependencies. It refuses a wrong
 type and names its location in the file; code of our own would be as long as this module again, and

@@ -1,4 +1,4 @@
-"""Configuration of JAX: double precision, and compiled functions kept between processes."""
+"""Configure JAX: double precision, and compiled functions kept between processes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Systems of units, and the suffixes for units in column names.
+"""Define systems of units, and the suffixes for units in column names.
 
 Displacement and force stay in the units of the file; time is in s.
 """

@@ -1,4 +1,4 @@
-"""Classes from a user's own Python file."""
+"""Import classes from a user's own Python file."""
 
 from __future__ import annotations
 

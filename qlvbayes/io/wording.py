@@ -1,4 +1,4 @@
-"""Numbers and lists of words as text for messages."""
+"""Write numbers and lists of words as text for messages."""
 
 from __future__ import annotations
 

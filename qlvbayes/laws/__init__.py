@@ -1,4 +1,4 @@
-"""Laws of the material, one class a file: elastic laws and relaxation laws."""
+"""Define laws of the material, one class a file: elastic laws and relaxation laws."""
 
 from qlvbayes.laws.catalogue import LAWS, Laws
 from qlvbayes.laws.conformance import check_law

@@ -1,4 +1,4 @@
-"""The laws that come with the package, in the order in which they are listed, and a user's own."""
+"""List the laws that come with the package, and read a user's own."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The rules that every law has to keep, checked by one function that a test can call."""
+"""Check the rules that every law has to keep, by one function that a test can call."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-r"""The hereditary integral in O(N), exact for displacement that is piecewise linear in time.
+r"""Compute the hereditary integral in O(N), exact for piecewise linear displacement.
 
 A smooth motion may also give the deviation of each step's midpoint from the straight line, which is
 taken into account to first order.

@@ -1,4 +1,4 @@
-"""The force law that an effect wraps: the material and the effects beneath it."""
+"""Define the force law that an effect wraps: the material and the effects beneath it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The motion of one test as the model takes it: displacement and its rates on a grid of times."""
+"""Describe the motion of one test: displacement and its rates on a grid of times."""
 
 from __future__ import annotations
 

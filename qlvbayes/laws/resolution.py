@@ -1,4 +1,4 @@
-"""Relaxation times that a pad's tests do not resolve, so that their prior decides about them."""
+"""Name relaxation times that the tests do not resolve, so that their prior decides about them."""
 
 from __future__ import annotations
 

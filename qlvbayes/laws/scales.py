@@ -1,4 +1,4 @@
-"""The scales of a study's tests, which set the widths of default priors."""
+"""Define the scales of a study's tests, which set the widths of default priors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Divided differences of the exponential that stay exact, with finite gradients, at 0/0."""
+"""Compute divided differences of the exponential that are exact and smooth at 0/0."""
 
 from __future__ import annotations
 

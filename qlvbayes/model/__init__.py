@@ -1,1 +1,1 @@
-"""The model of a specimen with its noise: forces, likelihood, posterior, and a user's choices."""
+"""Define the model of a specimen with its noise: forces, likelihood, posterior, choices."""

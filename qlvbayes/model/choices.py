@@ -1,4 +1,4 @@
-"""A user's choices: the laws, the number of modes, the noise, effects, and single priors."""
+"""Hold a user's choices: the laws, the number of modes, the noise, effects, and single priors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The draws of a posterior as models whose constants are numbers."""
+"""Make models of a posterior's draws; their constants are numbers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The dual problem: the displacement of a whole test whose force is prescribed."""
+"""Solve the dual problem: find the displacement of a whole test whose force is prescribed."""
 
 from __future__ import annotations
 

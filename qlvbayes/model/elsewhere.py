@@ -1,4 +1,4 @@
-"""Posteriors made by other programs: which model their names of constants describe."""
+"""Find which model the posterior of another program describes, by its names of constants."""
 
 from __future__ import annotations
 

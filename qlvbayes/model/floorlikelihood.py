@@ -1,4 +1,4 @@
-r"""Likelihood of block means under measured noise and a discrepancy whose size is summed over.
+r"""Compute the likelihood under measured noise and a discrepancy whose size is summed over.
 
 The noise floor has the covariance :math:`\phi^2 \Sigma` and the discrepancy :math:`s^2 K`, of which
 only the scale :math:`\phi` and the size s are unknown. With :math:`A \Sigma A^T = 1` and :math:`A K

@@ -1,4 +1,4 @@
-"""The model of a specimen: an elastic law, a relaxation law, effects, and whether it can pull."""
+"""Define the model of a specimen: elastic law, relaxation law, effects, and whether it can pull."""
 
 from __future__ import annotations
 

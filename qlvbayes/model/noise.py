@@ -1,4 +1,4 @@
-"""Measurement noise: its likelihood, sample by sample or over block averages, and its draws.
+"""Define measurement noise: its likelihood, of samples or of block averages, and its draws.
 
 A new noise model is one class here, and a line in ``NOISES``; its fields are numbers or priors.
 """

@@ -1,4 +1,4 @@
-"""A user's settings of single constants: ``v[1]=lognormal(1.8,0.5)``, ``v[2]=0.14``."""
+"""Apply a user's settings of single constants: ``v[1]=lognormal(1.8,0.5)``, ``v[2]=0.14``."""
 
 from __future__ import annotations
 

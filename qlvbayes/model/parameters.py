@@ -1,4 +1,4 @@
-"""The names of a model's constants: ``m``, ``b``, ``c[0]``, ``v[1]``, ``noise.white``."""
+"""Name a model's constants: ``m``, ``b``, ``c[0]``, ``v[1]``, ``noise.white``."""
 
 from __future__ import annotations
 

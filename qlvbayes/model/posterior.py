@@ -1,4 +1,4 @@
-"""The posterior density over a flat vector of free parameters."""
+"""Compute the posterior density over a flat vector of free parameters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figures for papers: one function a figure, which returns its axes and opens no window.
+"""Draw figures for papers: one function a figure, which returns its axes and opens no window.
 
 Every function takes ``width`` in mm (85 for one column of a journal, 180 for two). ``save_figure``
 writes PNG and PDF, ``figure_of`` returns the figure to show in a notebook, and ``using`` sets a

@@ -1,4 +1,4 @@
-"""The figure of a benchmark: confusion matrix, reliability, errors on left-out tests."""
+"""Draw a benchmark: confusion matrix, reliability, errors on left-out tests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Squares of a map of tests against phases, darker where a model is further off."""
+"""Draw squares of a map of tests against phases, darker where a model is further off."""
 
 from __future__ import annotations
 

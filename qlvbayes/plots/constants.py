@@ -1,4 +1,4 @@
-"""The figure of all pads' constants with their intervals and reference values."""
+"""Draw all pads' constants with their intervals and reference values."""
 
 from __future__ import annotations
 

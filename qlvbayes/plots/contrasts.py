@@ -1,4 +1,4 @@
-"""The figure of a comparison of two pads, or two fluids: ratios against what counts as equal."""
+"""Draw a comparison of two pads, or two fluids: ratios against what counts as equal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The figure of a conversion of machine files: displacement, force, and first contact."""
+"""Draw a conversion of machine files: displacement, force, and first contact."""
 
 from __future__ import annotations
 

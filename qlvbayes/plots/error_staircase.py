@@ -1,4 +1,4 @@
-"""The figure of how the error falls toward the noise floor as effects are added."""
+"""Draw how the error falls toward the noise floor as effects are added."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The figure of the evidence for every effect."""
+"""Draw the evidence for every effect."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The figure of force against time, test by test and phase by phase: measured and predicted."""
+"""Draw force against time, test by test and phase by phase: measured and predicted."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The figure of force against time at a few loading rates, for several pads."""
+"""Draw force against time at a few loading rates, for several pads."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The figure of force against time, measured and by two models, with the models' residuals."""
+"""Draw force against time, measured and by two models, with the models' residuals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The figure of force against displacement: the loops of every test, measured and predicted."""
+"""Draw force against displacement: the loops of every test, measured and predicted."""
 
 from __future__ import annotations
 

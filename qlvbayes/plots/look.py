@@ -1,4 +1,4 @@
-"""The figure of a first look: readings, motion, and the readings less the motion."""
+"""Draw a first look at a pad's tests: readings, motion, and the readings less the motion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The verdict, the models and the constants as text in figures."""
+"""Write the verdict, the models and the constants as text for figures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The figure of proposed tests: the motion, and the force that each explanation expects."""
+"""Draw proposed tests: the motion, and the force that each explanation expects."""
 
 from __future__ import annotations
 

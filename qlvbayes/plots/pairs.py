@@ -1,4 +1,4 @@
-"""The figure of a pad's joint posterior: pairs of constants, and the shares c in a triangle."""
+"""Draw a pad's joint posterior: pairs of constants, and the shares c in a triangle."""
 
 from __future__ import annotations
 

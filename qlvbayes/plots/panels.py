@@ -1,4 +1,4 @@
-"""The layout of a figure whose rows are tests and whose columns are phases."""
+"""Lay out a figure whose rows are tests and whose columns are phases."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The figure of a prescribed programme and the specimen's response, with posterior bands."""
+"""Draw a prescribed programme and the specimen's response, with posterior bands."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The figure of how a pad was pressed: displacement against time of every test."""
+"""Draw how a pad was pressed: displacement against time of every test."""
 
 from __future__ import annotations
 

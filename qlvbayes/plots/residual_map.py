@@ -1,4 +1,4 @@
-"""The figure of where a model fails: tests against phases, in units of the noise floor."""
+"""Draw where a model fails: tests against phases, in units of the noise floor."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The figure of where the baseline model fails, and what is left once effects are added."""
+"""Draw where the baseline model fails, and what is left once effects are added."""
 
 from __future__ import annotations
 

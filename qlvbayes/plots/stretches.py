@@ -1,4 +1,4 @@
-"""A test's samples phase by phase, and the columns of panels that show them."""
+"""Divide a test's samples into phases, and into the columns of panels that show them."""
 
 from __future__ import annotations
 

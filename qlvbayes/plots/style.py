@@ -1,4 +1,4 @@
-"""The look of every figure: widths of a journal's columns, type, colours, and a user's settings."""
+"""Set the look of figures: widths of a journal's columns, type, colours, a user's settings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Time axes for whole tests: milliseconds and half-minutes, logarithmic and linear."""
+"""Set up time axes for whole tests: milliseconds and half-minutes, logarithmic and linear."""
 
 from __future__ import annotations
 

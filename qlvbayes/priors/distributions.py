@@ -1,4 +1,4 @@
-"""Priors of one number each: a density, and the map from an unconstrained number to its support."""
+"""Define priors of one number: a density, and the map from an unconstrained number."""
 
 from __future__ import annotations
 

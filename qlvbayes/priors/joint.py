@@ -1,4 +1,4 @@
-"""Priors of several numbers together: fractions that sum to one, and rates in falling order."""
+"""Define priors of several numbers together: fractions that sum to one, rates in falling order."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Priors over the value itself, or its logarithm, within bounds.
+"""Define priors over the value itself, or its logarithm, within bounds.
 
 A map to an unbounded number would send a bound to infinity: an optimiser would never reach a mode
 that lies at a bound, and no normal density would approximate the posterior around it. Over the

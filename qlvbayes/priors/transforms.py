@@ -1,4 +1,4 @@
-r"""Maps from unconstrained numbers to positive, bounded, simplex and ordered ones.
+r"""Map unconstrained numbers to positive, bounded, simplex and ordered ones.
 
 Each ``to_*`` returns the value and log\|d value / d y\|; each ``from_*`` inverts it.
 """

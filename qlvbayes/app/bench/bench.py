@@ -1,4 +1,4 @@
-"""A pad on the bench: models laid over its tests by hand, with their forces and errors."""
+"""Lay models over a pad's tests by hand, and compute their forces and errors."""
 
 from __future__ import annotations
 

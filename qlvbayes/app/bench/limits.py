@@ -1,4 +1,4 @@
-"""The error that noise alone makes in a cell of test and phase."""
+"""Compute the error that noise alone makes in a cell of test and phase."""
 
 from __future__ import annotations
 

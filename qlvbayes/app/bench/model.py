@@ -1,4 +1,4 @@
-"""A model put together by hand, the values of its constants, and the slider of each."""
+"""Describe a model put together by hand, the values of its constants, and their sliders."""
 
 from __future__ import annotations
 

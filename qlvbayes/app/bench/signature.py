@@ -1,4 +1,4 @@
-"""What an effect would add: its force, scaled to the residual by least squares.
+"""Compute what an effect would add: its force, scaled to the residual by least squares.
 
 With J the slopes of the model's own constants and g the force of the effect of unit size, both over
 the noise, shift d and size a minimise

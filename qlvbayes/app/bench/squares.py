@@ -1,4 +1,4 @@
-r"""Least squares from the positions of the sliders.
+r"""Fit by least squares from the positions of the sliders.
 
 For block means with residual r and slopes J, weighted by the measured noise of each as if blocks
 were independent, the loss

@@ -1,4 +1,4 @@
-"""Atomic force microscopes (JPK), read by afmformats: tip depth and force of every curve."""
+"""Read files of atomic force microscopes (JPK) by afmformats: tip depth and force of curves."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the user answers where files do not state it, and the questions."""
+"""Hold what the user answers where files do not state it, and define the questions."""
 
 from __future__ import annotations
 

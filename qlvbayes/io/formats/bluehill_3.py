@@ -1,4 +1,4 @@
-"""Instron's Bluehill 3: names of the columns in one row, units in parentheses in the next."""
+"""Read Instron's Bluehill 3: names of the columns in one row, units in parentheses below."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Instron's Bluehill Universal: a table of results, then the raw data below a line ``Raw Data``."""
+"""Read Instron's Bluehill Universal: a table of results, then ``Raw Data``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All formats, in the order in which they are listed, and a user's own."""
+"""List all formats, in the order in which they are tried, and read a user's own."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""CellScale UniVert and MicroTester: sets and cycles in columns, units after the names."""
+"""Read CellScale UniVert and MicroTester: sets and cycles in columns, units after names."""
 
 from __future__ import annotations
 

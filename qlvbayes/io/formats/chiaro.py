@@ -1,4 +1,4 @@
-"""Optics11 Chiaro and Piuma: a header of settings, then time, load and indentation."""
+"""Read Optics11 Chiaro and Piuma: a header of settings, then time, load and indentation."""
 
 from __future__ import annotations
 

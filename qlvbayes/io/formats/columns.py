@@ -1,4 +1,4 @@
-"""Which column of a machine's table is which quantity, by names in several languages."""
+"""Find which column of a machine's table is which quantity, by names in several languages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The rules that every format has to keep, checked by one function that a test can call."""
+"""Check the rules that every format has to keep, by one function that a test can call."""
 
 from __future__ import annotations
 

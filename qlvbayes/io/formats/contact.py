@@ -1,4 +1,4 @@
-"""The sign of pressing and the point of first contact, from the data alone."""
+"""Find the sign of pressing and the point of first contact, from the data alone."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The interface of formats: what a testing machine's layout is, and what it reads from a file."""
+"""Define the interface of formats: a testing machine's layout, and what it reads from a file."""
 
 from __future__ import annotations
 

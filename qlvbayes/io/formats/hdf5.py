@@ -1,4 +1,4 @@
-"""HDF5: one-dimensional datasets; those of one group are a test."""
+"""Read HDF5: one-dimensional datasets; those of one group are a test."""
 
 from __future__ import annotations
 

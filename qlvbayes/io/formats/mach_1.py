@@ -1,4 +1,4 @@
-"""Biomomentum Mach-1: blocks of information and of data, one pair for each function; gram-force."""
+"""Read Biomomentum Mach-1: blocks of information and of data, a pair for each function."""
 
 from __future__ import annotations
 

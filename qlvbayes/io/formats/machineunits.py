@@ -1,4 +1,4 @@
-"""Units as machines write them, and the tidy unit that each is converted to."""
+"""Convert units as machines write them to tidy units."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""MATLAB: variables, or the fields of a struct for each test, recognised by their names."""
+"""Read MATLAB files: variables, or the fields of a struct for each test, by their names."""
 
 from __future__ import annotations
 

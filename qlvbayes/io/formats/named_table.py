@@ -1,4 +1,4 @@
-"""Any text table that names its columns with units: rheometers, and programs without marks."""
+"""Read any text table that names its columns with units, as those of rheometers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests from named arrays, as files without a table hold them, and packages that these need."""
+"""Make tests of named arrays, for files without a table, and import the packages they need."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Names of pads and tests, from the user or from the files."""
+"""Name pads and tests, as the user or the files say."""
 
 from __future__ import annotations
 

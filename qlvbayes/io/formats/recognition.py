@@ -1,4 +1,4 @@
-"""The layout of a file, recognised from its first bytes; the nearest where it has none."""
+"""Recognise the layout of a file from its first bytes, or name the nearest layout."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The rows of a recording in order on one clock, and how it was sampled."""
+"""Put the rows of a recording in order on one clock, and describe its sampling."""
 
 from __future__ import annotations
 

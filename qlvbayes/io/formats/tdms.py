@@ -1,4 +1,4 @@
-"""LabVIEW's TDMS, read by npTDMS: the channels of a group are a test."""
+"""Read LabVIEW's TDMS by npTDMS: the channels of a group are a test."""
 
 from __future__ import annotations
 

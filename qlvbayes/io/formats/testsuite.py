@@ -1,4 +1,4 @@
-"""MTS TestSuite: four lines that name the test, then names and units in two rows."""
+"""Read MTS TestSuite: four lines that name the test, then names and units in two rows."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""ZwickRoell testXpert as text: localised names, rows of the approach, uneven sampling."""
+"""Read ZwickRoell testXpert as text: localised names, rows of the approach, uneven sampling."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""ZwickRoell testXpert as an Excel workbook, read by openpyxl: a sheet for each specimen."""
+"""Read ZwickRoell testXpert as an Excel workbook by openpyxl: a sheet for each specimen."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The text of a machine's file: bytes to lines, and lines of numbers to columns."""
+"""Read the text of a machine's file: bytes to lines, and lines of numbers to columns."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A recording from a table in a text file: names, units and rows of numbers."""
+"""Make a recording of a table in a text file: names, units and rows of numbers."""
 
 from __future__ import annotations
 

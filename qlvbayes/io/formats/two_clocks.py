@@ -1,4 +1,4 @@
-"""A laboratory's own file in which displacement and force have a clock each."""
+"""Read a laboratory's own file in which displacement and force have a clock each."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bose (now TA) WinTest: a name ended by a NUL, and a header before every scan."""
+"""Read Bose (now TA) WinTest: a name ended by a NUL, and a header before every scan."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The zero of displacement and force, from the contact in the file or in others of the pad."""
+"""Find the zero of displacement and force, from the contact in the file or in the pad's others."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Single time stamps that are wrong amid even sampling: they repeat, run ahead or fall behind."""
+"""Find single wrong time stamps amid even sampling: they repeat, run ahead or fall behind."""
 
 from __future__ import annotations
 

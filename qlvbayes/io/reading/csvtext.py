@@ -1,4 +1,4 @@
-"""The text of a measurement file: plain or gzip, checked, in blocks of whole lines."""
+"""Read the text of a measurement file, plain or gzip, checked, in blocks of whole lines."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Separator, decimal mark and header line of a measurement file."""
+"""Find separator, decimal mark and header line of a measurement file."""
 
 from __future__ import annotations
 

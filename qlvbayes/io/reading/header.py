@@ -1,4 +1,4 @@
-"""The header line of a measurement file: each column's quantity and unit."""
+"""Read the header line of a measurement file: each column's quantity and unit."""
 
 from __future__ import annotations
 

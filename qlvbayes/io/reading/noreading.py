@@ -1,4 +1,4 @@
-"""Numbers that are no readings: not finite, or a code that a logger writes for a missing one."""
+"""Find numbers that are no readings: not finite, or a logger's code for a missing one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The rows of a measurement file as typed columns, read in bounded memory.
+"""Read the rows of a measurement file as typed columns, in bounded memory.
 
 pandas' C reader reads a block of whole lines at a time. Numbers stay as float64. The text columns
 (pad, test, role and the declared rate and start) change rarely, so only the rows at which any of

@@ -1,1 +1,1 @@
-"""Elastic laws: the force F_e(delta) of an infinitely fast displacement."""
+"""Define elastic laws: the force F_e(delta) of an infinitely fast displacement."""

@@ -1,4 +1,4 @@
-"""The exponential elastic law."""
+"""Define the exponential elastic law."""
 
 from __future__ import annotations
 

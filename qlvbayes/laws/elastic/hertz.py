@@ -1,4 +1,4 @@
-"""The elastic law of Hertz's contact, and other powers of depth."""
+"""Define the elastic law of Hertz's contact, and of other powers of depth."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The interface of elastic laws. A new one is one class in one file."""
+"""Define the interface of elastic laws. A new one is one class in one file."""
 
 from __future__ import annotations
 

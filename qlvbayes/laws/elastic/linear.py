@@ -1,4 +1,4 @@
-"""The linear elastic law."""
+"""Define the linear elastic law."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The elastic law that is a polynomial of two terms."""
+"""Define the elastic law that is a polynomial of two terms."""
 
 from __future__ import annotations
 

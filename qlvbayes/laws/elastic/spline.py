@@ -1,4 +1,4 @@
-"""Stiffness as a free curve over depth, for elasticity that no law of the list describes."""
+"""Define stiffness as a free curve over depth, for elasticity that no listed law describes."""
 
 from __future__ import annotations
 

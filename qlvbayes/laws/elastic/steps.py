@@ -1,4 +1,4 @@
-r"""Moments of a decaying exponential over one step, and the steps of polynomial forces.
+r"""Compute moments of a decaying exponential over one step, and steps of polynomial forces.
 
 .. math:: M_n(a) = \int_0^1 s^n e^{-a (1 - s)} ds, \quad M_n = \frac{1 - n M_{n-1}}{a}, \quad
           M_0 = \frac{1 - e^{-a}}{a}

@@ -1,4 +1,4 @@
-"""The elastic law with a linear toe that goes over into an exponential."""
+"""Define the elastic law with a linear toe that goes over into an exponential."""
 
 from __future__ import annotations
 

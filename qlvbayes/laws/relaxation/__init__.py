@@ -1,1 +1,1 @@
-"""Relaxation laws: the reduced relaxation function g(t), given as a discrete spectrum."""
+"""Define relaxation laws: the reduced relaxation function g(t) as a discrete spectrum."""

@@ -1,4 +1,4 @@
-"""Fung's reduced relaxation function: a box spectrum in the logarithm of time."""
+"""Define Fung's reduced relaxation function: a box spectrum in the logarithm of time."""
 
 from __future__ import annotations
 

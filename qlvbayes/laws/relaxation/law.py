@@ -1,4 +1,4 @@
-"""The interface of relaxation laws. A new one is one class in one file."""
+"""Define the interface of relaxation laws. A new one is one class in one file."""
 
 from __future__ import annotations
 

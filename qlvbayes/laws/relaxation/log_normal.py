@@ -1,4 +1,4 @@
-"""The relaxation law whose times are log-normally distributed."""
+"""Define the relaxation law whose times are log-normally distributed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The relaxation law that is a power of time, and begins at 1."""
+"""Define the relaxation law that is a power of time, and begins at 1."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The relaxation law that is a Prony series."""
+"""Define the relaxation law that is a Prony series."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A relaxation law that is given by its spectrum, for effects that change another law's."""
+"""Define a relaxation law by its spectrum, for effects that change another law's."""
 
 from __future__ import annotations
 

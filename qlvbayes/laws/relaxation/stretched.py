@@ -1,4 +1,4 @@
-"""The stretched exponential, whose rates have the one-sided stable density."""
+"""Define the stretched exponential, whose rates have the one-sided stable density."""
 
 from __future__ import annotations
 
