@@ -68,7 +68,7 @@ class AbstractEffect(eqx.Module):
 
     * ``name``: its name on the command line,
     * ``level`` and, within the level, ``rank``: where it nests,
-    * ``units``: the kind of unit of each constant (a key of `qlvbayes.io.units.PAD`),
+    * ``units``: the kind of unit of each constant (a name that `UnitSystem.of` takes),
     * ``null``: the constants, each with its value, at which the effect vanishes exactly; the first
       is its amplitude,
     * ``law``, ``seen`` and ``reference``: its formula, what a user would see, and its source, in

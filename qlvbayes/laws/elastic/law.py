@@ -18,7 +18,7 @@ class AbstractElastic(eqx.Module):
     also declares
 
     * ``name``: its name after ``--elastic``,
-    * ``units``: the kind of unit of each constant (a key of `qlvbayes.io.units.PAD`),
+    * ``units``: the kind of unit of each constant (a name that `UnitSystem.of` takes),
     * ``meanings``: what each constant means, in a few words,
     * ``law`` and ``reference``: its formula and its source, in one line each,
     * ``listed``: whether it states a form of elasticity. A free curve states none: where it is
