@@ -50,7 +50,7 @@ class Desk:
 
     def shown(self, session: Session) -> dict[str, Any]:
         """Return all that is shown of a session, with the probabilities of a running search."""
-        shown, jobs = session.shown(), self.jobs.of(session.id)
+        shown, jobs = session.shown(), self.jobs.in_session(session.id)
         for job in jobs:
             if job.state == "running" and job.standing:
                 so_far = {key: job.standing[key] for key in ("ranking", "laws")}

@@ -95,14 +95,14 @@ class Jobs:
 
     def add(self, session: str, spec: dict[str, Any], finished: Finished) -> Job:
         """Append a job to the queue; raise RefusedError where the same job is there already."""
-        for other in self.of(session):
+        for other in self.in_session(session):
             same = (other.kind, other.pads) == (spec["kind"], spec["pads"])
             if same and not other.over:
                 raise refused(409, f"a {other.kind} of this is there already", "wait or cancel it")
         job = Job(f"j{next(self._numbers[session])}", session, spec)
         self._jobs[f"{session}/{job.id}"] = job
         self._finished[f"{session}/{job.id}"] = finished
-        over = [one for one in self.of(session) if one.over]
+        over = [one for one in self.in_session(session) if one.over]
         for old in over[: max(0, len(over) - _LISTED)]:
             self._forget(old)
         self._start_next()
@@ -116,7 +116,7 @@ class Jobs:
             raise refused(404, f"there is no job {number}", "ask for the session's state")
         return self._jobs[key]
 
-    def of(self, session: str) -> list[Job]:
+    def in_session(self, session: str) -> list[Job]:
         """Return the jobs of one session."""
         return [job for job in self._jobs.values() if job.session == session]
 
@@ -145,7 +145,7 @@ class Jobs:
 
     async def cancel_all(self, session: str) -> None:
         """Cancel all jobs of one session."""
-        for job in self.of(session):
+        for job in self.in_session(session):
             await self.cancel(job)
             if _key(job) in self._jobs:
                 self._forget(job)

@@ -55,7 +55,7 @@ class Address:
     secure: bool = False
 
     @classmethod
-    def of(cls, host: str, port: int, behind: str | None = None) -> Address:
+    def from_host(cls, host: str, port: int, behind: str | None = None) -> Address:
         """Return the address of a bound host and port, or of a proxy in front of it."""
         if behind is not None:
             parts = urlsplit(behind)

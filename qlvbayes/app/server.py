@@ -127,7 +127,7 @@ def serve(options: Options) -> None:
         _stop(f"{options.sessions}: {error.strerror}; choose another folder with --sessions")
     listening = _bound(options.host, options.port)
     port = int(listening.getsockname()[1])
-    address = Address.of(options.host, port, options.behind)
+    address = Address.from_host(options.host, port, options.behind)
     app = application(options, address)
     base = options.behind or f"http://{_in_url(options.host)}:{port}"
     config = uvicorn.Config(

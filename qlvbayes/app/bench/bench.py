@@ -141,7 +141,7 @@ class Bench:
             experiment,
             choices,
             Samples.of(experiment, density.space),
-            Squares.of(density, floor.white, floor.ou),
+            Squares.from_density(density, floor.white, floor.ou),
         )
 
     @property

@@ -44,7 +44,7 @@ class Squares:
         object.__setattr__(self, "_force", force[self.density.space.real])
 
     @classmethod
-    def of(cls, density: Density, white: float, correlated: float) -> Squares:
+    def from_density(cls, density: Density, white: float, correlated: float) -> Squares:
         """Return the sum of squares under white and correlated noise of these sds (N) of a reading.
 
         The white noise averages out in a block.
