@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from qlvbayes.app import job
-from qlvbayes.app.job import Telling, _choices
+from qlvbayes.app.job import ProgressReporter, _choices
 from qlvbayes.diagnosis.decision import Decision
 from qlvbayes.diagnosis.settings import Settings as Thresholds
 from qlvbayes.diagnosis.standing import Enough, Standing
@@ -28,7 +28,7 @@ STANDING = Standing(
 @pytest.fixture
 def told():
     lines = []
-    watcher = Telling(SimpleNamespace(tell=lines.append))
+    watcher = ProgressReporter(SimpleNamespace(send=lines.append))
     yield watcher, lines
     watcher.end()
 

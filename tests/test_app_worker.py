@@ -20,7 +20,7 @@ class Server:
     def listen(self, heard):
         self.ask = heard
 
-    def tell(self, line, payload=b""):
+    def send(self, line, payload=b""):
         with self.changed:
             self.heard.append(line.get("number", "ready"))
             self.changed.notify_all()

@@ -473,7 +473,7 @@ def test_slopes_are_those_of_differences(kind):
     """Along every constant, in all tests, at a draw of the prior."""
     reference = conformance._reference(1.6, 0.0)
     trial = conformance._Trial(kind.default(reference.scales), reference)
-    at, slopes = trial.draws[1], trial.found[1][1]
+    at, slopes = trial.draws[1], trial.at_draws[1][1]
     for k, slope in enumerate(slopes):
         step = 1e-6 * abs(at[k]) * np.eye(at.size)[k]
         difference = (trial.both(at + step)[0] - trial.both(at - step)[0]) / (2.0 * step[k])

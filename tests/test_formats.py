@@ -19,7 +19,7 @@ from qlvbayes.io.formats.contact import find_contact, find_signs
 from qlvbayes.io.formats.conversion import convert
 from qlvbayes.io.formats.format import HEAD, AbstractFormat, Sight
 from qlvbayes.io.formats.machineunits import unit_of
-from qlvbayes.io.formats.recognise import matching, recognised
+from qlvbayes.io.formats.recognition import matching, recognised
 
 TEST = pressed()
 DATA = Path(__file__).parents[1] / "data"

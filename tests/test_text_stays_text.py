@@ -18,8 +18,8 @@ from matplotlib.figure import Figure
 from rich.table import Table
 from support.exported_pad import exported
 
-from qlvbayes.app.repeating import commands, script
-from qlvbayes.app.sessions import OnBench, Session, State
+from qlvbayes.app.scripts import commands, script
+from qlvbayes.app.sessions import HistoryState, OnBench, Session
 from qlvbayes.cli.console import Plain
 from qlvbayes.cli.options import among
 from qlvbayes.fitting.constants_table import Entry, as_csv, as_latex
@@ -48,8 +48,8 @@ QUICK = settings(
 
 def session(name):
     model = {"elastic": "exponential", "relaxation": "prony:2", "effects": [], "values": {"m": 1.0}}
-    first = State(0, None, "start", rmse=None, **model)
-    added = State(1, 0, f"add {name}", rmse=None, **(model | {"effects": [name]}))
+    first = HistoryState(0, None, "start", rmse=None, **model)
+    added = HistoryState(1, 0, f"add {name}", rmse=None, **(model | {"effects": [name]}))
     added.begun = {name: 1.0}
     pad = OnBench(history=[first, added], current=1)
     return Session("1", Path(), Path(), name, pads=[name], data=f"/x/{name}", bench={name: pad})

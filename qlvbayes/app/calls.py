@@ -1,4 +1,4 @@
-"""The server's end of the worker: calls that wait for their answer, and its death survived."""
+"""Send calls to the worker and wait for their answers; restart the worker if it dies."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from qlvbayes.app.failures import RefusedError, refused
 from qlvbayes.app.pipes import Process
 
 MODULE = "qlvbayes.app.worker"
-_QUICKLY = 5.0  # s: a worker that dies within is not started anew at once
-_PAUSE = 2.0  # s before it is
+_QUICKLY = 5.0  # s: a worker that dies within this time is restarted after a pause
+_PAUSE = 2.0  # s before such a restart
 
 
 class Calls:
-    """One warm worker; a new one in its place where it dies.
+    """Keep one warm worker, and start a new one where it dies.
 
-    status: ``starting``, ``ready`` or ``restarting``; changed: is told of it.
+    ``status`` is ``starting``, ``ready`` or ``restarting``; ``changed`` is called with each change.
     """
 
     def __init__(self, changed: Callable[[str], None]) -> None:
@@ -32,11 +32,11 @@ class Calls:
         self._up = asyncio.Event()
 
     def start(self) -> None:
-        """Spawn it; calls made meanwhile wait."""
+        """Spawn the worker; calls made meanwhile wait."""
         self._task = asyncio.create_task(self._run())
 
     async def close(self) -> None:
-        """End it."""
+        """End the worker."""
         if self._task is not None:
             self._task.cancel()
             with contextlib.suppress(asyncio.CancelledError):
@@ -45,20 +45,21 @@ class Calls:
             await self._process.close()
 
     def give_up(self) -> None:
-        """Answer all calls that wait: there is nobody to do it."""
+        """Answer all waiting calls with an error, as there is no worker."""
         for future in self._waiting.values():
             if not future.done():
                 future.set_exception(_gone())
 
     @property
     def pid(self) -> int | None:
-        """Of the worker, while there is one."""
+        """Return the process id of the worker, while there is one."""
         return None if self._process is None else self._process.pid
 
     async def call(self, name: str, /, **arguments: Any) -> bytes:
-        """The answer, JSON as it came.
+        """Return the answer of the worker, as JSON.
 
-        Raises RefusedError: as the worker says, or 503 where it died over it or is not there.
+        A RefusedError is raised with the worker's status, or with 503 where the worker died or is
+        not there.
         """
         if self._process is None:
             raise _gone()
@@ -95,7 +96,7 @@ class Calls:
                 await asyncio.sleep(_PAUSE)
 
     async def _listen(self, process: Process) -> None:
-        """To all that it says, until it has gone."""
+        """Read all that the worker writes, until it ends."""
         while True:
             line = await process.read()
             if line is None:

@@ -1,4 +1,4 @@
-"""A table whose header says nothing known: the user says which column is what, in which unit."""
+"""Read a table with an unknown header: the user states each column's quantity and unit."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from qlvbayes.io.reading.csvtext import blocks, head
 from qlvbayes.io.reading.dialect import split_row
 from qlvbayes.io.units import SUFFIXES, column_name
 
-_SHOWN = 8  # rows
+_SHOWN = 8  # rows that are shown
 _DRAWN = 300  # points of the curves
 _LOOKED_AT = 60  # lines within which the table must begin
 _NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?")
@@ -33,8 +33,8 @@ _WORDS = {"time": "time", "displacement": "displacement (or strain)", "force": "
 
 
 def asked(file: Path) -> dict[str, Any]:
-    """The questions about a table; InputError where there is none to ask about."""
-    table = _Table.of(file)
+    """Return the questions about a table; an InputError is raised where the file has no table."""
+    table = _Table.from_file(file)
     guesses = {what: table.guess(what) for what in _NAMES}
     ask: list[dict[str, Any]] = [
         {"name": what, "text": f"the column of {_WORDS[what]}", "choices": list(table.header),
@@ -61,13 +61,13 @@ def asked(file: Path) -> dict[str, Any]:
             remedy="say which is what",
         )
     )
-    found = {"file": file.name, "kind": "columns", "rows": rows, "ask": ask, "text": text}
-    return found | {"curves": table.curves(guesses)}
+    questions = {"file": file.name, "kind": "columns", "rows": rows, "ask": ask, "text": text}
+    return questions | {"curves": table.curves(guesses)}
 
 
 def renamed(file: Path, answers: dict[str, str]) -> bytes:
-    """The file with the columns' names as a tidy file has them, and all lines in their places."""
-    table = _Table.of(file)
+    """Return the file with a tidy file's column names, and with all lines at their numbers."""
+    table = _Table.from_file(file)
     names: dict[str, str] = {}
     for what in _NAMES:
         column, unit = answers.get(what), answers.get(f"{what}_unit")
@@ -109,7 +109,7 @@ def _tidy(what: str, unit: str) -> str:
 
 
 def _unit_in(column: str | None, what: str) -> str | None:
-    """The unit in a column's name, as '(mm)' or after an underscore."""
+    """Return the unit in a column's name, as '(mm)' or after an underscore."""
     words = re.findall(r"[\w/%µμ]+", (column or "").replace("_", " "))
     for word in reversed(words):
         for quantity in {"displacement": ("displacement",), "force": ("force", "stress")}.get(
@@ -122,7 +122,7 @@ def _unit_in(column: str | None, what: str) -> str | None:
 
 
 class _Table:
-    """Header and first rows of a text file; line: the header's, from 1."""
+    """Hold header and first rows of a text file; ``line`` is the header's, from 1."""
 
     def __init__(
         self, header: Sequence[str], rows: list[list[str]], separator: str, line: int
@@ -133,8 +133,8 @@ class _Table:
         self.line = line
 
     @classmethod
-    def of(cls, file: Path) -> _Table:
-        """The first line above rows of as many numbers, three or more."""
+    def from_file(cls, file: Path) -> _Table:
+        """Return the table below the first line that has rows of three or more numbers below."""
         lines = head(file).decode("utf-8").split("\n")
         for separator in (",", ";", "\t"):
             cells = [split_row(line, separator) if line.strip() else [] for line in lines]
@@ -157,19 +157,19 @@ class _Table:
         )
 
     def guess(self, what: str) -> str | None:
-        """The column that is called like a quantity."""
+        """Return the column that is named like a quantity."""
         named = [name for name in self.header if re.search(_NAMES[what], name, re.IGNORECASE)]
         return named[0] if named else None
 
     def curves(self, columns: dict[str, str | None]) -> dict[str, list[float]] | None:
-        """Of the columns guessed, thinned; None where one is not."""
+        """Return the guessed columns, thinned; None where one is missing."""
         if None in columns.values():
             return None
         some = self.rows[:: max(1, len(self.rows) // _DRAWN)]
-        places = {what: self.header.index(str(name)) for what, name in columns.items()}
-        whole = [row for row in some if all(_is_number(row[k]) for k in places.values())]
+        indices = {what: self.header.index(str(name)) for what, name in columns.items()}
+        whole = [row for row in some if all(_is_number(row[k]) for k in indices.values())]
         return {
-            what: [float(row[k].replace(",", ".")) for row in whole] for what, k in places.items()
+            what: [float(row[k].replace(",", ".")) for row in whole] for what, k in indices.items()
         }
 
 

@@ -1,4 +1,4 @@
-"""What happens in a session: files read, pads laid on the bench, models changed, guesses taken."""
+"""Do the actions of a session: read files, open pads, change models, take guesses, order jobs."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from typing import Any
 
 from qlvbayes.app.calls import Calls
 from qlvbayes.app.events import Events
-from qlvbayes.app.failures import RefusedError, refused, told
+from qlvbayes.app.failures import RefusedError, error_content, refused
 from qlvbayes.app.jobs import Job, Jobs
-from qlvbayes.app.sessions import OnBench, Session, Sessions, State, entry
+from qlvbayes.app.sessions import HistoryState, OnBench, Session, Sessions, entry
 from qlvbayes.io.bundled import bundled
 
 BUNDLED = {
     "pads": "pads A, B and C, simulated from the paper's Table 1",
     "hidden": "a pad with something hidden in it",
 }
-_AT_FIRST = 2.0  # s in which the page asks for all that it shows
+_AT_FIRST = 2.0  # s in which the page requests all that it shows
 DATA = "data.csv"  # the measurements in a session's folder
 _CHANGES = ("add", "remove", "elastic", "relaxation")
 
 
 class Desk:
-    """All that the routes ask for, in the server's own process."""
+    """Do what the routes ask for, in the server's own process."""
 
     def __init__(
         self,
@@ -49,16 +49,16 @@ class Desk:
     # sessions
 
     def shown(self, session: Session) -> dict[str, Any]:
-        """The whole of what is shown of a session, with the probabilities of a running search."""
-        found, jobs = session.shown(), self.jobs.of(session.id)
+        """Return all that is shown of a session, with the probabilities of a running search."""
+        shown, jobs = session.shown(), self.jobs.in_session(session.id)
         for job in jobs:
             if job.state == "running" and job.standing:
                 so_far = {key: job.standing[key] for key in ("ranking", "laws")}
-                found["pad"][job.standing["pad"]] |= so_far
-        return found | {"jobs": [self.jobs.shown(job) for job in jobs]}
+                shown["pad"][job.standing["pad"]] |= so_far
+        return shown | {"jobs": [self.jobs.shown(job) for job in jobs]}
 
     def bundled(self) -> list[dict[str, str]]:
-        """Measurements that come with the package, where they are."""
+        """Return the measurements that come with the package, as far as they are installed."""
         return [
             {"name": name, "text": text}
             for name, text in BUNDLED.items()
@@ -66,7 +66,7 @@ class Desk:
         ]
 
     def open_bundled(self, name: str, *, guess: bool) -> Session:
-        """A session with measurements that come with the package."""
+        """Open a session with measurements that come with the package."""
         file = bundled(f"{name}.csv")
         if name not in BUNDLED or not file.is_file():
             raise refused(404, f"no measurements {name!r} come with it", "open a file of your own")
@@ -80,7 +80,7 @@ class Desk:
         return session
 
     def open_dealt(self) -> Session:
-        """A session with a pad simulated afresh, in which something may be hidden."""
+        """Open a session with a newly simulated pad, in which something may be hidden."""
         session = self.sessions.new("a pad dealt to you")
         session.guess = {"given": None}
         session.deal = secrets.randbelow(2**31)
@@ -88,13 +88,13 @@ class Desk:
         return session
 
     def open_results(self, folder: Path) -> Session:
-        """A session in a folder of results that the commands left, or the bench."""
+        """Open a session in a folder of results that the commands or the bench left."""
         session = self.sessions.new(folder.name, folder)
         session.load()
         source = Path(session.data) if session.data else _source_of(folder)
         if source is None or not source.is_file():
             session.stage = "failed"
-            session.error = told(
+            session.error = error_content(
                 "the measurements of these results are not where they were",
                 "open the measurements themselves",
                 str(folder),
@@ -115,13 +115,13 @@ class Desk:
             self._later(session, self._read(session, {}))
 
     def answer(self, session: Session, answers: dict[str, str]) -> None:
-        """Go on with what was asked."""
+        """Continue with the answers to the questions."""
         if session.stage != "asking":
             raise refused(409, "nothing is asked", "ask for the session's state")
         self._later(session, self._read(session, answers))
 
     def resume(self, session: Session) -> None:
-        """Open a session that lies in its folder."""
+        """Open a session that is stored in its folder."""
         if session.stage in ("closed", "reading"):
             session.stage = "reading"
             self._later(session, self._prepare(session))
@@ -136,28 +136,28 @@ class Desk:
         await self._prepare(session)
 
     async def _unpack(self, session: Session, archive: Path) -> None:
-        found = await self._ask("unpack", folder=str(session.folder), archive=str(archive))
+        unpacked = await self._ask("unpack", folder=str(session.folder), archive=str(archive))
         session.load()
-        session.data = found["data"]
+        session.data = unpacked["data"]
         await self._prepare(session)
 
     async def _read(self, session: Session, answers: dict[str, str]) -> None:
         self._stage(session, "reading")
-        found = await self._ask(
+        result = await self._ask(
             "read", folder=str(session.folder), uploads=session.uploads, answers=answers
         )
-        session.questions = found.get("questions")
+        session.questions = result.get("questions")
         if session.questions is not None:
             self._stage(session, "asking")
             return
-        session.data = found["data"]
-        await self._prepare(session, found.get("notices", []))
+        session.data = result["data"]
+        await self._prepare(session, result.get("notices", []))
 
     async def _prepare(self, session: Session, notices: list[str] | None = None) -> None:
-        """Everything but the reading."""
-        found = await self._ask("pads", data=session.data)
-        session.pads = found["pads"]
-        session.notices = [*(notices or []), *found["notices"]]
+        """Do everything after the reading."""
+        study = await self._ask("pads", data=session.data)
+        session.pads = study["pads"]
+        session.notices = [*(notices or []), *study["notices"]]
         self._stage(session, "preparing")
         known = [name for name in session.pads if name in session.bench]
         for name in known or session.pads[:1]:
@@ -165,16 +165,16 @@ class Desk:
         self._stage(session, "ready")
 
     async def lay(self, session: Session, pad: str) -> OnBench:
-        """Lay a pad on the bench, the usual model fitted if it is there for the first time."""
+        """Open a pad, and fit its first model if it is opened for the first time."""
         session.known(pad)
         async with self._laying.setdefault((session.id, pad), asyncio.Lock()):
             own = session.bench.get(pad) or OnBench()
             if (session.id, pad) in self._laid:
                 return own
-            found = await self._ask("lay", **self._where(session, pad), first=not own.history)
+            facts = await self._ask("lay", **self._where(session, pad), first=not own.history)
             self._laid.add((session.id, pad))
-            model, curves = found.pop("model", None), found.pop("curves", None)
-            own.facts = found
+            model, curves = facts.pop("model", None), facts.pop("curves", None)
+            own.facts = facts
             session.bench[pad] = own
             if model is not None:
                 self._keep(session, pad, own.add("start", model, curves["rmse"], None))
@@ -188,72 +188,72 @@ class Desk:
         await self._ask("warm", **self._where(session, pad))
 
     async def _bands(self, session: Session, pad: str, own: OnBench) -> None:
-        """Of what was sampled before, if it was, here or by a command."""
+        """Read the bands of a chain that was sampled before, here or by a command."""
         folder = session.folder / pad
         if not all((folder / name).is_file() for name in ("curves.json", "summary.json")):
             return
-        found = await self._ask("bands", **self._where(session, pad), folder=str(folder))
-        own.bands = {"state": own.sampled, **found}
+        bands = await self._ask("bands", **self._where(session, pad), folder=str(folder))
+        own.bands = {"state": own.sampled, **bands}
 
     # the model by hand
 
-    async def passed(self, session: Session, pad: str, call: str, /, **arguments: Any) -> bytes:
-        """A call of the worker about a pad, its answer as it comes."""
+    async def forwarded(self, session: Session, pad: str, call: str, /, **arguments: Any) -> bytes:
+        """Return the worker's answer to a call about a pad, as it comes."""
         session.known(pad) if call == "measured" else session.pad(pad)
         return await self.calls.call(call, **self._where(session, pad), **arguments)
 
     async def change(self, session: Session, pad: str, body: dict[str, Any]) -> dict[str, Any]:
-        """A new state of the model by hand."""
+        """Make a new state of the model."""
         own = session.pad(pad)
         how, name, model = _change_of(body)
-        raw = await self.passed(session, pad, "change", model=model, how=how, name=name)
-        found = json.loads(raw)
+        raw = await self.forwarded(session, pad, "change", model=model, how=how, name=name)
+        changed = json.loads(raw)
         words = {"add": f"add {name}", "remove": f"remove {name}", "keep": "kept", "fit": "fit"}
         state = own.add(
-            words.get(how, "laws"), found["model"], found["curves"]["rmse"], model.get("values")
+            words.get(how, "laws"), changed["model"], changed["curves"]["rmse"], model.get("values")
         )
         self._keep(session, pad, state)
         session.save()
-        return {"state": entry(state), "curves": found["curves"]}
+        return {"state": entry(state), "curves": changed["curves"]}
 
     async def go_back(self, session: Session, pad: str, number: int) -> dict[str, Any]:
-        """To a state of the history."""
+        """Go back to a state of the history."""
         own = session.pad(pad)
         state = own.state(number)
-        curves = json.loads(await self.passed(session, pad, "curves", model=state.model))
+        curves = json.loads(await self.forwarded(session, pad, "curves", model=state.model))
         own.current = number
         session.save()
-        self.events.tell(session.id, "state", {"pad": pad, "state": entry(state)})
+        self.events.publish(session.id, "state", {"pad": pad, "state": entry(state)})
         return {"state": entry(state), "curves": curves}
 
-    def _keep(self, session: Session, pad: str, state: State) -> None:
-        """Tell of a new state, and find its error on what is left out."""
-        self.events.tell(session.id, "state", {"pad": pad, "state": entry(state)})
+    def _keep(self, session: Session, pad: str, state: HistoryState) -> None:
+        """Publish a new state, and compute its held-out error."""
+        self.events.publish(session.id, "state", {"pad": pad, "state": entry(state)})
         self._later(None, self._held_out(session, pad, state))
 
-    async def _held_out(self, session: Session, pad: str, state: State) -> None:
-        found = await self._ask("held_out", **self._where(session, pad), model=state.model)
-        state.heldout = found["heldout"]
-        self.events.tell(session.id, "state", {"pad": pad, "state": entry(state)})
+    async def _held_out(self, session: Session, pad: str, state: HistoryState) -> None:
+        answer = await self._ask("held_out", **self._where(session, pad), model=state.model)
+        state.heldout = answer["heldout"]
+        self.events.publish(session.id, "state", {"pad": pad, "state": entry(state)})
         session.save()
 
     # guesses
 
     def guess(self, session: Session, effects: list[str], words: str) -> dict[str, Any]:
-        """Write down a guess, and tell what was hidden."""
+        """Record a guess, and return what was hidden."""
         if session.guess is None:
             raise refused(409, "nothing is to be guessed here", "open it in guess mode")
         if session.hides:
             session.guess = {"given": {"effects": effects, "words": words}}
             session.guess["truth"] = _truth(session.truth)
             session.save()
-            self.events.tell(session.id, "session", {"stage": session.stage})
+            self.events.publish(session.id, "session", {"stage": session.stage})
         return session.guess
 
     # jobs
 
     def order(self, session: Session, body: dict[str, Any]) -> Job:
-        """A job as the page asks for it."""
+        """Start a job that the page asks for."""
         kind = body.get("kind")
         pads = body.get("pads") or ([body["pad"]] if body.get("pad") else [])
         for name in pads:
@@ -278,7 +278,7 @@ class Desk:
         return self.jobs.add(session.id, spec, lambda job: self._finished(session, job, sampled))
 
     async def _finished(self, session: Session, job: Job, sampled: dict[str, int]) -> None:
-        """Take in what a job has left in the folder, and tell."""
+        """Take in what a job has left in the folder, and publish it."""
         if job.kind in ("sample", "compare"):
             for name in job.result.get("sampled", []):
                 if name in session.bench:
@@ -290,7 +290,7 @@ class Desk:
         names: list[str | None] = [*job.pads] or [None]
         for name in names:
             data = {"pad": name, "what": what.get(job.kind, job.kind)}
-            self.events.tell(session.id, "result", data)
+            self.events.publish(session.id, "result", data)
 
     # all else
 
@@ -298,7 +298,10 @@ class Desk:
         return {"data": session.data, "pad": pad, "effects_file": self._effects_file}
 
     async def _ask(self, call: str, /, **arguments: Any) -> Any:
-        """A call that nobody on the page waits for: once more where the worker dies over it."""
+        """Return the answer to a call that no request waits for.
+
+        Repeat it once if the worker dies.
+        """
         for last in (False, True):
             await self.calls.up()
             try:
@@ -310,17 +313,17 @@ class Desk:
 
     def _stage(self, session: Session, stage: str) -> None:
         session.stage = stage
-        self.events.tell(session.id, "session", {"stage": stage})
+        self.events.publish(session.id, "session", {"stage": stage})
 
     def _later(self, session: Session | None, work: Coroutine[Any, Any, None]) -> None:
-        """Go on with something beside the requests; what goes wrong is the session's error."""
+        """Do work in the background; an error becomes the session's error."""
 
         async def run() -> None:
             try:
                 await work
             except RefusedError as error:
                 if session is not None:
-                    session.error = error.told
+                    session.error = error.content
                     self._stage(session, "failed")
 
         if session is not None:
@@ -330,13 +333,13 @@ class Desk:
         task.add_done_callback(self._tasks.discard)
 
     def close(self) -> None:
-        """Stop what goes on beside the requests."""
+        """Stop the background work."""
         for task in self._tasks:
             task.cancel()
 
 
 def _change_of(body: dict[str, Any]) -> tuple[str, str, dict[str, Any]]:
-    """How a model is to change, what is named, and the model."""
+    """Return how a model is to change, the name involved, and the model."""
     how, name, model = "", "", None
     for key in ("keep", "fit"):
         if key in body:
@@ -350,7 +353,7 @@ def _change_of(body: dict[str, Any]) -> tuple[str, str, dict[str, Any]]:
 
 
 def _source_of(folder: Path) -> Path | None:
-    """Where the measurements of a folder of results are: in it, or as its ``run.json`` says."""
+    """Return the measurements of a folder of results: in it, or where its ``run.json`` says."""
     if (folder / DATA).is_file():
         return folder / DATA
     try:
@@ -362,7 +365,7 @@ def _source_of(folder: Path) -> Path | None:
 
 
 def _truth(file: Path) -> dict[str, Any] | None:
-    """What was hidden, in names and in words; None where nobody knows."""
+    """Return what was hidden, as names and as text; None where that is unknown."""
     try:
         effects = json.loads(file.read_text())["effects"]
     except (OSError, ValueError, KeyError):

@@ -1,4 +1,4 @@
-"""Server-sent events: what happens in a session, to every page that looks at it."""
+"""Send events of a session to every page that shows it (server-sent events)."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from collections import defaultdict
 from collections.abc import AsyncIterator
 from typing import Any
 
-_WAITING = 1000  # events that a page may lag behind before it is cut off, and asks anew
-_ALIVE = 15.0  # s between comments, by which a dead connection is noticed
+_WAITING = 1000  # events by which a page may lag before it is disconnected, and reconnects
+_ALIVE = 15.0  # s between comments, which detect a dead connection
 
 
 class Events:
-    """Queues of events, one for each page that listens."""
+    """Keep a queue of events for each page that listens."""
 
     def __init__(self) -> None:
         self._listening: dict[str, set[asyncio.Queue[str | None]]] = defaultdict(set)
 
-    def tell(self, session: str, event: str, data: Any) -> None:
-        """To all pages of a session."""
+    def publish(self, session: str, event: str, data: Any) -> None:
+        """Send an event to all pages of a session."""
         text = f"event: {event}\ndata: {json.dumps(data, allow_nan=False)}\n\n"
         for queue in list(self._listening[session]):
             if queue.qsize() < _WAITING:
@@ -28,10 +28,10 @@ class Events:
                 self._listening[session].discard(queue)
                 queue.put_nowait(None)
 
-    def tell_all(self, event: str, data: Any) -> None:
-        """To all pages."""
+    def publish_all(self, event: str, data: Any) -> None:
+        """Send an event to all pages."""
         for session in list(self._listening):
-            self.tell(session, event, data)
+            self.publish(session, event, data)
 
     def close(self) -> None:
         """End every stream."""
@@ -40,7 +40,7 @@ class Events:
                 queue.put_nowait(None)
 
     async def stream(self, session: str) -> AsyncIterator[str]:
-        """Of one page, until it goes or the server ends."""
+        """Yield the events for one page, until it leaves or the server ends."""
         queue: asyncio.Queue[str | None] = asyncio.Queue()
         self._listening[session].add(queue)
         try:

@@ -1,4 +1,4 @@
-"""What went wrong, as it is told to the page."""
+"""Describe errors as the page receives them."""
 
 from __future__ import annotations
 
@@ -6,36 +6,36 @@ from typing import Any
 
 from qlvbayes.io.checks import InputError
 
-Told = dict[str, Any]
+ErrorContent = dict[str, Any]
 
 
 class RefusedError(Exception):
-    """A request that gets an error for an answer: its HTTP status and what is told."""
+    """Report that a request is answered with an error: its HTTP status and content."""
 
-    def __init__(self, status: int, told: Told) -> None:
-        super().__init__(told["text"])
+    def __init__(self, status: int, content: ErrorContent) -> None:
+        super().__init__(content["text"])
         self.status = status
-        self.told = told
+        self.content = content
 
 
-def told(
+def error_content(
     message: str, remedy: str | None = None, file: str | None = None, line: int | None = None
-) -> Told:
-    """As in docs/app_api.md."""
+) -> ErrorContent:
+    """Return the content of an error, as in docs/app_api.md."""
     text = str(InputError(message, file=file, line=line, remedy=remedy))
     return {"message": message, "file": file, "line": line, "remedy": remedy, "text": text}
 
 
-def told_of(error: Exception) -> Told:
-    """Of an exception: an InputError by its parts, anything else by its kind and text."""
+def content_of(error: Exception) -> ErrorContent:
+    """Return the content for an exception: an InputError by its parts, others by kind and text."""
     if isinstance(error, InputError):
-        return told(error.message, error.remedy, error.file, error.line)
+        return error_content(error.message, error.remedy, error.file, error.line)
     if isinstance(error, MemoryError):
-        return told("not enough memory", "open a smaller file")
+        return error_content("not enough memory", "open a smaller file")
     text = " ".join(str(error).split())[:300]
-    return told(f"internal error ({type(error).__name__}: {text})", "report it")
+    return error_content(f"internal error ({type(error).__name__}: {text})", "report it")
 
 
 def refused(status: int, message: str, remedy: str | None = None) -> RefusedError:
-    """To be raised."""
-    return RefusedError(status, told(message, remedy))
+    """Return a RefusedError, to be raised."""
+    return RefusedError(status, error_content(message, remedy))

@@ -1,4 +1,4 @@
-"""Uploaded files into a session's folder, as one tidy file; or what they leave open, as questions.
+"""Convert uploaded files to one tidy file in a session's folder, or to questions.
 
 Nothing in a file is executed, and no name in it becomes a path.
 """
@@ -21,24 +21,24 @@ from qlvbayes.io.files import results_folder, write_whole
 from qlvbayes.io.formats.answers import SIGNS, Answers, UnsureError
 from qlvbayes.io.formats.catalogue import FORMATS
 from qlvbayes.io.formats.conversion import convert
-from qlvbayes.io.formats.recognise import head_of, matching
+from qlvbayes.io.formats.recognition import head_of, matching
 from qlvbayes.io.formats.tidy import write_tidy
 from qlvbayes.io.reading.dialect import sniff
 from qlvbayes.io.units import column_name
 
 DATA = "data.csv"
 BENCH = "bench.json"
-_UNPACKED = 2**29  # bytes of a saved session at most: half a GB of chains and figures
+_UNPACKED = 2**29  # most bytes of a saved session: half a GB of chains and figures
 _KINDS = {".json", ".csv", ".gz", ".nc", ".png", ".pdf", ".txt", ".tex", ".html"}
-"""What the commands leave in a folder; anything else in an archive is passed over."""
+"""Suffixes of files that the commands leave in a folder; other files in an archive are ignored."""
 
 Answer = dict[str, Any]
 
 
 def read_in(folder: Path, uploads: Sequence[Path], answers: dict[str, str]) -> Answer:
-    """The tidy file's path as ``data``, or ``questions``.
+    """Return the tidy file's path as ``data``, or ``questions``.
 
-    Raises InputError, with the name of the upload in place of its path.
+    An InputError names the upload, not its path.
     """
     try:
         return _read_in(results_folder(folder), uploads, answers)
@@ -67,12 +67,12 @@ def _is_tidy(file: Path) -> bool:
 
 
 def _is_machine(file: Path) -> bool:
-    """Whether one known layout fits; a tidy file is none."""
+    """Return whether exactly one known layout fits; a tidy file has none."""
     return not _is_tidy(file) and len(matching(head_of(file), FORMATS)[0]) == 1
 
 
 def _kept(folder: Path, file: Path) -> Answer:
-    """The file as it is, once it can be read."""
+    """Copy a tidy file as it is, once it has been read without an error."""
     read_measurements(file)
     target = folder / (f"{DATA}.gz" if file.suffix.lower() == ".gz" else DATA)
     if not (target.is_file() and target.samefile(file)):
@@ -81,15 +81,15 @@ def _kept(folder: Path, file: Path) -> Answer:
 
 
 def _converted(folder: Path, files: Sequence[Path], answers: dict[str, str]) -> Answer:
-    """Machine files made tidy, or the one thing that they leave open."""
-    said = Answers.of(
+    """Convert machine files to a tidy file, or return the one question that they leave open."""
+    stated = Answers.of(
         answers.get("sign") or None,
         answers.get("contact") or None,
         answers.get("units") or None,
         _number(answers.get("area")),
     )
     try:
-        found = convert(files, said)
+        conversion = convert(files, stated)
     except UnsureError as error:
         choices = list(SIGNS) if error.option == "sign" else None
         ask: Answer = {"name": error.option, "text": error.question, "choices": choices}
@@ -98,12 +98,12 @@ def _converted(folder: Path, files: Sequence[Path], answers: dict[str, str]) -> 
         text = str(_by_name(error, files))
         questions = {"file": name, "kind": "machine", "rows": [], "ask": [ask], "text": text}
         return {"questions": questions}
-    write_tidy(found, folder / DATA)
-    return {"data": str(folder / DATA), "notices": list(found.notices)}
+    write_tidy(conversion, folder / DATA)
+    return {"data": str(folder / DATA), "notices": list(conversion.notices)}
 
 
 def _described(folder: Path, file: Path, answers: dict[str, str]) -> Answer:
-    """A table of unknown columns, once it is said which they are."""
+    """Convert a table of unknown columns, once the user has stated them."""
     if not answers:
         return {"questions": asked(file)}
     described = folder / DATA
@@ -124,13 +124,15 @@ def _number(text: str | None) -> float | None:
 
 
 def _joined(studies: Sequence[Measurements]) -> bytes:
-    """Several tidy files as one; a pad of the same name in two is told by its file."""
+    """Return several tidy files as one; a test whose name is taken is prefixed with its file's."""
     units = studies[0].units
-    way = column_name(units.displacement_name, "" if units.dimensionless else units.displacement)
+    displacement = column_name(
+        units.displacement_name, "" if units.dimensionless else units.displacement
+    )
     out = io.StringIO()
     table = csv.writer(out, lineterminator="\n")
     force = column_name(units.force_name, units.force)
-    table.writerow(["pad", "test", "start_s", "time_s", way, force])
+    table.writerow(["pad", "test", "start_s", "time_s", displacement, force])
     taken: set[tuple[str, str]] = set()
     for study in studies:
         if study.units != units:
@@ -154,7 +156,7 @@ def _joined(studies: Sequence[Measurements]) -> bytes:
 
 
 def _by_name(error: InputError, uploads: Sequence[Path]) -> InputError:
-    """The same with names of uploads in place of their paths."""
+    """Return the same error with names of uploads in place of their paths."""
 
     def plain(text: str | None) -> str | None:
         for one in uploads:
@@ -170,9 +172,9 @@ def _by_name(error: InputError, uploads: Sequence[Path]) -> InputError:
 
 
 def opened(folder: Path, archive: Path) -> Answer:
-    """A saved session unpacked into a folder.
+    """Unpack a saved session into a folder.
 
-    Raises InputError where it is none, too large, or damaged.
+    An InputError is raised where it is none, too large, or damaged.
     """
     remedy = "choose a file that the bench has saved"
     try:
@@ -198,10 +200,10 @@ def opened(folder: Path, archive: Path) -> Answer:
     return {"data": str(data)}
 
 
-def _is_ours(one: zipfile.ZipInfo) -> bool:
-    """Whether an entry is a plain file below the folder, of a kind that commands leave."""
-    path = PurePosixPath(one.filename)
+def _is_ours(entry: zipfile.ZipInfo) -> bool:
+    """Return whether an entry is a plain file below the folder, of a kind that commands leave."""
+    path = PurePosixPath(entry.filename)
     plain = not path.is_absolute() and not any(part in ("..", "") for part in path.parts)
-    no_link = not stat.S_ISLNK(one.external_attr >> 16)
-    odd = "\\" in one.filename or ":" in one.filename or one.is_dir()
+    no_link = not stat.S_ISLNK(entry.external_attr >> 16)
+    odd = "\\" in entry.filename or ":" in entry.filename or entry.is_dir()
     return plain and no_link and not odd and path.suffix.lower() in _KINDS

@@ -1,6 +1,6 @@
-"""A job's process: it waits, warm, for what is to be done, does it, and tells how far it is.
+"""Run a job in its process: wait, warm, for an order, carry it out, and report progress.
 
-What it leaves is what the commands leave, so that any of them goes on from there.
+It leaves the files that the commands leave, so that any command can continue from there.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from qlvbayes.app.failures import told_of
+from qlvbayes.app.failures import content_of
 from qlvbayes.app.pipes import Parent
 from qlvbayes.diagnosis.decision import Decision
 from qlvbayes.diagnosis.settings import Settings as Thresholds
@@ -45,58 +45,61 @@ from qlvbayes.simulate import (
     simulate_file,
 )
 
-_EVIDENCE, _METHOD = "laplace", "emcee"  # as of the commands, where nothing else is asked for
+_EVIDENCE, _METHOD = "laplace", "emcee"  # the defaults of the commands
 _BEAT = 0.4  # s between lines of progress: more than two a second
-_NICE = 5  # added: the page's own worker goes first
+_NICE = 5  # added to the niceness, as the page's own worker has priority
 NOTHING = 0.1  # share of pads in which nothing is hidden
-_ROWS = 500  # a test
+_ROWS = 500  # rows of a test
 _NEED_RETRACTION = {"adhesion", "permanent_set", "stress_softening"}
-"""What only a platen that goes all the way back shows."""
+"""Effects that only a full retraction of the platen shows."""
 
 Spec = dict[str, Any]
 
 
-class Telling(Watcher):
-    """Tells the server what is being done, at every beat."""
+class ProgressReporter(Watcher):
+    """Report progress to the server at regular intervals."""
 
     def __init__(self, parent: Parent) -> None:
         self._parent = parent
         self._began = time.monotonic()
         self._label = "starting"
-        self._more = ""
+        self._detail = ""
         self._sampling: tuple[float, int, int] | None = None
         self._over = threading.Event()
         self._enough = threading.Event()
         threading.Thread(target=self._beat, daemon=True).start()
 
     def end(self) -> None:
-        """No more beats."""
+        """Stop reporting."""
         self._over.set()
 
     def enough(self) -> None:
-        """End a search at its next step, with what is known by then."""
+        """End a search at its next step, with the results so far."""
         self._enough.set()
 
     @contextmanager
     def doing(self, label: str) -> Iterator[Callable[[str], None]]:
-        """Something that takes a while."""
-        self._label, self._more = label, ""
-        yield self._tell_more
+        """Report a step that takes a while."""
+        self._label, self._detail = label, ""
+        yield self._set_detail
 
     @contextmanager
     def sampling(self, label: str) -> Iterator[Progress]:
-        """A chain."""
-        self._label, self._more = label, ""
+        """Report the progress of a chain."""
+        self._label, self._detail = label, ""
         began = time.monotonic()
 
         def progress(done: int, total: int) -> None:
-            self._sampling = began, done, max(done, total)  # what is to do grows
+            self._sampling = began, done, max(done, total)  # the total may grow
 
         yield progress
         self._sampling = None
 
     def searched(self, pad: str, standing: Standing) -> None:
-        """The probabilities so far, of effects and of base laws; Enough where that will do."""
+        """Report the probabilities so far, of effects and of base laws.
+
+        Raise Enough if that will do.
+        """
         decision = standing.decision
         ranking = [
             {"effect": name, "probability": share, "heldout": None}
@@ -109,18 +112,18 @@ class Telling(Watcher):
                 ("relaxation", _shares(decision, 1)),
             )
         }
-        self._parent.tell({"standing": {"pad": pad, "ranking": ranking, "laws": laws}})
+        self._parent.send({"standing": {"pad": pad, "ranking": ranking, "laws": laws}})
         if self._enough.is_set():
             self._enough.clear()  # the search ends once
             raise Enough
 
-    def _tell_more(self, text: str) -> None:
-        self._more = text
+    def _set_detail(self, text: str) -> None:
+        self._detail = text
 
     def _beat(self) -> None:
         while not self._over.wait(_BEAT):
             now = time.monotonic()
-            text = f"{self._label}: {self._more}" if self._more else self._label
+            text = f"{self._label}: {self._detail}" if self._detail else self._label
             line: dict[str, Any] = {"text": text, "elapsed_s": round(now - self._began, 1)}
             line |= {"done": None, "total": None, "left_s": None}
             if self._sampling is not None:
@@ -128,19 +131,19 @@ class Telling(Watcher):
                 left = (now - began) * (total - done) / done if done else None
                 line |= {"done": done, "total": total}
                 line["left_s"] = None if left is None else round(left, 1)
-            self._parent.tell(line)
+            self._parent.send(line)
 
 
 def _shares(decision: Decision, part: int) -> dict[str, float]:
-    """Probability of each elastic law, or of each relaxation."""
-    found: dict[str, float] = {}
+    """Return the probability of each elastic law, or of each relaxation law."""
+    shares: dict[str, float] = {}
     for base, share in decision.base.items():
-        found[base[part]] = found.get(base[part], 0.0) + share
-    return found
+        shares[base[part]] = shares.get(base[part], 0.0) + share
+    return shares
 
 
 def diagnosed(spec: Spec, watcher: Watcher) -> dict[str, Any]:
-    """The diagnosis of one pad."""
+    """Diagnose one pad."""
     study = read_measurements(spec["data"])
     (name,) = spec["pads"]
     choices = Choices(bonded=study.units.bonded_default, effects_file=spec["effects_file"])
@@ -151,13 +154,13 @@ def diagnosed(spec: Spec, watcher: Watcher) -> dict[str, Any]:
         seed=0, watcher=watcher,
     )  # fmt: skip
     command = _command("diagnose", spec, choices, [name])
-    told = {"evidence": _EVIDENCE, "thresholds": thresholds}
-    record_run(out, "diagnose", command, study, choices, 0, told)
+    settings = {"evidence": _EVIDENCE, "thresholds": thresholds}
+    record_run(out, "diagnose", command, study, choices, 0, settings)
     return {}
 
 
 def sampled(spec: Spec, watcher: Watcher) -> dict[str, Any]:
-    """The posterior of each pad's model, and its check."""
+    """Sample the posterior of each pad's model, and check it."""
     study, out = read_measurements(spec["data"]), Path(spec["out"])
     all_tests, settings = spec["all_tests"], Settings()
     for name in spec["pads"]:
@@ -170,27 +173,27 @@ def sampled(spec: Spec, watcher: Watcher) -> dict[str, Any]:
         saved = load(out / name / "posterior.nc")
         check_into(out / name, saved, study, seed=0, watcher=watcher)
         command = _command("fit", spec, choices, [name])
-        told = {"method": _METHOD, "all_tests": all_tests, "sampler": settings}
-        record_run(out, "fit", command, study, choices, 0, told)
+        recorded = {"method": _METHOD, "all_tests": all_tests, "sampler": settings}
+        record_run(out, "fit", command, study, choices, 0, recorded)
     return {"sampled": list(spec["pads"])}
 
 
 def compared(spec: Spec, watcher: Watcher) -> dict[str, Any]:
-    """Two pads against each other; what was not sampled is, first."""
+    """Compare two pads; a pad that was not sampled yet is sampled first."""
     out, study = Path(spec["out"]), read_measurements(spec["data"])
     missing = [name for name in spec["pads"] if not _has_model(spec, name)]
-    found = sampled({**spec, "pads": missing}, watcher) if missing else {"sampled": []}
+    result = sampled({**spec, "pads": missing}, watcher) if missing else {"sampled": []}
     pads = [load(out / name / "posterior.nc") for name in spec["pads"]]
     first, second = ((saved.pad, [saved]) for saved in pads)
     compare_into(out, first, second, watcher=watcher)
     names = ",".join(spec["pads"])
     command = as_typed("qlvbayes", "compare", out.name, "--pads", names)
     record_run(out, "compare", command, study, pads[0].choices, 0)
-    return found
+    return result
 
 
 def _has_model(spec: Spec, name: str) -> bool:
-    """Whether a pad was sampled with the model that it has on the bench."""
+    """Return whether a pad was sampled with the model that it has on the bench."""
     file = Path(spec["out"]) / name / "posterior.nc"
     if not file.is_file():
         return False
@@ -205,29 +208,30 @@ def _same_model(model: dict[str, Any], saved: Saved) -> bool:
 
 
 def reported(spec: Spec, watcher: Watcher) -> dict[str, Any]:
-    """The report."""
+    """Write the report."""
     with watcher.doing("report"):
         write_report(spec["out"])
     return {}
 
 
 def dealt(spec: Spec, watcher: Watcher) -> dict[str, Any]:
-    """A pad simulated afresh."""
+    """Simulate a new pad."""
     with watcher.doing("simulating"):
         deal(Path(spec["data"]), Path(spec["truth"]), spec["seed"])
     return {}
 
 
 def deal(data: Path, truth: Path, seed: int) -> None:
-    """Write measurements, and apart from them what is hidden; the same for the same seed.
+    """Write measurements, and in another file what is hidden; both depend on the seed alone.
 
-    The effect is one of those listed, of 6 % of the peak force, as of ``qlvbayes simulate --hide``.
+    The effect is one of the listed ones, of 6 % of the peak force, as with ``qlvbayes simulate
+    --hide``.
     """
     rng = np.random.default_rng(seed)
     constants = draw_constants(rng)
     names = [kind.name for kind in EFFECTS if kind.name in HIDDEN]
     chosen = names[int(rng.integers(len(names)))]
-    # at times without need, or the motion would tell
+    # at times without need, or the motion would give the effect away
     retracted = rng.random() < 0.5 or chosen in _NEED_RETRACTION
     protocol = "retraction" if retracted else "paper"
     effects = []
@@ -250,21 +254,21 @@ KINDS: dict[str, Callable[[Spec, Watcher], dict[str, Any]]] = {
 
 
 def _choices(model: dict[str, Any] | None, bonded: bool, effects_file: str | None) -> Choices:
-    plain = Choices(bonded=bonded, effects_file=effects_file)
+    default = Choices(bonded=bonded, effects_file=effects_file)
     if model is None:
-        return plain
+        return default
     relaxation, _, modes = model["relaxation"].partition(":")
     return replace(
-        plain,
+        default,
         law=model["elastic"],
         relaxation=relaxation,
-        modes=int(modes) if modes else plain.modes,
+        modes=int(modes) if modes else default.modes,
         effects=tuple(model["effects"]),
     )
 
 
 def _command(step: str, spec: Spec, choices: Choices, pads: Sequence[str]) -> str:
-    """The command line that does the same."""
+    """Return the command line that does the same."""
     words = ["qlvbayes", step, Path(spec["data"]).name, "--pads", ",".join(pads)]
     if step == "fit":
         words += ["--elastic", choices.law, "--relaxation", choices.relaxing]
@@ -274,29 +278,29 @@ def _command(step: str, spec: Spec, choices: Choices, pads: Sequence[str]) -> st
     return as_typed(*words, "-o", ".")
 
 
-def _hear(orders: queue.SimpleQueue[Spec], watcher: Telling) -> None:
-    """All that is said after the first order is that it is enough."""
+def _await_stop(orders: queue.SimpleQueue[Spec], watcher: ProgressReporter) -> None:
+    """Wait for the order to stop: any message after the first one is that."""
     orders.get()
     watcher.enough()
 
 
 def main() -> None:
-    """Do one thing, once it is told what."""
+    """Carry out one order."""
     parent = Parent()
     os.nice(_NICE)
     orders: queue.SimpleQueue[Spec] = queue.SimpleQueue()
     parent.listen(orders.put)
     spec = orders.get()
-    watcher = Telling(parent)
-    threading.Thread(target=_hear, args=(orders, watcher), daemon=True).start()
+    watcher = ProgressReporter(parent)
+    threading.Thread(target=_await_stop, args=(orders, watcher), daemon=True).start()
     try:
         result = KINDS[spec["kind"]](spec, watcher)
-    except Exception as error:  # told to the page, whatever it is
+    except Exception as error:  # whatever it is, the page shows it
         watcher.end()
-        parent.tell({"error": told_of(error)})
+        parent.send({"error": content_of(error)})
     else:
         watcher.end()
-        parent.tell({"result": result})
+        parent.send({"result": result})
 
 
 if __name__ == "__main__":

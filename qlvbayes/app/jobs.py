@@ -1,4 +1,4 @@
-"""Long work in processes of its own: a queue, one process kept warm, progress, cancelling."""
+"""Run long work in processes of its own: a queue, one warm process, progress, cancelling."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from pathlib import Path
 from typing import Any
 
 from qlvbayes.app.events import Events
-from qlvbayes.app.failures import RefusedError, Told, refused, told
+from qlvbayes.app.failures import ErrorContent, RefusedError, error_content, refused
 from qlvbayes.app.pipes import Process
 
 MODULE = "qlvbayes.app.job"
 AT_ONCE = max(1, min(2, (os.cpu_count() or 1) - 1))
-"""Jobs that run together: a core stays with the page."""
+"""Jobs that run together, with one core left for the page."""
 _OVER = ("done", "failed", "cancelled")
-_LISTED = 50  # jobs of a session that are remembered
+_LISTED = 50  # jobs of a session that are kept
 
 Finished = Callable[["Job"], Awaitable[None]]
 
 
 @dataclass(eq=False)
 class Job:
-    """A job as in docs/app_api.md.
+    """Hold a job as in docs/app_api.md.
 
-    enough: whether a search was told to end with what it knows; result: what its process told at
-    the end; standing: the probabilities that it told last.
+    ``enough`` is whether a search was told to end with its results so far; ``result`` is what its
+    process returned; ``standing`` are the probabilities that it reported last.
     """
 
     id: str
@@ -42,7 +42,7 @@ class Job:
     total: int | None = None
     left_s: float | None = None
     elapsed_s: float = 0.0
-    error: Told | None = None
+    error: ErrorContent | None = None
     enough: bool = False
     result: dict[str, Any] = field(default_factory=dict)
     standing: dict[str, Any] = field(default_factory=dict)
@@ -50,22 +50,22 @@ class Job:
 
     @property
     def kind(self) -> str:
-        """What it does."""
+        """Return the kind of job."""
         return str(self.spec["kind"])
 
     @property
     def pads(self) -> list[str]:
-        """Which pads it is about."""
+        """Return the names of its pads."""
         return list(self.spec["pads"])
 
     @property
     def over(self) -> bool:
-        """Whether it has ended, one way or another."""
+        """Return whether it has ended, one way or another."""
         return self.state in _OVER
 
 
 class Jobs:
-    """All jobs of a server, in the order in which they were asked for."""
+    """Hold all jobs of a server, in the order in which they were requested."""
 
     def __init__(self, events: Events) -> None:
         self._events = events
@@ -78,7 +78,7 @@ class Jobs:
         self._closed = False
 
     def warm(self) -> None:
-        """Have a process ready for the next job."""
+        """Start a process that is ready for the next job."""
         if self._spare is None and not self._closed:
             self._spare = asyncio.create_task(Process.spawn(MODULE))
 
@@ -94,34 +94,34 @@ class Jobs:
     # what the page asks for
 
     def add(self, session: str, spec: dict[str, Any], finished: Finished) -> Job:
-        """A job at the end of the queue; RefusedError where the same is there already."""
-        for other in self.of(session):
+        """Append a job to the queue; raise RefusedError where the same job is there already."""
+        for other in self.in_session(session):
             same = (other.kind, other.pads) == (spec["kind"], spec["pads"])
             if same and not other.over:
                 raise refused(409, f"a {other.kind} of this is there already", "wait or cancel it")
         job = Job(f"j{next(self._numbers[session])}", session, spec)
         self._jobs[f"{session}/{job.id}"] = job
         self._finished[f"{session}/{job.id}"] = finished
-        over = [one for one in self.of(session) if one.over]
+        over = [one for one in self.in_session(session) if one.over]
         for old in over[: max(0, len(over) - _LISTED)]:
             self._forget(old)
         self._start_next()
-        self._tell_waiting()
+        self._publish_waiting()
         return job
 
     def get(self, session: str, number: str) -> Job:
-        """Of that id; RefusedError where there is none."""
+        """Return the job of that id; raise RefusedError where there is none."""
         key = f"{session}/{number}"
         if key not in self._jobs:
             raise refused(404, f"there is no job {number}", "ask for the session's state")
         return self._jobs[key]
 
-    def of(self, session: str) -> list[Job]:
-        """Of one session."""
+    def in_session(self, session: str) -> list[Job]:
+        """Return the jobs of one session."""
         return [job for job in self._jobs.values() if job.session == session]
 
     async def cancel(self, job: Job) -> None:
-        """End a job, its process at once; forget one that is over."""
+        """End a job and its process at once; remove one that is over."""
         if job.over:
             self._forget(job)
             return
@@ -133,7 +133,7 @@ class Jobs:
             self._end(job)
 
     async def enough(self, job: Job) -> None:
-        """Let a search sum up what it knows; RefusedError where there is none to be summed up."""
+        """Make a search sum up its results so far; raise RefusedError where there are none."""
         process = self._processes.get(_key(job))
         if job.kind != "diagnose" or process is None or not job.standing:
             raise refused(409, "nothing is known yet", "wait for the first probabilities")
@@ -141,17 +141,17 @@ class Jobs:
             job.enough = True
             with contextlib.suppress(ConnectionError):
                 await process.write({"enough": True})
-            self._tell(job)
+            self._publish(job)
 
     async def cancel_all(self, session: str) -> None:
-        """Of one session."""
-        for job in self.of(session):
+        """Cancel all jobs of one session."""
+        for job in self.in_session(session):
             await self.cancel(job)
             if _key(job) in self._jobs:
                 self._forget(job)
 
     def shown(self, job: Job) -> dict[str, Any]:
-        """As the page gets it."""
+        """Return a job as the page receives it."""
         return {
             "id": job.id,
             "kind": job.kind,
@@ -169,9 +169,9 @@ class Jobs:
         }
 
     async def run(self, spec: dict[str, Any]) -> dict[str, Any]:
-        """Something short in a process of its own, outside the queue; its result.
+        """Return the result of something short, done in a process of its own outside the queue.
 
-        Raises RefusedError as the process says.
+        A RefusedError is raised as the process reports it.
         """
         job = Job("", "", {"pads": [], **spec})
         process = await self._take()
@@ -199,13 +199,13 @@ class Jobs:
         process: Process | None = None
         try:
             job.text = "starting"
-            self._tell(job)
+            self._publish(job)
             process = self._processes[_key(job)] = await self._take()
             await self._follow(job, process)
             await self._finished[_key(job)](job)
             job.state = "done"
         except RefusedError as error:
-            job.state, job.error = "failed", error.told
+            job.state, job.error = "failed", error.content
         except asyncio.CancelledError:
             job.state = "cancelled"
         finally:
@@ -215,11 +215,11 @@ class Jobs:
             self._processes.pop(_key(job), None)
             self._end(job)
             self._start_next()
-            self._tell_waiting()
+            self._publish_waiting()
             self.warm()
 
     async def _follow(self, job: Job, process: Process) -> None:
-        """Hand the job over, and listen until it is over."""
+        """Send the job to the process, and listen until it is over."""
         with contextlib.suppress(ConnectionError):
             await process.write(job.spec)
         while (line := await process.read()) is not None:
@@ -230,18 +230,18 @@ class Jobs:
                 return
             if "standing" in line:
                 job.standing = line["standing"]
-                self._events.tell(job.session, "ranking", job.standing)
+                self._events.publish(job.session, "ranking", job.standing)
                 continue
             job.text, job.elapsed_s = line["text"], line["elapsed_s"]
             job.done, job.total, job.left_s = line["done"], line["total"], line["left_s"]
             if job.session:
-                self._tell(job)
+                self._publish(job)
         status = await process.wait()
         message = f"the process that computed this has died (status {status})"
-        raise RefusedError(500, told(message, "start it again: it goes on where it was"))
+        raise RefusedError(500, error_content(message, "start it again: it goes on where it was"))
 
     async def _take(self) -> Process:
-        """The spare process, or a new one."""
+        """Return the spare process, or a new one."""
         self.warm()
         if self._spare is None:
             raise refused(503, "the server is ending", "start it again")
@@ -251,19 +251,19 @@ class Jobs:
     def _end(self, job: Job) -> None:
         job.left_s = None
         job.ended.set()
-        self._tell(job)
+        self._publish(job)
 
     def _forget(self, job: Job) -> None:
         self._jobs.pop(_key(job), None)
         self._finished.pop(_key(job), None)
 
-    def _tell(self, job: Job) -> None:
-        self._events.tell(job.session, "job", self.shown(job))
+    def _publish(self, job: Job) -> None:
+        self._events.publish(job.session, "job", self.shown(job))
 
-    def _tell_waiting(self) -> None:
-        """Their places have changed."""
+    def _publish_waiting(self) -> None:
+        """Publish the waiting jobs, as their positions have changed."""
         for job in self._waiting:
-            self._tell(job)
+            self._publish(job)
 
 
 def _key(job: Job) -> str:
@@ -271,7 +271,7 @@ def _key(job: Job) -> str:
 
 
 async def _gone(process: Process, job: Job) -> None:
-    """End a process, and remove what it had half written."""
+    """End a process, and remove its half-written files."""
     await process.kill()
     for name in job.pads:
         for part in (Path(job.spec["out"]) / name).glob("*.part"):

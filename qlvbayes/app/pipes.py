@@ -1,7 +1,7 @@
-"""A process of our own kind, spawned: a new interpreter, never a fork, JSON lines over its pipes.
+"""Spawn a Python process, and exchange JSON lines with it over its pipes.
 
-The server has a `Process`; the process has its `Parent`.
-It ends when its standard input does, so that nothing outlives the server.
+The server has a `Process`; the process has its `Parent`. It is a new interpreter, never a fork. It
+ends when its standard input does, so that no process outlives the server.
 """
 
 from __future__ import annotations
@@ -16,19 +16,22 @@ import threading
 from collections.abc import Callable
 from typing import Any, BinaryIO
 
-_LONGEST = 2**26  # bytes of a line from a process: a long error, never a curve
-_ENDS_WITHIN = 2.0  # s that a process has to go by itself
+_LONGEST = 2**26  # most bytes of a line from a process: a long error, never a curve
+_ENDS_WITHIN = 2.0  # s that a process has to end by itself
 
 
 class Process:
-    """One interpreter that runs a module of the package."""
+    """Run a module of the package in an interpreter of its own."""
 
     def __init__(self, process: asyncio.subprocess.Process) -> None:
         self._process = process
 
     @classmethod
     async def spawn(cls, module: str, *arguments: str) -> Process:
-        """In a session of its own, so that Ctrl-C and cancelling reach what they are meant for."""
+        """Start it in a session of its own, so that signals reach the right process.
+
+        The signals are Ctrl-C and those of cancelling.
+        """
         process = await asyncio.create_subprocess_exec(
             sys.executable,
             "-m",
@@ -44,35 +47,38 @@ class Process:
 
     @property
     def pid(self) -> int:
-        """Of the interpreter."""
+        """Return the process id."""
         return self._process.pid
 
     async def write(self, content: Any) -> None:
-        """One line of JSON; ConnectionError where the process has gone."""
+        """Write one line of JSON; raise ConnectionError where the process has ended."""
         assert self._process.stdin is not None
         self._process.stdin.write(json.dumps(content).encode() + b"\n")
         await self._process.stdin.drain()
 
     async def read(self) -> dict[str, Any] | None:
-        """The next line, None at the end."""
+        """Return the next line, or None at the end."""
         assert self._process.stdout is not None
         line = await self._process.stdout.readline()
-        found: dict[str, Any] | None = json.loads(line) if line else None
-        return found
+        content: dict[str, Any] | None = json.loads(line) if line else None
+        return content
 
     async def take(self, size: int) -> bytes:
-        """So many bytes that follow a line; IncompleteReadError where the process has gone."""
+        """Return the bytes that follow a line.
+
+        Raise IncompleteReadError where the process has ended.
+        """
         assert self._process.stdout is not None
         return await self._process.stdout.readexactly(size)
 
     async def kill(self) -> None:
-        """At once, with all that it started."""
+        """End it at once, with all processes that it started."""
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self.pid, signal.SIGKILL)
         await self._process.wait()
 
     async def close(self) -> None:
-        """Let it end by itself, for a moment."""
+        """Let it end by itself, for a moment, then kill it."""
         if self._process.stdin is not None:
             self._process.stdin.close()
         try:
@@ -81,12 +87,12 @@ class Process:
             await self.kill()
 
     async def wait(self) -> int:
-        """Until it has gone; its exit status, negative by a signal."""
+        """Wait until it has ended; return its exit status, negative for a signal."""
         return await self._process.wait()
 
 
 class Parent:
-    """The server, as its processes see it.
+    """Connect a process to the server.
 
     Standard output becomes standard error, so that nothing printed is taken for an answer.
     """
@@ -98,8 +104,8 @@ class Parent:
         os.dup2(2, 1)
         self._lock = threading.Lock()
 
-    def tell(self, content: dict[str, Any], payload: bytes = b"") -> None:
-        """One line of JSON, and bytes that follow it; the process ends where nobody reads."""
+    def send(self, content: dict[str, Any], payload: bytes = b"") -> None:
+        """Write one line of JSON, and bytes that follow it; end the process where nobody reads."""
         line = json.dumps(content, allow_nan=False).encode() + b"\n"
         try:
             with self._lock:
@@ -109,12 +115,12 @@ class Parent:
             os._exit(0)
 
     def listen(self, heard: Callable[[dict[str, Any]], None]) -> None:
-        """Hand over each line from a thread of its own; end the process where there are no more."""
+        """Pass on each line from a thread of its own; end the process where there are no more."""
 
         def loop() -> None:
             for line in self._in:
                 heard(json.loads(line))
             sys.stderr.flush()
-            os._exit(0)  # at once, whatever is being computed: the server has gone
+            os._exit(0)  # at once, whatever is being computed: the server has ended
 
         threading.Thread(target=loop, daemon=True).start()

@@ -1,4 +1,4 @@
-"""The routes of docs/app_api.md."""
+"""Answer the routes of docs/app_api.md."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from starlette.routing import Route
 
 from qlvbayes.app.desk import Desk
 from qlvbayes.app.failures import refused
-from qlvbayes.app.repeating import commands, script
+from qlvbayes.app.scripts import commands, script
 from qlvbayes.app.security import UPLOAD_LIMIT
 from qlvbayes.app.sessions import Session
 
 _PAGE = Path(__file__).parent / "page"
 _REPORT = Path(__file__).parents[1] / "report" / "static"
-_MOST_FILES = 50  # of an upload
+_MOST_FILES = 50  # files of an upload
 _LONGEST = 100  # characters of an uploaded file's name that are kept
 _FIGURES = (".png", ".pdf")
 _TYPES = {
@@ -38,13 +38,13 @@ _TYPES = {
 
 
 class Routes:
-    """The answers to requests; all that lasts is in ``desk``."""
+    """Answer requests; all state is in ``desk``."""
 
     def __init__(self, desk: Desk) -> None:
         self.desk = desk
 
     def all(self) -> list[Route]:
-        """Method, path and answer of each."""
+        """Return all routes, each with its method, path and handler."""
         table: list[tuple[str, str, Callable[..., Any]]] = [
             ("GET", "/", self.page),
             ("GET", "/s/{id}", self.page),
@@ -92,11 +92,11 @@ class Routes:
     # page and files
 
     async def page(self, request: Request) -> Response:
-        """The one page."""
+        """Return the one page."""
         return FileResponse(_PAGE / "index.html", media_type="text/html; charset=utf-8")
 
     async def static(self, request: Request) -> Response:
-        """A file of the page or of the report's."""
+        """Return a static file of the page or of the report."""
         name = request.path_params["name"]
         for folder in (_PAGE, _REPORT):
             file = folder / name
@@ -107,7 +107,7 @@ class Routes:
     # sessions
 
     async def start(self, request: Request) -> Response:
-        """What the first page shows."""
+        """Return what the first page shows."""
         return JSONResponse(
             {
                 "version": _version(),
@@ -119,7 +119,7 @@ class Routes:
         )
 
     async def open(self, request: Request) -> Response:
-        """A new session with what comes with the package."""
+        """Open a session with measurements that come with the package."""
         body = await _body(request)
         name = body.get("open")
         if name == "deal":
@@ -129,7 +129,7 @@ class Routes:
         return JSONResponse({"id": session.id})
 
     async def upload(self, request: Request) -> Response:
-        """A new session with files of the user's."""
+        """Open a session with the user's files."""
         async with request.form(max_files=_MOST_FILES, max_fields=_MOST_FILES) as form:
             files = [one for one in form.getlist("file") if isinstance(one, UploadFile)]
             if not files:
@@ -149,25 +149,25 @@ class Routes:
         return JSONResponse({"id": session.id})
 
     async def state(self, request: Request) -> Response:
-        """The whole state."""
+        """Return the whole state of a session."""
         shown = self.desk.shown(self._session(request))
         return JSONResponse(shown | {"upload_limit_bytes": UPLOAD_LIMIT})
 
     async def forget(self, request: Request) -> Response:
-        """Forget a session."""
+        """Remove a session."""
         session = self.desk.sessions.get(request.path_params["id"])
         await self.desk.jobs.cancel_all(session.id)
         self.desk.sessions.forget(session)
         return JSONResponse({"ok": True})
 
     async def events(self, request: Request) -> Response:
-        """What happens."""
+        """Return the stream of a session's events."""
         session = self._session(request)
         stream = self.desk.events.stream(session.id)
         return StreamingResponse(stream, media_type="text/event-stream")
 
     async def answers(self, request: Request) -> Response:
-        """To what a file leaves open."""
+        """Take the answers to the questions about a file."""
         given = (await _body(request)).get("answers")
         if not isinstance(given, dict):
             raise refused(422, "there are no answers", "see docs/app_api.md")
@@ -176,12 +176,12 @@ class Routes:
         return JSONResponse({"ok": True})
 
     async def tidy(self, request: Request) -> Response:
-        """The measurements."""
+        """Return the measurements."""
         session = self._session(request)
         return _download(Path(session.data or "none"), Path(session.data).name or "data.csv")
 
     async def guess(self, request: Request) -> Response:
-        """A guess written down."""
+        """Record a guess."""
         body = await _body(request)
         effects, words = body.get("effects", []), body.get("words", "")
         if not (isinstance(effects, list) and isinstance(words, str)):
@@ -192,26 +192,26 @@ class Routes:
     # jobs
 
     async def order(self, request: Request) -> Response:
-        """A new job."""
+        """Start a job."""
         session = self._session(request)
         job = self.desk.order(session, await _body(request))
         return JSONResponse(self.desk.jobs.shown(job))
 
     async def job(self, request: Request) -> Response:
-        """How far a job is."""
+        """Return the progress of a job."""
         session = self._session(request)
-        found = self.desk.jobs.get(session.id, request.path_params["job"])
-        return JSONResponse(self.desk.jobs.shown(found))
+        job = self.desk.jobs.get(session.id, request.path_params["job"])
+        return JSONResponse(self.desk.jobs.shown(job))
 
     async def cancel(self, request: Request) -> Response:
-        """Cancel or forget a job."""
+        """Cancel or remove a job."""
         session = self._session(request)
         job = self.desk.jobs.get(session.id, request.path_params["job"])
         await self.desk.jobs.cancel(job)
         return JSONResponse(self.desk.jobs.shown(job))
 
     async def enough(self, request: Request) -> Response:
-        """End a search with what is known."""
+        """End a search with its results so far."""
         session = self._session(request)
         job = self.desk.jobs.get(session.id, request.path_params["job"])
         await self.desk.jobs.enough(job)
@@ -226,59 +226,59 @@ class Routes:
         return JSONResponse(session.shown()["pad"][pad])
 
     async def measured(self, request: Request) -> Response:
-        """The samples."""
-        return await self._passed(request, "measured")
+        """Return the samples."""
+        return await self._forwarded(request, "measured")
 
     async def catalogue(self, request: Request) -> Response:
-        """Laws and effects."""
-        return await self._passed(request, "catalogue")
+        """Return the laws and effects."""
+        return await self._forwarded(request, "catalogue")
 
     async def parameters(self, request: Request) -> Response:
-        """The sliders of a model."""
-        return await self._passed(request, "parameters", model=await _body(request))
+        """Return the sliders of a model."""
+        return await self._forwarded(request, "parameters", model=await _body(request))
 
     async def curves(self, request: Request) -> Response:
-        """A model's force and errors."""
+        """Return a model's force and errors."""
         tab = request.headers.get("x-tab")
         key = None if tab is None else f"{request.path_params['id']} {tab}"
-        return await self._passed(request, "curves", model=await _body(request), tab=key)
+        return await self._forwarded(request, "curves", model=await _body(request), tab=key)
 
     async def signature(self, request: Request) -> Response:
-        """What an effect would look like."""
+        """Return what an effect would add to a model."""
         body = await _body(request)
         model, effect = body.get("model"), body.get("effect")
         if not (isinstance(model, dict) and isinstance(effect, str)):
             raise refused(422, "no effect beside a model is named", "see docs/app_api.md")
-        return await self._passed(request, "signature", model=model, effect=effect)
+        return await self._forwarded(request, "signature", model=model, effect=effect)
 
     async def change(self, request: Request) -> Response:
-        """A new state."""
+        """Make a new state."""
         session, pad = self._session(request), request.path_params["pad"]
         return JSONResponse(await self.desk.change(session, pad, await _body(request)))
 
     async def go_back(self, request: Request) -> Response:
-        """To an old state."""
+        """Go back to a state of the history."""
         session, pad = self._session(request), request.path_params["pad"]
         number = (await _body(request)).get("state")
         if not isinstance(number, int):
             raise refused(422, "no state is named", "see docs/app_api.md")
         return JSONResponse(await self.desk.go_back(session, pad, number))
 
-    async def _passed(self, request: Request, call: str, **arguments: Any) -> Response:
+    async def _forwarded(self, request: Request, call: str, **arguments: Any) -> Response:
         session, pad = self._session(request), request.path_params["pad"]
-        answer = await self.desk.passed(session, pad, call, **arguments)
+        answer = await self.desk.forwarded(session, pad, call, **arguments)
         return Response(answer, media_type="application/json")
 
     # data out
 
     async def comparison(self, request: Request) -> Response:
-        """What the comparisons found."""
+        """Return the results of the comparisons."""
         files = sorted(self._session(request).folder.glob("compare/*/compare.json"))
-        found = [json.loads(file.read_text()) for file in files]
-        return JSONResponse({"comparisons": found})
+        results = [json.loads(file.read_text()) for file in files]
+        return JSONResponse({"comparisons": results})
 
     async def saved(self, request: Request) -> Response:
-        """The session as one file."""
+        """Return the session as one file."""
         session = self._session(request)
         session.save()
         content = await run_in_threadpool(_zipped, session.folder)
@@ -286,7 +286,7 @@ class Routes:
         return _attached(content, name, "application/zip")
 
     async def report(self, request: Request) -> Response:
-        """The report, written anew where a result has come since."""
+        """Return the report, written anew where there is a newer result."""
         session = self._session(request)
         if session.hides:
             raise refused(409, "a guess is owed first", "write down what you think is missing")
@@ -296,21 +296,21 @@ class Routes:
         return _download(file, "report.html")
 
     async def figures(self, request: Request) -> Response:
-        """Which figures there are."""
+        """Return the list of figures."""
         session = self._session(request)
-        found: dict[tuple[str, str], list[str]] = {}
+        formats_of: dict[tuple[str, str], list[str]] = {}
         for pad in ("-", *session.pads):
             for file in sorted(_folder_of(session, pad).glob("*.*")):
                 if file.suffix in _FIGURES:
-                    found.setdefault((pad, file.stem), []).append(file.suffix[1:])
-        listed = [
+                    formats_of.setdefault((pad, file.stem), []).append(file.suffix[1:])
+        entries = [
             {"pad": pad, "name": name, "formats": sorted(formats, reverse=True)}
-            for (pad, name), formats in found.items()
+            for (pad, name), formats in formats_of.items()
         ]
-        return JSONResponse({"figures": listed})
+        return JSONResponse({"figures": entries})
 
     async def figure(self, request: Request) -> Response:
-        """One of them."""
+        """Return one figure."""
         session, name = self._session(request), request.path_params["name"]
         folder = _folder_of(session, request.path_params["pad"])
         file = folder / name
@@ -319,41 +319,41 @@ class Routes:
         return _download(file, name, attached=file.suffix == ".pdf")
 
     async def residuals(self, request: Request) -> Response:
-        """All that is left, as CSV."""
+        """Return the residuals as CSV."""
         return await self._table(request, "residuals")
 
     async def constants(self, request: Request) -> Response:
-        """The constants, as CSV."""
+        """Return the constants as CSV."""
         return await self._table(request, "constants")
 
     async def _table(self, request: Request, call: str) -> Response:
         session, pad = self._session(request), request.path_params["pad"]
         own = session.pad(pad)
-        asked = request.query_params.get("state", "")
-        state = own.state(int(asked) if asked.isdecimal() else own.current)
+        number = request.query_params.get("state", "")
+        state = own.state(int(number) if number.isdecimal() else own.current)
         more = {"begun": state.begun} if call == "constants" else {}
-        raw = await self.desk.passed(session, pad, call, model=state.model, **more)
+        raw = await self.desk.forwarded(session, pad, call, model=state.model, **more)
         return _attached(json.loads(raw).encode(), f"{pad}_{call}.csv", _TYPES[".csv"])
 
     async def repeat(self, request: Request) -> Response:
-        """Script and command lines, to show."""
+        """Return script and command lines, to be shown."""
         session, pad = self._session(request), request.path_params["pad"]
         python, lines = script(session, pad), commands(session, pad)
         return JSONResponse({"python": python, "commands": lines})
 
     async def repeat_script(self, request: Request) -> Response:
-        """The script."""
+        """Return the script."""
         session, pad = self._session(request), request.path_params["pad"]
         return _attached(script(session, pad).encode(), "repeat.py", "text/x-python")
 
     async def repeat_commands(self, request: Request) -> Response:
-        """The command lines."""
+        """Return the command lines."""
         session, pad = self._session(request), request.path_params["pad"]
         return _attached(commands(session, pad).encode(), "repeat.sh", "text/x-sh")
 
 
 def _older(report: Path, folder: Path) -> bool:
-    """Whether a result is newer than the report, or there is none."""
+    """Return whether a result is newer than the report, or there is no report."""
     if not report.is_file():
         return True
     results = [*folder.glob("*/*.json"), *folder.glob("compare/*/*.json")]
@@ -361,7 +361,7 @@ def _older(report: Path, folder: Path) -> bool:
 
 
 def _folder_of(session: Session, pad: str) -> Path:
-    """Of a pad, or with ``-`` of all."""
+    """Return the folder of a pad, or with ``-`` that of all pads."""
     if pad == "-":
         return session.folder
     if pad not in session.pads:
@@ -370,14 +370,14 @@ def _folder_of(session: Session, pad: str) -> Path:
 
 
 async def _body(request: Request) -> dict[str, Any]:
-    """A request's JSON; RefusedError where it is none."""
+    """Return a request's JSON; raise RefusedError where it is none."""
     try:
-        found = json.loads(await request.body())
+        content = json.loads(await request.body())
     except ValueError:
-        found = None
-    if not isinstance(found, dict):
+        content = None
+    if not isinstance(content, dict):
         raise refused(422, "the request is no JSON object", "see docs/app_api.md")
-    return found
+    return content
 
 
 def _download(file: Path, name: str, *, attached: bool = False) -> Response:
@@ -397,7 +397,7 @@ def _attached(content: bytes, name: str, kind: str) -> Response:
 
 
 def _zipped(folder: Path) -> bytes:
-    """A folder's files, but for what is being written and chains."""
+    """Return a folder's files as a zip, without chains and files that are being written."""
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
         for file in sorted(folder.rglob("*")):
@@ -408,7 +408,7 @@ def _zipped(folder: Path) -> bytes:
 
 
 def safe_name(name: str) -> str:
-    """A name that is one file's, wherever it came from."""
+    """Return a name that is one file's, wherever it came from."""
     plain = re.sub(r"[^\w. ()+-]", "_", PurePosixPath(name.replace("\\", "/")).name)
     return plain.strip(" .")[-_LONGEST:] or "upload.csv"
 

@@ -1,7 +1,7 @@
-"""Who may ask, and what the browser may do with the answer.
+"""Decide which requests are answered, and what the browser may do with the answer.
 
-A page of another site can make the browser ask this server. It cannot read the token, set a header
-of its own without being allowed to, or hide where it comes from: so all three are looked at.
+A page of another site can make the browser send requests to this server. It cannot read the token,
+set its own header without permission, or hide its origin: therefore all three are checked.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 CHANGING = "x-qlvbayes"
-"""Header of requests that change something: no form sends it."""
+"""Header of requests that change something; no form sends it."""
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
     "connect-src 'self'; font-src 'self'; form-action 'none'; base-uri 'none'; "
     "frame-ancestors 'none'"
 )
-UPLOAD_LIMIT = 64 * 2**20  # bytes of an upload: an hour of three columns at 1 kHz as text
-BODY_LIMIT = 2**20  # bytes of any other request
+UPLOAD_LIMIT = 64 * 2**20  # most bytes of an upload: an hour of three columns at 1 kHz as text
+BODY_LIMIT = 2**20  # most bytes of any other request
 _HEADERS = {
     "content-security-policy": POLICY,
     "x-content-type-options": "nosniff",
@@ -39,14 +39,14 @@ _EVERYWHERE = {"0.0.0.0", "::"}
 
 
 class TooLargeError(Exception):
-    """A request is longer than it may be."""
+    """Report that a request is longer than it may be."""
 
 
 @dataclass(frozen=True)
 class Address:
-    """Where the server is reached: the Host headers and origins that are its own, and the cookie.
+    """Hold the server's own Host headers and origins, and the name of its cookie.
 
-    secure: whether it is reached by https only, through a proxy.
+    ``secure`` is whether it is reached by https only, through a proxy.
     """
 
     hosts: frozenset[str]
@@ -55,13 +55,13 @@ class Address:
     secure: bool = False
 
     @classmethod
-    def of(cls, host: str, port: int, behind: str | None = None) -> Address:
-        """Of a bound host and port, or of the address of a proxy before it."""
+    def from_host(cls, host: str, port: int, behind: str | None = None) -> Address:
+        """Return the address of a bound host and port, or of a proxy in front of it."""
         if behind is not None:
-            place = urlsplit(behind)
-            origin = f"{place.scheme}://{place.netloc}"
-            secure = place.scheme == "https"
-            return cls(frozenset({place.netloc}), frozenset({origin}), f"qlvbayes-{port}", secure)
+            parts = urlsplit(behind)
+            origin = f"{parts.scheme}://{parts.netloc}"
+            secure = parts.scheme == "https"
+            return cls(frozenset({parts.netloc}), frozenset({origin}), f"qlvbayes-{port}", secure)
         names = {host}
         if host in _HERE:
             names |= _HERE
@@ -72,7 +72,7 @@ class Address:
 
 
 class Guard:
-    """Lets pass what has the token and comes from the server's own page; adds the headers."""
+    """Let requests with the token and from the server's own page pass; add the headers."""
 
     def __init__(self, app: ASGIApp, *, token: str, address: Address) -> None:
         self.app = app
@@ -80,7 +80,7 @@ class Guard:
         self.address = address
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """One request."""
+        """Handle one request."""
         if scope["type"] == "lifespan":
             await self.app(scope, receive, send)
             return
@@ -132,7 +132,7 @@ class Guard:
         return "" if cookie is None else cookie.value
 
     def _entered(self, path: str, query: dict[str, str]) -> Response:
-        """To the same address without the token, which neither the bar nor the history keeps."""
+        """Redirect to the same address without the token, so that the browser does not keep it."""
         # one slash: two would name another host
         target = "/" + path.lstrip("/\\") + (f"?{urlencode(query)}" if query else "")
         answer = RedirectResponse(target, status_code=303)
@@ -144,7 +144,7 @@ class Guard:
 
 
 def _own_names() -> set[str]:
-    """Names and addresses of this machine, as it knows them itself."""
+    """Return names and addresses of this machine, as it knows them itself."""
     name = socket.gethostname()
     try:
         _, aliases, addresses = socket.gethostbyname_ex(name)

@@ -1,7 +1,7 @@
-"""The server's process: run as a file, in an interpreter that never loads JAX.
+"""Run the server's process, as a file, in an interpreter that never loads JAX.
 
-``import qlvbayes`` gathers every public name, and JAX with them. A bare package in its place lets
-the server's modules be imported without.
+``import qlvbayes`` may load JAX. An empty package in its place lets the server's modules be
+imported without it.
 """
 
 import json
@@ -11,7 +11,7 @@ from pathlib import Path
 
 
 def main() -> None:
-    """Serve as the first argument says, in JSON (`server.Options`)."""
+    """Serve with the options of the first argument, in JSON (`server.Options`)."""
     bare = types.ModuleType("qlvbayes")
     bare.__path__ = [str(Path(__file__).resolve().parents[1])]
     sys.modules["qlvbayes"] = bare

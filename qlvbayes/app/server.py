@@ -1,4 +1,4 @@
-"""The server: its parts put together, its life, and what it prints."""
+"""Put the server's parts together, start and end it, and print its address."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from starlette.responses import JSONResponse, Response
 from qlvbayes.app.calls import Calls
 from qlvbayes.app.desk import Desk
 from qlvbayes.app.events import Events
-from qlvbayes.app.failures import RefusedError, Told, told
+from qlvbayes.app.failures import ErrorContent, RefusedError, error_content
 from qlvbayes.app.jobs import Jobs
 from qlvbayes.app.routes import Routes
 from qlvbayes.app.security import UPLOAD_LIMIT, Address, Guard, TooLargeError
@@ -32,11 +32,11 @@ from qlvbayes.app.sessions import Session, Sessions
 
 @dataclass(frozen=True)
 class Options:
-    """How to serve.
+    """Hold the options of the server.
 
-    token: what whoever asks must know; sessions: their folder; open: what to show at first, a file
-    of measurements, a folder of results or a saved session; behind: the address of a proxy through
-    which the server is reached.
+    ``token`` is the secret of all requests, ``sessions`` their folder. ``open`` is what to show at
+    first: a file of measurements, a folder of results or a saved session. ``behind`` is the address
+    of a proxy through which the server is reached.
     """
 
     token: str
@@ -49,37 +49,39 @@ class Options:
     behind: str | None = None
 
 
-def _error(status: int, content: Told) -> Response:
+def _error(status: int, content: ErrorContent) -> Response:
     return JSONResponse({"error": content}, status_code=status)
 
 
 async def _refused(request: Request, error: Exception) -> Response:
     assert isinstance(error, RefusedError)
-    return _error(error.status, error.told)
+    return _error(error.status, error.content)
 
 
 async def _http(request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)
-    return _error(error.status_code, told(str(error.detail).lower()))
+    return _error(error.status_code, error_content(str(error.detail).lower()))
 
 
 async def _too_large(request: Request, error: Exception) -> Response:
     limit = f"{UPLOAD_LIMIT // 2**20} MB"
-    return _error(413, told("the upload is too large", f"send less than {limit}, or .csv.gz"))
+    return _error(
+        413, error_content("the upload is too large", f"send less than {limit}, or .csv.gz")
+    )
 
 
 async def _malformed(request: Request, error: Exception) -> Response:
-    return _error(422, told("the upload is malformed", "send the file again"))
+    return _error(422, error_content("the upload is malformed", "send the file again"))
 
 
 async def _failed(request: Request, error: Exception) -> Response:
-    return _error(500, told(f"internal error ({type(error).__name__})", "report it"))
+    return _error(500, error_content(f"internal error ({type(error).__name__})", "report it"))
 
 
 def application(options: Options, address: Address) -> Starlette:
-    """The whole server; its life begins and ends the processes."""
+    """Return the whole server; its life begins and ends the processes."""
     events = Events()
-    calls = Calls(lambda status: events.tell_all("worker", {"worker": status}))
+    calls = Calls(lambda status: events.publish_all("worker", {"worker": status}))
     jobs = Jobs(events)
     desk = Desk(Sessions(Path(options.sessions)), calls, jobs, events, options.effects_file)
 
@@ -111,21 +113,21 @@ def application(options: Options, address: Address) -> Starlette:
 
 
 async def _warm(desk: Desk, calls: Calls, jobs: Jobs) -> None:
-    """The spare process, once the worker no longer needs the cores for the first curves."""
+    """Start the spare process, once the worker no longer needs the cores for the first curves."""
     while calls.status != "ready" or desk.sessions.opening:
         await asyncio.sleep(0.2)
     jobs.warm()
 
 
 def serve(options: Options) -> None:
-    """Serve until interrupted; prints the address, and opens it in the browser if wanted."""
+    """Serve until interrupted; print the address, and open it in the browser if wanted."""
     try:
         Path(options.sessions).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         _stop(f"{options.sessions}: {error.strerror}; choose another folder with --sessions")
     listening = _bound(options.host, options.port)
     port = int(listening.getsockname()[1])
-    address = Address.of(options.host, port, options.behind)
+    address = Address.from_host(options.host, port, options.behind)
     app = application(options, address)
     base = options.behind or f"http://{_in_url(options.host)}:{port}"
     config = uvicorn.Config(
@@ -137,7 +139,7 @@ def serve(options: Options) -> None:
 
 
 class _Server(uvicorn.Server):
-    """Tells its address once it can be asked."""
+    """Print the address once the server can be reached."""
 
     def __init__(self, config: uvicorn.Config, app: Starlette, options: Options, base: str) -> None:
         super().__init__(config)
@@ -146,7 +148,7 @@ class _Server(uvicorn.Server):
         self._base = base
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """As always; then open what was asked for, and tell."""
+        """Start, then open what the options name, and print the address."""
         await super().startup(sockets=sockets)
         path = "/"
         if self._options.open is not None:
@@ -157,14 +159,14 @@ class _Server(uvicorn.Server):
             await run_in_threadpool(webbrowser.open, url)
 
     def handle_exit(self, sig: int, frame: Any) -> None:
-        """Streams of events are ended first, and calls that wait: none would end by itself."""
+        """End streams of events and waiting calls first, as none would end by itself."""
         self._app.state.desk.events.close()
         self._app.state.desk.calls.give_up()
         super().handle_exit(sig, frame)
 
 
 def _opened(desk: Desk, path: Path) -> Session:
-    """A session of a file or folder that the command line names."""
+    """Return a session of a file or folder that the command line names."""
     if path.is_dir():
         return desk.open_results(path)
     session = desk.sessions.new(path.name)
@@ -173,7 +175,7 @@ def _opened(desk: Desk, path: Path) -> Session:
 
 
 def _bound(host: str, port: int) -> socket.socket:
-    """A socket that listens; one plain line where it cannot."""
+    """Return a socket that listens; print one plain line where it cannot."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     listening = socket.socket(family, socket.SOCK_STREAM)
     listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -186,7 +188,7 @@ def _bound(host: str, port: int) -> socket.socket:
 
 
 def _stop(text: str) -> NoReturn:
-    """One plain line, as every command ends."""
+    """Print one plain line and exit with status 2, as every command does."""
     print(f"qlvbayes: {text}", file=sys.stderr)
     raise SystemExit(2)
 

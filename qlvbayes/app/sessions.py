@@ -1,6 +1,6 @@
-"""Sessions: a folder each, an ordinary OUT of the commands, with ``bench.json`` beside.
+"""Keep sessions: a folder each, an ordinary OUT of the commands, with ``bench.json`` in it.
 
-What stands in ``bench.json`` is all that a session remembers: who opens it anew finds every state.
+``bench.json`` holds all that a session stores: opening it again restores every state.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from qlvbayes.app.failures import Told, refused
+from qlvbayes.app.failures import ErrorContent, refused
 from qlvbayes.io.files import write_json
 
 BENCH = "bench.json"
-_PRIVATE = ".private"  # uploads, and truths that are not to be told yet
+_PRIVATE = ".private"  # uploads, and hidden effects that are not to be shown yet
 
 
 @dataclass
-class State:
-    """A model by hand in the history: an entry as in docs/app_api.md.
+class HistoryState:
+    """Hold a model of the history, an entry as in docs/app_api.md.
 
-    begun: the constants that its fit began from.
+    ``begun`` are the constants that its fit began from.
     """
 
     id: int
@@ -40,7 +40,7 @@ class State:
 
     @property
     def model(self) -> dict[str, Any]:
-        """As in the body of a request."""
+        """Return the model as in the body of a request."""
         return {
             "elastic": self.elastic,
             "relaxation": self.relaxation,
@@ -51,28 +51,29 @@ class State:
 
 @dataclass
 class OnBench:
-    """A pad of a session: facts (units, noise, tests) and the history of its states.
+    """Hold a pad of a session: facts (units, noise, tests) and the history of its states.
 
-    sampled: the state whose model was sampled last; bands: of that, as they go to the page.
+    ``sampled`` is the state whose model was sampled last, and ``bands`` are its bands as the page
+    receives them.
     """
 
     facts: dict[str, Any] = field(default_factory=dict)
-    history: list[State] = field(default_factory=list)
+    history: list[HistoryState] = field(default_factory=list)
     current: int = 0
     sampled: int | None = None
     bands: dict[str, Any] | None = None
 
-    def add(self, how: str, model: dict[str, Any], rmse: float | None, begun: Any) -> State:
-        """A new state, which is current from now on."""
+    def add(self, how: str, model: dict[str, Any], rmse: float | None, begun: Any) -> HistoryState:
+        """Append a new state, which becomes the current one."""
         number = max((state.id for state in self.history), default=-1) + 1
         parent = self.current if self.history else None
-        state = State(number, parent, how, rmse=rmse, begun=begun or {}, **model)
+        state = HistoryState(number, parent, how, rmse=rmse, begun=begun or {}, **model)
         self.history.append(state)
         self.current = number
         return state
 
-    def state(self, number: int) -> State:
-        """Of that number; RefusedError where there is none."""
+    def state(self, number: int) -> HistoryState:
+        """Return the state of that number; raise RefusedError where there is none."""
         for state in self.history:
             if state.id == number:
                 return state
@@ -81,14 +82,18 @@ class OnBench:
 
 @dataclass
 class Session:
-    """One session. stage, error, questions, guess: as in docs/app_api.md; data: the tidy file."""
+    """Hold one session.
+
+    ``stage``, ``error``, ``questions`` and ``guess`` are those of docs/app_api.md; ``data`` is the
+    tidy file.
+    """
 
     id: str
     folder: Path
     private: Path
     name: str
     stage: str = "reading"
-    error: Told | None = None
+    error: ErrorContent | None = None
     questions: dict[str, Any] | None = None
     notices: list[str] = field(default_factory=list)
     pads: list[str] = field(default_factory=list)
@@ -100,30 +105,30 @@ class Session:
 
     @property
     def hides(self) -> bool:
-        """Whether a guess is owed, so that nothing may be told."""
+        """Return whether a guess is missing, so that what is hidden must not be shown."""
         return self.guess is not None and self.guess["given"] is None
 
     @property
     def truth(self) -> Path:
-        """Where what was hidden is kept, if anything was."""
+        """Return the file that holds what was hidden, if anything was."""
         return self.private / "truth.json"
 
     def known(self, name: str) -> None:
-        """RefusedError where there is no such pad, or none is known yet."""
+        """Raise RefusedError where there is no such pad, or no pad is known yet."""
         if not self.pads and self.stage != "failed":
             raise refused(409, "the measurements are still being read", "wait until it is ready")
         if name not in self.pads:
             raise refused(404, f"there is no pad {name!r}", f"use one of {', '.join(self.pads)}")
 
     def pad(self, name: str) -> OnBench:
-        """A pad that lies on the bench; RefusedError where it does not."""
+        """Return an open pad; raise RefusedError where it is not open."""
         self.known(name)
         if name not in self.bench:
             raise refused(404, f"the pad {name!r} is not open", "open it first")
         return self.bench[name]
 
     def shown(self) -> dict[str, Any]:
-        """What the page shows of it, but for the jobs."""
+        """Return what the page shows of the session, without the jobs."""
         return {
             "id": self.id,
             "name": self.name,
@@ -148,14 +153,14 @@ class Session:
         }
 
     def _diagnosis(self, pad: str) -> dict[str, Any] | None:
-        """What a diagnosis left in the pad's folder, if there was one."""
+        """Return what a diagnosis left in the pad's folder, if there was one."""
         file = self.folder / pad / "diagnosis.json"
         try:
-            found: dict[str, Any] = json.loads(file.read_text())
+            diagnosis: dict[str, Any] = json.loads(file.read_text())
             text = file.with_suffix(".txt").read_text()
         except (OSError, ValueError):
             return None
-        return found | {"text": [one for one in text.split("\n\n") if one.strip()]}
+        return diagnosis | {"text": [one for one in text.split("\n\n") if one.strip()]}
 
     def save(self) -> None:
         """Write ``bench.json``."""
@@ -174,13 +179,13 @@ class Session:
         write_json(self.folder / BENCH, content)
 
     def load(self) -> None:
-        """What ``bench.json`` remembers; nothing where there is none, or it is no JSON of ours."""
+        """Read ``bench.json``; do nothing where there is none, or it is invalid."""
         try:
             content = json.loads((self.folder / BENCH).read_text())
             pads = {
                 name: OnBench(
                     own["facts"],
-                    [State(**state) for state in own["history"]],
+                    [HistoryState(**state) for state in own["history"]],
                     own["current"],
                     own["sampled"],
                 )
@@ -195,30 +200,30 @@ class Session:
             self.data = str(self.folder / name)
 
 
-def entry(state: State) -> dict[str, Any]:
-    """As in the history."""
-    found = asdict(state)
-    del found["begun"]
-    return found
+def entry(state: HistoryState) -> dict[str, Any]:
+    """Return a state as in the history."""
+    fields = asdict(state)
+    del fields["begun"]
+    return fields
 
 
 def ranking(diagnosis: dict[str, Any]) -> list[dict[str, Any]]:
-    """Effects with their probabilities of being in the model, as a diagnosis has them."""
+    """Return effects with their probabilities of being in the model, from a diagnosis."""
     return [
-        {"effect": one["effect"], "probability": one.get("inclusion"), "heldout": None}
-        for one in diagnosis.get("ranking", [])
+        {"effect": ranked["effect"], "probability": ranked.get("inclusion"), "heldout": None}
+        for ranked in diagnosis.get("ranking", [])
     ]
 
 
 class Sessions:
-    """All sessions of a server, below one folder, and folders of results opened in place."""
+    """Hold all sessions of a server, below one folder, and folders of results opened in place."""
 
     def __init__(self, root: Path) -> None:
         self._root = root
         self._open: dict[str, Session] = {}
 
     def new(self, name: str, folder: Path | None = None) -> Session:
-        """An empty one; folder: of results that are there already."""
+        """Return an empty session; ``folder`` is one of results that exist already."""
         number = secrets.token_urlsafe(9)
         where = self._root / number if folder is None else folder
         session = Session(number, where, self._root / _PRIVATE / number, name)
@@ -226,7 +231,7 @@ class Sessions:
         return session
 
     def get(self, number: str) -> Session:
-        """The session of that id; RefusedError where there is none."""
+        """Return the session of that id; raise RefusedError where there is none."""
         if number not in self._open:
             folder = self._root / number
             if not _is_id(number) or not (folder / BENCH).is_file():
@@ -238,12 +243,12 @@ class Sessions:
 
     @property
     def opening(self) -> bool:
-        """Whether somebody waits for first curves."""
+        """Return whether a page waits for its first curves."""
         return any(one.stage in ("reading", "preparing") for one in self._open.values())
 
     def known(self) -> list[dict[str, str]]:
-        """Of all that lie below the folder, the last first."""
-        found = []
+        """Return all stored sessions, the last first."""
+        entries = []
         for file in sorted(self._root.glob(f"*/{BENCH}"), key=_changed, reverse=True):
             try:
                 name = str(json.loads(file.read_text())["name"])
@@ -251,11 +256,11 @@ class Sessions:
                 continue
             when = datetime.datetime.fromtimestamp(_changed(file), datetime.UTC)
             text = when.isoformat(timespec="seconds").replace("+00:00", "Z")
-            found.append({"id": file.parent.name, "name": name, "changed": text})
-        return found
+            entries.append({"id": file.parent.name, "name": name, "changed": text})
+        return entries
 
     def forget(self, session: Session) -> None:
-        """Remove it, and its folder where that is the server's own."""
+        """Remove a session, and its folder where that is the server's own."""
         self._open.pop(session.id, None)
         shutil.rmtree(session.private, ignore_errors=True)
         if session.folder.parent == self._root:

@@ -1,4 +1,4 @@
-"""Tables that a session gives away: residuals by sample, and the constants with their fit."""
+"""Write tables of a session as CSV: residuals by sample, and the constants with their fit."""
 
 from __future__ import annotations
 
@@ -13,14 +13,16 @@ from qlvbayes.io.units import column_name
 
 
 def residuals_csv(bench: Bench, look: Look) -> str:
-    """A row per sample looked at: measured, modelled, what is left."""
+    """Return a row for each sample: measured, modelled, residual."""
     units, samples = bench.experiment.units, bench.samples
-    way = column_name(units.displacement_name, "" if units.dimensionless else units.displacement)
+    displacement = column_name(
+        units.displacement_name, "" if units.dimensionless else units.displacement
+    )
     force = column_name(units.force_name, units.force)
     out = io.StringIO()
     rows = csv.writer(out, lineterminator="\n")
     rows.writerow(
-        ["pad", "test", "phase", "time_s", way, force, f"model_{units.force}",
+        ["pad", "test", "phase", "time_s", displacement, force, f"model_{units.force}",
          f"residual_{units.force}"]
     )  # fmt: skip
     for k, trial in enumerate(samples.trials):
@@ -42,7 +44,7 @@ def residuals_csv(bench: Bench, look: Look) -> str:
 
 
 def constants_csv(bench: Bench, model: ByHand, begun: Mapping[str, float]) -> str:
-    """A row per constant: value, unit, where its fit began, prior, and what was fitted."""
+    """Return a row for each constant: value, unit, start of its fit, prior, fitted tests."""
     trials = bench.samples.trials
     tests = " ".join(trial.name for trial in trials)
     first = min(float(trial.test.time[0]) for trial in trials)
@@ -53,11 +55,12 @@ def constants_csv(bench: Bench, model: ByHand, begun: Mapping[str, float]) -> st
         ["pad", "parameter", "value", "unit", "initial", "prior_low", "prior_high", "belongs_to",
          "fitted_tests", "fitted_from_s", "fitted_to_s"]
     )  # fmt: skip
-    for one in bench.sliders(model):
-        initial = begun.get(one.name)
+    for slider in bench.sliders(model):
+        initial = begun.get(slider.name)
         rows.writerow(
-            [*as_cells([bench.experiment.pad, one.name]), f"{one.value:.8g}", one.unit,
-             "" if initial is None else f"{initial:.8g}", f"{one.prior[0]:.4g}",
-             f"{one.prior[1]:.4g}", one.owner, *as_cells([tests]), f"{first:.6g}", f"{last:.6g}"]
+            [*as_cells([bench.experiment.pad, slider.name]), f"{slider.value:.8g}", slider.unit,
+             "" if initial is None else f"{initial:.8g}", f"{slider.prior[0]:.4g}",
+             f"{slider.prior[1]:.4g}", slider.owner, *as_cells([tests]), f"{first:.6g}",
+             f"{last:.6g}"]
         )  # fmt: skip
     return out.getvalue()

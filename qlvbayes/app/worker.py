@@ -1,9 +1,9 @@
-"""The worker: one warm process that computes what the page asks for.
+"""Run the worker: one warm process that computes what the page asks for.
 
-Two threads answer. What a slider or a first look waits for goes past all else: past fits, past
-compiling, which let Python go on meanwhile. Everything else is answered in turn, and what takes
-long (errors on what is left out) goes on between the calls, a piece at a time. Of several waiting
-calls for curves from one tab only the last is computed.
+Two threads answer. Calls that a slider or a first view waits for precede all others: running fits
+and compilations leave Python free meanwhile. All other calls are answered in turn, and long ones
+(held-out errors) continue between the calls, a piece at a time. Of several waiting calls for curves
+from one tab only the last is computed.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from typing import Any, NoReturn
 
 import msgspec
 
-from qlvbayes.app.failures import RefusedError, refused, told_of
-from qlvbayes.app.numbers import CALLS, FIRST
+from qlvbayes.app.computations import CALLS, FIRST
+from qlvbayes.app.failures import RefusedError, content_of, refused
 from qlvbayes.app.pipes import Parent
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.runtime import one_blas_thread
@@ -27,25 +27,25 @@ Pieces = Iterator[Any]
 """A computation in pieces: None while there is more, at last its answer."""
 
 
-_ENCODER = msgspec.json.Encoder(enc_hook=float)  # numpy's numbers; what is none becomes null
+_ENCODER = msgspec.json.Encoder(enc_hook=float)  # numbers of numpy; those not finite become null
 
 
-class Lane:
-    """A thread's own requests, and work in pieces beside them."""
+class RequestThread:
+    """Answer the requests of one thread, and do work in pieces between them."""
 
     def __init__(self, parent: Parent, calls: dict[str, Callable[..., Any]]) -> None:
         self._parent = parent
         self._calls = calls
-        self._heard: queue.SimpleQueue[Request] = queue.SimpleQueue()
+        self._arrived: queue.SimpleQueue[Request] = queue.SimpleQueue()
         self._waiting: deque[Request] = deque()
         self._pieces: deque[tuple[Request, Pieces]] = deque()
 
     def put(self, request: Request) -> None:
-        """At the end of what waits."""
-        self._heard.put(request)
+        """Append a request to those that wait."""
+        self._arrived.put(request)
 
     def run(self) -> NoReturn:
-        """Until the server has gone."""
+        """Answer until the server has ended."""
         while True:
             self._gather(block=not self._waiting and not self._pieces)
             if self._waiting:
@@ -54,10 +54,10 @@ class Lane:
                 self._go_on(*self._pieces.popleft())
 
     def _gather(self, *, block: bool) -> None:
-        """All that was heard meanwhile."""
+        """Take over all requests that have arrived meanwhile."""
         while True:
             try:
-                self._waiting.append(self._heard.get(block=block))
+                self._waiting.append(self._arrived.get(block=block))
             except queue.Empty:
                 return
             block = False
@@ -88,7 +88,7 @@ class Lane:
             self._succeed(request, answer)
 
     def _overtaken(self, request: Request) -> bool:
-        """Whether a later call of the same tab for curves waits."""
+        """Return whether a later call of the same tab for curves waits."""
         tab = request["arguments"].get("tab")
         return bool(tab) and any(
             other["call"] == request["call"] and other["arguments"].get("tab") == tab
@@ -97,41 +97,41 @@ class Lane:
 
     def _succeed(self, request: Request, answer: Any) -> None:
         payload = _ENCODER.encode(answer)
-        self._parent.tell({"number": request["number"], "bytes": len(payload)}, payload)
+        self._parent.send({"number": request["number"], "bytes": len(payload)}, payload)
 
     def _fail(self, request: Request, error: Exception) -> None:
         line = {"number": request["number"], "bytes": 0, "status": 500}
         if isinstance(error, RefusedError):
-            line |= {"status": error.status, "error": error.told}
+            line |= {"status": error.status, "error": error.content}
         else:
             status = 422 if isinstance(error, InputError) else 500
-            line |= {"status": status, "error": told_of(error)}
-        self._parent.tell(line)
+            line |= {"status": status, "error": content_of(error)}
+        self._parent.send(line)
 
 
 class Worker:
-    """Requests sorted into two lanes, a thread each; ``first``: calls that go past the others."""
+    """Sort requests into two threads; calls in ``first`` precede the others."""
 
     def __init__(
         self, parent: Parent, calls: dict[str, Callable[..., Any]], first: Collection[str]
     ) -> None:
         self._parent = parent
         self._first = first
-        self._lanes = {True: Lane(parent, calls), False: Lane(parent, calls)}
+        self._threads = {True: RequestThread(parent, calls), False: RequestThread(parent, calls)}
 
     def run(self) -> None:
-        """Until the server has gone."""
-        threading.Thread(target=self._lanes[True].run, daemon=True).start()
+        """Answer until the server has ended."""
+        threading.Thread(target=self._threads[True].run, daemon=True).start()
         self._parent.listen(self._sort)
-        self._parent.tell({"ready": True})
-        self._lanes[False].run()
+        self._parent.send({"ready": True})
+        self._threads[False].run()
 
     def _sort(self, request: Request) -> None:
-        self._lanes[request["call"] in self._first].put(request)
+        self._threads[request["call"] in self._first].put(request)
 
 
 def main() -> None:
-    """Answer until the server has gone."""
+    """Answer until the server has ended."""
     parent = Parent()
     with one_blas_thread():
         Worker(parent, CALLS, FIRST).run()

@@ -98,7 +98,7 @@ def _space(
         kind.name: kind.default(scales) for kind in choices.laws.relaxation if kind is not Prony
     }
     # a Prony series of the user's own number of modes only: one more is an effect
-    relaxation[f"prony:{choices.modes}"] = Prony.of_modes(scales, choices.modes)
+    relaxation[f"prony:{choices.modes}"] = Prony.with_modes(scales, choices.modes)
     elastic[choices.law] = model.elastic
     relaxation[choices.relaxing] = model.relaxation
     return Space(
@@ -106,6 +106,6 @@ def _space(
         {name: in_own_numbers(law) for name, law in elastic.items()},
         {name: in_own_numbers(law) for name, law in relaxation.items()},
         {name: in_own_numbers(in_natural_amplitude(effect)) for name, effect in effects.items()},
-        Correlated.of(experiment.floor),
+        Correlated.from_floor(experiment.floor),
         choices.bonded,
     )

@@ -1,6 +1,7 @@
-"""Physical effects that a model may lack: one file, one effect.
+"""Define physical effects that a model may lack, one effect a file.
 
-A class for each, the lists of them, and what an effect of one's own is made of and checked by.
+The folder offers a class for each effect, lists of them, and what a user's own effect is made of
+and checked by.
 """
 
 from qlvbayes.effects.adhesion import Adhesion

@@ -1,4 +1,4 @@
-"""Tension on retraction, then release."""
+"""Define adhesion: the surface carries tension on retraction, then lets go."""
 
 from __future__ import annotations
 
@@ -13,15 +13,17 @@ from qlvbayes.laws.layered import Law, State, line_at_depth, touching
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
 
-_GONE = 40.0  # strengths, at which e^-294 of the tension is left
+_GONE = 40.0  # in strengths; beyond, less than e^-294 of the tension is left
 
 
 class Adhesion(AbstractEffect):
-    """F = F_below e^{-(F_below/strength)^2/(2e)} where F_below < 0; else F_below.
+    """Let the surface carry tension: F = F_below e^{-(F_below/strength)^2/(2e)} where F_below < 0.
 
-    The surface carries tension up to ``strength`` (N, zero or more) and lets go beyond: a cohesive
-    law, the same on release and on renewed contact. At strength 0 the force is never negative,
-    which is the plain contact that this effect replaces.
+    Where F_below is positive, F = F_below. The surface carries tension up to ``strength`` and lets
+    go beyond. This is a cohesive law, the same on release and on renewed contact. At strength 0 the
+    force is never negative, which is the contact of a loose specimen that this effect replaces.
+
+    * ``strength``: the largest tension (N), zero or more.
     """
 
     strength: Any
@@ -39,31 +41,31 @@ class Adhesion(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Strength scaled by the peak force."""
+        """Return the effect with a strength scaled by the peak force."""
         return cls(scales.positive(1.0))
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Let tension through up to the strength."""
-        return self._carried(below.force(touching(motion)))
+        """Return the force with tension limited by the strength."""
+        return self._with_limited_tension(below.force(touching(motion)))
 
     def begin(self, below: Law, displacement: Array) -> State:
-        """Of the specimen's depth."""
+        """Return the state of the law beneath at the specimen's depth."""
         return below.begin(jnp.maximum(displacement, 0.0))
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """Let tension through up to the strength."""
+        """Return the state and the force with tension limited by the strength."""
         state, raw = below.step(state, line_at_depth(line, line.displacement))
-        return state, self._carried(raw)
+        return state, self._with_limited_tension(raw)
 
-    def _carried(self, raw: Array) -> Array:
-        gone = raw <= -_GONE * self.strength  # there the ratio, or its square, may be no number
+    def _with_limited_tension(self, raw: Array) -> Array:
+        gone = raw <= -_GONE * self.strength  # there the ratio or its square may not be finite
         ratio = jnp.where(gone, 0.0, raw) / jnp.where(self.strength > 0.0, self.strength, 1.0)
         tension = jnp.where(gone, 0.0, raw * jnp.exp(-(ratio**2) / (2.0 * math.e)))
         return jnp.where(raw > 0.0, raw, tension)
 
     @classmethod
     def blind(cls, protocol: Protocol) -> str | None:
-        """It needs a loose specimen and full retraction."""
+        """Return why no test can show it: it needs a loose specimen and full retraction."""
         if protocol.bonded:
             return "the specimen is fixed to the platen"
         return None if protocol.returns else "no test retracts to zero depth"

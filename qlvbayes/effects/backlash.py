@@ -1,4 +1,4 @@
-"""Play between the encoder and the platen."""
+"""Define backlash: there is play between the encoder and the platen."""
 
 from __future__ import annotations
 
@@ -16,10 +16,11 @@ from qlvbayes.laws.scales import Scales
 
 
 class Backlash(AbstractEffect):
-    r"""Depth p with p = min(max(p_before, d), d + play): the platen waits when the drive turns.
+    """Let the platen wait when the drive turns: its depth is p = min(max(p_before, d), d + play).
 
-    play: way that the drive turns back before the platen follows (mm), zero or more. Going in, the
-    platen is where the encoder says. This is the operator of play.
+    On the way in the platen is where the encoder says. This is the play operator.
+
+    * ``play``: distance that the drive moves back before the platen follows (mm), zero or more.
     """
 
     play: Any
@@ -36,17 +37,17 @@ class Backlash(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Play scaled by the stiffness at the largest force."""
+        """Return the effect with a play scaled by the stiffness at the largest force."""
         return cls(scales.positive(scales.stiffness))
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Let the platen wait."""
-        place, _ = jax.lax.associative_scan(_then, self._range(motion.displacement))
-        waits = self._waits(place, motion.displacement)
-        still = jnp.zeros_like(place)
+        """Return the force of the law beneath at the platen's own depth."""
+        depth, _ = jax.lax.associative_scan(_composed, self._range(motion.displacement))
+        waits = self._waits(depth, motion.displacement)
+        still = jnp.zeros_like(depth)
         followed = replace(
             motion,
-            displacement=place,
+            displacement=depth,
             velocity=jnp.where(waits, still, motion.velocity),
             acceleration=jnp.where(waits, still, motion.acceleration),
             bow=None if motion.bow is None else jnp.where(waits, still, motion.bow),
@@ -54,33 +55,37 @@ class Backlash(AbstractEffect):
         return below.force(followed)
 
     def begin(self, below: Law, displacement: Array) -> State:
-        """Beside the law's state the platen's place."""
+        """Return the state of the law beneath, and the platen's depth."""
         return below.begin(displacement), displacement
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """Let the platen wait, then go with the drive."""
-        inner, place = state
-        place = jnp.clip(place, line.displacement, line.displacement + self.play)
-        waits = self._waits(place, line.displacement)
+        """Return the state and the force after a line on which the platen waits, then follows."""
+        inner, depth = state
+        depth = jnp.clip(depth, line.displacement, line.displacement + self.play)
+        waits = self._waits(depth, line.displacement)
         speed = jnp.where(waits, 0.0, line.velocity)
-        inner, force = below.step(inner, replace(line, displacement=place, velocity=speed))
-        return (inner, place), force
+        inner, force = below.step(inner, replace(line, displacement=depth, velocity=speed))
+        return (inner, depth), force
 
-    def _range(self, depth: Array) -> tuple[Array, Array]:
-        """Lower and upper end (N,) of where the platen may be at each point; one at the first."""
-        return depth, jnp.concatenate([depth[:1], depth[1:] + self.play])
+    def _range(self, displacement: Array) -> tuple[Array, Array]:
+        """Return the least and the largest depth (N,) of the platen at each point.
 
-    def _waits(self, place: Array, depth: Array) -> Array:
-        """Whether the play is neither used up on the way in nor on the way back."""
-        return (place > depth) & (place < depth + self.play)  # exact: it is brought to these
+        One at the first.
+        """
+        return displacement, jnp.concatenate([displacement[:1], displacement[1:] + self.play])
+
+    def _waits(self, depth: Array, displacement: Array) -> Array:
+        """Return whether the platen is inside the play, in contact with neither of its ends."""
+        # exact: a platen at one end of the play was set to that very number
+        return (depth > displacement) & (depth < displacement + self.play)
 
     @classmethod
     def blind(cls, protocol: Protocol) -> str | None:
-        """It needs a test that moves back."""
+        """Return why no test can show it: it needs a test that moves back."""
         return None if protocol.unloads else "no test unloads"
 
 
-def _then(first: tuple[Array, Array], second: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Two ranges into which a place is brought one after the other, as one range."""
+def _composed(first: tuple[Array, Array], second: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Return the range that two ranges, applied one after the other, confine a depth to."""
     low, high = second
     return jnp.clip(first[0], low, high), jnp.clip(first[1], low, high)

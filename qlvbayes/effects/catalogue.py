@@ -1,4 +1,4 @@
-"""The effects that come with the package, in the order in which they are listed; and one's own."""
+"""List the effects that come with the package, and read a user's own."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ EFFECTS: tuple[type[AbstractEffect], ...] = (
     LoadCellCreep,
     ChannelLag,
 )
-"""The list: effects that a diagnosis looks for and names."""
+"""The listed effects: those that a diagnosis looks for and names."""
 
 FORMS: tuple[type[AbstractEffect], ...] = (
     PowerLawDrainage,
@@ -77,32 +77,35 @@ FORMS: tuple[type[AbstractEffect], ...] = (
     LevellingDrift,
     SpreadingLag,
 )
-"""Forms that hold the law of a listed effect, their family, inside."""
+"""Other forms of listed effects; each contains the law of its listed effect, its family."""
 
 OUTSIDE: tuple[type[AbstractEffect], ...] = (SlowChange, OffsetsByTest)
-"""Effects that name nothing: they stand for what no list holds."""
+"""Effects that name nothing: they stand for whatever the list does not hold."""
 
 EVERY: tuple[type[AbstractEffect], ...] = (*EFFECTS, *FORMS, *OUTSIDE)
 """Every effect that comes with the package."""
 
 
 def names(kinds: Sequence[type[AbstractEffect]] = EFFECTS) -> tuple[str, ...]:
-    """The effects' names, as on the command line."""
+    """Return the effects' names, as on the command line."""
     return tuple(kind.name for kind in kinds)
 
 
 def by_family(
     kinds: Sequence[type[AbstractEffect]] = EVERY,
 ) -> dict[str, list[type[AbstractEffect]]]:
-    """The effects of each family, the listed one first; families in the order of their first."""
-    found: dict[str, list[type[AbstractEffect]]] = {}
+    """Return the effects of each family, the listed one first.
+
+    Families come in the order of their first effect.
+    """
+    families: dict[str, list[type[AbstractEffect]]] = {}
     for kind in kinds:
-        found.setdefault(kind.family(), []).append(kind)
-    return found
+        families.setdefault(kind.family(), []).append(kind)
+    return families
 
 
 def find(name: str, kinds: Sequence[type[AbstractEffect]] = EVERY) -> type[AbstractEffect]:
-    """The effect of that name; InputError lists the known ones otherwise."""
+    """Return the effect of that name; an InputError lists the known ones otherwise."""
     for kind in kinds:
         if kind.name == name:
             return kind
@@ -111,22 +114,32 @@ def find(name: str, kinds: Sequence[type[AbstractEffect]] = EVERY) -> type[Abstr
 
 
 def own_effects(path: str | Path) -> tuple[type[AbstractEffect], ...]:
-    """The effects that a Python file defines, in its order; those it imports do not count.
+    """Return the effects that a Python file defines, in its order; imported ones do not count.
+
+    Parameters
+    ----------
+    path
+        The user's file.
+
+    Returns
+    -------
+    tuple
+        The classes of effects.
 
     Raises
     ------
     InputError
-        The file is missing, stops with an error, defines no effect, one that lacks a part, or a
-        name that another effect has.
+        The file is missing, stops with an error, defines no effect or one that lacks a part, or
+        uses a name that another effect has.
     """
     path = Path(path)
-    found = own_classes(path, AbstractEffect, "effects")  # type: ignore[type-abstract]
-    if not found:
+    kinds = own_classes(path, AbstractEffect, "effects")  # type: ignore[type-abstract]
+    if not kinds:
         raise InputError(
             "defines no effect", file=path, remedy="write a class that extends AbstractEffect"
         )
     taken = {name: f"an effect called {name} comes with the package" for name in names(EVERY)}
-    for kind in found:
+    for kind in kinds:
         check_own(path, kind, AbstractEffect, "effect", taken)
         taken[kind.name] = f"an effect called {kind.name} stands in this file already"
-    return found
+    return kinds

@@ -1,4 +1,4 @@
-"""The force is recorded late."""
+"""Define channel lag: the force is recorded late."""
 
 from __future__ import annotations
 
@@ -15,19 +15,20 @@ from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
 
-LINES = 256  # steps that may be on their way through the channel
+LINES = 256  # most steps that the delay may span
 
 
 class _Late(eqx.Module):
-    """What a late channel remembers.
+    """Hold the state of a late channel.
 
-    below: state of the law beneath at the delayed time; place: the displacement there (mm); force:
-    what is read (N); count: of the lines since, whose durations (s), ends (mm) and velocities
-    (mm/s) are (LINES + 1,) each, the first as far as it is still to come.
+    ``below`` is the state of the law beneath at the delayed time, ``displacement`` (mm) the
+    displacement there, and ``force`` (N) the reading. ``count`` lines have followed since; their
+    durations (s), ends (mm) and velocities (mm/s) have shape (LINES + 1,), the first line only as
+    far as it is still to come.
     """
 
     below: State
-    place: Array
+    displacement: Array
     force: Array
     count: Array
     duration: Array
@@ -36,11 +37,12 @@ class _Late(eqx.Module):
 
 
 class ChannelLag(AbstractEffect):
-    """F(t) = F_below(t - delay), and before the start the force of the start.
+    """Delay the force: F(t) = F_below(t - delay), and the first force before the start.
 
-    delay: of the force's channel behind the displacement's (s), zero or more. The force beneath is
-    taken at the delayed times themselves, which join the grid; there the motion is on the straight
-    line between its points.
+    The force beneath is taken at the delayed times themselves, which join the grid; there the
+    motion lies on the straight line between its points.
+
+    * ``delay``: delay of the force's channel behind the displacement's (s), zero or more.
     """
 
     delay: Any
@@ -57,26 +59,26 @@ class ChannelLag(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Delay scaled by the top speed and the secant stiffness."""
+        """Return the effect with a delay scaled by the top speed and the secant stiffness."""
         speed = scales.speed if scales.speed > 0.0 else 1.0
         return cls(scales.positive(scales.force / scales.depth * speed))
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Force beneath at the delayed times."""
+        """Return the force beneath at the delayed times."""
         joined, order = joined_with(motion, motion.time - self.delay)
         return below.force(joined)[jnp.argsort(order)][: motion.time.shape[0]]
 
     def begin(self, below: Law, displacement: Array) -> State:
-        """The law beneath at the start, whose force is read until the delay is over."""
+        """Return the state at the start, whose force is read until the delay is over."""
         still = jnp.zeros_like(displacement)
         state, force = below.step(below.begin(displacement), Line(still, displacement, still))
         none = jnp.zeros(LINES + 1)
         return _Late(state, displacement, force, jnp.zeros((), int), none, none, none)
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """The law beneath goes on to the delayed time, along the lines that it has not had yet.
+        """Return the state and the force after the law beneath has gone on to the delayed time.
 
-        Not a number where more than 256 lines are on their way.
+        The force is not a number where more than 256 lines fall within the delay.
         """
         late: _Late = state
         lost = late.count > LINES
@@ -88,39 +90,43 @@ class ChannelLag(AbstractEffect):
                 strict=True,
             )
         ]
-        late = _Late(late.below, late.place, late.force, late.count + 1, *added)
+        late = _Late(late.below, late.displacement, late.force, late.count + 1, *added)
         ahead = jnp.sum(late.duration) - self.delay
 
         def due(carry: tuple[_Late, Array]) -> Array:
             return (carry[0].count > 0) & (carry[1] > 0.0)
 
         def on(carry: tuple[_Late, Array]) -> tuple[_Late, Array]:
-            return _further(below, *carry)
+            return _advanced(below, *carry)
 
         late, _ = jax.lax.while_loop(due, on, (late, ahead))
         return late, jnp.where(lost, jnp.nan, late.force)
 
 
-def _further(below: Law, late: _Late, ahead: Array) -> tuple[_Late, Array]:
-    """The law beneath goes along the first line, for a time (s) ahead or to its end."""
+def _advanced(below: Law, late: _Late, ahead: Array) -> tuple[_Late, Array]:
+    """Return the channel after the law beneath went along its first line, and the time left (s).
+
+    It goes for ``ahead`` (s), or to the line's end.
+    """
     first, end, velocity = late.duration[0], late.end[0], late.velocity[0]
     whole = ahead >= first
     taken = jnp.where(whole, first, ahead)
     share = jnp.where(whole, 1.0, taken / jnp.where(first > 0.0, first, 1.0))
-    place = jnp.where(whole, end, late.place + share * (end - late.place))
-    state, force = below.step(late.below, Line(taken, place, velocity))
+    displacement = jnp.where(whole, end, late.displacement + share * (end - late.displacement))
+    state, force = below.step(late.below, Line(taken, displacement, velocity))
     left = late.duration.at[0].add(-taken)
     columns = [
         jnp.where(whole, jnp.roll(x.at[0].set(0.0), -1), x) for x in (left, late.end, late.velocity)
     ]
     count = late.count - jnp.where(whole, 1, 0)
-    return _Late(state, place, force, count, *columns), ahead - taken
+    return _Late(state, displacement, force, count, *columns), ahead - taken
 
 
 def joined_with(motion: Motion, late: Array) -> tuple[Motion, Array]:
-    """The motion with delayed times (M,), those before the start at it; and its order.
+    """Return the motion with delayed times (M,) added to its grid, and the order of the new grid.
 
-    argsort(order) gives the places of the delayed times, then those of the motion's own.
+    Delayed times before the start are set to the start. argsort(order) gives the indices of the
+    delayed times, then those of the motion's own points.
     """
     first = motion.alone.time[0]
     late = jnp.where(late > first, late, first)
@@ -134,7 +140,7 @@ def joined_with(motion: Motion, late: Array) -> tuple[Motion, Array]:
     joined = jax.tree.map(lambda x: x[order] if x.ndim else x, joined)
     if joined.bow is None:
         return joined, order
-    # a part of a step bows less, by the square of its share
+    # the midpoint of a part of a step deviates less, by the square of the part's share
     step = jnp.diff(motion.time, prepend=motion.time[:1])
     whole = jnp.concatenate([step[_after(motion, late)], step])[order]
     share = jnp.diff(joined.time, prepend=joined.time[:1]) / jnp.where(whole > 0.0, whole, 1.0)
@@ -142,12 +148,12 @@ def joined_with(motion: Motion, late: Array) -> tuple[Motion, Array]:
 
 
 def _after(motion: Motion, time: Array) -> Array:
-    """Places of the points at which the steps end that times lie in."""
+    """Return the indices of the points at which the steps end in which the times lie."""
     return jnp.clip(jnp.searchsorted(motion.time, time), 1, motion.time.shape[0] - 1)
 
 
 def _at(motion: Motion, time: Array) -> Motion:
-    """The motion at other times, all from time[0] to time[-1]: on its lines, or their bows.
+    """Return the motion at other times, from time[0] to time[-1], on its lines or parabolas.
 
     Velocity and acceleration are those just after a point, as on the grid.
     """
@@ -157,14 +163,14 @@ def _at(motion: Motion, time: Array) -> Motion:
     slope = travel / jnp.where(step > 0.0, step, 1.0)
     here = jnp.where(time < motion.time[after], after - 1, after)
     elapsed = time - motion.time[here]
-    place = motion.displacement[after] + slope * (time - motion.time[after])
+    displacement = motion.displacement[after] + slope * (time - motion.time[after])
     if motion.bow is not None:
         share = (motion.time[after] - time) / jnp.where(step > 0.0, step, 1.0)
-        place = place + 4.0 * motion.bow[after] * share * (1.0 - share)
+        displacement = displacement + 4.0 * motion.bow[after] * share * (1.0 - share)
     return replace(
         motion,
         time=time,
-        displacement=place,
+        displacement=displacement,
         velocity=motion.velocity[here] + motion.acceleration[here] * elapsed,
         acceleration=motion.acceleration[here],
         ago=None if motion.ago is None else jnp.zeros_like(motion.ago),

@@ -1,4 +1,4 @@
-"""Every test leaves the pad weaker for the next ones, less and less so."""
+"""Define conditioning: each test leaves the pad weaker for the next ones, less and less so."""
 
 from __future__ import annotations
 
@@ -14,10 +14,12 @@ from qlvbayes.laws.scales import Scales, lognormal
 
 
 class Conditioning(AbstractEffect):
-    """F = F_below (1 - share (1 - e^{-n/tests})), n how many tests the pad has had before.
+    """Weaken the pad with each test: F = F_below (1 - share (1 - e^{-n/tests})), n tests before.
 
-    share: of the force that is lost in the end, zero or more; tests: how many tests it takes to
-    lose 63 % of that, above 0. Within a test nothing is lost, however long it takes.
+    Within a test nothing is lost, however long it takes.
+
+    * ``share``: share of the force that is lost in the end, zero or more.
+    * ``tests``: number of tests after which 63 % of that is lost, above 0.
     """
 
     share: Any
@@ -34,15 +36,18 @@ class Conditioning(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Share scaled by the peak force; most is lost within the first few tests."""
+        """Return the effect with a share scaled by the peak force.
+
+        Most of it is lost within the first few tests.
+        """
         return cls(scales.positive(scales.force), lognormal(1.5, 2.0))
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Weaken by the tests before."""
+        """Return the force, weakened by the tests before."""
         lost = -self.share * jnp.expm1(-motion.tests_before / self.tests)
         return below.force(motion) * (1.0 - lost)
 
     @classmethod
     def blind(cls, protocol: Protocol) -> str | None:
-        """It needs another test."""
+        """Return why no test can show it: it needs more than one test."""
         return None if protocol.tests > 1 else "there is only one test"

@@ -1,4 +1,4 @@
-"""The rules that every effect keeps, as one function to be called in a test."""
+"""Check the rules that every effect has to keep, by one function that a test can call."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import HalfNormal, Normal
 from qlvbayes.priors.distributions import AbstractScalarPrior
 
-_DRAWS = 24  # of the priors, at each of which every rule is tried
+_DRAWS = 24  # draws from the priors; every rule is checked at each
 _REDUCED = 4  # draws at which a form is compared with its listed law
-_EXACT = 1e-12  # of the peak force
-_SLIGHT = 1e-9  # of an effect's size, at which it must not
-_NEXT_TO_NOTHING = 1e-6  # of the peak force: move the force by more than that
+_EXACT = 1e-12  # allowed error over the peak force
+_SLIGHT = 1e-9  # share of an effect's size, at which the effect may move the force by no more than
+_NEXT_TO_NOTHING = 1e-6  # this share of the peak force
 _FAIR = (0.005, 0.25)  # median over the prior of the largest contribution, over the peak force
 
 _RATES = (0.1, 1.0, 10.0, 20.0, 30.0, 100.0)  # mm/s
 _STROKE, _ACCELERATION, _HOLD, _PAUSE = 1.6, 1000.0, 30.0, 120.0  # mm, mm/s2, s, s
-_POINTS = 9  # of a stretch of constant acceleration
+_POINTS = 9  # points of a piece of constant acceleration
 _SHOWING = Protocol(unloads=True, returns=True, tests=7, bonded=False, curved=True)
 
 Values = dict[str, float]
@@ -43,35 +43,42 @@ Forces = Callable[[Motion], tuple[Array, Array]]
 
 
 class EffectError(AssertionError):
-    """An effect breaks a rule; the text says which."""
+    """Report that an effect breaks a rule; the text says which rule."""
 
 
 def check_effect(kind: type[AbstractEffect], scales: Scales | None = None) -> None:
     """Check that an effect keeps the rules on which fits and comparisons of models rely.
 
-    It declares itself; it vanishes exactly at its null, and at a billionth of its size it does next
-    to nothing (but at the instant of a kink of the motion, where a force may jump); its forces and
-    their slopes are finite under its priors; what comes later changes no earlier force; compiled,
-    batched and plain evaluation agree, and its steps with them, where it has any; no built-in
-    effect nests at the same place, so that the order in which effects are added does not matter;
-    one that generalises a listed effect nests where that does and has its law where it says; and
-    its prior gives it a fair size. The tests are those of the paper and one that retracts fully;
-    with ``scales`` they are stretched to its depth and force, and the size is not checked.
+    These are the rules:
+
+    * it declares its name, units, null, law, what it looks like, and a reference;
+    * it vanishes exactly at its null, and at a billionth of its size it changes next to nothing,
+      except at a kink of the motion, where a force may jump;
+    * its forces and their slopes are finite under its priors;
+    * later motion changes no earlier force;
+    * compiled, batched and plain evaluation agree, and its steps with them, where it has any;
+    * it nests where no built-in effect of another family does, so that the order in which effects
+      are added does not matter;
+    * a form of a listed effect nests where that does, and has its law where it says so;
+    * its prior gives it a fair size.
+
+    The tests are those of the paper and one that retracts fully. With ``scales`` they are stretched
+    to its depth and force, and the size is not checked.
 
     Parameters
     ----------
     kind
         The effect's class.
     scales
-        Of the tests, by default the paper's.
+        The scales of the tests, by default those of the paper.
 
     Raises
     ------
     EffectError
-        A rule is broken; the text says which.
+        A rule is broken; the text says which rule.
     """
     _check_declarations(kind)
-    _check_place(kind)
+    _check_nesting(kind)
     reference = _reference(*((scales.depth, scales.force) if scales else (_STROKE, 0.0)))
     default = kind.default(scales or reference.scales)
     _check_amplitude(default)
@@ -90,11 +97,11 @@ def check_effect(kind: type[AbstractEffect], scales: Scales | None = None) -> No
 
 @dataclass(frozen=True, eq=False)
 class _Reference:
-    """The tests, a plain law, its forces (T, N) in them, and their scales."""
+    """Hold the tests, a baseline law, its forces (T, N) in N in these tests, and their scales."""
 
     motions: Motion
     law: Law
-    plain: np.ndarray
+    baseline: np.ndarray
     scales: Scales
 
     @property
@@ -103,7 +110,7 @@ class _Reference:
 
 
 class _Trial:
-    """An effect with draws of its free constants (D, P) and the same draws at its null."""
+    """Hold an effect with draws (D, P) of its free constants, and the same draws at its null."""
 
     def __init__(self, default: AbstractEffect, reference: _Reference) -> None:
         self.kind = type(default)
@@ -118,27 +125,27 @@ class _Trial:
             [name in null for name in self.free], [null.get(n, 0.0) for n in self.free], self.draws
         )
         self.run = jax.jit(self._forces_and_slopes)
-        self.found = [self.both(draw) for draw in self.draws]
+        self.at_draws = [self.both(draw) for draw in self.draws]
         self.at_null = [self.both(null) for null in self.nulls]
 
     def both(self, constants: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Forces (T, N) and their slopes (P, T, N) in the reference's tests."""
+        """Return forces (T, N) and their slopes (P, T, N) in the reference's tests."""
         force, slopes = self.run(jnp.asarray(constants), self.reference.motions)
         return np.asarray(force), np.asarray(slopes)
 
     def values(self, constants: np.ndarray) -> str:
-        """The constants, for people."""
+        """Return the constants as text."""
         return ", ".join(f"{n}={x:.3g}" for n, x in zip(self.free, constants, strict=True))
 
     def law(self, constants: Array) -> Law:
-        """The plain law with the effect, and the contact where the model puts it."""
+        """Return the baseline law with the effect, and with contact where the model has it."""
         given = dict(zip(self.free, constants, strict=True))
-        return self.law_of(
+        return self.law_with(
             self.kind(**{f.name: getattr(self.default, f.name) for f in fields(self.kind)} | given)
         )
 
-    def law_of(self, effect: AbstractEffect) -> Law:
-        """The plain law with an effect whose constants are numbers."""
+    def law_with(self, effect: AbstractEffect) -> Law:
+        """Return the baseline law with an effect whose constants are numbers."""
         layers: tuple[Layer, ...] = (Contact(), effect)
         if isinstance(effect, Adhesion):
             layers = (effect,)
@@ -147,7 +154,7 @@ class _Trial:
         return Law(self.reference.law.elastic, self.reference.law.relaxation, layers)
 
     def forces(self, constants: Array, motions: Motion) -> Array:
-        """Forces (T, N)."""
+        """Return the forces (T, N) in N."""
         return jax.vmap(self.law(constants).force)(motions)
 
     def _forces_and_slopes(self, constants: Array, motions: Motion) -> tuple[Array, Array]:
@@ -204,7 +211,7 @@ def _check_general(kind: type[AbstractEffect], own: set[str]) -> None:
 
 
 def _listed(kind: type[AbstractEffect]) -> type[AbstractEffect]:
-    """The listed effect that it generalises."""
+    """Return the listed effect that ``kind`` generalises."""
     for other in EFFECTS:
         if other.name == kind.generalises:
             return other
@@ -215,7 +222,7 @@ def _list(names: set[str]) -> str:
     return ", ".join(sorted(names))
 
 
-def _check_place(kind: type[AbstractEffect]) -> None:
+def _check_nesting(kind: type[AbstractEffect]) -> None:
     others = (other for other in EVERY if other.family() != kind.family())
     for other in others:
         if (other.level, other.rank) == (kind.level, kind.rank):
@@ -236,7 +243,7 @@ def _check_amplitude(default: AbstractEffect) -> None:
 
 def _check_null(trial: _Trial) -> None:
     for constants, (force, _) in zip(trial.nulls, trial.at_null, strict=True):
-        error = np.max(np.abs(force - trial.reference.plain)) / trial.reference.peak
+        error = np.max(np.abs(force - trial.reference.baseline)) / trial.reference.peak
         if not error <= _EXACT:
             raise EffectError(
                 f"{trial.kind.name} does not vanish at its null: with {trial.values(constants)} "
@@ -258,8 +265,8 @@ def _check_slight(trial: _Trial) -> None:
 
 
 def _check_finite(trial: _Trial) -> None:
-    places = [*trial.draws, *trial.nulls]
-    for constants, (force, slopes) in zip(places, trial.found + trial.at_null, strict=True):
+    points = [*trial.draws, *trial.nulls]
+    for constants, (force, slopes) in zip(points, trial.at_draws + trial.at_null, strict=True):
         if not np.all(np.isfinite(force)):
             raise EffectError(
                 f"{trial.kind.name}: the force is not finite with {trial.values(constants)}"
@@ -275,7 +282,7 @@ def _check_finite(trial: _Trial) -> None:
 def _check_causal(trial: _Trial) -> None:
     motions = trial.reference.motions
     points = motions.time.shape[1]
-    constants, force = jnp.asarray(trial.draws[0]), trial.found[0][0]
+    constants, force = jnp.asarray(trial.draws[0]), trial.at_draws[0][0]
     for last in range(_POINTS // 2, points - 1, points // 8):
         later = jnp.arange(points) > last
         changed = replace(
@@ -296,7 +303,7 @@ def _check_causal(trial: _Trial) -> None:
 def _check_compiled(trial: _Trial) -> None:
     one = jax.tree.map(lambda x: x[-1], trial.reference.motions)
     plain = np.asarray(trial.law(jnp.asarray(trial.draws[0])).force(one))
-    error = np.max(np.abs(plain - trial.found[0][0][-1])) / trial.reference.peak
+    error = np.max(np.abs(plain - trial.at_draws[0][0][-1])) / trial.reference.peak
     if not error <= _EXACT:
         raise EffectError(
             f"{trial.kind.name}: compiled and plain evaluation differ by {error:.1e} of the peak"
@@ -306,7 +313,7 @@ def _check_compiled(trial: _Trial) -> None:
 def _check_batched(trial: _Trial) -> None:
     batched = jax.jit(jax.vmap(trial.forces, in_axes=(0, None)))
     together = np.asarray(batched(jnp.asarray(trial.draws), trial.reference.motions))
-    alone = np.stack([force for force, _ in trial.found])
+    alone = np.stack([force for force, _ in trial.at_draws])
     error = np.max(np.abs(together - alone)) / trial.reference.peak
     if not error <= _EXACT:
         raise EffectError(
@@ -324,8 +331,8 @@ def _check_reduces(trial: _Trial) -> None:
 
     @jax.jit
     def both(values: Values) -> tuple[Array, Array]:
-        general = trial.law_of(kind(**(values | kind.reduces)))
-        special = trial.law_of(listed(**{name: values[name] for name in shared}))
+        general = trial.law_with(kind(**(values | kind.reduces)))
+        special = trial.law_with(listed(**{name: values[name] for name in shared}))
         forces: Forces = jax.vmap(lambda one: (general.force(one), special.force(one)))
         return forces(trial.reference.motions)
 
@@ -351,8 +358,8 @@ def _check_steps(trial: _Trial) -> None:
     lines = Line(duration, motion.displacement[1:], speeds, jnp.zeros_like(duration))
     zero = jnp.zeros(1)
     velocity = jnp.concatenate([zero, speeds])
-    still, zero_clock = jnp.zeros_like(velocity), -motion.time[0]
-    broken = replace(motion, velocity=velocity, acceleration=still, start=zero_clock)
+    still, start = jnp.zeros_like(velocity), -motion.time[0]
+    broken = replace(motion, velocity=velocity, acceleration=still, start=start)
     law = trial.law(jnp.asarray(trial.draws[0]))
     stepped = _stepped(law, motion.displacement[0], lines)
     whole = np.asarray(law.force(broken))[1:]
@@ -366,7 +373,7 @@ def _check_steps(trial: _Trial) -> None:
 
 @jax.jit
 def _stepped(law: Law, first: Array, lines: Line) -> Array:
-    """Forces (N,) at the ends of lines (N,), from the first point on."""
+    """Return the forces (N,) in N at the ends of lines (N,), from the first point on."""
     return jax.lax.scan(lambda state, line: law.step(state, line), law.begin(first), lines)[1]
 
 
@@ -382,15 +389,18 @@ def _check_size(trial: _Trial) -> None:
 
 
 def _sizes(trial: _Trial) -> np.ndarray:
-    """Largest contribution (D,) to the force over the peak, one a draw."""
-    plain = trial.reference.plain
-    largest = [np.max(np.abs(force - plain)) for force, _ in trial.found]
+    """Return the largest contribution to the force over the peak force at each draw, (D,)."""
+    baseline = trial.reference.baseline
+    largest = [np.max(np.abs(force - baseline)) for force, _ in trial.at_draws]
     return np.array(largest) / trial.reference.peak
 
 
 @cache
 def _reference(depth: float, force: float) -> _Reference:
-    """Tests to ``depth`` of a pad like the paper's pad B, with peak ``force`` (its own if 0)."""
+    """Return tests to ``depth`` (mm) of a pad like the paper's pad B.
+
+    The peak force is ``force`` (N), or the pad's own where that is 0.
+    """
     stretch = depth / _STROKE
     tests, clock = [], 0.0
     for rate in _RATES:
@@ -405,13 +415,13 @@ def _reference(depth: float, force: float) -> _Reference:
     motions = Motion(time, stretch * d, stretch * v, stretch * a, starts, number=numbers)
     prony = Prony(jnp.array([0.2955, 0.63, 0.0745]), jnp.array([6.2, 0.14]))
     law = Law(Exponential(0.34 / stretch, 1.165 / stretch), prony, (Contact(),))
-    plain = np.asarray(jax.vmap(law.force)(motions))
+    baseline = np.asarray(jax.vmap(law.force)(motions))
     if force > 0.0:
-        factor = force / float(plain.max())
+        factor = force / float(baseline.max())
         law = Law(Exponential(0.34 / stretch * factor, 1.165 / stretch), prony, (Contact(),))
-        plain = plain * factor
+        baseline = baseline * factor
     scales = Scales(
-        force=float(plain.max()),
+        force=float(baseline.max()),
         depth=depth,
         shortest=1e-3,
         longest=_HOLD,
@@ -423,32 +433,35 @@ def _reference(depth: float, force: float) -> _Reference:
         clock=float(starts[-1] + motions.time[-1, -1]),
         stiffness=float(law.elastic.stiffness(jnp.asarray(depth))),
     )
-    return _Reference(motions, law, plain, scales)
+    return _Reference(motions, law, baseline, scales)
 
 
 def _sampled(moves: list[tuple[float, float]]) -> list[np.ndarray]:
-    """Time, displacement, velocity and acceleration of moves to a depth at a speed, with holds.
+    """Return time, displacement, velocity and acceleration of moves, with a hold after each.
 
-    The platen speeds up and brakes at no more than 1000 mm/s2.
+    ``moves`` are pairs of a depth (mm) and a speed (mm/s). The platen accelerates and brakes at no
+    more than 1000 mm/s2.
     """
     pieces: list[tuple[float, float, float, float]] = []  # duration, displacement, v, a
-    place = 0.0
+    position = 0.0
     for target, speed in moves:
-        way, sign = abs(target - place), math.copysign(1.0, target - place)
-        top = min(speed, math.sqrt(_ACCELERATION * way))
+        distance, sign = abs(target - position), math.copysign(1.0, target - position)
+        top = min(speed, math.sqrt(_ACCELERATION * distance))
         rise = top / _ACCELERATION
         run_up = 0.5 * top * rise
-        pieces.append((rise, place, 0.0, sign * _ACCELERATION))
-        if way > 2.0 * run_up * (1.0 + 1e-9):
-            pieces.append(((way - 2.0 * run_up) / top, place + sign * run_up, sign * top, 0.0))
+        pieces.append((rise, position, 0.0, sign * _ACCELERATION))
+        if distance > 2.0 * run_up * (1.0 + 1e-9):
+            pieces.append(
+                ((distance - 2.0 * run_up) / top, position + sign * run_up, sign * top, 0.0)
+            )
         pieces.append((rise, target - sign * run_up, sign * top, -sign * _ACCELERATION))
         pieces.append((_HOLD, target, 0.0, 0.0))
-        place = target
+        position = target
     starts = np.cumsum([0.0, *(piece[0] for piece in pieces)])
     columns: list[list[np.ndarray]] = []
     shares = np.arange(_POINTS) / _POINTS
     for (start, _), (duration, d, v, a) in zip(pairwise(starts), pieces, strict=True):
         t = duration * (shares if v or a else shares**3)
         columns.append([start + t, d + v * t + 0.5 * a * t**2, v + a * t, np.full_like(t, a)])
-    columns.append([np.array([x]) for x in (starts[-1], place, 0.0, 0.0)])
+    columns.append([np.array([x]) for x in (starts[-1], position, 0.0, 0.0)])
     return [np.concatenate(x) for x in zip(*columns, strict=True)]

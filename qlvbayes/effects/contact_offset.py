@@ -1,4 +1,4 @@
-"""Contact begins before or after the displacement's zero."""
+"""Define contact offset: contact begins before or after the displacement's zero."""
 
 from __future__ import annotations
 
@@ -15,14 +15,15 @@ from qlvbayes.laws.scales import Scales
 
 _REST = 1e5  # s at zero displacement before the test
 BEFORE = 2
-"""Points that `rested` adds."""
+"""How many points `rested` adds before a motion."""
 
 
 class ContactOffset(AbstractEffect):
-    """Depth = max(displacement - gap, 0).
+    """Let contact begin at another displacement: depth = max(displacement - gap, 0).
 
-    gap (mm): where contact begins; a pad with a negative one has rested at depth -gap for long
-    when its test begins.
+    A pad with a negative gap has rested at the depth -gap for long when its test begins.
+
+    * ``gap``: displacement at which contact begins (mm), of either sign.
     """
 
     gap: Any
@@ -37,25 +38,25 @@ class ContactOffset(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Gap scaled by the stiffness at the largest force."""
+        """Return the effect with a gap scaled by the stiffness at the largest force."""
         return cls(scales.signed(scales.stiffness))
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Shift the depth."""
+        """Return the force of the law beneath at the shifted depth."""
         known = rested(motion)
         return below.force(at_depth(known, known.displacement - self.gap))[BEFORE:]
 
     def begin(self, below: Law, displacement: Array) -> State:
-        """The law's own, after a long rest and a jump."""
+        """Return the state of the law beneath after a long rest and a jump."""
         return begun_rested(self, below, jnp.zeros_like(displacement) - self.gap, displacement)
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """Shift the depth."""
+        """Return the state and the force of the law beneath at the shifted depth."""
         return below.step(state, line_at_depth(line, line.displacement - self.gap))
 
 
 def begun_rested(effect: AbstractEffect, below: Law, depth: Array, displacement: Array) -> State:
-    """The state after a long rest at zero displacement, where the specimen's depth is ``depth``."""
+    """Return the state after a long rest at zero displacement, at the depth ``depth`` (mm)."""
     zero = jnp.zeros_like(displacement)
     state = below.begin(jnp.maximum(depth, 0.0))
     state, _ = effect.step(below, state, Line(zero + _REST, zero, zero))
@@ -63,9 +64,9 @@ def begun_rested(effect: AbstractEffect, below: Law, depth: Array, displacement:
 
 
 def rested(motion: Motion) -> Motion:
-    """The motion after a long rest at zero displacement, from which it jumps to its first point.
+    """Return the motion after a long rest at zero displacement and a jump to its first point.
 
-    As a motion without it does, so that a gap of nothing changes nothing.
+    A motion without the rest jumps too, so that a gap of 0 changes nothing.
     """
     rest, first = jnp.zeros(BEFORE), motion.time[:1]
     ago = motion.ago

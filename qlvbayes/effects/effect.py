@@ -1,4 +1,4 @@
-"""What every effect offers. A new effect is one class in one file."""
+"""Define the interface of effects. A new effect is one class in one file."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from qlvbayes.laws.scales import Scales
 
 
 class Level(IntEnum):
-    """What an effect acts on, from the inside out: this settles the order of nesting."""
+    """List what an effect may act on, from the inside out; this settles the order of nesting."""
 
     MATERIAL = 0
-    SCALING = 1  # of the material's force
-    ADDING = 2  # to the pad's force
+    SCALING = 1  # scales the material's force
+    ADDING = 2  # adds to the pad's force
     CONTACT = 3
-    DEPTH = 4  # of the pad, as against the platen's displacement
+    DEPTH = 4  # changes the pad's depth, which may differ from the platen's displacement
     FRAME = 5
     SENSOR = 6
     CHANNEL = 7
@@ -31,11 +31,24 @@ class Level(IntEnum):
 
 @dataclass(frozen=True)
 class Protocol:
-    """What the tests of a study do, as far as it decides which effects they can show.
+    """Describe what the tests of a study do, as far as it decides which effects they can show.
 
-    unloads: a test moves back; returns: a test moves back to (nearly) zero depth; tests: how many;
-    bonded: whether the specimen is fixed to the platen; timed, curved: whether the displacement
-    records give velocity and acceleration; one_depth: whether there are holds, all at one depth.
+    Parameters
+    ----------
+    unloads
+        Whether a test moves back.
+    returns
+        Whether a test moves back to (nearly) zero depth.
+    tests
+        How many tests there are.
+    bonded
+        Whether the specimen is fixed to the platen.
+    curved
+        Whether the displacement records give acceleration.
+    timed
+        Whether the displacement records give velocity.
+    one_depth
+        Whether there are holds and all are at one depth.
     """
 
     unloads: bool
@@ -48,19 +61,30 @@ class Protocol:
 
 
 class AbstractEffect(eqx.Module):
-    """One physical effect that wraps the law beneath it, like middleware.
+    """Define a physical effect, which wraps the law beneath it and returns a force.
 
-    A field is a constant: a number, or a prior while it is free. ``name`` as on the command line
-    (constants are called ``name.field``); ``level`` and, within it, ``rank`` say where it nests;
-    ``units`` names the kind of unit of each constant (`units.UnitSystem.of`); ``null`` gives the
-    constants, each with its value, at which the effect vanishes exactly (the first is its
-    amplitude); ``law``, ``seen``, ``reference``: for people, in one line each; ``needs``: what of
-    the motion its force is made of: records that do not give it cannot show it; ``costly``:
-    whether it runs the law beneath it several times, or over more points; ``generalises``: name of
-    the listed effect whose law lies inside, where the constants in ``reduces`` have these values
-    (the others have the same names in both); ``outside``: whether it names nothing, but stands for
-    what no list holds; ``not_stepped``: why it has no ``step``, where it has none; ``inverts``:
-    whether the force after a step tells the displacement there; ``not_inverted``: why it does not.
+    Each field is a constant of the effect: a number where it is fixed, a prior where it is free; it
+    is called ``name.field``. A class declares
+
+    * ``name``: its name on the command line,
+    * ``level`` and, within the level, ``rank``: where it nests,
+    * ``units``: the kind of unit of each constant (a name that `UnitSystem.of` takes),
+    * ``null``: the constants, each with its value, at which the effect vanishes exactly; the first
+      is its amplitude,
+    * ``law``, ``seen`` and ``reference``: its formula, what a user would see, and its source, in
+      one line each,
+
+    and, where the default does not hold,
+
+    * ``needs``: what its force is computed from, ``displacement``, ``velocity`` or
+      ``acceleration``; records that do not give it cannot show the effect,
+    * ``costly``: whether it evaluates the law beneath it several times, or at more points,
+    * ``generalises``: the name of the listed effect whose law it contains, at the values of the
+      constants in ``reduces``; the other constants have the same names in both,
+    * ``outside``: whether it names nothing, but stands for whatever the list does not hold,
+    * ``not_stepped``: why it has no ``step``, where it has none,
+    * ``inverts``: whether the force after a step determines the displacement there, and
+      ``not_inverted``: why it does not.
     """
 
     name: eqx.AbstractClassVar[str]
@@ -82,32 +106,66 @@ class AbstractEffect(eqx.Module):
 
     @classmethod
     def family(cls) -> str:
-        """Name by which it is told: of the listed effect that it generalises, or its own."""
+        """Return the name under which it is reported.
+
+        That is the name of the listed effect that it generalises, or its own.
+        """
         return cls.generalises or cls.name
 
     @property
     def prefix(self) -> str:
-        """What stands before the constants' names."""
+        """Return what precedes the constants' names, ``name.``."""
         return f"{self.name}."
 
     @classmethod
     @abstractmethod
     def default(cls, scales: Scales) -> Self:
-        """The effect with every constant free, under priors at these scales."""
+        """Return the effect with every constant free, under priors at these scales."""
 
     @abstractmethod
     def force(self, below: Law, motion: Motion) -> Array:
-        """Force (N,) in N of the law beneath with this effect, at the motion's grid points."""
+        """Return the force (N,) in N of the law beneath with this effect, at the motion's points.
+
+        Parameters
+        ----------
+        below
+            The law beneath: the material and the effects inside this one.
+        motion
+            The motion of one test, N points.
+
+        Returns
+        -------
+        Array
+            (N,) in N.
+        """
 
     def begin(self, below: Law, displacement: Array) -> State:
-        """The state at a motion's first point; that of the law beneath, if it has none itself."""
+        """Return the state at a motion's first point.
+
+        It is the state of the law beneath where the effect has none of its own.
+        """
         return below.begin(displacement)
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """State and force (N) after a line, as ``force`` has it on a grid; may be left out.
+        """Return the state and the force (N) after a line; an effect may leave this out.
 
-        Written in numbers and ``jnp``, it is also what the exports translate to C and to MATLAB.
-        The pad's clock is 0 where the steps begin. Raises InputError where there is no step.
+        The force is the one that ``force`` gives on a grid. Written in numbers and ``jnp``, this is
+        also what the exports translate to C and to MATLAB. The pad's clock is 0 where the steps
+        begin.
+
+        Parameters
+        ----------
+        below
+            The law beneath.
+        state
+            The state before the line, of this effect and of the law beneath.
+        line
+            The line of the motion.
+
+        Raises
+        ------
+        InputError
+            The effect has no step.
         """
         raise InputError(
             f"the effect {self.name} does not go step by step: {self.not_stepped}",
@@ -115,20 +173,30 @@ class AbstractEffect(eqx.Module):
         )
 
     def spectrum(self, fractions: Array, rates: Array) -> tuple[Array, Array] | None:
-        """What it makes of a relaxation's fractions (L + 1,) and rates (L,), 1/s.
+        """Return a relaxation's spectrum as the effect changes it.
 
-        None where it acts on more than the relaxation function.
+        Return None where the effect acts on more than the relaxation function.
+
+        Parameters
+        ----------
+        fractions
+            (L + 1,); the first is the share that never relaxes.
+        rates
+            (L,) in 1/s.
         """
         return None
 
     @classmethod
     def blind(cls, protocol: Protocol) -> str | None:
-        """Why no test of this protocol can show the effect, in a few words; None if one may."""
+        """Return why no test of this protocol can show the effect, in a few words.
+
+        None if one may.
+        """
         return cls.unmeasured(protocol)
 
     @classmethod
     def unmeasured(cls, protocol: Protocol) -> str | None:
-        """Why the displacement records do not give what the effect's force is made of."""
+        """Return why the displacement records do not give what the force is computed from."""
         if cls.needs == "velocity" and not protocol.timed:
             return "the displacement records do not give the speed"
         if cls.needs == "acceleration" and not protocol.curved:

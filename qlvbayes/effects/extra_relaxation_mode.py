@@ -1,4 +1,4 @@
-"""One more Prony term."""
+"""Define an extra relaxation mode: one more Prony term."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ from qlvbayes.priors import LogUniform
 
 
 class ExtraRelaxationMode(AbstractEffect):
-    """G -> (1 - c) G + c e^{-v t}, so F = (1 - c) F_below + c F_mode.
+    """Add a relaxation mode: G -> (1 - c) G + c e^{-v t}, so F = (1 - c) F_below + c F_mode.
 
-    c: the mode's share, zero or more; v: its rate (1/s).
+    * ``c``: the mode's share, zero or more.
+    * ``v``: its rate (1/s).
     """
 
     c: Any
@@ -34,16 +35,19 @@ class ExtraRelaxationMode(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Share scaled by 0.6 of the peak force; rates that the tests can resolve."""
+        """Return the effect with a share scaled by 0.6 of the peak force.
+
+        The rate may be any that the tests resolve.
+        """
         low, high = resolved_rates(scales)
         return cls(scales.positive(0.6 * scales.force), LogUniform(low, high))
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """The force of the law beneath with a mode more."""
+        """Return the force of the law beneath with one more mode."""
         return self._with_mode(below).force(motion)
 
     def spectrum(self, fractions: Array, rates: Array) -> tuple[Array, Array]:
-        """The law itself, G -> (1 - c) G + c e^(-v t)."""
+        """Return the spectrum with one more mode, G -> (1 - c) G + c e^(-v t)."""
         share, rate = jnp.reshape(self.c, (1,)), jnp.reshape(self.v, (1,))
         return (
             jnp.concatenate([(1.0 - self.c) * fractions, share]),
@@ -51,11 +55,11 @@ class ExtraRelaxationMode(AbstractEffect):
         )
 
     def begin(self, below: Law, displacement: Array) -> State:
-        """The law's, with a mode more."""
+        """Return the state of the law beneath with one more mode."""
         return self._with_mode(below).begin(displacement)
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """The law's, with a mode more."""
+        """Return the state and the force of the law beneath with one more mode."""
         return self._with_mode(below).step(state, line)
 
     def _with_mode(self, below: Law) -> Law:

@@ -1,4 +1,4 @@
-"""Fluid lost for good: the pad weakens from test to test."""
+"""Define fluid leak: fluid is lost for good, and the pad weakens from test to test."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from typing import Any, ClassVar, Self
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from qlvbayes.effects.clocked import AbstractClocked
+from qlvbayes.effects.clock import AbstractClocked
 from qlvbayes.effects.effect import Level
 from qlvbayes.effects.spans import duration
 from qlvbayes.laws.scales import Scales
 
 
 class FluidLeak(AbstractClocked):
-    """F = F_below e^{-rate t}, t the clock since the pad's first test began.
+    """Weaken the pad with its clock: F = F_below e^{-rate t}, t since the pad's first test began.
 
-    rate: share of the force lost per second (1/s), zero or more.
+    * ``rate``: share of the force lost per second (1/s), zero or more.
     """
 
     rate: Any
@@ -31,9 +31,9 @@ class FluidLeak(AbstractClocked):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Rate scaled by the peak force and the whole study's duration."""
+        """Return the effect with a rate scaled by the peak force and the study's duration."""
         return cls(scales.positive(scales.force * duration(scales)))
 
     def at_clock(self, force: Array, clock: Array) -> Array:
-        """Weaken with the clock."""
+        """Return the force, weakened with the clock."""
         return force * jnp.exp(-self.rate * clock)

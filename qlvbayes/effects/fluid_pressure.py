@@ -1,4 +1,4 @@
-"""Fluid pressure that builds with compression and drains away."""
+"""Define fluid pressure, which builds up with compression and drains away."""
 
 from __future__ import annotations
 
@@ -20,10 +20,13 @@ from qlvbayes.priors import HalfNormal, LogUniform
 
 
 class FluidPressure(AbstractEffect):
-    r"""F = F_below + p, with dp/dt = k v - (p/tau) e^{-a d}, p = 0 at first.
+    """Add the pressure of trapped fluid: F = F_below + p, dp/dt = k v - (p/tau) e^{-a d}, p(0) = 0.
 
-    k: undrained stiffness (N/mm), zero or more; tau: time of drainage at zero depth (s); a: how
-    compression closes the pores (1/mm). In the time xi = int e^{-a d} dt this is one relaxing mode.
+    In the time xi = int e^{-a d} dt this is one relaxing mode.
+
+    * ``k``: undrained stiffness (N/mm), zero or more.
+    * ``tau``: time of drainage at zero depth (s).
+    * ``a``: how compression closes the pores (1/mm).
     """
 
     k: Any
@@ -40,14 +43,17 @@ class FluidPressure(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """K scaled by the depth; drainage from a few samples to twice the longest phase."""
+        """Return the effect with k scaled by the depth.
+
+        Drainage takes from a few samples to twice the longest phase.
+        """
         low, high = resolved_times(scales)
         return cls(
             scales.positive(scales.depth), LogUniform(low, high), HalfNormal(1.0 / scales.depth)
         )
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Add the pressure."""
+        """Return the force with the pressure added."""
         own = motion.alone
         xi = material_time(own.time, own.displacement, -self.a)
         depth = own.displacement - own.displacement[0]
@@ -55,15 +61,15 @@ class FluidPressure(AbstractEffect):
         return below.force(motion) + pressure
 
     def begin(self, below: Law, displacement: Array) -> State:
-        """Beside the law's state the pressure, none."""
+        """Return the state of the law beneath, and no pressure."""
         return below.begin(displacement), Relaxing(displacement, jnp.zeros(1))
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """Add the pressure."""
+        """Return the state and the force with the pressure added."""
         inner, own = state
         inner, force = below.step(inner, line)
-        passed = material_duration(line.duration, own.depth, line.displacement, -self.a)
-        own, pressure = hereditary_step(*self._drainage, own, passed, line.displacement)
+        xi_step = material_duration(line.duration, own.depth, line.displacement, -self.a)
+        own, pressure = hereditary_step(*self._drainage, own, xi_step, line.displacement)
         return (inner, own), force + pressure
 
     @property

@@ -1,4 +1,4 @@
-"""The load cell's zero drifts."""
+"""Define force drift: the load cell's zero drifts."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ from typing import Any, ClassVar, Self
 
 from jaxtyping import Array
 
-from qlvbayes.effects.clocked import AbstractClocked
+from qlvbayes.effects.clock import AbstractClocked
 from qlvbayes.effects.effect import Level
 from qlvbayes.effects.spans import duration
 from qlvbayes.laws.scales import Scales
 
 
 class ForceDrift(AbstractClocked):
-    """F = F_below + rate t, t the clock since the pad's first test began.
+    """Let the load cell drift: F = F_below + rate t, t since the pad's first test began.
 
-    rate: drift of the cell's zero (N/s), of either sign.
+    * ``rate``: drift of the cell's zero (N/s), of either sign.
     """
 
     rate: Any
@@ -30,9 +30,9 @@ class ForceDrift(AbstractClocked):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Rate scaled by the whole study's duration."""
+        """Return the effect with a rate scaled by the study's duration."""
         return cls(scales.signed(duration(scales)))
 
     def at_clock(self, force: Array, clock: Array) -> Array:
-        """Shift the force with the clock."""
+        """Return the force, shifted with the clock."""
         return force + self.rate * clock

@@ -1,4 +1,4 @@
-"""The load cell's zero is off."""
+"""Define force offset: the load cell's zero is off."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from qlvbayes.laws.scales import Scales
 
 
 class ForceOffset(AbstractEffect):
-    """F = F_below + offset.
+    """Shift all forces: F = F_below + offset.
 
-    offset: reading of the unloaded cell (N), of either sign.
+    * ``offset``: reading of the unloaded cell (N), of either sign.
     """
 
     offset: Any
@@ -30,14 +30,14 @@ class ForceOffset(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Offset scaled by the peak force."""
+        """Return the effect with an offset scaled by the peak force."""
         return cls(scales.signed(1.0))
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Shift the force."""
+        """Return the shifted force."""
         return below.force(motion) + self.offset
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """Shift the force."""
+        """Return the state and the shifted force."""
         state, force = below.step(state, line)
         return state, force + self.offset

@@ -1,4 +1,4 @@
-"""The rig gives way in proportion to force."""
+"""Define frame compliance: the rig deflects in proportion to force."""
 
 from __future__ import annotations
 
@@ -14,16 +14,17 @@ from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
 
-_STEPS = 4  # of a Newton iteration whose slope is right to a few per cent
+_STEPS = 4  # quasi-Newton steps; their slope is right to a few per cent
 
 
 class FrameCompliance(AbstractEffect):
-    """Depth = displacement - compliance F, F the force itself.
+    """Let the frame deflect: depth = displacement - compliance F, where F is the force itself.
 
-    compliance (mm/N): one over the frame's stiffness, zero or more. Solved at all grid points at
-    once by quasi-Newton steps with the instantaneous elastic stiffness, four steps to 1e-5 of the
-    peak for a frame ten times as stiff as the pad. The frame's own speed is neglected against the
-    platen's.
+    It is solved at all grid points at once by quasi-Newton steps with the instantaneous elastic
+    stiffness: four steps give 1e-5 of the peak for a frame ten times as stiff as the pad. The
+    frame's own speed is neglected against the platen's.
+
+    * ``compliance``: one over the frame's stiffness (mm/N), zero or more.
     """
 
     compliance: Any
@@ -38,48 +39,48 @@ class FrameCompliance(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Compliance scaled by peak force and twice the secant stiffness."""
+        """Return the effect with a compliance scaled by peak force and secant stiffness."""
         return cls(scales.positive(2.0 * scales.force**2 / scales.depth))
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Iterate F = below(displacement - compliance F)."""
-        return balanced(below, motion, self._yielding)
+        """Return the solution of F = below(displacement - compliance F)."""
+        return balanced(below, motion, self._deflection)
 
     def begin(self, below: Law, displacement: Array) -> State:
-        """A state of the law for each of Newton's steps."""
-        return balanced_begin(below, displacement, self._yielding)
+        """Return a state of the law beneath for each of Newton's steps."""
+        return balanced_begin(below, displacement, self._deflection)
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """Iterate F = below(displacement - compliance F)."""
-        return balanced_step(below, state, line, self._yielding)
+        """Return the states and the solution of F = below(displacement - compliance F)."""
+        return balanced_step(below, state, line, self._deflection)
 
-    def _yielding(self, force: Array) -> tuple[Array, Array]:
+    def _deflection(self, force: Array) -> tuple[Array, Array]:
         return self.compliance * force, self.compliance
 
 
-Yielding = Callable[[Array], tuple[Array, Array]]
-"""Deflection and compliance of a frame at a force."""
+Deflection = Callable[[Array], tuple[Array, Array]]
+"""Deflection (mm) and compliance (mm/N) of a frame at a force (N)."""
 
 
-def balanced(below: Law, motion: Motion, yielding: Yielding) -> Array:
-    """Force (N,) of a pad in a frame.
+def balanced(below: Law, motion: Motion, deflection: Deflection) -> Array:
+    """Return the force (N,) in N of a pad in a frame.
 
-    Newton's steps take the instantaneous elastic stiffness for the pad's own.
+    Newton's steps use the instantaneous elastic stiffness in place of the pad's own.
     """
     force = jnp.zeros_like(motion.time)
-    for _ in range(_STEPS):  # no scan: the law beneath runs in pieces of its own
-        depth, slope = _given_way(below, motion.displacement, force, yielding)
+    for _ in range(_STEPS):  # no scan: the law beneath is compiled by itself
+        depth, slope = _pad_depth(below, motion.displacement, force, deflection)
         answer = below.force(replace(motion, displacement=depth))
         force = (answer + slope * force) / (1.0 + slope)
     return force
 
 
-def balanced_begin(below: Law, displacement: Array, yielding: Yielding) -> tuple[State, ...]:
-    """A state of the law beneath for each of Newton's steps, each of which has its own motion."""
+def balanced_begin(below: Law, displacement: Array, deflection: Deflection) -> tuple[State, ...]:
+    """Return a state of the law beneath for each of Newton's steps, as each has its own motion."""
     zero = jnp.zeros_like(displacement)
     force, states = zero, []
     for _ in range(_STEPS):
-        depth, slope = _given_way(below, displacement, force, yielding)
+        depth, slope = _pad_depth(below, displacement, force, deflection)
         states.append(below.begin(depth))
         _, answer = below.step(states[-1], Line(zero, depth, zero))
         force = (answer + slope * force) / (1.0 + slope)
@@ -87,22 +88,25 @@ def balanced_begin(below: Law, displacement: Array, yielding: Yielding) -> tuple
 
 
 def balanced_step(
-    below: Law, states: State, line: Line, yielding: Yielding
+    below: Law, states: State, line: Line, deflection: Deflection
 ) -> tuple[tuple[State, ...], Array]:
-    """States and force (N) of a pad in a frame after a line, by the steps of `balanced`."""
+    """Return the states and the force (N) of a pad in a frame after a line, as `balanced` does."""
     force, moved = jnp.zeros_like(line.displacement), []
     for state in states:
-        depth, slope = _given_way(below, line.displacement, force, yielding)
+        depth, slope = _pad_depth(below, line.displacement, force, deflection)
         state, answer = below.step(state, replace(line, displacement=depth))
         moved.append(state)
         force = (answer + slope * force) / (1.0 + slope)
     return tuple(moved), force
 
 
-def _given_way(
-    below: Law, displacement: Array, force: Array, yielding: Yielding
+def _pad_depth(
+    below: Law, displacement: Array, force: Array, deflection: Deflection
 ) -> tuple[Array, Array]:
-    """Depth once the frame has given way to a force, and its slope times the pad's stiffness."""
-    deflection, compliance = yielding(force)
-    depth = displacement - deflection
+    """Return the depth (mm) of the pad when the frame deflects under a force, and a slope.
+
+    The slope is the frame's compliance times the pad's stiffness.
+    """
+    deflected, compliance = deflection(force)
+    depth = displacement - deflected
     return depth, compliance * below.elastic.stiffness(depth)

@@ -1,4 +1,4 @@
-"""Dry friction that turns round over a short way."""
+"""Define friction: dry friction reverses over a short distance."""
 
 from __future__ import annotations
 
@@ -18,10 +18,12 @@ from qlvbayes.laws.scales import Scales, lognormal
 
 
 class Friction(AbstractEffect):
-    """F = F_below + strength z, with dz/dt = (v/reach)(1 - z sgn v), z = 0 at first.
+    """Add dry friction: F = F_below + strength z, dz/dt = (v/reach)(1 - z sgn v), z(0) = 0.
 
-    strength: force of steady sliding (N), zero or more; reach: the way over which it turns round
-    (mm). Along the way travelled this is one relaxing mode.
+    Over the distance travelled this is one relaxing mode.
+
+    * ``strength``: force of steady sliding (N), zero or more.
+    * ``reach``: distance over which it reverses (mm).
     """
 
     strength: Any
@@ -37,19 +39,22 @@ class Friction(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Strength scaled by the peak force; reach of a few per cent of the depth."""
+        """Return the effect with a strength scaled by the peak force.
+
+        The reach lies near 3 % of the depth.
+        """
         return cls(scales.positive(1.0), lognormal(0.03 * scales.depth, 2.0))
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Add the friction."""
+        """Return the force with the friction added."""
         return below.force(motion) + self.strength * slide(motion, self.reach)
 
     def begin(self, below: Law, displacement: Array) -> State:
-        """Beside the law's state that of friction, none."""
+        """Return the state of the law beneath, and that of friction before any sliding."""
         return below.begin(displacement), unslid(displacement)
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """Add the friction."""
+        """Return the state and the force with the friction added."""
         inner, own = state
         inner, force = below.step(inner, line)
         own, slid = slide_step(own, line, self.reach)
@@ -57,23 +62,23 @@ class Friction(AbstractEffect):
 
 
 def slide(motion: Motion, reach: Array) -> Array:
-    """Dahl's z (N,): dz = (1 - z sgn v) dd / reach, z = 0 at first."""
-    place = motion.alone.displacement
-    way = jnp.cumsum(jnp.abs(jnp.diff(place, prepend=place[:1])))
-    return hereditary_force(*_sliding(reach), way, place - place[0])
+    """Return Dahl's z (N,): dz = (1 - z sgn v) dd / reach, z = 0 at first."""
+    displacement = motion.alone.displacement
+    travelled = jnp.cumsum(jnp.abs(jnp.diff(displacement, prepend=displacement[:1])))
+    return hereditary_force(*_sliding(reach), travelled, displacement - displacement[0])
 
 
 def unslid(displacement: Array) -> Relaxing:
-    """What friction remembers at a motion's first point."""
+    """Return the state of friction at a motion's first point."""
     return Relaxing(displacement, jnp.zeros(1))
 
 
 def slide_step(own: Relaxing, line: Line, reach: Array) -> tuple[Relaxing, Array]:
-    """Dahl's z after a line."""
-    way = jnp.abs(line.displacement - own.depth)
-    return hereditary_step(*_sliding(reach), own, way, line.displacement)
+    """Return the state of friction and Dahl's z after a line."""
+    travelled = jnp.abs(line.displacement - own.depth)
+    return hereditary_step(*_sliding(reach), own, travelled, line.displacement)
 
 
 def _sliding(reach: Array) -> tuple[Linear, Prony]:
-    """Dahl's z over the way: what a linear law with one mode has over time."""
+    """Return the laws whose hereditary integral over the distance travelled is Dahl's z."""
     return fading(1.0 / reach, 1.0 / reach)

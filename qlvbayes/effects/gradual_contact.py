@@ -1,4 +1,4 @@
-"""Contact that is made little by little: a gradual toe."""
+"""Define gradual contact, which makes a rounded toe."""
 
 from __future__ import annotations
 
@@ -16,11 +16,13 @@ from qlvbayes.laws.scales import Scales, lognormal
 
 
 class GradualContact(AbstractEffect):
-    """Depth = max(d - gap (1 - e^{-d/over}), 0), d = max(displacement, 0) in the exponent.
+    """Let contact be made gradually: depth = max(d - gap (1 - e^{-d/over}), 0).
 
-    gap: by how much the depth falls short once contact is full (mm), of either sign; over: depth
-    over which contact is made (mm), zero or more; at 0 a negative gap has rested as in
-    contact_offset.
+    In the exponent d is max(displacement, 0). At over = 0 a pad with a negative gap has rested, as
+    in contact_offset.
+
+    * ``gap``: how far the depth falls short once contact is full (mm), of either sign.
+    * ``over``: depth over which contact is made (mm), zero or more.
     """
 
     gap: Any
@@ -38,13 +40,16 @@ class GradualContact(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Gap scaled by the stiffness at the largest force; over a tenth of the depth."""
+        """Return the effect with a gap scaled by the stiffness at the largest force.
+
+        Contact is made over a tenth of the depth, within a factor of 3.
+        """
         return cls(scales.signed(scales.stiffness), lognormal(0.1 * scales.depth, 3.0))
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Change the depth, and its rates with it."""
+        """Return the force of the law beneath at the changed depth, speed and acceleration."""
         known = rested(motion)
-        depth, slope, over = self._made(known.displacement)
+        depth, slope, over = self._contact_depth(known.displacement)
         changed = replace(
             known,
             velocity=known.velocity * (1.0 - slope),
@@ -53,18 +58,18 @@ class GradualContact(AbstractEffect):
         return below.force(at_depth(changed, depth))[BEFORE:]
 
     def begin(self, below: Law, displacement: Array) -> State:
-        """The law's own, after a long rest and a jump."""
-        depth, _, _ = self._made(jnp.zeros_like(displacement))
+        """Return the state of the law beneath after a long rest and a jump."""
+        depth, _, _ = self._contact_depth(jnp.zeros_like(displacement))
         return begun_rested(self, below, depth, displacement)
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """Change the depth, and its speed with it."""
-        depth, slope, _ = self._made(line.displacement)
+        """Return the state and the force of the law beneath at the changed depth and speed."""
+        depth, slope, _ = self._contact_depth(line.displacement)
         changed = replace(line, velocity=line.velocity * (1.0 - slope))
         return below.step(state, line_at_depth(changed, depth))
 
-    def _made(self, displacement: Array) -> tuple[Array, Array, Array]:
-        """Depth (may be below 0), by how much it goes slower than the platen, and ``over``."""
+    def _contact_depth(self, displacement: Array) -> tuple[Array, Array, Array]:
+        """Return the depth (may be below 0), the relative loss of speed, and ``over`` (mm)."""
         gradual = self.over > 0.0
         over = jnp.where(gradual, self.over, 1.0)
         missing = jnp.exp(-jnp.maximum(displacement, 0.0) / over)

@@ -1,4 +1,4 @@
-"""The mass that moves with the load cell."""
+"""Define the inertia of the mass that moves with the load cell."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from qlvbayes.laws.scales import Scales
 
 
 class Inertia(AbstractEffect):
-    """F = F_below + mass a, a the platen's acceleration.
+    """Add the force that accelerates a mass: F = F_below + mass a, a the platen's acceleration.
 
-    mass: moved with the load cell (N s2/mm, 1000 kg), zero or more.
+    * ``mass``: mass that moves with the load cell (N s2/mm, which is 1000 kg), zero or more.
     """
 
     mass: Any
@@ -33,9 +33,9 @@ class Inertia(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Mass scaled by the largest acceleration."""
+        """Return the effect with a mass scaled by the largest acceleration."""
         return cls(scales.positive(scales.acceleration if scales.acceleration > 0.0 else 1.0))
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Add mass times acceleration."""
+        """Return the force with mass times acceleration added."""
         return below.force(motion) + self.mass * motion.acceleration

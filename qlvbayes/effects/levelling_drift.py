@@ -1,4 +1,4 @@
-"""The load cell's zero drifts less and less."""
+"""Define levelling drift: the load cell's zero drifts less and less."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Self
 
 from jaxtyping import Array
 
-from qlvbayes.effects.clocked import AbstractClocked
+from qlvbayes.effects.clock import AbstractClocked
 from qlvbayes.effects.effect import Level
 from qlvbayes.effects.force_drift import ForceDrift
 from qlvbayes.effects.spans import duration
@@ -14,15 +14,17 @@ from qlvbayes.laws.scales import Scales
 from qlvbayes.laws.smoothmath import exp_slope
 from qlvbayes.priors import HalfNormal
 
-_LEVELS = 4.0  # times one over the study's duration, sd of the slowing: it may level off within
-_REACHED = 0.3  # of rate x duration is reached in the end at the median of that
+_LEVELS = 4.0  # prior sd of the slowing over one over the study's duration: it may level off within
+_REACHED = 0.3  # share of rate x duration that the drift reaches at the slowing's median
 
 
 class LevellingDrift(AbstractClocked):
-    r"""F = F_below + rate (1 - e^{-slowing t})/slowing, t the pad's clock.
+    """Let the drift of the load cell level off: F = F_below + rate (1 - e^{-slowing t})/slowing.
 
-    rate: drift of the cell's zero at first (N/s), of either sign; slowing: how fast it dies out
-    (1/s), zero or more.
+    t is the pad's clock.
+
+    * ``rate``: drift of the cell's zero at first (N/s), of either sign.
+    * ``slowing``: rate at which the drift dies out (1/s), zero or more.
     """
 
     rate: Any
@@ -40,10 +42,13 @@ class LevellingDrift(AbstractClocked):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Rate scaled by what is reached in the end; it may level off within the study."""
+        """Return the effect with a rate scaled by the shift at the end of the study.
+
+        The drift may level off within the study.
+        """
         whole = duration(scales)
         return cls(scales.signed(_REACHED * whole), HalfNormal(_LEVELS / whole))
 
     def at_clock(self, force: Array, clock: Array) -> Array:
-        """Shift the force with the clock."""
+        """Return the force, shifted with the clock."""
         return force + self.rate * clock * exp_slope(-self.slowing * clock)

@@ -1,4 +1,4 @@
-"""Fluid that leaks out and back: the pad weakens from test to test, less and less."""
+"""Define levelling leak: fluid leaks out and back, and the pad weakens less and less."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Self
 
 from jaxtyping import Array
 
-from qlvbayes.effects.clocked import AbstractClocked
+from qlvbayes.effects.clock import AbstractClocked
 from qlvbayes.effects.effect import Level
 from qlvbayes.effects.fluid_leak import FluidLeak
 from qlvbayes.effects.spans import duration
@@ -14,16 +14,18 @@ from qlvbayes.laws.scales import Scales
 from qlvbayes.laws.smoothmath import exp_slope
 from qlvbayes.priors import HalfNormal
 
-_LEVELS = 4.0  # times one over the study's duration, sd of the rate back: it may level off within
-_REACHED = 0.3  # of rate x duration is lost in the end at the median of that rate
+_LEVELS = 4.0  # prior sd of the return rate over one over the study's duration: it may level off
+_REACHED = 0.3  # share of rate x duration that is lost in the end at the median of that rate
 
 
 class LevellingLeak(AbstractClocked):
-    r"""F = F_below w, with dw/dt = -rate w + back (1 - w), w = 1 at first, t the pad's clock.
+    """Let a leak level off: F = F_below w, dw/dt = -rate w + back (1 - w), w(0) = 1.
 
-    rate: share of the force lost per second at first (1/s), zero or more; back: share of what was
-    lost that returns per second (1/s), zero or more, so that w levels off at back/(rate + back).
-    Solved, w = 1 - rate (1 - e^{-(rate + back) t})/(rate + back).
+    t is the pad's clock. Solved, w = 1 - rate (1 - e^{-(rate + back) t})/(rate + back), which
+    levels off at back/(rate + back).
+
+    * ``rate``: share of the force lost per second at first (1/s), zero or more.
+    * ``back``: share of the loss that returns per second (1/s), zero or more.
     """
 
     rate: Any
@@ -41,11 +43,14 @@ class LevellingLeak(AbstractClocked):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Rate scaled by what is lost in the end; the way back may take a part of the study."""
+        """Return the effect with a rate scaled by the loss at the end of the study.
+
+        The return may take a part of the study.
+        """
         whole = duration(scales)
         return cls(scales.positive(_REACHED * scales.force * whole), HalfNormal(_LEVELS / whole))
 
     def at_clock(self, force: Array, clock: Array) -> Array:
-        """Weaken with the clock."""
+        """Return the force, weakened with the clock."""
         lost = self.rate * clock * exp_slope(-(self.rate + self.back) * clock)
         return force * (1.0 - lost)

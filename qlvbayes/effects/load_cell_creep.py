@@ -1,4 +1,4 @@
-"""The load cell's own after-effect."""
+"""Define the creep of the load cell under load."""
 
 from __future__ import annotations
 
@@ -20,10 +20,12 @@ from qlvbayes.priors import LogUniform
 
 
 class LoadCellCreep(AbstractEffect):
-    r"""F = F_below + share y, with dy/dt = (F_below - y)/time.
+    """Let the load cell creep: F = F_below + share y, with dy/dt = (F_below - y)/time.
 
-    share: of a load that the cell adds in the end, zero or more; time: by which it does (s). The
-    cell is at rest under the first force of a record, :math:`y(0) = F_{below}(0)`.
+    The cell is at rest under the first force of a record, :math:`y(0) = F_{below}(0)`.
+
+    * ``share``: share of a load that the cell adds in the end, zero or more.
+    * ``time``: time constant of the creep (s).
     """
 
     share: Any
@@ -39,30 +41,33 @@ class LoadCellCreep(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Share scaled by the peak force; its time from a few samples to twice a phase."""
+        """Return the effect with a share scaled by the peak force.
+
+        Its time lies between a few samples and twice the longest phase.
+        """
         return cls(scales.positive(0.7 * scales.force), LogUniform(*resolved_times(scales)))
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Creep towards the load."""
+        """Return the force with the cell's creep added."""
         load = below.force(motion)
-        ahead = hereditary_force(*self._mode, motion.time, load - load[0])
-        return load + self.share * (load - ahead)
+        lacking = hereditary_force(*self._mode, motion.time, load - load[0])
+        return load + self.share * (load - lacking)
 
     def begin(self, below: Law, displacement: Array) -> State:
-        """Beside the law's state the first load, under which the cell is at rest."""
+        """Return the state of the law beneath, and the load under which the cell is at rest."""
         inner = below.begin(displacement)
         still = jnp.zeros_like(displacement)
         load = below.step(inner, Line(still, displacement, still))[1]
         return inner, Relaxing(load, jnp.zeros(1))
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """Creep towards the load."""
+        """Return the state and the force with the cell's creep added."""
         inner, own = state
         inner, load = below.step(inner, line)
-        own, ahead = hereditary_step(*self._mode, own, line.duration, load)
-        return (inner, own), load + self.share * (load - ahead)
+        own, lacking = hereditary_step(*self._mode, own, line.duration, load)
+        return (inner, own), load + self.share * (load - lacking)
 
     @property
     def _mode(self) -> tuple[Linear, Prony]:
-        """F - y: a linear law with one mode that relaxes to nothing."""
+        """Return the laws whose hereditary integral of F is F - y: linear, with one mode."""
         return fading(jnp.ones(()), 1.0 / self.time)

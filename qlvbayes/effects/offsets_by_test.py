@@ -1,4 +1,4 @@
-"""The load cell's zero differs from test to test, whatever the reason."""
+"""Define offsets by test: the load cell's zero differs from test to test."""
 
 from __future__ import annotations
 
@@ -15,11 +15,14 @@ from qlvbayes.priors import Normal
 
 
 class OffsetsByTest(AbstractEffect):
-    """F = F_below + size (P1 + quadratic P2 + cubic P3), at the clock of the test's beginning.
+    """Shift each test's force: F = F_below + size (P1 + quadratic P2 + cubic P3).
 
-    size: of the straight part (N), of either sign; quadratic, cubic: of the curved ones over it;
-    duration: of the study (s), fixed. With force_offset this gives any four tests offsets of their
-    own, and more tests offsets on a smooth curve.
+    The Legendre polynomials are taken at the clock of the test's beginning. With force_offset this
+    gives any four tests offsets of their own, and more tests offsets on a smooth curve.
+
+    * ``size``: size of the straight part (N), of either sign.
+    * ``quadratic``, ``cubic``: sizes of the curved parts over that of the straight one.
+    * ``duration``: duration of the study (s), which is fixed.
     """
 
     size: Any
@@ -46,11 +49,14 @@ class OffsetsByTest(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Size scaled by the peak force; curves as large as the straight part."""
+        """Return the effect with a size scaled by the peak force.
+
+        The curved parts are as large as the straight one.
+        """
         curved = Normal(0.0, 1.0), Normal(0.0, 1.0)
         return cls(scales.signed(LARGEST), *curved, duration(scales))
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Shift the test's force."""
+        """Return the force, shifted by the test's offset."""
         shift = curve(motion.start, self.quadratic, self.cubic, self.duration)
         return below.force(motion) + self.size * shift

@@ -1,4 +1,4 @@
-"""The pad's surface stays behind after it was pressed."""
+"""Define permanent set: the pad's surface does not come back after it was pressed."""
 
 from __future__ import annotations
 
@@ -16,9 +16,11 @@ from qlvbayes.laws.scales import Scales
 
 
 class PermanentSet(AbstractEffect):
-    """Depth = max(d - share dmax, 0), dmax the largest d so far in the test, also while loading.
+    """Lower the pad's surface for good: depth = max(d - share dmax, 0).
 
-    share: of the largest depth that does not come back, zero or more.
+    dmax is the largest d so far in the test, also while loading.
+
+    * ``share``: share of the largest depth that does not come back, zero or more.
     """
 
     share: Any
@@ -32,38 +34,41 @@ class PermanentSet(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Share scaled by the stiffness at the largest force."""
+        """Return the effect with a share scaled by the stiffness at the largest force."""
         return cls(scales.positive(scales.stiffness * scales.depth))
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Lower the depth; while it is the largest so far, the set grows with it."""
+        """Return the force at the lowered depth.
+
+        The set grows while the depth is the largest so far.
+        """
         deepest = jnp.maximum(largest(motion.displacement, motion.ago), 0.0)
-        kept = self._kept(motion, deepest)
+        kept = self._speed_ratio(motion, deepest)
         slowed = replace(
             motion, velocity=motion.velocity * kept, acceleration=motion.acceleration * kept
         )
         return below.force(at_depth(slowed, motion.displacement - self.share * deepest))
 
     def begin(self, below: Law, displacement: Array) -> State:
-        """Beside the law's state, the largest depth."""
+        """Return the state of the law beneath, and the largest depth."""
         deepest = jnp.maximum(displacement, 0.0)
         return below.begin(jnp.maximum(displacement - self.share * deepest, 0.0)), deepest
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """Lower the depth."""
+        """Return the state and the force at the lowered depth."""
         inner, deepest = state
         deepest = jnp.maximum(deepest, line.displacement)
-        slowed = replace(line, velocity=line.velocity * self._kept(line, deepest))
+        slowed = replace(line, velocity=line.velocity * self._speed_ratio(line, deepest))
         lowered = line_at_depth(slowed, line.displacement - self.share * deepest)
         inner, force = below.step(inner, lowered)
         return (inner, deepest), force
 
-    def _kept(self, moved: Motion | Line, deepest: Array) -> Array:
-        """Share of the speed that the specimen has."""
+    def _speed_ratio(self, moved: Motion | Line, deepest: Array) -> Array:
+        """Return the specimen's speed over the platen's."""
         growing = (moved.displacement >= deepest) & (moved.velocity > 0.0)
         return jnp.where(growing, 1.0 - self.share, 1.0)
 
     @classmethod
     def blind(cls, protocol: Protocol) -> str | None:
-        """It needs a test that moves back."""
+        """Return why no test can show it: it needs a test that moves back."""
         return None if protocol.unloads else "no test unloads"

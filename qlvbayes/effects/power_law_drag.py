@@ -1,4 +1,4 @@
-"""Drag proportional to a power of the speed."""
+"""Define power-law drag, which is proportional to a power of the speed."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from qlvbayes.priors import Uniform
 
 
 class PowerLawDrag(AbstractEffect):
-    """F = F_below + k abs(v)^n sgn v, v in mm/s.
+    """Add a drag that grows slower than speed: F = F_below + k abs(v)^n sgn v, v in mm/s.
 
-    k: drag at 1 mm/s (N (s/mm)^n), zero or more; n: exponent, above 0 up to 1, where 1
-    is viscous drag.
+    * ``k``: drag at 1 mm/s (N (s/mm)^n), zero or more.
+    * ``n``: exponent, above 0 up to 1, where 1 is viscous drag.
     """
 
     k: Any
@@ -35,16 +35,16 @@ class PowerLawDrag(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """K scaled by the top speed to the middle exponent."""
+        """Return the effect with k scaled by the top speed to the middle exponent."""
         speed = scales.speed if scales.speed > 0.0 else 1.0
         return cls(scales.positive(speed**0.55), Uniform(0.1, 0.9))
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Add the drag; at rest it is 0 and so are its slopes."""
+        """Return the force with the drag added; at rest the drag and its slopes are 0."""
         return below.force(motion) + self._drag(motion.velocity)
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """Add the drag."""
+        """Return the state and the force with the drag added."""
         state, force = below.step(state, line)
         return state, force + self._drag(line.velocity)
 

@@ -1,4 +1,4 @@
-"""Fluid pressure that drains as a power of itself."""
+"""Define power-law drainage: fluid pressure drains as a power of itself."""
 
 from __future__ import annotations
 
@@ -17,18 +17,22 @@ from qlvbayes.laws.scales import Scales
 from qlvbayes.laws.smoothmath import exp_slope
 from qlvbayes.priors import Uniform
 
-_NONE = 1e-12  # of the stroke: below it nothing is there to drain, and the power is a straight line
+_NONE = 1e-12  # share of the stroke below which the power is replaced by a straight line
 _NEAR = 1e-5  # relative gap, below which a secant is the tangent in its middle to 1e-10
-_POWERS = (0.25, 4.0)  # of m: 1/2 to 2 for n = 3, 1 for 2; beyond only where rho hardly changes
+_POWERS = (0.25, 4.0)  # bounds of m: 1/2 to 2 for n = 3, 1 for 2; beyond, rho hardly changes
 
 
 class PowerLawDrainage(AbstractEffect):
-    r"""F = F_below + k q, with dq/dt = v - (q/tau) abs(q/stroke)^{n-1} e^{-a d}, q = 0 at first.
+    """Add a pressure that drains as a power of itself: F = F_below + k q.
 
-    k: undrained stiffness (N/mm), zero or more; tau: time of drainage at zero depth of what
-    ``stroke`` (mm, fixed) would press up undrained (s); a: how compression closes the pores (1/mm);
-    n: exponent, from 1 (Darcy's flow) to 3: a shear-thinning fluid seeps as a power of the
-    pressure, and the last of it stays long.
+    It follows dq/dt = v - (q/tau) abs(q/stroke)^{n-1} e^{-a d}, q(0) = 0. A shear-thinning fluid
+    seeps as a power of the pressure, and the last of it stays long.
+
+    * ``k``: undrained stiffness (N/mm), zero or more.
+    * ``tau``: time (s) in which, at zero depth, the pressure of an undrained ``stroke`` drains.
+    * ``a``: how compression closes the pores (1/mm).
+    * ``n``: exponent, from 1 (Darcy's flow) to 3.
+    * ``stroke``: reference compression (mm), which is fixed.
     """
 
     k: Any
@@ -55,38 +59,38 @@ class PowerLawDrainage(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """As fluid_pressure; the tests' own stroke, and any exponent alike."""
+        """Return the effect with the priors of fluid_pressure, the tests' stroke, and n uniform."""
         linear = FluidPressure.default(scales)
         return cls(linear.k, linear.tau, linear.a, Uniform(1.0, 3.0), scales.depth)
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Add the pressure."""
+        """Return the force with the pressure added."""
         own = motion.alone
         xi = material_time(own.time, own.displacement, -self.a)
         pressed = _undrained(xi, own.displacement, self.tau, self.n, self.stroke)
         return below.force(motion) + self.k * pressed
 
     def begin(self, below: Law, displacement: Array) -> State:
-        """Beside the law's state the depth, and no pressure."""
+        """Return the state of the law beneath, the depth, and no pressure."""
         return below.begin(displacement), displacement, jnp.zeros_like(displacement)
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """Add the pressure."""
+        """Return the state and the force with the pressure added."""
         inner, depth, q = state
         inner, force = below.step(inner, line)
-        passed = material_duration(line.duration, depth, line.displacement, -self.a)
-        known = _balance(passed, line.displacement - depth, self.tau, self.n, self.stroke)
-        q = _drained(q, (passed, *known), self.tau, self.n, self.stroke)
+        xi_step = material_duration(line.duration, depth, line.displacement, -self.a)
+        known = _balance(xi_step, line.displacement - depth, self.tau, self.n, self.stroke)
+        q = _drained(q, (xi_step, *known), self.tau, self.n, self.stroke)
         return (inner, line.displacement, q), force + self.k * q
 
 
 def _undrained(xi: Array, depth: Array, tau: Array, n: Array, stroke: Array) -> Array:
-    r"""Q (N,): dq/dxi = s - r(q), r = (q/tau) abs(q/stroke)^{n-1}, s = d depth/d xi in each step.
+    """Return q (N,): dq/dxi = s - r(q), r = (q/tau) abs(q/stroke)^{n-1}, s = dd/dxi in each step.
 
-    About its balance q*, r(q*) = s, it is e' = -rho e with e = q - q* and the secant
-    rho = (r(q) - s)/(q - q*). Taken as rho = rho* + (rho_0 - rho*) abs(e/e_0)^m, with the slope
-    that rho has at the step's beginning, this has a closed form: exact for n = 1, for n = 2 where
-    q keeps its sign, and at rest for any n.
+    About its balance q*, r(q*) = s, it is e' = -rho e with e = q - q* and the secant rho = (r(q) -
+    s)/(q - q*). Taken as rho = rho* + (rho_0 - rho*) abs(e/e_0)^m, with the slope that rho has at
+    the step's beginning, this has a closed form: exact for n = 1, for n = 2 where q keeps its sign,
+    and at rest for any n.
     """
     step = jnp.diff(xi)
 
@@ -106,7 +110,7 @@ def _rate(q: Array, tau: Array, n: Array, stroke: Array) -> Array:
 def _balance(
     step: Array, travel: Array, tau: Array, n: Array, stroke: Array
 ) -> tuple[Array, Array, Array, Array]:
-    """Jump, s, q* and rho* of steps in xi: what does not depend on q."""
+    """Return jump, s, q* and rho* of steps in xi, which do not depend on q."""
     lasting = step > 0.0
     source = jnp.where(lasting, travel / jnp.where(lasting, step, 1.0), 0.0)
     size = jnp.maximum(jnp.abs(source) * tau / stroke, _NONE**n)
@@ -115,7 +119,7 @@ def _balance(
 
 
 def _drained(q: Array, point: tuple[Array, ...], tau: Array, n: Array, stroke: Array) -> Array:
-    """Q after a step."""
+    """Return q after a step."""
     step, jump, source, balance, settling = point
     q = q + jump
     relative = _rate(q, tau, n, stroke)

@@ -1,4 +1,4 @@
-"""Dry friction that grows with the force pressed."""
+"""Define pressure friction: dry friction grows with the pad's force."""
 
 from __future__ import annotations
 
@@ -16,11 +16,15 @@ from qlvbayes.priors import Uniform
 
 
 class PressureFriction(AbstractEffect):
-    """F = F_below + strength (1 - share + share max(F_below, 0)/pressed) z, z as in friction.
+    """Add friction that grows with the force: F = F_below + strength w z, z as in friction.
 
-    strength: force of steady sliding where the pad presses with ``pressed`` (N), zero or more;
-    reach: the way over which it turns round (mm); share: of the friction that goes with the force,
-    from 0 to 1, where it is Coulomb's with the coefficient strength/pressed; pressed (N): fixed.
+    w = 1 - share + share max(F_below, 0)/pressed. At share 1 this is Coulomb's friction with the
+    coefficient strength/pressed.
+
+    * ``strength``: force of steady sliding (N) where the pad's force is ``pressed``, zero or more.
+    * ``reach``: distance over which it reverses (mm).
+    * ``share``: share of the friction that is proportional to the force, from 0 to 1.
+    * ``pressed``: reference force (N), which is fixed.
     """
 
     strength: Any
@@ -45,7 +49,10 @@ class PressureFriction(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Strength scaled by the peak force, at which it is told; any share alike."""
+        """Return the effect with a strength scaled by the peak force, which is its reference.
+
+        The share is uniform.
+        """
         return cls(
             scales.positive(1.0),
             lognormal(0.03 * scales.depth, 2.0),
@@ -54,20 +61,20 @@ class PressureFriction(AbstractEffect):
         )
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Add the friction."""
-        return self._rubbed(below.force(motion), slide(motion, self.reach))
+        """Return the force with the friction added."""
+        return self._with_friction(below.force(motion), slide(motion, self.reach))
 
     def begin(self, below: Law, displacement: Array) -> State:
-        """Beside the law's state that of friction, none."""
+        """Return the state of the law beneath, and that of friction before any sliding."""
         return below.begin(displacement), unslid(displacement)
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """Add the friction."""
+        """Return the state and the force with the friction added."""
         inner, own = state
         inner, force = below.step(inner, line)
         own, slid = slide_step(own, line, self.reach)
-        return (inner, own), self._rubbed(force, slid)
+        return (inner, own), self._with_friction(force, slid)
 
-    def _rubbed(self, force: Array, slid: Array) -> Array:
+    def _with_friction(self, force: Array, slid: Array) -> Array:
         grown = 1.0 + self.share * (jnp.maximum(force, 0.0) / self.pressed - 1.0)
         return force + self.strength * grown * slid

@@ -1,4 +1,4 @@
-"""A second spring: a void that closes, or a backing that is reached."""
+"""Define second contact: a void closes, or a backing is reached."""
 
 from __future__ import annotations
 
@@ -16,14 +16,16 @@ from qlvbayes.priors import Uniform
 _RANGE = (
     0.1,
     0.95,
-)  # of the largest depth: nearer to its ends it is another elastic law, or unseen
+)  # shares of the largest depth: nearer to its ends it is another elastic law, or not visible
 
 
 class SecondContact(AbstractEffect):
-    """F = F_below + stiffness max(d - depth, 0).
+    """Add a second spring beyond a depth: F = F_below + stiffness max(d - depth, 0).
 
-    stiffness: of the second spring (N/mm), zero or more; depth: where it is reached (mm). It does
-    not relax.
+    The second spring does not relax.
+
+    * ``stiffness``: its stiffness (N/mm), zero or more.
+    * ``depth``: depth at which it is reached (mm).
     """
 
     stiffness: Any
@@ -39,16 +41,19 @@ class SecondContact(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Stiffness scaled by half of the depth, in which the second spring begins anywhere."""
+        """Return the effect with a stiffness scaled by half of the depth.
+
+        The second spring may begin anywhere within the depth.
+        """
         low, high = (share * scales.depth for share in _RANGE)
         return cls(scales.positive(0.5 * scales.depth), Uniform(low, high))
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Add the second spring."""
+        """Return the force with the second spring added."""
         return below.force(motion) + self._spring(motion.displacement)
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """Add the second spring."""
+        """Return the state and the force with the second spring added."""
         state, force = below.step(state, line)
         return state, force + self._spring(line.displacement)
 

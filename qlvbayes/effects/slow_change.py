@@ -1,4 +1,4 @@
-"""The scale of the force changes smoothly over the clock, whatever the reason."""
+"""Define slow change: the scale of the force changes smoothly with the clock."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Self
 
 from jaxtyping import Array
 
-from qlvbayes.effects.clocked import AbstractClocked
+from qlvbayes.effects.clock import AbstractClocked
 from qlvbayes.effects.effect import Level
 from qlvbayes.effects.spans import LARGEST, curve, duration
 from qlvbayes.laws.scales import Scales
@@ -14,10 +14,13 @@ from qlvbayes.priors import Normal
 
 
 class SlowChange(AbstractClocked):
-    """F = F_below (1 + size (P1 + quadratic P2 + cubic P3)), Legendre's polynomials over the clock.
+    """Change the scale with the clock: F = F_below (1 + size (P1 + quadratic P2 + cubic P3)).
 
-    size: of the straight part (1), of either sign; quadratic, cubic: of the curved ones over it;
-    duration: of the study (s), fixed.
+    P1, P2 and P3 are Legendre polynomials over the clock.
+
+    * ``size``: size of the straight part (1), of either sign.
+    * ``quadratic``, ``cubic``: sizes of the curved parts over that of the straight one.
+    * ``duration``: duration of the study (s), which is fixed.
     """
 
     size: Any
@@ -41,11 +44,14 @@ class SlowChange(AbstractClocked):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Size scaled by the peak force; curves as large as the straight part."""
+        """Return the effect with a size scaled by the peak force.
+
+        The curved parts are as large as the straight one.
+        """
         curved = Normal(0.0, 1.0), Normal(0.0, 1.0)
         return cls(scales.signed(LARGEST * scales.force), *curved, duration(scales))
 
     def at_clock(self, force: Array, clock: Array) -> Array:
-        """Change the scale with the clock."""
+        """Return the force, its scale changed with the clock."""
         along = curve(clock, self.quadratic, self.cubic, self.duration)
         return force * (1.0 + self.size * along)

@@ -1,4 +1,4 @@
-"""What effects ask of a study's clock: times and rates it tells, and a smooth curve over it."""
+"""Compute what effects need of a study's clock: resolved times and rates, and a smooth curve."""
 
 from __future__ import annotations
 
@@ -8,40 +8,40 @@ from jaxtyping import Array, ArrayLike
 from qlvbayes.laws.scales import Scales
 
 LARGEST = 2.0
-"""Of the curve below with ``quadratic`` and ``cubic`` at their priors' sd of 1, within a half."""
+"""Largest value of `curve`, within 50 %, for ``quadratic`` and ``cubic`` at their priors' sd."""
 
 
 def duration(scales: Scales) -> float:
-    """Time (s) from the first test's beginning to the last one's end, above 0."""
+    """Return the time (s) from the first test's beginning to the last one's end, above 0."""
     return max(scales.clock, _longest(scales))
 
 
 def resolved_times(scales: Scales) -> tuple[float, float]:
-    """Times (s) from five samples to twice the longest phase."""
+    """Return the times (s) of five samples and of twice the longest phase."""
     high = 2.0 * _longest(scales)
     return min(5.0 * _shortest(scales), 0.5 * high), high
 
 
 def resolved_rates(scales: Scales) -> tuple[float, float]:
-    """Rates (1/s) that decay to a half over the longest phase, up to a fifth of a sample's."""
+    """Return the rates (1/s) that halve over the longest phase, and of a fifth of a sample's."""
     low = 0.5 / _longest(scales)
     return low, max(0.2 / _shortest(scales), 2.0 * low)
 
 
 def _longest(scales: Scales) -> float:
-    """The longest phase (s), or a guess where none is known."""
+    """Return the longest phase (s), or a guess where none is known."""
     return scales.longest if scales.longest > 0.0 else 1.0
 
 
 def _shortest(scales: Scales) -> float:
-    """The sampling interval (s), or a guess where none is known."""
+    """Return the sampling interval (s), or a guess where none is known."""
     return scales.shortest if scales.shortest > 0.0 else 1e-3 * _longest(scales)
 
 
 def curve(clock: Array, quadratic: ArrayLike, cubic: ArrayLike, duration: ArrayLike) -> Array:
-    """P1 + quadratic P2 + cubic P3, of Legendre, over the clock from 0 to ``duration`` (s).
+    """Return P1 + quadratic P2 + cubic P3, of Legendre, over the clock from 0 to ``duration`` (s).
 
-    After the study it stays as it was at its end.
+    After the study the curve keeps its last value.
     """
     x = jnp.clip(2.0 * clock / duration - 1.0, -1.0, 1.0)
     return x + 0.5 * quadratic * (3.0 * x**2 - 1.0) + 0.5 * cubic * (5.0 * x**2 - 3.0) * x

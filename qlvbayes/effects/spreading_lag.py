@@ -1,4 +1,4 @@
-"""The force is recorded late, and smoothed."""
+"""Define spreading lag: the force is recorded late, and smoothed."""
 
 from __future__ import annotations
 
@@ -17,15 +17,17 @@ from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import Uniform
 
-_INSTANT = 1e-30  # s, a filter that changes nothing and yet has a slope along its time
+_INSTANT = 1e-30  # s, time of a filter that changes nothing and yet has a finite slope
 
 
 class SpreadingLag(AbstractEffect):
-    r"""y(t) = F_below(t - (1 - spread) delay), spread delay F' = y - F; F = y at first.
+    """Delay and filter the force: spread delay F' = y - F, y(t) = F_below(t - (1 - spread) delay).
 
-    delay: mean lateness of the force's channel (s), zero or more; spread: share of it that is a
-    filter's of first order, from 0 (a pure delay) to 1. Before the start the force is that of the
-    start; between the points at which the force beneath is taken it is on straight lines.
+    F = y at first. Before the start the force is that of the start; between the points at which the
+    force beneath is taken it lies on straight lines.
+
+    * ``delay``: mean delay of the force's channel (s), zero or more.
+    * ``spread``: share of it that is a first-order filter's, from 0 (a pure delay) to 1.
     """
 
     delay: Any
@@ -45,13 +47,13 @@ class SpreadingLag(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Delay as channel_lag's; any spread alike."""
+        """Return the effect with the delay of channel_lag and a uniform spread."""
         return cls(ChannelLag.default(scales).delay, Uniform(0.0, 1.0))
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Force beneath at the delayed times, filtered along them."""
+        """Return the force beneath at the delayed times, filtered along them."""
         delayed = motion.time - (1.0 - self.spread) * self.delay
-        # two more points for each show how the force bends on the way there
+        # two more points for each resolve the curvature of the force in between
         before = delayed - self.spread * self.delay
         between = 0.5 * (motion.time[1:] + motion.time[:-1])
         joined, order = joined_with(motion, jnp.concatenate([delayed, before, between]))

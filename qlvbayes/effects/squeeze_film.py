@@ -1,4 +1,4 @@
-"""A liquid film that is squeezed out: drag that grows as it gets thin."""
+"""Define squeeze film: the drag of a liquid film grows as it gets thin."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ _THINNEST = 0.05  # share of its thickness that the film keeps
 
 
 class SqueezeFilm(AbstractEffect):
-    """F = F_below + eta v / max(1 - d/h, 0.05)^3.
+    """Add the drag of a film that is squeezed out: F = F_below + eta v / max(1 - d/h, 0.05)^3.
 
-    eta: drag coefficient at zero depth (N s/mm), zero or more; h: the film's thickness (mm).
+    * ``eta``: drag coefficient at zero depth (N s/mm), zero or more.
+    * ``h``: the film's thickness (mm).
     """
 
     eta: Any
@@ -36,17 +37,20 @@ class SqueezeFilm(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Eta scaled by three times the top speed: what a film of middle thickness adds at most."""
+        """Return the effect with eta scaled by three times the top speed.
+
+        That is what a film of middle thickness adds at most.
+        """
         speed = scales.speed if scales.speed > 0.0 else 1.0
         depth = scales.depth
         return cls(scales.positive(3.0 * speed), LogUniform(1.05 * depth, 6.0 * depth))
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Add the film's force."""
+        """Return the force with the film's drag added."""
         return below.force(motion) + self._film(motion)
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """Add the film's force."""
+        """Return the state and the force with the film's drag added."""
         state, force = below.step(state, line)
         return state, force + self._film(line)
 

@@ -1,4 +1,4 @@
-"""The rig gives way to force, the less the larger it is."""
+"""Define stiffening frame: the rig deflects with force, the less the larger the force is."""
 
 from __future__ import annotations
 
@@ -21,10 +21,12 @@ from qlvbayes.laws.scales import Scales, lognormal
 
 
 class StiffeningFrame(AbstractEffect):
-    """Depth = displacement - compliance F/(1 + abs(F)/stiff), F the force itself.
+    """Let a stiffening frame deflect: depth = displacement - compliance F/(1 + abs(F)/stiff).
 
-    compliance: of the unloaded frame (mm/N), zero or more; stiff: force at which it has given way
-    half as far as it would have (N). Solved as for a frame that does not stiffen.
+    F is the force itself; it is solved as for a frame that does not stiffen.
+
+    * ``compliance``: compliance of the unloaded frame (mm/N), zero or more.
+    * ``stiff``: force (N) at which the deflection is half that of a frame that does not stiffen.
     """
 
     compliance: Any
@@ -43,21 +45,21 @@ class StiffeningFrame(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Compliance scaled as that of a frame half as soft at the peak force."""
+        """Return the effect scaled like a frame half as soft at the peak force."""
         return cls(scales.positive(scales.force**2 / scales.depth), lognormal(scales.force, 3.0))
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Iterate F = below(displacement - deflection)."""
-        return balanced(below, motion, self._yielding)
+        """Return the solution of F = below(displacement - deflection)."""
+        return balanced(below, motion, self._deflection)
 
     def begin(self, below: Law, displacement: Array) -> State:
-        """A state of the law for each of Newton's steps."""
-        return balanced_begin(below, displacement, self._yielding)
+        """Return a state of the law beneath for each of Newton's steps."""
+        return balanced_begin(below, displacement, self._deflection)
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """Iterate F = below(displacement - deflection)."""
-        return balanced_step(below, state, line, self._yielding)
+        """Return the states and the solution of F = below(displacement - deflection)."""
+        return balanced_step(below, state, line, self._deflection)
 
-    def _yielding(self, force: Array) -> tuple[Array, Array]:
+    def _deflection(self, force: Array) -> tuple[Array, Array]:
         softness = 1.0 / (1.0 + jnp.abs(force) / self.stiff)
         return self.compliance * softness * force, self.compliance * softness**2

@@ -1,4 +1,4 @@
-"""Relaxation that runs faster or slower with depth."""
+"""Define strain-dependent rate: relaxation runs faster or slower with depth."""
 
 from __future__ import annotations
 
@@ -15,9 +15,11 @@ from qlvbayes.laws.scales import Scales
 
 
 class StrainDependentRate(AbstractEffect):
-    r"""v_i -> v_i e^{alpha d} for all modes: they relax in the time xi = int e^{alpha d} dt.
+    """Let depth change all rates of relaxation: v_i -> v_i e^{alpha d}.
 
-    alpha: how depth quickens relaxation (1/mm), of either sign.
+    All modes then relax in the material time xi = int e^{alpha d} dt.
+
+    * ``alpha``: how depth speeds up relaxation (1/mm), of either sign.
     """
 
     alpha: Any
@@ -32,21 +34,21 @@ class StrainDependentRate(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Alpha scaled by the depth and a fifth of the peak force."""
+        """Return the effect with alpha scaled by the depth and a fifth of the peak force."""
         return cls(scales.signed(0.2 * scales.force * scales.depth))
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Force beneath in the material's own time."""
+        """Return the force beneath in the material's own time."""
         xi = material_time(motion.time, motion.displacement, self.alpha)
         return below.force(replace(motion, time=xi))
 
     def begin(self, below: Law, displacement: Array) -> State:
-        """Beside the law's state, the depth."""
+        """Return the state of the law beneath, and the depth."""
         return below.begin(displacement), displacement
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """The material's own time goes by."""
+        """Return the state and the force after the line's duration in material time."""
         inner, depth = state
-        passed = material_duration(line.duration, depth, line.displacement, self.alpha)
-        inner, force = below.step(inner, replace(line, duration=passed))
+        xi_step = material_duration(line.duration, depth, line.displacement, self.alpha)
+        inner, force = below.step(inner, replace(line, duration=xi_step))
         return (inner, line.displacement), force

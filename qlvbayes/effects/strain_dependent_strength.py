@@ -1,4 +1,4 @@
-"""How much relaxes depends on the depth."""
+"""Define strain-dependent strength: how much relaxes depends on depth."""
 
 from __future__ import annotations
 
@@ -14,9 +14,11 @@ from qlvbayes.laws.scales import Scales
 
 
 class StrainDependentStrength(AbstractEffect):
-    """F = (1 - s) F_below + s F_e(d) with s = 1 - e^{-beta d}, F_e the instantaneous elastic force.
+    """Let depth change how much relaxes: F = (1 - s) F_below + s F_e(d), s = 1 - e^{-beta d}.
 
-    beta: how depth takes away from the share that relaxes (1/mm), of either sign.
+    F_e is the instantaneous elastic force.
+
+    * ``beta``: how depth lessens the share that relaxes (1/mm), of either sign.
     """
 
     beta: Any
@@ -31,15 +33,15 @@ class StrainDependentStrength(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Beta scaled by the depth and the part of the peak force that relaxes."""
+        """Return the effect with beta scaled by the depth and the relaxing part of the force."""
         return cls(scales.signed(0.7 * scales.force * scales.depth))
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Mix in the elastic force."""
+        """Return the force with the elastic force mixed in."""
         return self._mixed(below, below.force(motion), motion.displacement)
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """Mix in the elastic force."""
+        """Return the state and the force with the elastic force mixed in."""
         state, force = below.step(state, line)
         return state, self._mixed(below, force, line.displacement)
 
@@ -49,5 +51,8 @@ class StrainDependentStrength(AbstractEffect):
 
     @classmethod
     def blind(cls, protocol: Protocol) -> str | None:
-        """It needs holds at two depths: at one alone the relaxation's constants do what it does."""
+        """Return why no test can show it: it needs holds at two depths.
+
+        With holds at one depth alone, constants of the relaxation give the same forces.
+        """
         return "all holds are at one depth" if protocol.one_depth else None

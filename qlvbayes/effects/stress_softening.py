@@ -1,4 +1,4 @@
-"""Softer below the largest depth so far."""
+"""Define stress softening: the pad is softer below the largest depth so far."""
 
 from __future__ import annotations
 
@@ -15,9 +15,11 @@ from qlvbayes.laws.scales import Scales
 
 
 class StressSoftening(AbstractEffect):
-    """F = F_below (1 - s (1 - d/dmax)), dmax the largest depth so far in the test.
+    """Soften the pad below its largest depth: F = F_below (1 - s (1 - d/dmax)).
 
-    s: how far the force falls short when the pad is nearly unloaded, zero or more.
+    dmax is the largest depth so far in the test.
+
+    * ``s``: relative loss of force when the pad is nearly unloaded, zero or more.
     """
 
     s: Any
@@ -31,32 +33,35 @@ class StressSoftening(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """S scaled by a tenth of the peak force, which keeps it below 1, as more has no meaning."""
+        """Return the effect with s scaled by a tenth of the peak force, which keeps s below 1.
+
+        An s above 1 has no physical meaning.
+        """
         return cls(scales.positive(0.1 * scales.force))
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Soften below the largest depth."""
+        """Return the force, softened below the largest depth."""
         deepest = largest(motion.displacement, motion.ago)
-        return below.force(motion) * self._left(motion.displacement, deepest)
+        return below.force(motion) * self._remaining(motion.displacement, deepest)
 
     def begin(self, below: Law, displacement: Array) -> State:
-        """Beside the law's state, the largest depth."""
+        """Return the state of the law beneath, and the largest depth."""
         return below.begin(displacement), displacement
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """Soften below the largest depth."""
+        """Return the state and the force, softened below the largest depth."""
         inner, deepest = state
         inner, force = below.step(inner, line)
         deepest = jnp.maximum(deepest, line.displacement)
-        return (inner, deepest), force * self._left(line.displacement, deepest)
+        return (inner, deepest), force * self._remaining(line.displacement, deepest)
 
-    def _left(self, depth: Array, deepest: Array) -> Array:
-        """Share of the force that is left."""
+    def _remaining(self, depth: Array, deepest: Array) -> Array:
+        """Return the share of the force that is left."""
         pressed = deepest > 0.0
         slack = 1.0 - depth / jnp.where(pressed, deepest, 1.0)
         return 1.0 - self.s * jnp.where(pressed, slack, 0.0)
 
     @classmethod
     def blind(cls, protocol: Protocol) -> str | None:
-        """It needs a test that moves back."""
+        """Return why no test can show it: it needs a test that moves back."""
         return None if protocol.unloads else "no test unloads"

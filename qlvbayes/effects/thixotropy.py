@@ -1,4 +1,4 @@
-"""Structure that motion breaks and rest heals."""
+"""Define thixotropy: motion breaks down structure, and rest builds it up again."""
 
 from __future__ import annotations
 
@@ -18,11 +18,14 @@ from qlvbayes.priors import LogUniform
 
 
 class Thixotropy(AbstractEffect):
-    r"""F = F_below (1 - share y), with dy/dt = (1 - y) speed/way - y/time, y = 0 at first.
+    r"""Weaken the pad by motion: F = F_below (1 - share y), dy/dt = (1 - y) speed/way - y/time.
 
-    share: of the force that is lost where all structure is broken, zero or more; time: by which it
-    heals at rest (s); way: over which motion breaks it (mm). In :math:`\xi = t/time + s/way`, with
-    s the way travelled, y is one relaxing mode driven by s/way.
+    y = 0 at first. In :math:`\xi = t/time + s/way`, with s the distance travelled, y is one
+    relaxing mode driven by s/way.
+
+    * ``share``: share of the force that is lost where all structure is broken down, zero or more.
+    * ``time``: time constant of its recovery at rest (s).
+    * ``way``: distance over which motion breaks it down (mm).
     """
 
     share: Any
@@ -39,7 +42,10 @@ class Thixotropy(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Share scaled by the peak force; healing from a few samples to twice a phase."""
+        """Return the effect with a share scaled by the peak force.
+
+        Recovery takes from a few samples to twice the longest phase.
+        """
         low, high = resolved_times(scales)
         return cls(
             scales.positive(0.7 * scales.force),
@@ -48,24 +54,24 @@ class Thixotropy(AbstractEffect):
         )
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Weaken by what is broken."""
+        """Return the force, weakened by the broken-down structure."""
         travel = jnp.abs(jnp.diff(motion.displacement, prepend=motion.displacement[:1]))
         moved = jnp.cumsum(travel) / self.way
-        passed = (motion.time - motion.time[0]) / self.time + moved
+        xi_step = (motion.time - motion.time[0]) / self.time + moved
         return below.force(motion) * (
-            1.0 - self.share * hereditary_force(*fading(jnp.ones(()), 1.0), passed, moved)
+            1.0 - self.share * hereditary_force(*fading(jnp.ones(()), 1.0), xi_step, moved)
         )
 
     def begin(self, below: Law, displacement: Array) -> State:
-        """Beside the law's state the depth, and what is broken: nothing."""
+        """Return the state of the law beneath, the depth, and intact structure."""
         nothing = Relaxing(jnp.zeros_like(displacement), jnp.zeros(1))
         return below.begin(displacement), displacement, nothing
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """Weaken by what is broken."""
+        """Return the state and the force, weakened by the broken-down structure."""
         inner, depth, own = state
         inner, force = below.step(inner, line)
         moved = jnp.abs(line.displacement - depth) / self.way
-        passed = line.duration / self.time + moved
-        own, broken = hereditary_step(*fading(jnp.ones(()), 1.0), own, passed, own.depth + moved)
+        xi_step = line.duration / self.time + moved
+        own, broken = hereditary_step(*fading(jnp.ones(()), 1.0), own, xi_step, own.depth + moved)
         return (inner, line.displacement, own), force * (1.0 - self.share * broken)

@@ -1,4 +1,4 @@
-"""Drag proportional to speed."""
+"""Define viscous drag, which is proportional to speed."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from qlvbayes.laws.scales import Scales
 
 
 class ViscousDrag(AbstractEffect):
-    """F = F_below + eta v.
+    """Add a drag proportional to speed: F = F_below + eta v, v the velocity of the pad's surface.
 
-    eta: drag coefficient (N s/mm), zero or more; v: velocity of the pad's surface.
+    * ``eta``: drag coefficient (N s/mm), zero or more.
     """
 
     eta: Any
@@ -30,14 +30,14 @@ class ViscousDrag(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Eta scaled by the top speed."""
+        """Return the effect with eta scaled by the top speed."""
         return cls(scales.positive(scales.speed if scales.speed > 0.0 else 1.0))
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Add eta v."""
+        """Return the force with eta v added."""
         return below.force(motion) + self.eta * motion.velocity
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """Add eta v."""
+        """Return the state and the force with eta v added."""
         state, force = below.step(state, line)
         return state, force + self.eta * line.velocity

@@ -29,7 +29,7 @@ from qlvbayes.fitting.summary import FitSummary, constant_of
 from qlvbayes.inference.density import Terms
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.units import UnitSystem
-from qlvbayes.laws.unresolved import unresolved_times
+from qlvbayes.laws.resolution import unresolved_times
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import Floor
 from qlvbayes.model.parameters import names, unit_kinds

@@ -122,7 +122,7 @@ def floor_likelihood(
     constant = 0.5 * np.sum(np.log(precisions / (2.0 * np.pi)))
     known = (np.full(scales.size, value) for value in (floor.white, floor.ou, floor.tau))
     return FloorLikelihood(
-        places=jnp.flatnonzero(jnp.asarray(blocks.real)),
+        indices=jnp.flatnonzero(jnp.asarray(blocks.real)),
         axes=jnp.asarray(axes.T @ discrepancy.whitener.matrix),
         precisions=jnp.asarray(1.0 / variances),
         heights=jnp.asarray(log_prior + constant - 0.5 * np.log(variances).sum(axis=1)),
@@ -211,7 +211,7 @@ class DrawResiduals:
         self._axes = np.asarray(floor.axes)
         self._precisions = np.asarray(floor.precisions)
         self._back = np.linalg.inv(self._axes)
-        self._indices = np.asarray(floor.places)
+        self._indices = np.asarray(floor.indices)
         self._predicted = predicted.reshape(len(predicted), -1)[:, self._indices]
         measured = np.asarray(posterior.record.blocks.force).ravel()[self._indices]
         self._residuals = measured - self._predicted

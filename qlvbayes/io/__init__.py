@@ -1,1 +1,1 @@
-"""Files, and what users read of them: measurements, layouts of machines, units, plain errors."""
+"""Read and write files: measurements, machines' layouts, units, results, error messages."""

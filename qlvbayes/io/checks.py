@@ -1,4 +1,4 @@
-"""The one error a user can mend, and the small checks that raise it."""
+"""Define the error that a user can correct, and one frequent case of it."""
 
 from __future__ import annotations
 
@@ -8,13 +8,24 @@ from qlvbayes.io.escaping import visible
 
 
 class InputError(Exception):
-    """Something the user gave cannot be used; the text is one line with place and remedy.
+    """Report that something the user gave cannot be used; the text is one line.
+
+    The line names the file, the line in it and the remedy, as far as they are given.
 
     >>> str(InputError("force_N is not a number ('abc')", file="pads.csv", line=12,
     ...                remedy="write a number or delete the row"))
     "pads.csv, line 12: force_N is not a number ('abc'); write a number or delete the row"
 
-    message, file, line, remedy: its parts, None where they were not given.
+    Parameters
+    ----------
+    message
+        What is wrong.
+    file
+        The file that is meant; None where none is.
+    line
+        The line of that file, counted from 1.
+    remedy
+        What the user can do, as an imperative.
     """
 
     def __init__(
@@ -29,17 +40,17 @@ class InputError(Exception):
         self.file = None if file is None else str(file)
         self.line = line
         self.remedy = remedy
-        place = self.file or ""
+        location = self.file or ""
         if line is not None:
-            place += f", line {line}"
-        text = f"{place}: {message}" if place else message
+            location += f", line {line}"
+        text = f"{location}: {message}" if location else message
         if remedy is not None:
             text += f"; {remedy}"
         super().__init__(visible(" ".join(text.split())))
 
 
 class NoFiniteForceError(InputError):
-    """No draw of the priors gives forces that a number can hold."""
+    """Report that no draw of the priors gives finite forces."""
 
     def __init__(self) -> None:
         super().__init__(

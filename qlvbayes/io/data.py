@@ -1,4 +1,4 @@
-"""Measurements: a study of pads, each with its tests, read from one tidy CSV file."""
+"""Read measurements, a study of pads each with its tests, from one tidy CSV file."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from qlvbayes.io.files import folder_fault, same_folder
 from qlvbayes.io.formats.answers import UnsureError
 from qlvbayes.io.formats.catalogue import FORMATS
 from qlvbayes.io.formats.conversion import Conversion, convert
-from qlvbayes.io.formats.recognise import head_of, matching, refuse_results
+from qlvbayes.io.formats.recognition import head_of, matching, refuse_results
 from qlvbayes.io.formats.two_clocks import TwoClocks
 from qlvbayes.io.reading.badline import parse_number
 from qlvbayes.io.reading.csvtext import digest, unchanged
@@ -41,17 +41,38 @@ _CONTROLS: dict[str, Control] = {
 
 @dataclass(frozen=True, eq=False)
 class Test:
-    """One test of one pad: n samples of time (s), displacement and force.
+    """Hold one test of one pad: n samples of time, displacement and force.
 
-    Displacement (or strain) and force (or stress) are in the file's own units, `Pad.units`.
-    `force_sd` (n,) is the measured standard deviation of each force, if there is one; `rate` the
-    declared loading rate, displacement over s; `start_s` the pad's clock at the first sample, and
-    `start_known` whether it was measured: else it is that of tests without a pause between them.
-    `control` is what was prescribed, if the file says; `contact_sd` the standard error of the
-    displacement's zero (displacement), None where it was not measured.
+    Parameters
+    ----------
+    name
+        The test's name, unique within its pad.
+    pad
+        The pad's name.
+    time
+        (n,) in s, rising.
+    displacement
+        (n,) displacement or strain, in the file's own unit (`Pad.units`).
+    force
+        (n,) force or stress, in the file's own unit.
+    force_sd
+        (n,) measured standard deviation of each force; None where it was not measured.
+    role
+        ``fit`` or ``validate``; None where the file does not say.
+    rate
+        Declared loading rate, displacement over s; None where none is declared.
+    start_s
+        Time of the pad's clock at the first sample (s).
+    start_known
+        Whether ``start_s`` was measured; otherwise the tests follow without a pause.
+    control
+        Which quantity was prescribed; None where the file does not say.
+    contact_sd
+        Standard error of the displacement's zero, in the unit of displacement; None where it was
+        not measured.
     """
 
-    __test__: ClassVar[bool] = False  # not one of pytest's
+    __test__: ClassVar[bool] = False  # pytest must not collect it
 
     name: str
     pad: str
@@ -69,7 +90,19 @@ class Test:
 
 @dataclass(frozen=True, eq=False)
 class Pad:
-    """One pad and its tests, in the file's order; `fluid` is what fills it, if the file says."""
+    """Hold one pad and its tests, in the file's order.
+
+    Parameters
+    ----------
+    name
+        The pad's name.
+    tests
+        Its tests.
+    units
+        The units of its displacements and forces.
+    fluid
+        What fills the pad; None where the file does not say.
+    """
 
     name: str
     tests: tuple[Test, ...]
@@ -79,7 +112,7 @@ class Pad:
 
 @dataclass(frozen=True, eq=False)
 class Measurements:
-    """All pads of one file, with where they came from and what was noticed on reading."""
+    """Hold all pads of one file, with its path, its SHA-256 and notices about how it was read."""
 
     pads: tuple[Pad, ...]
     units: UnitSystem
@@ -88,7 +121,7 @@ class Measurements:
     notices: tuple[str, ...]
 
     def pad(self, name: str) -> Pad:
-        """Return the pad of that name; InputError lists the known names otherwise."""
+        """Return the pad of that name; an InputError lists the known names otherwise."""
         for pad in self.pads:
             if pad.name == name:
                 return pad
@@ -97,18 +130,29 @@ class Measurements:
 
 
 def read_measurements(path: str | Path) -> Measurements:
-    """Read a CSV or .csv.gz file, a row per sample.
+    """Read a CSV or .csv.gz file that has a row per sample.
 
-    Columns `time_s`, `displacement_mm` and `force_N`, or `strain` and `stress_kPa` in place of
-    the last two; other units by the suffix (`units.SUFFIXES`), and in them all results are given.
-    A `force_sd` or `rate` in another unit is converted, time to s. Optional: `force_sd_N`, `pad`,
-    `fluid` (or `group`, the same in all rows of a pad), `test`, `role`, `rate_mm_s`, `start_s`,
-    `control` (what was prescribed in the test: displacement or force), `contact_sd_mm` (standard
-    error of the zero of the test's displacement).
-    Lines that begin with # are comments. Without `start_s` the tests of a pad follow one
-    another. A file of another layout is read by the format whose marks its first bytes show
-    (`formats`), if that needs no answer; the notices then say what was found. The arrays are
+    The columns are `time_s`, `displacement_mm` and `force_N`, or `strain` and `stress_kPa` in place
+    of the last two. The suffix names the unit (`units.SUFFIXES`); all results are given in these
+    units. A `force_sd` or `rate` in another unit is converted, and time is converted to s. Optional
+    columns are `force_sd_N`, `pad`, `fluid` (or `group`, the same in all rows of a pad), `test`,
+    `role`, `rate_mm_s`, `start_s`, `control` (what was prescribed in the test: displacement or
+    force) and `contact_sd_mm` (standard error of the zero of the test's displacement). Lines that
+    begin with # are comments. Without `start_s` the tests of a pad follow one another.
+
+    A file of another layout is read by the format whose marks its first bytes show (`formats`), if
+    that needs no answer from the user; the notices then report how it was read. The arrays are
     read-only.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Returns
+    -------
+    Measurements
+        The pads of the file.
 
     Raises
     ------
@@ -121,8 +165,8 @@ def read_measurements(path: str | Path) -> Measurements:
             dialect: Dialect | InputError = sniff(file)
         except InputError as error:
             dialect = error
-        if (found := _machine_file(file, dialect)) is not None:
-            return measurements_of(found, str(path), digest(file))
+        if (converted := _machine_file(file, dialect)) is not None:
+            return measurements_of(converted, str(path), digest(file))
         if isinstance(dialect, InputError):
             raise dialect
         pads = _pads(file, dialect, read_table(file, dialect))
@@ -131,38 +175,38 @@ def read_measurements(path: str | Path) -> Measurements:
 
 
 def measurements_of(conversion: Conversion, source: str, sha256: str) -> Measurements:
-    """What machine files hold, with where they came from."""
+    """Return the tests of a conversion of machine files as measurements."""
     pads = _converted(conversion)
     return Measurements(pads, conversion.units, source, sha256, conversion.notices)
 
 
 def _converted(conversion: Conversion) -> tuple[Pad, ...]:
-    """Pads of a machine's file; without its clock the tests of one follow one another."""
+    """Return the pads of a conversion; without a clock the tests of a pad follow one another."""
     tests: dict[str, list[Test]] = {}
-    for found in conversion.tests:
-        of_pad = tests.setdefault(found.pad, [])
-        start = found.start_s
+    for tidied in conversion.tests:
+        of_pad = tests.setdefault(tidied.pad, [])
+        start = tidied.start_s
         if start is None:
             start = of_pad[-1].start_s + float(of_pad[-1].time[-1]) if of_pad else 0.0
-        for values in (found.time, found.displacement, found.force):
+        for values in (tidied.time, tidied.displacement, tidied.force):
             values.setflags(write=False)
         of_pad.append(
             Test(
-                found.test, found.pad, found.time, found.displacement, found.force,
-                start_s=start, start_known=found.start_s is not None,
-                contact_sd=found.zero_sd,
+                tidied.test, tidied.pad, tidied.time, tidied.displacement, tidied.force,
+                start_s=start, start_known=tidied.start_s is not None,
+                contact_sd=tidied.zero_sd,
             )
         )  # fmt: skip
     return tuple(Pad(name, tuple(of_pad), conversion.units) for name, of_pad in tests.items())
 
 
 def _pads(file: Path, dialect: Dialect, table: Table) -> tuple[Pad, ...]:
-    """Make the pads, each with its tests in order."""
+    """Return the pads, each with its tests in order."""
     builder = _Builder(file, dialect, table)
     tests: dict[str, list[Test]] = {}
     fluids: dict[str, str | None] = {}
     for rows in _grouped(table):
-        builder.tell_apart(rows, tests)
+        builder.check_folder(rows, tests)
         of_pad = tests.setdefault(rows.pad, [])
         of_pad.append(builder.test(rows, of_pad[-1] if of_pad else None))
         builder.add_fluid(rows, fluids)
@@ -193,7 +237,7 @@ def _grouped(table: Table) -> Iterator[Rows]:
 
 
 def _joined(parts: list[slice]) -> Iterator[slice]:
-    """Join stretches that touch: there only role, rate or start changed."""
+    """Join stretches that touch, where only role, rate or start changed."""
     current = parts[0]
     for part in parts[1:]:
         if part.start == current.stop:
@@ -206,30 +250,30 @@ def _joined(parts: list[slice]) -> Iterator[slice]:
 
 @dataclass(frozen=True)
 class _Builder:
-    """Makes the tests of a table."""
+    """Make the tests of a table."""
 
     file: Path
     dialect: Dialect
     table: Table
 
     def test(self, rows: Rows, before: Test | None) -> Test:
-        """Make one test; `before` is the pad's previous one."""
+        """Return one test; `before` is the pad's previous one."""
         self._names(rows)
-        numbers = {key: rows.take(column) for key, column in self.table.numbers.items()}
+        columns = {key: rows.take(column) for key, column in self.table.numbers.items()}
         checker = Checker(self.file, self.table, self.dialect.columns)
         control = self._control(rows)
-        self._readings(rows, numbers)
-        checker.check(rows, numbers, loaded=control == "force")
-        self._range(rows, numbers)
-        for values in numbers.values():
+        self._readings(rows, columns)
+        checker.check(rows, columns, loaded=control == "force")
+        self._range(rows, columns)
+        for values in columns.values():
             values.setflags(write=False)
         return Test(
             name=rows.test,
             pad=rows.pad,
-            time=numbers["time"],
-            displacement=numbers["displacement"],
-            force=numbers["force"],
-            force_sd=numbers.get("force_sd"),
+            time=columns["time"],
+            displacement=columns["displacement"],
+            force=columns["force"],
+            force_sd=columns.get("force_sd"),
             role=self._role(rows),
             rate=self._rate(rows),
             start_s=self._start(rows, before),
@@ -238,26 +282,26 @@ class _Builder:
             contact_sd=self._contact_sd(rows),
         )
 
-    def _readings(self, rows: Rows, numbers: dict[str, Floats]) -> None:
-        """Refuse rows that have a logger's code where a reading is missing, as empty cells are."""
+    def _readings(self, rows: Rows, columns: dict[str, Floats]) -> None:
+        """Refuse rows with a logger's code in place of a reading, as empty cells are refused."""
         for key in ("displacement", "force"):
-            found = no_readings(numbers[key])
-            if found.count:
-                first = int(np.argmax(found.rows))
+            missing = no_readings(columns[key])
+            if missing.count:
+                first = int(np.argmax(missing.rows))
                 name = self.dialect.columns.numbers[key].name
-                times = f"{found.count} rows, the first" if found.count > 1 else "one row,"
-                what = f"{name} is {found.written}, a code for no reading, in {times} at "
-                what += f"{numbers['time'][first]:.6g} s,"
+                times = f"{missing.count} rows, the first" if missing.count > 1 else "one row,"
+                what = f"{name} is {missing.written}, a code for no reading, in {times} at "
+                what += f"{columns['time'][first]:.6g} s,"
                 self._fail(rows, rows.row(first), what, "delete these rows")
 
-    def _range(self, rows: Rows, numbers: dict[str, Floats]) -> None:
-        columns = self.dialect.columns.numbers
-        named = {columns[key].name: numbers[key] for key in ("displacement", "force")}
-        if (what := out_of_range(numbers["time"], named)) is not None:
+    def _range(self, rows: Rows, columns: dict[str, Floats]) -> None:
+        headers = self.dialect.columns.numbers
+        named = {headers[key].name: columns[key] for key in ("displacement", "force")}
+        if (what := out_of_range(columns["time"], named)) is not None:
             self._fail(rows, rows.row(0), f"{what}, which no rig measures,", "check the units")
 
     def add_fluid(self, rows: Rows, fluids: dict[str, str | None]) -> None:
-        """Note the fluid of the test's pad, which must be that of the pad's other tests."""
+        """Record the fluid of the test's pad, which must be that of the pad's other tests."""
         fluid = self._label(rows, "fluid") or None
         if fluid:
             self._names_folder(rows, "fluid", fluid)
@@ -292,7 +336,7 @@ class _Builder:
                 remedy=remedy,
             )
 
-    def tell_apart(self, rows: Rows, before: Iterable[str]) -> None:
+    def check_folder(self, rows: Rows, before: Iterable[str]) -> None:
         """Refuse a pad whose folder some disks would take for another pad's."""
         for name in before:
             if name != rows.pad and same_folder(name) == same_folder(rows.pad):
@@ -300,7 +344,7 @@ class _Builder:
                 self._fail(rows, rows.row(0), what, "write one name, or two that differ in more")
 
     def _label(self, rows: Rows, key: str) -> str:
-        """Text of a label, the same in all rows of the test; empty if there is no such column."""
+        """Return a label's text, the same in all rows of the test; empty without such a column."""
         runs = self.table.runs
         if key not in runs.codes:
             return ""
@@ -332,7 +376,7 @@ class _Builder:
         return _CONTROLS.get(control)
 
     def _number(self, rows: Rows, key: str) -> float | None:
-        """Return the number declared for a test, None where the cell is empty."""
+        """Return the number declared for a test, or None where the cell is empty."""
         text = self._label(rows, key)
         if not text:
             return None
@@ -370,10 +414,10 @@ class _Builder:
 
 
 def _machine_file(file: Path, tidy: Dialect | InputError) -> Conversion | None:
-    """The tests of a machine's file, None where it is none.
+    """Return the tests of a machine's file, or None where the file is none.
 
-    tidy: how it was read as a tidy file, or why it was not. A tidy header is taken at its word,
-    unless there is a second clock beside it: to leave that out would make a lag.
+    ``tidy`` is the dialect with which it was read as a tidy file, or the error that this gave. A
+    tidy header is believed, unless the file has a second clock: leaving that out would cause a lag.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""Text from a file on its way out: one piece for each target, applied where the text is used.
+"""Escape text from a file for each output, where the text is used.
 
-Python takes ``repr``, HTML and XML what jinja2 escapes. The rest is here: what does not print,
-command lines, LaTeX, Matplotlib's formulas, cells of a spreadsheet.
+Python text uses ``repr``; HTML and XML use what jinja2 escapes. This module does the rest:
+characters that do not print, command lines, LaTeX, Matplotlib's formulas, cells of a spreadsheet.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ _TEX = str.maketrans(
         "^": r"\textasciicircum{}",
     }
 )
-# What a spreadsheet computes: '=1+1', '@SUM(A1)', '+' or '-' before more than words and numbers.
+# A spreadsheet computes '=1+1', '@SUM(A1)', and '+' or '-' before more than words and numbers.
 _FORMULA = re.compile(r"[=@]|[+-](?![\w.,°%/ ]*$)")
 
 
 def prints(sign: str) -> bool:
-    """Whether a character is seen, or is a blank: none that moves a cursor or turns text about."""
+    """Return whether a character is visible or a blank: none that moves a cursor or turns text."""
     return sign.isprintable() or sign in _JOINERS or unicodedata.category(sign) == "Zs"
 
 
 def visible(text: str, keep: str = "") -> str:
-    r"""The text with what does not print as Python writes it: an escape becomes '\x1b'.
+    r"""Return the text with characters that do not print written as Python does: '\x1b'.
 
-    keep: characters that stay, as the end of a line.
+    Characters in ``keep``, such as the end of a line, are left as they are.
     """
     if text.isprintable():
         return text
@@ -40,25 +40,25 @@ def visible(text: str, keep: str = "") -> str:
 
 
 def as_typed(*words: str) -> str:
-    """Words as a shell takes them, on one line."""
+    """Return words as a shell command on one line."""
     return visible(shlex.join(words))
 
 
 def tex(text: str) -> str:
-    """The text as LaTeX sets it."""
+    """Return the text escaped for LaTeX."""
     return visible(text).translate(_TEX)
 
 
 def literal(text: str) -> str:
-    r"""The text as Matplotlib writes it: a dollar sign begins no formula."""
+    """Return the text escaped for Matplotlib: a dollar sign begins no formula."""
     return visible(text).replace("$", r"\$")
 
 
 def computed(text: str) -> bool:
-    """Whether a spreadsheet takes a cell of this text for a formula."""
+    """Return whether a spreadsheet takes a cell with this text for a formula."""
     return _FORMULA.match(text.lstrip()) is not None
 
 
 def as_cells(row: Iterable[str]) -> list[str]:
-    """Text cells of a table for people; one that would be computed begins with an apostrophe."""
+    """Return text cells for a spreadsheet; an apostrophe precedes any that would be computed."""
     return [f"'{text}" if computed(text) else text for text in map(visible, row)]

@@ -1,8 +1,8 @@
-"""Compiled functions that are kept between processes as XLA made them.
+"""Share compiled functions between processes, on disk as XLA made them.
 
 JAX's own cache keeps what XLA made of a function, but each process traces and lowers the function
-anew to ask for it: a hundred small functions take seconds. Here the executable itself lies beside
-that cache, found by what the function is made of.
+anew to look it up: a hundred small functions take seconds. Here the executable itself lies in the
+folder of that cache, under a name made from all that the function depends on.
 """
 
 from __future__ import annotations
@@ -30,22 +30,28 @@ from qlvbayes.io.files import write_whole
 
 try:
     import fcntl
-except ImportError:  # not of every system: processes then compile the same at the same time
+except ImportError:  # absent on some systems: processes then compile the same function twice
     fcntl = None  # type: ignore[assignment]
 
-_PATIENCE_S = 120.0  # for another process to compile one function: far longer than any takes
-_LOOK_S = 0.02
+_PATIENCE_S = 120.0  # to wait while another process compiles: far longer than any function takes
+_LOOK_S = 0.02  # between two attempts to lock the file
 _PROCESSOR = Path("/proc/cpuinfo")
-_EVERY: WeakSet[Executables] = WeakSet()
+_INSTANCES: WeakSet[Executables] = WeakSet()
 
 
 class Executables:
-    """A function of arrays, compiled once for all processes for each shape of its arguments.
+    """Run a function of arrays, compiled once for all processes and each shape of its arguments.
 
-    function: of arrays in nested tuples and lists, and of nothing else.
-    options: XLA's, which this XLA knows.
-    meaning: all that the function depends on beside its arguments, its source included; None where
-    that is not known (a user's own effect may call on any file): nothing is kept then.
+    Parameters
+    ----------
+    function
+        A function whose arguments are nested tuples and lists of arrays.
+    options
+        Options for XLA, which this version of XLA knows.
+    meaning
+        Text that identifies all that the function depends on besides its arguments, its source
+        included; None where that is unknown (a user's own effect may call on any file), and nothing
+        is kept then.
     """
 
     def __init__(
@@ -54,39 +60,39 @@ class Executables:
         self._function, self._options = function, options
         self._meaning = None if meaning is None else f"{meaning} {sorted(options.items())}"
         self._by_shape: dict[Any, Callable[..., Any]] = {}
-        _EVERY.add(self)
+        _INSTANCES.add(self)
 
     def __call__(self, *arguments: Any) -> Any:
-        """What the function gives."""
+        """Return what the function returns."""
         leaves, structure = jax.tree.flatten(arguments)
         shapes = structure, tuple((leaf.shape, leaf.dtype) for leaf in leaves)
         run = self._by_shape.get(shapes)
         if run is None:
-            run = self._by_shape[shapes] = self._made(arguments, shapes)
+            run = self._by_shape[shapes] = self._loaded_or_compiled(arguments, shapes)
         return run(*arguments)
 
-    def _made(self, arguments: Any, shapes: Any) -> Callable[..., Any]:
-        """From the cache, or compiled and put there."""
+    def _loaded_or_compiled(self, arguments: Any, shapes: Any) -> Callable[..., Any]:
+        """Return the compiled function from the cache, or compile it and store it there."""
         folder = jax.config.values["jax_compilation_cache_dir"]
         if self._meaning is None or not folder:
             return jax.jit(self._function, compiler_options=self._options)
-        text = f"{_here()} {self._meaning} {shapes}"
+        text = f"{_environment()} {self._meaning} {shapes}"
         file = Path(folder) / f"{hashlib.sha256(text.encode()).hexdigest()}.xla"
         with suppress(Exception):  # damaged, or of another machine: it is compiled again
             return _loaded(file.read_bytes(), arguments)
-        with _first_of_all(file):
-            with suppress(Exception):  # there by now, if another process was first
+        with _one_at_a_time(file):
+            with suppress(Exception):  # it is there by now if another process was first
                 return _loaded(file.read_bytes(), arguments)
-            found = self._compiled(arguments)
-            # what cannot be written down, or not on a full disk, costs the next process time only
+            compiled = self._compiled(arguments)
+            # a failure to serialise or to write only costs the next process time
             with suppress(Exception):
-                content = zlib.compress(pickle.dumps(serialize(found)), 1)
+                content = zlib.compress(pickle.dumps(serialize(compiled)), 1)
                 _loaded(content, arguments)
                 write_whole(file, content)
-        return found
+        return compiled
 
     def _compiled(self, arguments: Any) -> Compiled:
-        """Under a name that no other has: XLA cannot write down anew what JAX's cache gave it."""
+        """Compile under a unique name, as XLA cannot serialise what JAX's cache gave it."""
 
         def named(*arguments: Any) -> Any:
             return self._function(*arguments)
@@ -100,23 +106,24 @@ class Executables:
 
 
 @contextmanager
-def _first_of_all(file: Path) -> Iterator[None]:
-    """Processes that would compile the same wait for the first of them; its end frees them.
+def _one_at_a_time(file: Path) -> Iterator[None]:
+    """Make processes that would compile the same function wait for the first of them.
 
-    Where files cannot be locked, or the first takes too long, nobody waits.
+    The end of the first process frees the others. Where files cannot be locked, or the first takes
+    too long, nobody waits.
     """
     lock = file.with_suffix(".lock")
     try:
-        held = lock.open("wb") if fcntl else None
+        locked = lock.open("wb") if fcntl else None
     except OSError:
-        held = None
-    if held is None:
+        locked = None
+    if locked is None:
         yield
         return
-    with held:
-        until = time.monotonic() + _PATIENCE_S
+    with locked:
+        deadline = time.monotonic() + _PATIENCE_S
         with suppress(OSError):
-            while time.monotonic() < until and not _locked(held.fileno()):
+            while time.monotonic() < deadline and not _try_lock(locked.fileno()):
                 time.sleep(_LOOK_S)
         try:
             yield
@@ -124,8 +131,8 @@ def _first_of_all(file: Path) -> Iterator[None]:
             lock.unlink(missing_ok=True)
 
 
-def _locked(number: int) -> bool:
-    """Whether the open file of this number is ours now."""
+def _try_lock(number: int) -> bool:
+    """Lock the open file of this number, and return whether that succeeded."""
     try:
         fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -134,7 +141,7 @@ def _locked(number: int) -> bool:
 
 
 def _loaded(content: bytes, arguments: Any) -> Callable[..., Any]:
-    """An executable that was written down; raises whatever XLA raises where it does not run."""
+    """Return an executable that was stored; XLA raises an error where it does not run."""
     run: Callable[..., Any] = deserialize_and_load(*pickle.loads(zlib.decompress(content)))
     run(*arguments)
     return run
@@ -142,15 +149,16 @@ def _loaded(content: bytes, arguments: Any) -> Callable[..., Any]:
 
 def forget_executables() -> None:
     """Drop all that is compiled in this process."""
-    for one in list(_EVERY):
-        one.forget()
+    for instance in list(_INSTANCES):
+        instance.forget()
 
 
 @cache
-def _here() -> str:
-    """What every executable depends on: JAX, XLA's flags, the processor, how it is kept here.
+def _environment() -> str:
+    """Return what every executable depends on: JAX, XLA's flags, the processor, and this file.
 
-    Without the flags, what one process compiles quickly and badly (as tests do) would serve all.
+    Without the flags, functions that one process compiles without optimisation (as tests do) would
+    be used by all processes.
     """
     flags = ""
     if _PROCESSOR.exists():

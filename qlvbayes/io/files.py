@@ -1,4 +1,4 @@
-"""Results on disk: whole or not at all."""
+"""Write results to disk, each file whole or not at all."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ _IN_RESULTS = (
     *("compare", "report.html", "run.json", "look.json"),
     *("bench.json", "data.csv", "data.csv.gz", "-"),  # of the bench, which calls all pads '-'
 )
-"""What stands beside the pads' folders in a folder of results."""
-_PICTURE = re.compile(r"look_.*\.png")  # of a pad's first look
-_LONGEST = 120  # bytes of a name, so that two fit into the 255 of a comparison's folder
+"""Names in a folder of results that are not those of pads' folders."""
+_PICTURE = re.compile(r"look_.*\.png")  # the picture of a pad's first look
+_LONGEST = 120  # bytes of a name: two of them fit into the 255 of a comparison's folder
 
 
 def folder_fault(name: str) -> tuple[str, str] | None:
-    """Why a folder of results cannot have this name, and the remedy; None where it can."""
+    """Return why a folder of results cannot have this name, and the remedy; None where it can."""
     if not name:
         return "is empty", "write its name"
     if "/" in name or "\\" in name or name.startswith("."):
@@ -39,12 +39,12 @@ def folder_fault(name: str) -> tuple[str, str] | None:
 
 
 def same_folder(name: str) -> str:
-    """What names have in common that some disks take for one: neither case nor way of writing."""
+    """Return a form of the name that is equal for names which some disks take for one."""
     return unicodedata.normalize("NFKC", name).casefold()
 
 
 def results_folder(path: Path) -> Path:
-    """Make a folder for results and see that it can be written; InputError if not."""
+    """Make a folder for results and check that it can be written; raise InputError otherwise."""
     probe = path / ".write-test"
     try:
         path.mkdir(parents=True, exist_ok=True)
@@ -60,7 +60,7 @@ def results_folder(path: Path) -> Path:
 
 
 def write_whole(path: Path, content: bytes | memoryview) -> None:
-    """Write to a name of its own, then rename; where that fails, an OSError names the file."""
+    """Write under a temporary name, then rename; an OSError names the file where that fails."""
     part = path.with_name(f"{path.name}.{os.getpid()}.part")
     try:
         part.write_bytes(content)

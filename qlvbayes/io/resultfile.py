@@ -1,9 +1,9 @@
-"""Results as types: a frozen record and the JSON file that holds it, each made of the other.
+"""Make frozen records and the JSON files that hold them, each from the other.
 
-msgspec reads and checks them: one wheel of half a megabyte that needs nothing else. It refuses a
-wrong type by its place in the file, where own code would be as long as this again and cattrs, which
-needs attrs too, would turn what is wrong into something else. Keys of the file that are no
-attribute's name stand beside the record's class, in ``rename``.
+msgspec reads and checks them: one wheel of half a megabyte without dependencies. It refuses a wrong
+type and names its location in the file; code of our own would be as long as this module again, and
+cattrs, which needs attrs too, would convert wrong values. Keys of the file that differ from the
+attribute's name are listed at the record's class, in ``rename``.
 """
 
 from __future__ import annotations
@@ -20,40 +20,40 @@ from qlvbayes.io.files import write_whole
 
 
 class Part(msgspec.Struct, frozen=True):
-    """A record inside a result."""
+    """Hold a record inside a result."""
 
 
 class Result(Part, frozen=True, kw_only=True, tag_field="schema", tag=1):
-    """A record that is a file of its own; the file's key ``schema`` is the version of its keys.
+    """Hold a record that has a file of its own; its key ``schema`` is the version of its keys.
 
-    Keys that are not known are passed over, so that a later version may add some.
+    Unknown keys are ignored, so that a later version may add some.
     """
 
     indent: ClassVar[int | None] = 2
 
     def to_json(self) -> str:
-        """The file's text. Raises ValueError where a number is not finite."""
+        """Return the text of the file; raise ValueError where a number is not finite."""
         content = msgspec.to_builtins(self, enc_hook=_plain)
         return json.dumps(content, indent=self.indent, allow_nan=False) + "\n"
 
     def as_dict(self) -> dict[str, Any]:
-        """The file's content as plain Python."""
+        """Return the content of the file as plain Python."""
         return dict(json.loads(self.to_json()))
 
     @classmethod
     def from_json(cls, text: str | bytes, *, file: str | Path | None = None) -> Self:
-        """The record of which the text was made.
+        """Return the record from which the text was made.
 
-        file: named in errors. Raises InputError where the text is cut, a key is missing or of the
-        wrong type, or the schema is a newer one.
+        ``file`` is named in errors. An InputError is raised where the text is cut, a key is missing
+        or of the wrong type, or the schema is a newer one.
         """
         try:
             return msgspec.json.decode(text, type=cls)
         except (msgspec.MsgspecError, InputError, UnicodeDecodeError) as error:
-            known, found = cls.__struct_config__.tag, _schema(text)
-            if isinstance(known, int) and isinstance(found, int) and found > known:
+            known, schema = cls.__struct_config__.tag, _schema(text)
+            if isinstance(known, int) and isinstance(schema, int) and schema > known:
                 raise InputError(
-                    f"written by a newer version of qlvbayes (schema {found}, known is {known})",
+                    f"written by a newer version of qlvbayes (schema {schema}, known is {known})",
                     file=file,
                     remedy="update qlvbayes, or run the command again",
                 ) from error
@@ -69,21 +69,24 @@ class Result(Part, frozen=True, kw_only=True, tag_field="schema", tag=1):
 
     @classmethod
     def read(cls, path: str | Path) -> Self:
-        """Read a file; InputError as in `from_json`, OSError where it cannot be opened."""
+        """Read a file.
+
+        Raise InputError as `from_json` does, and OSError where it cannot be opened.
+        """
         return cls.from_json(Path(path).read_bytes(), file=path)
 
 
 def _plain(value: object) -> object:
-    """Numbers of numpy, which msgspec does not know."""
+    """Return a number of numpy as a number of Python, as msgspec does not know numpy."""
     if isinstance(value, np.generic):
         return value.item()
     raise TypeError(f"a result cannot hold {type(value).__name__}")
 
 
 def _schema(text: str | bytes) -> object:
-    """What a file that is refused says of its schema."""
+    """Return the schema that a refused file states, or None."""
     try:
-        found = msgspec.json.decode(text)
+        content = msgspec.json.decode(text)
     except (msgspec.MsgspecError, UnicodeDecodeError):
         return None
-    return found.get("schema") if isinstance(found, dict) else None
+    return content.get("schema") if isinstance(content, dict) else None

@@ -1,4 +1,4 @@
-"""How JAX runs here: double precision, and compiled functions kept between processes."""
+"""Configure JAX: double precision, and compiled functions kept between processes."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
-THREADS = "QLVBAYES_THREADS"  # variable with how many threads this process may use
+THREADS = "QLVBAYES_THREADS"  # environment variable: how many threads this process may use
 _MAPPINGS = Path("/proc/self/maps")
-_MANY = 20_000  # of the 65 530 that Linux allows a process; LLVM stops it beyond
+_MANY = 20_000  # mappings, of the 65 530 that Linux allows a process; LLVM fails beyond
 
 
 def cache_folder() -> Path:
-    """Where compiled functions are kept: ``$QLVBAYES_CACHE``, or the user's cache folder."""
+    """Return the folder of compiled functions: ``$QLVBAYES_CACHE``, or the user's cache folder."""
     chosen = os.environ.get("QLVBAYES_CACHE")
     if chosen:
         return Path(chosen)
@@ -23,14 +23,14 @@ def cache_folder() -> Path:
 
 
 def configure() -> None:
-    """Switch JAX to float64, to running at once, and to the persistent compile cache.
+    """Switch JAX to float64, to synchronous dispatch, and to the persistent compile cache.
 
-    The cache is skipped where it cannot be made.
+    The cache is not used where its folder cannot be made.
     """
-    import jax  # not above: loading JAX calls for this function
+    import jax  # not above: loading JAX calls this function
 
     jax.config.update("jax_enable_x64", True)
-    # pieces of a force are run by the thread that asks for them, so that several threads gain
+    # the calling thread runs the pieces of a force, so that several threads run several pieces
     jax.config.update("jax_cpu_enable_async_dispatch", False)
     if jax.config.values["jax_compilation_cache_dir"] is not None:
         return
@@ -47,7 +47,7 @@ def configure() -> None:
 
 
 def cores() -> int:
-    """How many threads are of use: ``$QLVBAYES_THREADS``, or the cores this process may run on."""
+    """Return how many threads are of use: ``$QLVBAYES_THREADS``, or the cores available."""
     asked = os.environ.get(THREADS, "")
     if asked.isdecimal() and int(asked) > 0:
         return int(asked)
@@ -55,19 +55,20 @@ def cores() -> int:
 
 
 def one_blas_thread() -> AbstractContextManager[object]:
-    """Keep BLAS to one thread inside a ``with``.
+    """Return a context manager that keeps BLAS to one thread.
 
-    Matrices here have at most some hundred rows: a second thread costs more than it brings, and
-    waits on the cores that compute forces.
+    Matrices here have some hundred rows at most: a second thread costs more than it saves, and
+    competes for the cores that compute forces.
     """
     limits: AbstractContextManager[object] = threadpool_limits(limits=1, user_api="blas")
     return limits
 
 
 def forget_compiled() -> None:
-    """Drop compiled functions where they take many of the memory mappings a process may have.
+    """Drop compiled functions where they take too many of a process's memory mappings.
 
-    Each takes some; pads of many shapes leave thousands. Those needed again come from the cache.
+    Each function takes some; pads of many shapes leave thousands. Those needed again come from the
+    cache.
     """
     if not _MAPPINGS.exists():  # not Linux: no such limit
         return

@@ -1,6 +1,6 @@
-"""Systems of units, and the unit suffixes a column name may carry.
+"""Define systems of units, and the suffixes for units in column names.
 
-Displacement and force stay in the units in which the file gives them; time is in s.
+Displacement and force stay in the units of the file; time is in s.
 """
 
 from __future__ import annotations
@@ -14,11 +14,17 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class UnitSystem:
-    """What stands for displacement and force, and the units that follow from them.
+    """Hold the units of displacement and force, from which all other units follow.
 
-    Time is in s throughout. With force F and displacement d, K = m exp(b d) gives m the unit
-    of force over displacement and b the unit of one over displacement. ``displacement`` is one
-    of mm, um, nm, m, or 1 for strain; ``force`` one of N, mN, uN, nN, or kPa, MPa, Pa for stress.
+    Time is in s throughout. With force F and displacement d, K = m exp(b d) gives m the unit of
+    force over displacement and b the unit of one over displacement.
+
+    Parameters
+    ----------
+    displacement
+        mm, um, nm or m, or 1 for strain.
+    force
+        N, mN, uN or nN, or kPa, MPa or Pa for stress.
     """
 
     displacement: str
@@ -26,88 +32,88 @@ class UnitSystem:
 
     @property
     def dimensionless(self) -> bool:
-        """Whether displacement is a strain."""
+        """Return whether displacement is a strain."""
         return self.displacement == "1"
 
     @property
     def displacement_name(self) -> str:
-        """What stands for displacement, in words."""
+        """Return the word for displacement: ``displacement`` or ``strain``."""
         return "strain" if self.dimensionless else "displacement"
 
     @property
     def force_name(self) -> str:
-        """What stands for force, in words."""
+        """Return the word for force: ``force`` or ``stress``."""
         return "stress" if self.dimensionless else "force"
 
     @property
     def stiffness(self) -> str:
-        """Unit of m."""
+        """Return the unit of m, force over displacement."""
         return self.force if self.dimensionless else f"{self.force}/{self.displacement}"
 
     @property
     def power_stiffness(self) -> str:
-        """Unit of the factor of a power law with exponent n."""
+        """Return the unit of the factor of a power law with exponent n."""
         return self.force if self.dimensionless else f"{self.force}/{self.displacement}^n"
 
     @property
     def quadratic_stiffness(self) -> str:
-        """Unit of force over the square of displacement."""
+        """Return the unit of force over the square of displacement."""
         return self.force if self.dimensionless else f"{self.force}/{self.displacement}2"
 
     @property
     def cubic_stiffness(self) -> str:
-        """Unit of force over the cube of displacement."""
+        """Return the unit of force over the cube of displacement."""
         return self.force if self.dimensionless else f"{self.force}/{self.displacement}3"
 
     @property
     def exponent(self) -> str:
-        """Unit of b."""
+        """Return the unit of b, one over displacement."""
         return "1" if self.dimensionless else f"1/{self.displacement}"
 
     @property
     def rate(self) -> str:
-        """Unit of the relaxation rates v_i."""
+        """Return the unit of the relaxation rates v_i."""
         return "1/s"
 
     @property
     def speed(self) -> str:
-        """Unit of the loading rate."""
+        """Return the unit of the loading rate."""
         return f"{self.displacement}/s"
 
     @property
     def drag(self) -> str:
-        """Unit of a drag coefficient, force over speed."""
+        """Return the unit of a drag coefficient, force over speed."""
         return f"{self.force} s" if self.dimensionless else f"{self.force} s/{self.displacement}"
 
     @property
     def power_drag(self) -> str:
-        """Unit of the factor of a drag that grows as a power n of the speed."""
+        """Return the unit of the factor of a drag that grows as a power n of the speed."""
         return (
             f"{self.force} s^n" if self.dimensionless else f"{self.force} (s/{self.displacement})^n"
         )
 
     @property
     def mass(self) -> str:
-        """Unit of a mass, force over acceleration; 1 N s2/mm is 1000 kg."""
+        """Return the unit of a mass, force over acceleration; 1 N s2/mm is 1000 kg."""
         return f"{self.force} s2" if self.dimensionless else f"{self.force} s2/{self.displacement}"
 
     @property
     def compliance(self) -> str:
-        """Unit of displacement over force."""
+        """Return the unit of displacement over force."""
         return f"{self.displacement}/{self.force}"
 
     @property
     def force_rate(self) -> str:
-        """Unit of a drift of the force."""
+        """Return the unit of a drift of the force."""
         return f"{self.force}/s"
 
     def of(self, kind: str) -> str:
-        """Unit of a kind of constant, any of the properties above or time, fraction, count."""
+        """Return the unit of a kind of constant: any property above, or time, fraction, count."""
         fixed = {"time": "s", "fraction": "1", "count": "1"}
         return fixed[kind] if kind in fixed else str(getattr(self, kind))
 
     def knows(self, kind: str) -> bool:
-        """Whether there is such a kind of constant."""
+        """Return whether there is such a kind of constant."""
         try:
             self.of(kind)
         except AttributeError:
@@ -116,21 +122,24 @@ class UnitSystem:
 
     @property
     def energy(self) -> str:
-        """Unit of force times displacement: 1 N mm is 1 mJ; 1 kPa, over a strain, is 1 kJ/m3."""
+        """Return the unit of force times displacement.
+
+        1 N mm is 1 mJ; 1 kPa over a strain is 1 kJ/m3.
+        """
         if self.dimensionless:
             return f"{_JOULES[_EXPONENTS[self.force]]}/m3"
         return _JOULES[_EXPONENTS[self.force] + _EXPONENTS[self.displacement]]
 
     @property
     def mm_per_s(self) -> float:
-        """1 mm/s in this system's speed; 1/s stays 1."""
+        """Return 1 mm/s in this system's unit of speed; 1/s stays 1."""
         return 1.0 if self.dimensionless else 10.0 ** (-3 - _EXPONENTS[self.displacement])
 
     def factor_to(self, other: UnitSystem, kind: str) -> float:
-        """What a number of that kind is multiplied by to be in the other system's unit.
+        """Return the factor that converts a number of that kind to the other system's unit.
 
-        Both must have displacement and force, or both strain and stress; the kind must not be that
-        of a power law's factor, whose unit goes with its exponent (KeyError).
+        Both systems must have displacement and force, or both strain and stress. The kind must not
+        be that of a power law's factor, whose unit depends on its exponent (KeyError).
         """
         length, force = _DIMENSIONS[kind]
         way = 0 if self.dimensionless else _decades(self.displacement, other.displacement)
@@ -138,14 +147,14 @@ class UnitSystem:
 
     @property
     def bonded_default(self) -> bool:
-        """Whether the specimen can pull: a pad lies loose, a specimen in strain is glued."""
+        """Return whether the specimen can pull: a pad lies loose, a specimen in strain is glued."""
         return self.dimensionless
 
 
 PAD = UnitSystem("mm", "N")
 STRAIN = UnitSystem("1", "kPa")
 
-# Powers of ten to m, to N and to Pa.
+# Powers of ten that convert to m, to N and to Pa.
 _EXPONENTS = {
     "mm": -3, "um": -6, "nm": -9, "m": 0,
     "N": 0, "mN": -3, "uN": -6, "nN": -9,
@@ -175,13 +184,13 @@ _DIMENSIONS = {
 
 
 def unit_system(displacement: str, force: str) -> UnitSystem:
-    """Units of these names; KeyError where one is unknown or force meets strain."""
-    found = UnitSystem(displacement, force)
-    known = _STRESS if found.dimensionless else _FORCE
-    lengths = (STRAIN.displacement,) if found.dimensionless else tuple(_LENGTH)
+    """Return the system of these units; raise KeyError where they do not go together."""
+    system = UnitSystem(displacement, force)
+    known = _STRESS if system.dimensionless else _FORCE
+    lengths = (STRAIN.displacement,) if system.dimensionless else tuple(_LENGTH)
     if displacement not in lengths or force not in known:
         raise KeyError(f"{displacement}, {force}")
-    return found
+    return system
 
 
 def _decades(unit: str, other: str) -> int:
@@ -190,7 +199,7 @@ def _decades(unit: str, other: str) -> int:
 
 @dataclass(frozen=True)
 class Scale:
-    """An exact ratio: one of the column's units is up/down of another one.
+    """Hold an exact ratio: one of the column's units is up/down of another one.
 
     Dividing by 1000 rounds once where multiplying by 0.001 would round twice.
     """
@@ -199,13 +208,13 @@ class Scale:
     down: int = 1
 
     def over(self, other: Scale) -> Scale:
-        """The ratio of two, in lowest terms."""
+        """Return the ratio of two ratios, in lowest terms."""
         up, down = self.up * other.down, self.down * other.up
         common = math.gcd(up, down)
         return Scale(up // common, down // common)
 
     def convert(self, values: NDArray[np.float64]) -> None:
-        """Convert in place."""
+        """Convert the values in place."""
         if self.up != 1:
             values *= self.up
         if self.down != 1:
@@ -241,9 +250,9 @@ SUFFIXES: dict[str, dict[str, Scale]] = {
     "contact_sd": _LENGTH,
     "rate": {**{f"{unit}_s": scale for unit, scale in _LENGTH.items()}, "1_s": SAME},
 }
-"""Quantity to the suffixes it may carry, the usual one first, each with its ratio to that one."""
+"""Suffixes of each quantity, the default one first, each with its ratio to the default."""
 
 
 def column_name(quantity: str, suffix: str) -> str:
-    """Column name of a quantity in a unit: 'force', 'mN' -> 'force_mN'."""
+    """Return the column name of a quantity in a unit: 'force', 'mN' -> 'force_mN'."""
     return f"{quantity}_{suffix}" if suffix else quantity

@@ -1,4 +1,4 @@
-"""Classes from a Python file of the user's own."""
+"""Import classes from a user's own Python file."""
 
 from __future__ import annotations
 
@@ -18,18 +18,20 @@ Kind = TypeVar("Kind")
 
 
 def own_classes(path: Path, base: type[Kind], content: str) -> tuple[type[Kind], ...]:
-    """The classes under ``base`` that a file defines, in its order; imported ones do not count.
+    """Return the classes under ``base`` that a file defines, in its order.
 
-    Classes called Abstract... are left out; an unchanged file gives the same classes again, so
-    that what was compiled for them is used. content: of the file, for a message. Raises InputError
-    where there is no such file or it stops with an error.
+    Imported ones do not count.
+
+    Classes called Abstract... are left out. An unchanged file gives the same classes again, so that
+    functions compiled for them are used again. ``content`` names the file's content in a message.
+    An InputError is raised where there is no such file or it stops with an error.
     """
     if path.suffix != ".py" or not path.is_file():
         raise InputError(
             "no such Python file", file=path, remedy=f"give the path of a .py file with {content}"
         )
-    facts = path.stat()
-    module = _module(path, facts.st_mtime_ns, facts.st_size)
+    status = path.stat()
+    module = _module(path, status.st_mtime_ns, status.st_size)
     kinds = [
         kind
         for kind in vars(module).values()
@@ -43,7 +45,7 @@ def check_own(
 ) -> None:
     """Raise InputError where a class lacks a part of ``base``, or its name is taken.
 
-    word: what the class is; taken: what to say of each name that is.
+    ``word`` is what the class is; ``taken`` maps each name in use to the message about it.
     """
     line = inspect.getsourcelines(kind)[1]
     missing = sorted(kind.__abstractmethods__) if inspect.isabstract(kind) else []
@@ -61,12 +63,12 @@ def check_own(
 
 @lru_cache(maxsize=16)
 def _module(path: Path, changed: int, size: int) -> ModuleType:
-    """The file as it was when it was changed last."""
+    """Return the file as a module; the cache is keyed by its size and time of change."""
     return _imported(path)
 
 
 def _imported(path: Path) -> ModuleType:
-    """The file as a module, under a name that no other has."""
+    """Return the file as a module under a unique name."""
     name = f"qlvbayes_user_{abs(hash(str(path.resolve())))}"
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None
@@ -87,7 +89,7 @@ def _imported(path: Path) -> ModuleType:
 
 
 def _line(error: Exception, path: Path) -> int | None:
-    """The last line of the file on the error's way."""
+    """Return the last line of the file in the error's traceback."""
     if isinstance(error, SyntaxError) and error.filename == str(path):
         return error.lineno
     steps = traceback.extract_tb(error.__traceback__)

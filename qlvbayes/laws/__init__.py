@@ -1,4 +1,4 @@
-"""Laws of the material: elastic ones and relaxations, one class a file."""
+"""Define laws of the material, one class a file: elastic laws and relaxation laws."""
 
 from qlvbayes.laws.catalogue import LAWS, Laws
 from qlvbayes.laws.conformance import check_law

@@ -1,4 +1,4 @@
-"""Every law that comes with the package, in the order in which they are listed; and one's own."""
+"""List the laws that come with the package, and read a user's own."""
 
 from __future__ import annotations
 
@@ -27,7 +27,15 @@ from qlvbayes.laws.relaxation.stretched import StretchedExponential
 
 @dataclass(frozen=True)
 class Laws:
-    """Elastic laws and relaxations to choose from."""
+    """Hold the elastic laws and the relaxation laws that can be chosen.
+
+    Parameters
+    ----------
+    elastic
+        The classes of elastic laws.
+    relaxation
+        The classes of relaxation laws.
+    """
 
     elastic: tuple[type[AbstractElastic], ...]
     relaxation: tuple[type[AbstractRelaxation], ...]
@@ -43,17 +51,17 @@ Kind = TypeVar("Kind", bound=type[AbstractElastic] | type[AbstractRelaxation])
 
 
 def names(kinds: Sequence[type[AbstractElastic] | type[AbstractRelaxation]]) -> tuple[str, ...]:
-    """The laws' names, as on the command line."""
+    """Return the laws' names, as on the command line."""
     return tuple(kind.name for kind in kinds)
 
 
 def find_elastic(name: str, laws: Laws = LAWS) -> type[AbstractElastic]:
-    """The elastic law of that name; InputError lists the known ones otherwise."""
+    """Return the elastic law of that name; an InputError lists the known ones otherwise."""
     return _find("elastic law", name, laws.elastic)
 
 
 def find_relaxation(name: str, laws: Laws = LAWS) -> type[AbstractRelaxation]:
-    """The relaxation of that name; InputError lists the known ones otherwise."""
+    """Return the relaxation law of that name; an InputError lists the known ones otherwise."""
     return _find("relaxation", name, laws.relaxation)
 
 
@@ -65,13 +73,23 @@ def _find(what: str, name: str, kinds: Sequence[Kind]) -> Kind:
 
 
 def own_laws(path: str | Path) -> Laws:
-    """The laws that a Python file defines, in its order; those it imports do not count.
+    """Return the laws that a Python file defines, in its order; imported ones do not count.
+
+    Parameters
+    ----------
+    path
+        The user's file.
+
+    Returns
+    -------
+    Laws
+        The elastic laws and the relaxation laws of the file.
 
     Raises
     ------
     InputError
-        The file is missing, stops with an error, defines no law, one that lacks a part, or a name
-        that another law has.
+        The file is missing, stops with an error, defines no law or one that lacks a part, or uses a
+        name that another law has.
     """
     path = Path(path)
     elastic = own_classes(path, AbstractElastic, "laws")  # type: ignore[type-abstract]

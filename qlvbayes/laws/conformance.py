@@ -1,4 +1,4 @@
-"""The rules that every law keeps, as one function to be called in a test."""
+"""Check the rules that every law has to keep, by one function that a test can call."""
 
 from __future__ import annotations
 
@@ -19,51 +19,52 @@ from qlvbayes.laws.relaxation.law import AbstractRelaxation
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors.distributions import AbstractPrior
 
-_EXACT = 1e-9  # of the largest force or stiffness
-_STEP = 2e-3  # of the depth: one step of a grid as the model's is
-_STEP_ERROR = 1e-5  # of the integral, for laws whose step has no closed form;
-# at first contact, where a power is not smooth, of the largest force: a tenth of what the straight
-_TOUCH_ERROR = 1e-5  # lines of the model's grid may add
-_DECAYS = (0.0, 1e-3, 0.3, 3.0)  # rate times step: none, where a series takes over, and beyond
-_PANELS = 64  # of the quadrature of a step, each of 8 nodes
+_EXACT = 1e-9  # allowed error over the largest force or stiffness
+_STEP = 2e-3  # length of a step over the depth, as on the model's grid
+_STEP_ERROR = 1e-5  # error over the integral, for laws whose step has no closed form;
+# at first contact, where a power is not smooth, over the largest force: a tenth of the error that
+_TOUCH_ERROR = 1e-5  # the straight lines of the model's grid may add
+_DECAYS = (0.0, 1e-3, 0.3, 3.0)  # rate times step: zero, where a series is used, and above
+_PANELS = 64  # panels of the quadrature of a step, with 8 nodes each
 _NODES, _WEIGHTS = leggauss(8)
-_ROUNDING = 1e-12  # of a relaxation's curve and fractions
-_BEYOND = 10.0  # times the tests' shortest and longest times that are looked at
+_ROUNDING = 1e-12  # allowed rounding error of a relaxation's curve and fractions
+_BEYOND = 10.0  # factor by which the times checked exceed those of the tests, at both ends
 
 
 class LawError(AssertionError):
-    """A law breaks a rule; the text says which."""
+    """Report that a law breaks a rule; the text says which rule."""
 
 
 Law = TypeVar("Law", bound=AbstractElastic | AbstractRelaxation)
 
-_DRAWS = 16  # of the priors, at each of which every rule is tried
-# those of the paper's tests, where no others are given
+_DRAWS = 16  # draws from the priors; every rule is checked at each
+# the scales of the paper's tests, used where no others are given
 _SCALES = Scales(force=1.6, depth=1.6, shortest=1e-3, longest=30.0, white=6e-3, ou=8e-3, tau=0.5)
 
 
 def check_law(
     kind: type[AbstractElastic] | type[AbstractRelaxation], scales: Scales | None = None
 ) -> None:
-    """Check that an elastic law or a relaxation keeps the rules on which the model relies.
+    """Check that an elastic law or a relaxation law keeps the rules on which the model relies.
 
-    It declares itself. Under its default priors (at ``scales``, by default the paper's tests) an
-    elastic law has no force at zero depth, a stiffness that is the slope of its force, and a step
-    that is the integral it stands for; a relaxation has g(0) = 1, fractions that are not negative
-    and sum to 1, finite rates above 0, as many whatever the constants, and falls. Values and slopes
-    are finite; compiled and plain evaluation agree.
+    Every law has to declare its name, units, meanings, formula and reference. The other rules are
+    checked at draws from its default priors. An elastic law has no force at zero depth, its
+    stiffness is the slope of its force, and its step equals the integral that it stands for. A
+    relaxation law has g(0) = 1 and falls; its fractions are not negative and sum to 1; its rates
+    are finite, above 0, and as many whatever the constants are. Values and slopes are finite, and
+    compiled and plain evaluation agree.
 
     Parameters
     ----------
     kind
         The law's class.
     scales
-        Of the tests.
+        The scales of the tests, by default those of the paper.
 
     Raises
     ------
     LawError
-        A rule is broken; the text says which.
+        A rule is broken; the text says which rule.
     """
     _check_declarations(kind)
     scales = scales or _SCALES
@@ -77,7 +78,7 @@ def check_law(
 
 
 def _drawn(law: Law, rng: np.random.Generator) -> Law:
-    """The law with numbers from its priors."""
+    """Return the law with numbers drawn from its priors."""
     leaves, shape = jax.tree.flatten(law, is_leaf=lambda x: isinstance(x, AbstractPrior))
     drawn = [np.asarray(x.draw(rng)) if isinstance(x, AbstractPrior) else x for x in leaves]
     return jax.tree.map(jax.numpy.asarray, jax.tree.unflatten(shape, drawn))
@@ -102,7 +103,7 @@ def _check_declarations(kind: type[AbstractElastic] | type[AbstractRelaxation]) 
 
 
 def check_elastic(law: AbstractElastic, depth: float) -> None:
-    """Raise LawError unless force, stiffness and step belong together up to ``depth`` (mm)."""
+    """Raise LawError unless force, stiffness and step agree up to ``depth`` (mm)."""
     depths = jnp.linspace(0.0, depth, 41)
     force, stiffness = law.force(depths), law.stiffness(depths)
     if force.shape != depths.shape or stiffness.shape != depths.shape:
@@ -129,19 +130,19 @@ def _check_steps(law: AbstractElastic, depth: float) -> None:
     pairs = [(x, y) for x in starts for y in (x + _STEP * depth, max(x - _STEP * depth, 0.0))]
     start, stop, decay = np.array([(*pair, decay) for pair in pairs for decay in _DECAYS]).T
     given = [jnp.asarray(x) for x in (start, stop, decay)]
-    found, compiled = np.asarray(_run(law, *given)), np.asarray(_compiled_step(law, *given))
+    plain, compiled = np.asarray(_run(law, *given)), np.asarray(_compiled_step(law, *given))
     exact = np.asarray(_integrals(law, *given))
     most = abs(float(law.force(jnp.asarray(depth))))
     least = np.where(start == 0.0, _TOUCH_ERROR * most, 0.0)
     allowed = np.maximum(_STEP_ERROR * np.maximum(np.abs(exact), _STEP * most), least)
-    for k in np.flatnonzero(~np.isclose(found, compiled, rtol=1e-10, atol=1e-14)):
+    for k in np.flatnonzero(~np.isclose(plain, compiled, rtol=1e-10, atol=1e-14)):
         raise LawError(
-            f"{law}: compiled and plain steps differ: {compiled[k]:.12g}, {found[k]:.12g}"
+            f"{law}: compiled and plain steps differ: {compiled[k]:.12g}, {plain[k]:.12g}"
         )
-    for k in np.flatnonzero(~(np.abs(found - exact) <= allowed)):
+    for k in np.flatnonzero(~(np.abs(plain - exact) <= allowed)):
         raise LawError(
             f"{law}: the step from {start[k]:.3g} to {stop[k]:.3g} at a decay of {decay[k]:g} "
-            f"is {found[k]:.6g}, its integral {exact[k]:.6g}"
+            f"is {plain[k]:.6g}, its integral {exact[k]:.6g}"
         )
 
 
@@ -154,7 +155,7 @@ _compiled_step = eqx.filter_jit(_run)  # once for all draws of a law
 
 @eqx.filter_jit
 def _integrals(law: AbstractElastic, start: Array, stop: Array, decay: Array) -> Array:
-    """Of e^{-decay (1 - s)} K(depth(s)) over each step, in panels dense at its start."""
+    """Return the integrals of e^{-decay (1 - s)} K(depth(s)) over each step, shape (N,) in N."""
     edges = np.linspace(0.0, 1.0, _PANELS + 1) ** 3
     half = 0.5 * np.diff(edges)[:, None]
     s = edges[:-1, None] + half * (1.0 + _NODES)
@@ -174,7 +175,10 @@ def _check_slopes_of_steps(law: AbstractElastic, depths: Array) -> None:
 
 @eqx.filter_jit
 def _slopes_of_steps(law: AbstractElastic, depths: Array) -> AbstractElastic:
-    """Of the sum of all forces and steps, also of steps without travel."""
+    """Return the slopes, along the constants, of the sum of all forces and steps.
+
+    Steps without travel are included, where a quotient would be 0/0.
+    """
 
     def total(law: AbstractElastic) -> Array:
         force = law.force(depths)
@@ -186,7 +190,7 @@ def _slopes_of_steps(law: AbstractElastic, depths: Array) -> AbstractElastic:
 
 
 def check_relaxation(law: AbstractRelaxation, shortest: float, longest: float) -> None:
-    """Raise LawError unless the spectrum is one, for times (s) around those of the tests."""
+    """Raise LawError unless the spectrum is valid, for times (s) around those of the tests."""
     fractions, rates = law.spectrum()
     if fractions.shape != (rates.shape[0] + 1,):
         raise LawError(f"{law}: a spectrum has one fraction more than rates")

@@ -1,14 +1,16 @@
-r"""The hereditary integral in O(N), exact for displacement that is piecewise linear in time.
+r"""Compute the hereditary integral in O(N), exact for piecewise linear displacement.
 
-A smooth motion may be told by how far it bows between the points, which counts to first order.
+A smooth motion may also give the deviation of each step's midpoint from the straight line, which is
+taken into account to first order.
 
 .. math:: F(t) = \int_0^t g(t - s)\, K(\delta(s))\, \dot\delta(s)\, ds
-             = c_0 F_e(\delta(t)) + \sum_i c_i q_i(t)
+         = c_0 F_e(\delta(t)) + \sum_i c_i q_i(t)
 
 Each Prony term obeys a linear recursion, q_i(t + h) = e^{-v_i h} q_i(t) + (step), whose step the
-elastic law gives in closed form. The recursion is cut into chunks that run side by side; then the
-chunks' ends are carried forward. (Fung 1981; the recursion is that of Taylor, Pister & Goudreau
-1970, doi:10.1002/nme.1620020106, with the exact step in place of their average.)
+elastic law gives in closed form. The recursion is cut into chunks that are computed in parallel;
+the states at the chunks' ends are then propagated from chunk to chunk. (Fung 1981; the recursion is
+that of Taylor, Pister & Goudreau 1970, doi:10.1002/nme.1620020106, with the exact step in place of
+their average.)
 """
 
 from __future__ import annotations
@@ -24,18 +26,18 @@ from jaxtyping import Array
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
 
-_NEAR = 0.03  # below this the series is right to 1e-9, and what it stands for loses digits
+_NEAR = 0.03  # below this the series is exact to 1e-9, and the closed form loses digits
 
 
 class Relaxing(eqx.Module):
-    """All that a material remembers: its depth (mm) and q_i (N), (k,) for k relaxing modes."""
+    """Hold the state of a material: its depth (mm) and q_i (N), shape (k,) for k relaxing modes."""
 
     depth: Array
     parts: Array
 
 
 def at_first(elastic: AbstractElastic, relaxation: AbstractRelaxation, depth: Array) -> Relaxing:
-    """The state at a motion's first point: a step from zero, of which nothing has relaxed."""
+    """Return the state at a motion's first point: a step from zero depth, not relaxed yet."""
     _, rates = relaxation.spectrum()
     zero = jnp.zeros_like(depth)
     instant = elastic.force(depth)
@@ -50,9 +52,10 @@ def hereditary_step(
     duration: Array,
     depth: Array,
 ) -> tuple[Relaxing, Array]:
-    """State and force (N) after a straight line to ``depth`` (mm) in ``duration`` (s, 0 a jump).
+    """Return state and force (N) after a straight line to ``depth`` (mm) in ``duration`` (s).
 
-    One step of `hereditary_force`'s recursion, for a motion that is not known beforehand.
+    This is one step of the recursion of `hereditary_force`, for a motion that is not known
+    beforehand. A duration of 0 is a jump.
     """
     fractions, rates = relaxation.spectrum()
     decay = rates * duration
@@ -62,7 +65,7 @@ def hereditary_step(
     return Relaxing(depth, parts), fractions[0] * instant + fractions[1:] @ parts
 
 
-@jax.jit  # an effect may ask for it several times: it is traced once
+@jax.jit  # an effect may call it several times: it is traced once
 def hereditary_force(
     elastic: AbstractElastic,
     relaxation: AbstractRelaxation,
@@ -70,14 +73,15 @@ def hereditary_force(
     depth: Array,
     bow: Array | None = None,
 ) -> Array:
-    r"""Force (N,) of one test at the grid points ``time`` (s) and ``depth`` (mm), both (N,).
+    r"""Return the force (N,) in N of one test at the points ``time`` (s) and ``depth`` (mm).
 
-    bow (N,): how far (mm) the middle of the step that ends at a point is off the straight line. As
-    a parabola it changes a mode's step by
+    ``bow`` (N,) is the deviation (mm) of the middle of the step that ends at a point from the
+    straight line. Taken as a parabola, it changes a mode's step by
 
     .. math:: -v \int_0^h K\, 4 B x (1 - x)\, e^{-v (h - s)} ds, \quad x = s/h.
 
-    Differentiable in every argument, also under jit and vmap; O(N) in time and memory.
+    The force is differentiable in every argument, also under jit and vmap; it takes O(N) time and
+    memory.
     """
     length = _chunk_length(time.shape[0])
     times, start_time = _chunks(time, length, time[0])
@@ -101,24 +105,24 @@ def hereditary_force(
         local = jnp.sum(fractions[1:, None] * part, axis=0)
         return (part, time_now, depth_now, instant_now), local
 
-    lanes = (rates.shape[0], times.shape[1])
-    first = (jnp.zeros(lanes), start_time, start_depth, elastic.force(start_depth))
+    shape = (rates.shape[0], times.shape[1])
+    first = (jnp.zeros(shape), start_time, start_depth, elastic.force(start_depth))
     local: Array
     (part, *_), local = jax.lax.scan(advance, first, (times, depths, instant, bows))
     left = jnp.exp(-rates * (times - start_time)[:, None])
-    carried = fractions[1:, None] * _carry(left[-1], part)
-    force = fractions[0] * instant + local + jnp.sum(left * carried, axis=1)
+    chunk_states = fractions[1:, None] * _chunk_starts(left[-1], part)
+    force = fractions[0] * instant + local + jnp.sum(left * chunk_states, axis=1)
     return force.T.reshape(-1)[: time.shape[0]]
 
 
 def _mean_stiffness(elastic: AbstractElastic, depth: Array) -> Array:
-    """K (N,) on the average over the step that ends at a point."""
+    """Return K (N/mm), shape (N,), averaged over the step that ends at each point."""
     stiffness = elastic.stiffness(depth)
     return 0.5 * (stiffness + jnp.concatenate([stiffness[:1], stiffness[:-1]]))
 
 
 def _bow_factor(decay: Array, survival: Array) -> Array:
-    r"""4 a \int_0^1 x (1 - x) e^{-a (1 - x)} dx at a = decay; survival is e^{-a}."""
+    r"""Return 4 a \int_0^1 x (1 - x) e^{-a (1 - x)} dx at a = decay; survival is e^{-a}."""
     near = decay < _NEAR
     far = jnp.where(near, 1.0, decay)
     close = jnp.where(near, decay, 0.0)
@@ -127,19 +131,19 @@ def _bow_factor(decay: Array, survival: Array) -> Array:
 
 
 def _chunk_length(points: int) -> int:
-    """Steps run in sequence: as many as there are chunks to carry over."""
+    """Return the steps of a chunk, which run in sequence: as many as there are chunks."""
     return max(1, math.isqrt(points))
 
 
 def _chunks(values: Array, length: int, before: Array) -> tuple[Array, Array]:
-    """(length, chunks) with time running down the columns, and the value before each column."""
+    """Return values (length, chunks), with time down the columns, and those before each column."""
     missing = -values.shape[0] % length
     columns = jnp.pad(values, (0, missing), mode="edge").reshape(-1, length)
     return columns.T, jnp.concatenate([before[None], columns[:-1, -1]])
 
 
-def _carry(survival: Array, part: Array) -> Array:
-    """State at each chunk's beginning, from every chunk's own decay and own contribution."""
+def _chunk_starts(survival: Array, part: Array) -> Array:
+    """Return the state at each chunk's beginning, from every chunk's own decay and contribution."""
 
     def advance(state: Array, chunk: tuple[Array, Array]) -> tuple[Array, Array]:
         return chunk[0] * state + chunk[1], state

@@ -1,4 +1,4 @@
-"""The force law that an effect wraps: the material, and the effects beneath."""
+"""Define the force law that an effect wraps: the material and the effects beneath it."""
 
 from __future__ import annotations
 
@@ -15,31 +15,31 @@ from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
 
 State = Any
-"""What a law remembers between two steps: nested tuples of arrays."""
+"""The state of a law between two steps: nested tuples of arrays."""
 
 
 class Layer(Protocol):
-    """What wraps a law: it gets the motion and the law beneath and returns a force."""
+    """Define what wraps a law: it takes the motion and the law beneath and returns a force."""
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Force (N,) in N at the motion's grid points."""
+        """Return the force (N,) in N at the motion's grid points."""
         ...
 
     def begin(self, below: Law, displacement: Array) -> State:
-        """The state at a motion's first point, of this layer and of the law beneath."""
+        """Return the state of this layer and of the law beneath at a motion's first point."""
         ...
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """State and force (N) at the end of a line."""
+        """Return the state and the force (N) at the end of a line."""
         ...
 
 
 class Law(eqx.Module):
-    """QLV material under some layers, the outermost last.
+    """Compute the force of a quasi-linear viscoelastic material under some layers, outermost last.
 
-    A layer asks ``below.force(motion)`` for the force beneath it, of this motion or of another one,
-    and may look at ``below.elastic`` and ``below.relaxation``. ``begin`` and ``step`` give the same
-    force line by line.
+    A layer calls ``below.force(motion)`` for the force beneath it, of this motion or of a changed
+    one, and may use ``below.elastic`` and ``below.relaxation``. ``begin`` and ``step`` give the
+    same force line by line.
     """
 
     elastic: AbstractElastic
@@ -47,20 +47,20 @@ class Law(eqx.Module):
     layers: tuple[Layer, ...] = ()
 
     def force(self, motion: Motion) -> Array:
-        """Force (N,) in N; every constant must be a number."""
+        """Return the force (N,) in N; every constant must be a number."""
         if self.layers:
             return self.layers[-1].force(self._below, motion)
         path = motion.time, motion.displacement, motion.bow
         return hereditary_force(self.elastic, self.relaxation, *path)
 
     def begin(self, displacement: Array) -> State:
-        """The state at the first point of a motion, at ``displacement`` (mm)."""
+        """Return the state at the first point of a motion, at ``displacement`` (mm)."""
         if self.layers:
             return self.layers[-1].begin(self._below, displacement)
         return at_first(self.elastic, self.relaxation, displacement)
 
     def step(self, state: State, line: Line) -> tuple[State, Array]:
-        """State and force (N) at the end of the next line."""
+        """Return the state and the force (N) at the end of the next line."""
         if self.layers:
             return self.layers[-1].step(self._below, state, line)
         return hereditary_step(
@@ -73,24 +73,24 @@ class Law(eqx.Module):
 
 
 class Contact(eqx.Module):
-    """A loose specimen: not touched at negative displacement, and its force is never negative.
+    """Let a loose specimen lose contact: it is untouched at negative displacement and cannot pull.
 
-    followed: whether steps tell the force that a platen stuck to the specimen would feel, which
-    rises with displacement everywhere and so has an inverse.
+    Where ``followed`` is true, steps give the force that a platen stuck to the specimen would feel.
+    That force rises with displacement everywhere and so has an inverse.
     """
 
     followed: bool = eqx.field(static=True, default=False)
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """max(F, 0)."""
+        """Return max(F, 0)."""
         return jnp.maximum(below.force(touching(motion)), 0.0)
 
     def begin(self, below: Law, displacement: Array) -> State:
-        """Of the specimen's depth."""
+        """Return the state of the law beneath at the specimen's depth, max(displacement, 0)."""
         return below.begin(jnp.maximum(displacement, 0.0))
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """max(F, 0); where followed F, and above the specimen less its elastic law's force."""
+        """Return max(F, 0); where followed, F less the elastic force at the depth of the gap."""
         depth = line_at_depth(line, line.displacement)
         state, force = below.step(state, depth)
         if not self.followed:
@@ -99,12 +99,12 @@ class Contact(eqx.Module):
 
 
 def touching(motion: Motion) -> Motion:
-    """The specimen's own motion: depth max(displacement, 0), at rest while not touched."""
+    """Return the specimen's own motion: depth max(displacement, 0), at rest while untouched."""
     return at_depth(motion, motion.displacement)
 
 
 def at_depth(motion: Motion, displacement: Array) -> Motion:
-    """``motion`` with the depth max(displacement, 0), at rest where that is 0."""
+    """Return ``motion`` with the depth max(displacement, 0), at rest where that is 0."""
     contact = displacement > 0.0
     return replace(
         motion,
@@ -116,7 +116,7 @@ def at_depth(motion: Motion, displacement: Array) -> Motion:
 
 
 def line_at_depth(line: Line, displacement: Array) -> Line:
-    """``line`` to the depth max(displacement, 0), at rest where that is 0."""
+    """Return ``line`` to the depth max(displacement, 0), at rest where that is 0."""
     contact = displacement > 0.0
     return Line(
         line.duration,

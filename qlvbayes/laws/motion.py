@@ -1,4 +1,4 @@
-"""What a model sees of one test: displacement and its rates on a grid of times."""
+"""Describe the motion of one test: displacement and its rates on a grid of times."""
 
 from __future__ import annotations
 
@@ -8,10 +8,18 @@ from jaxtyping import Array, ArrayLike
 
 
 class Line(eqx.Module):
-    """The next straight piece of a motion, for a model that goes on step by step.
+    """Describe the next straight piece of a motion, for a model that is evaluated step by step.
 
-    duration (s; 0 is a jump), displacement at its end (mm), velocity along it (mm/s; 0 in a jump);
-    clear: how far the platen then is off the specimen (mm), known where displacement is its depth.
+    Parameters
+    ----------
+    duration
+        Duration (s); 0 is a jump.
+    displacement
+        Displacement at the end (mm).
+    velocity
+        Velocity along the line (mm/s); 0 in a jump.
+    clear
+        Distance of the platen from the specimen at the end (mm), where displacement is its depth.
     """
 
     duration: Array
@@ -21,17 +29,32 @@ class Line(eqx.Module):
 
 
 class Motion(eqx.Module):
-    """Displacement, linear in time between the grid's points, or bowed as ``bow`` says.
+    """Describe the motion of one test: displacement, linear in time between the points of a grid.
 
-    The first four have shape (N,) for one test (a leading axis is a batch of tests): time (s, never
-    decreasing; repeated points are allowed and do nothing), displacement (mm), velocity (mm/s),
-    acceleration (mm/s2). start: the pad's clock at time 0 (s), which is 0 in its first test. Before
-    the first point the specimen is at rest at zero displacement; a first point elsewhere is a step.
-    bow: (N,) how far the middle of the step that ends at a point is off its straight line (mm), for
-    the memory of the material, where an error of one sign would add up; None for straight lines.
-    ago: (N,) in which test a point lies, 0 in the test itself, k in the k-th before it with the
-    pause that follows (there velocity and acceleration are not told, but 0); None where no earlier
-    test is carried along. number: how many tests the pad has had before, 0 in its first one.
+    Arrays have shape (N,) for one test; a leading axis is a batch of tests. Before the first point
+    the specimen is at rest at zero displacement; a first point elsewhere is a step.
+
+    Parameters
+    ----------
+    time
+        Time (s), never decreasing; repeated points are allowed and do nothing.
+    displacement
+        Displacement (mm).
+    velocity
+        Velocity (mm/s).
+    acceleration
+        Acceleration (mm/s2).
+    start
+        Time of the pad's clock at time 0 (s); 0 in the pad's first test.
+    ago
+        How many tests before this one a point lies, with the pause that follows: 0 in the test
+        itself. Velocity and acceleration of earlier tests are set to 0. None where no earlier test
+        is included.
+    bow
+        Deviation (mm) of the middle of the step that ends at a point from its straight line, for
+        the relaxing modes, where errors of one sign would add up. None for straight lines.
+    number
+        How many tests the pad has had before, 0 in its first one.
     """
 
     time: Array
@@ -63,17 +86,17 @@ class Motion(eqx.Module):
 
     @property
     def clock(self) -> Array:
-        """Time (N,) since the pad's first test began (s)."""
+        """Return the time (N,) since the pad's first test began (s)."""
         return self.start + self.time
 
     @property
     def tests_before(self) -> Array:
-        """How many tests the pad has had before the one that a point lies in, (N,) or ()."""
+        """Return how many tests the pad has had before the one that a point lies in, (N,) or ()."""
         return self.number if self.ago is None else self.number - self.ago
 
     @property
     def alone(self) -> Motion:
-        """The test without what came before it: those points repeat the test's first one."""
+        """Return the test without earlier ones, whose points repeat the test's first point."""
         if self.ago is None:
             return self
         own = self.ago == 0

@@ -1,4 +1,4 @@
-"""The sizes that default priors are scaled to."""
+"""Define the scales of a study's tests, which set the widths of default priors."""
 
 from __future__ import annotations
 
@@ -7,20 +7,38 @@ from dataclasses import dataclass
 
 from qlvbayes.priors import HalfNormal, LogNormal, Normal
 
-SHARE = 0.05  # prior sd of an effect's largest contribution, over the peak force
+SHARE = 0.05  # prior sd of an effect's largest contribution to the force, over the peak force
 TOLERANCE = 0.01
-"""Of the peak force: what is smaller does not matter."""
+"""Share of the peak force below which a difference is negligible."""
 
 
 @dataclass(frozen=True)
 class Scales:
-    """Sizes found in a pad's tests.
+    """Hold the scales that were measured in a pad's tests.
 
-    force (N), depth (mm), speed (mm/s), acceleration (mm/s2): largest magnitudes; stiffness (N/mm):
-    of the pad where the force is largest; shortest, longest (s): the sampling interval and the
-    longest phase; clock (s): from the first test's beginning to the last one's end; white, ou (N)
-    and tau (s): the noise floor, measured without the model; white_factor, tau_factor: by which one
-    sd of its uncertainty changes white and tau.
+    Parameters
+    ----------
+    force
+        Largest force (N).
+    depth
+        Largest depth (mm).
+    shortest
+        Sampling interval (s).
+    longest
+        Duration of the longest phase (s).
+    white, ou
+        Standard deviations (N) of the white and of the correlated part of the noise floor, measured
+        without the model.
+    tau
+        Correlation time (s) of the correlated part.
+    speed, acceleration
+        Largest speed (mm/s) and acceleration (mm/s2).
+    clock
+        Time (s) from the first test's beginning to the last one's end.
+    stiffness
+        Stiffness (N/mm) of the pad where the force is largest.
+    white_factor, tau_factor
+        Factors by which one sd of their uncertainty changes ``white`` and ``tau``.
     """
 
     force: float
@@ -39,22 +57,23 @@ class Scales:
 
     @property
     def noise(self) -> float:
-        """Sd of one reading (N)."""
+        """Return the standard deviation (N) of one reading's noise."""
         return math.hypot(self.white, self.ou)
 
     def positive(self, response: float) -> HalfNormal:
-        """Prior of an effect's amplitude, zero or more, whose unit adds ``response`` (N) at most.
+        """Return the prior of an amplitude, zero or more, one unit of which adds ``response`` (N).
 
-        All effects share it, so that none wins or loses by a vague prior: the largest contribution
-        to the force has a prior sd of 5 % of the peak force.
+        ``response`` is the most that one unit adds to the force in the tests. All effects share
+        this prior, so that none wins or loses by a vague one: the largest contribution to the force
+        has a prior sd of 5 % of the peak force.
         """
         return HalfNormal(SHARE * self.force / response)
 
     def signed(self, response: float) -> Normal:
-        """The same for an amplitude of either sign."""
+        """Return the same prior for an amplitude of either sign."""
         return Normal(0.0, SHARE * self.force / response)
 
 
 def lognormal(median: float, factor: float) -> LogNormal:
-    """Log-normal with this median and a factor ``factor`` either way for one sd."""
+    """Return the log-normal prior with this median; one sd is a factor of ``factor`` either way."""
     return LogNormal(math.log(median), math.log(factor))

@@ -1,4 +1,4 @@
-"""Divided differences of the exponential that stay exact, with finite gradients, at 0/0."""
+"""Compute divided differences of the exponential that are exact and smooth at 0/0."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _SERIES = tuple(1.0 / math.factorial(k + 1) for k in range(8))
 
 
 def exp_slope(x: ArrayLike) -> Array:
-    """(e^x - 1)/x, elementwise, equal to 1 at x = 0."""
+    """Return (e^x - 1)/x, elementwise; it is 1 at x = 0."""
     x = jnp.asarray(x)
     near = jnp.abs(x) < _NEAR
     far = jnp.where(near, 1.0, x)
@@ -20,7 +20,7 @@ def exp_slope(x: ArrayLike) -> Array:
 
 
 def exp_slope_series(x: Array) -> Array:
-    """Taylor series of (e^x - 1)/x through x^7, for abs(x) < 0.04."""
+    """Return the Taylor series of (e^x - 1)/x through x^7, for abs(x) < 0.04."""
     total = jnp.full_like(x, _SERIES[-1])
     for coefficient in _SERIES[-2::-1]:
         total = total * x + coefficient
@@ -28,9 +28,9 @@ def exp_slope_series(x: Array) -> Array:
 
 
 def exp_growth(x: Array, rate: Array) -> Array:
-    """(e^(rate x) - 1)/rate for an array x and one rate; x itself at rate = 0.
+    """Return (e^(rate x) - 1)/rate for an array x and one rate; it is x itself at rate = 0.
 
-    Small rates take the series for the whole array at once, which spares a division an element.
+    Small rates use the series for the whole array at once, which saves a division an element.
     """
     small = jnp.abs(rate) * jnp.max(jnp.abs(x), initial=0.0) < _NEAR
     divisor = jnp.where(small, 1.0, rate)
@@ -39,10 +39,10 @@ def exp_growth(x: Array, rate: Array) -> Array:
 
 
 def exp_difference_ratio(top: Array, bottom: Array, gap: Array) -> Array:
-    """(top - bottom)/gap where top = bottom e^gap: the divided difference of an exponential.
+    """Return (top - bottom)/gap where top = bottom e^gap: a divided difference of the exponential.
 
-    ``top`` and ``bottom`` are known already, so no further exponential is evaluated. At
-    ``gap = 0``, which ordinary unloading reaches (b gamma = -v_i), the value is ``bottom``.
+    ``top`` and ``bottom`` are known already, so no further exponential is evaluated. At ``gap =
+    0``, which ordinary unloading reaches (b gamma = -v_i), the value is ``bottom``.
     """
     near = jnp.abs(gap) < _NEAR
     far = jnp.where(near, 1.0, gap)

@@ -1,1 +1,1 @@
-"""A specimen with its noise: forces, likelihood, posterior, and what a user chooses."""
+"""Define the model of a specimen with its noise: forces, likelihood, posterior, choices."""

@@ -1,4 +1,4 @@
-"""What the user chose: the law, the number of modes, the noise, and single constants' priors."""
+"""Hold a user's choices: the laws, the number of modes, the noise, effects, and single priors."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Given = Sequence[str] | Mapping[str, AbstractPrior | float | str]
 if TYPE_CHECKING:
 
     class _Settings:
-        """A field to which more may be given than it holds."""
+        """Let a type checker accept more types for a field than the field holds."""
 
         def __get__(self, instance: object, owner: type) -> tuple[str, ...]: ...
 
@@ -35,17 +35,45 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Choices:
-    """A model's description in words and numbers, as kept in the results.
+    """Describe a model in words and numbers; the results keep this description.
 
-    law: elastic law; modes: r of a Prony series, of no account to other relaxations; bonded:
-    whether the specimen can pull; noise: kind of noise; priors, fixed: of single constants, applied
-    in this order, by name (``{"v[1]": LogNormal(1.8, 0.5)}`` or ``{"v[1]": "lognormal(1.8,0.5)"}``,
-    ``{"v[2]": 0.14}``) or as on the command line (``["v[2]=0.14"]``), as which they are kept;
-    effects: names of the effects in the model;
-    effects_file: a user's own effects; rested: whether every test begins with a pad at rest,
-    whatever came before it; relaxation: its law; laws_file: a user's own laws; keep_all_readings:
-    whether readings stay that their neighbours and the other channel contradict; use: of which
-    tests a part is used, as ``TEST:0..18mm``.
+    Parameters
+    ----------
+    law
+        Name of the elastic law.
+    modes
+        Number of modes of a Prony series; other relaxation laws ignore it.
+    bonded
+        Whether the specimen is fixed to the platen, so that it can pull.
+    noise
+        Name of the noise model.
+    priors
+        Priors of single constants by name, ``{"v[1]": LogNormal(1.8, 0.5)}`` or ``{"v[1]":
+        "lognormal(1.8,0.5)"}``, or as on the command line, ``["v[1]=lognormal(1.8,0.5)"]``, the
+        form in which they are kept.
+    fixed
+        Values of single constants, ``{"v[2]": 0.14}`` or ``["v[2]=0.14"]``, applied after
+        ``priors``.
+    effects
+        Names of the effects in the model.
+    effects_file
+        Python file with a user's own effects.
+    rested
+        Whether every test begins with a pad at rest, whatever came before it.
+    relaxation
+        Name of the relaxation law.
+    laws_file
+        Python file with a user's own laws.
+    keep_all_readings
+        Whether to keep readings that their neighbours and the other channel contradict.
+    use
+        Parts of tests to use, as ``TEST:0..18mm``.
+
+    Raises
+    ------
+    InputError
+        A law or noise model of that name does not exist, a prior cannot be read, or ``modes`` is
+        below 1.
     """
 
     law: str = "exponential"
@@ -79,9 +107,24 @@ class Choices:
             raise InputError(f"{self.modes} relaxation modes", remedy="use one or more")
 
     def build(self, scales: Scales) -> tuple[Model, AbstractNoise]:
-        """Model and noise with default priors at these scales, then the user's own.
+        """Return model and noise with default priors at these scales, then with the user's own.
 
-        Raises InputError where a setting cannot be applied.
+        Parameters
+        ----------
+        scales
+            The scales of the pad's tests.
+
+        Returns
+        -------
+        Model
+            The model; a number stands for each fixed constant, a prior for each free one.
+        AbstractNoise
+            The noise, likewise.
+
+        Raises
+        ------
+        InputError
+            A setting cannot be applied.
         """
         model = default_model(
             scales,
@@ -104,11 +147,11 @@ class Choices:
         return override(model, of_model), noise
 
     def _added(self) -> list[type[AbstractEffect]]:
-        """The effects in the model; InputError where two are of one family."""
-        found: dict[str, type[AbstractEffect]] = {}
+        """Return the effects in the model; raise InputError where two are of one family."""
+        families: dict[str, type[AbstractEffect]] = {}
         for name in self.effects:
             kind = find(name, self.kinds)
-            other = found.setdefault(kind.family(), kind)
+            other = families.setdefault(kind.family(), kind)
             if other.name != name:
                 raise InputError(
                     f"{other.name} and {name} are forms of one effect", remedy="add one of them"
@@ -117,12 +160,12 @@ class Choices:
 
     @property
     def kinds(self) -> tuple[type[AbstractEffect], ...]:
-        """Every effect that can be added, those of the package and the user's own."""
+        """Return every effect that can be added: those of the package and the user's own."""
         return (*EFFECTS, *FORMS, *OUTSIDE, *self._own_effects())
 
     @property
     def candidates(self) -> tuple[type[AbstractEffect], ...]:
-        """Effects that a diagnosis looks for: the list, and the user's own."""
+        """Return the effects that a diagnosis looks for: the listed ones and the user's own."""
         return (*EFFECTS, *self._own_effects())
 
     def _own_effects(self) -> tuple[type[AbstractEffect], ...]:
@@ -130,7 +173,7 @@ class Choices:
 
     @property
     def laws(self) -> Laws:
-        """Every law that can be chosen, those of the package and the user's own."""
+        """Return every law that can be chosen: those of the package and the user's own."""
         if not self.laws_file:
             return LAWS
         own = own_laws(Path(self.laws_file))
@@ -138,23 +181,23 @@ class Choices:
 
     @property
     def is_prony(self) -> bool:
-        """Whether relaxation is a Prony series, of which ``modes`` counts the terms."""
+        """Return whether the relaxation is a Prony series, of which ``modes`` counts the terms."""
         return self.relaxation == Prony.name
 
     @property
     def relaxing(self) -> str:
-        """The relaxation as after ``--relaxation``: ``prony:2``, ``fung``."""
+        """Return the relaxation as it is written after ``--relaxation``: ``prony:2``, ``fung``."""
         return f"{self.relaxation}:{self.modes}" if self.is_prony else self.relaxation
 
     def as_dict(self) -> dict[str, object]:
-        """For JSON."""
+        """Return the choices as a dictionary for JSON."""
         return asdict(self)
 
     @classmethod
     def from_dict(cls, values: dict) -> Choices:
-        """The inverse of ``as_dict``.
+        """Return choices from a dictionary that ``as_dict`` made.
 
-        Results that do not say so are of tests from rest, and of all their readings.
+        Results without these keys are of tests from rest, and of all their readings.
         """
         lists = {key: tuple(values.get(key, ())) for key in ("priors", "fixed", "effects", "use")}
         return cls(**{"rested": True, "keep_all_readings": True, **values, **lists})
@@ -169,26 +212,41 @@ def default_model(
     laws: Laws = LAWS,
     bonded: bool = False,
 ) -> Model:
-    """QLV model with every constant free, each law under its own default priors.
+    """Return a model with every constant free, each law under its own default priors.
 
-    law, relaxation: names of an elastic law and of a relaxation among ``laws``; modes: of a Prony
-    series. Raises InputError where there is no law of that name.
+    Parameters
+    ----------
+    scales
+        The scales of the pad's tests.
+    law, relaxation
+        Names of an elastic law and of a relaxation law among ``laws``.
+    modes
+        Number of modes of a Prony series.
+    laws
+        The laws to choose from.
+    bonded
+        Whether the specimen is fixed to the platen.
+
+    Raises
+    ------
+    InputError
+        There is no law of that name.
     """
     elastic = find_elastic(law, laws).default(scales)
     kind = find_relaxation(relaxation, laws)
-    relaxing = Prony.of_modes(scales, modes) if kind is Prony else kind.default(scales)
+    relaxing = Prony.with_modes(scales, modes) if kind is Prony else kind.default(scales)
     return Model(elastic, relaxing, bonded)
 
 
 def _settings_in_words(given: Given) -> tuple[str, ...]:
-    """``name=prior`` and ``name=number``, of whatever form."""
+    """Return settings of any form as ``name=prior`` or ``name=number``."""
     if isinstance(given, Mapping):
         return tuple(f"{name}={in_words(value)}" for name, value in given.items())
     return (given,) if isinstance(given, str) else tuple(given)
 
 
 def _check_floor(noise: Floor) -> None:
-    """InputError where a constant of the measured floor is given as anything but a size."""
+    """Raise InputError where a constant of the noise floor is given a prior or a bad value."""
     for field in fields_of(noise):
         if is_prior(field.value):
             raise InputError(

@@ -1,4 +1,4 @@
-"""A posterior's draws as models whose constants are numbers."""
+"""Make models of a posterior's draws; their constants are numbers."""
 
 from __future__ import annotations
 
@@ -17,42 +17,43 @@ from qlvbayes.model.model import Model
 from qlvbayes.model.parameters import Field, fields_of
 from qlvbayes.model.posterior import is_prior, value_shape
 
-# priors are replaced by draws, so that their scales do not matter but for the number of nodes of a
+# priors are replaced by draws, so that these scales only set the number of nodes of a
 # continuous spectrum: ten decades (s) hold those of any tests
 _SCALES = Scales(force=1.0, depth=1.0, shortest=1e-5, longest=1e5, white=1e-2, ou=1e-2, tau=1.0)
 _POWERS = {"power_stiffness": "displacement", "power_drag": "speed"}
 
 
 def described_model(choices: Choices, depth: float = 1.0) -> Model:
-    """The model in words and priors; InputError where the choices do not fit together.
+    """Return the model that the choices describe, with priors that do not matter.
 
-    depth: of the deepest test, over which a free curve of the stiffness has its knots.
+    ``depth`` is that of the deepest test, over which a free curve of the stiffness has its knots.
+    An InputError is raised where the choices do not fit together.
     """
     return choices.build(replace(_SCALES, depth=depth))[0]
 
 
 def described_fields(choices: Choices) -> list[Field]:
-    """The fields of the model, then of the noise."""
+    """Return the fields of the model, then those of the noise."""
     model, noise = choices.build(_SCALES)
     return [*fields_of(model), *fields_of(noise)]
 
 
 def rig_effects(model: Model) -> tuple[str, ...]:
-    """Effects of the frame and the sensors, which are not the pad's."""
+    """Return the names of the effects of the frame and the sensors, which are not the pad's."""
     return tuple(effect.name for effect in model.effects if effect.level >= Level.FRAME)
 
 
 def pad_alone(model: Model) -> Model:
-    """The model less the effects of the rig."""
+    """Return the model without the effects of the rig."""
     for name in rig_effects(model):
         model = model.without(name)
     return model
 
 
 def drawn_models(model: Model, names: Sequence[str], draws: np.ndarray) -> Model:
-    """A model whose numbers have a leading axis: the draws (n, P) of the named constants.
+    """Return a model whose numbers have a leading axis: the draws (n, P) of the named constants.
 
-    Raises InputError if a constant of the model is not among the names.
+    An InputError is raised where a constant of the model is not among the names.
     """
     columns = {name: draws[:, k] for k, name in enumerate(names)}
     wanted = [field.names for field in fields_of(model)]
@@ -60,21 +61,21 @@ def drawn_models(model: Model, names: Sequence[str], draws: np.ndarray) -> Model
     if missing:
         raise InputError(f"the posterior lacks {', '.join(missing)}", remedy="add its draws")
     leaves, shape = jax.tree.flatten(model, is_leaf=is_prior)
-    numbers = [
+    values = [
         np.stack([columns[name] for name in names], axis=-1).reshape(-1, *value_shape(leaf))
         for names, leaf in zip(wanted, leaves, strict=True)
     ]
-    return jax.tree.unflatten(shape, numbers)
+    return jax.tree.unflatten(shape, values)
 
 
 def factors(
     choices: Choices, draws: Mapping[str, np.ndarray], given: UnitSystem, wanted: UnitSystem
 ) -> dict[str, np.ndarray | float]:
-    """What the draws (n,) of each constant are multiplied by to be in the wanted units.
+    """Return the factors that convert the draws (n,) of each constant to the wanted units.
 
-    A power law, F = m x^n, makes it draw by draw: [F]/[x]^n goes with the draw's exponent n. An
-    effect's n is called ``effect.n``. Raises InputError where one system has strain and stress and
-    the other has displacement and force.
+    For a power law, F = m x^n, the factor of m differs from draw to draw: [F]/[x]^n depends on the
+    draw's exponent n. The exponent of an effect is called ``effect.n``. An InputError is raised
+    where one system has strain and stress and the other has displacement and force.
     """
     if given.dimensionless != wanted.dimensionless:
         raise InputError(
@@ -82,12 +83,12 @@ def factors(
             remedy="compare force with force, or stress with stress",
         )
     kinds = {name: field.unit for field in described_fields(choices) for name in field.names}
-    found: dict[str, np.ndarray | float] = {}
+    by_name: dict[str, np.ndarray | float] = {}
     for name in draws:
         if (base := _POWERS.get(kinds[name])) is None:
-            found[name] = given.factor_to(wanted, kinds[name])
+            by_name[name] = given.factor_to(wanted, kinds[name])
             continue
         stem, dot, _ = name.rpartition(".")
         exponent = draws[f"{stem}{dot}n"]
-        found[name] = given.factor_to(wanted, "force") / given.factor_to(wanted, base) ** exponent
-    return found
+        by_name[name] = given.factor_to(wanted, "force") / given.factor_to(wanted, base) ** exponent
+    return by_name

@@ -1,4 +1,4 @@
-"""The dual problem: the displacement of a whole test whose force is prescribed."""
+"""Solve the dual problem: find the displacement of a whole test whose force is prescribed."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from qlvbayes.model.stepping import begin_at_force, step_to_force, without_inver
 
 
 def displacement_from_force(model: Model, time: ArrayLike, force: ArrayLike) -> Array:
-    r"""Displacement at which a specimen has a force, point after point.
+    r"""Return the displacement at which a specimen has a given force, point after point.
 
-    It solves :math:`F[\delta](t_k) = F_k`, with the displacement linear between
-    points, so that creep comes out to second order in the spacing, and `Model.force` of the answer
-    gives the force back. Creep under a dead weight is a constant force. The specimen is at rest
-    until the first point; a first force other than zero is put on at once. A loose specimen carries
-    no force below zero: there the platen rests on its surface. Where no displacement has the force
-    (a law that softens) it is not a number from there on. O(N); differentiable in model and force,
-    also under jit and vmap (Findley, Lai & Onaran 1976, ch. 5, for the linear case).
+    This solves :math:`F[\delta](t_k) = F_k`, with the displacement linear between points. Creep is
+    of second order in the spacing, and `Model.force` of the answer returns the given force. Creep
+    under a dead weight is a constant force. The specimen is at rest until the first point; a first
+    force other than zero is applied at once. A loose specimen carries no force below zero: there
+    the platen rests on its surface. From the point at which no displacement has the force (a law
+    that softens) the answer is not a number. The computation is O(N), and differentiable in model
+    and force, also under jit and vmap (Findley, Lai & Onaran 1976, ch. 5, for the linear case).
 
     Parameters
     ----------
     model
-        With a number for every constant.
+        The model; every constant must be a number.
     time
         (N,) in s, rising.
     force
@@ -35,12 +35,12 @@ def displacement_from_force(model: Model, time: ArrayLike, force: ArrayLike) -> 
     Returns
     -------
     Array
-        (N,) in mm.
+        Displacement, (N,) in mm.
 
     Raises
     ------
     InputError
-        An effect of the model does not go step by step; the arrays differ in shape; time runs back.
+        An effect of the model has no step, the arrays differ in shape, or time runs back.
     """
     check_inverse(model)
     time, force = jnp.asarray(time, dtype=float), jnp.asarray(force, dtype=float)
@@ -54,7 +54,7 @@ def displacement_from_force(model: Model, time: ArrayLike, force: ArrayLike) -> 
 
 
 def check_inverse(model: Model) -> None:
-    """Raise InputError naming the effects with which no displacement is found from a force."""
+    """Raise InputError that names the effects for which no displacement is found from a force."""
     check_steps(model)
     if why := without_inverse(model):
         raise InputError(
@@ -64,7 +64,7 @@ def check_inverse(model: Model) -> None:
 
 
 def check_steps(model: Model) -> None:
-    """Raise InputError naming the effects that do not go step by step."""
+    """Raise InputError that names the effects that cannot be evaluated step by step."""
     if why := without_steps(model):
         raise InputError(
             f"no step by step form, hence no displacement from a force: {_in_words(why)}",

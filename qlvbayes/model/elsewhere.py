@@ -1,4 +1,4 @@
-"""Posteriors made by other programs, with our names of the constants: which model they are of."""
+"""Find which model the posterior of another program describes, by its names of constants."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from qlvbayes.model.choices import Choices
 from qlvbayes.model.drawn import described_fields
 from qlvbayes.model.noise import NOISES
 
-FEWEST = 100  # draws from which a 90 % interval can be read
-_SUM = 1e-3  # by which the fractions c may miss 1
+FEWEST = 100  # draws that a 90 % interval needs
+_SUM = 1e-3  # by which the sum of the fractions c may differ from 1
 
 
 def infer_choices(
     names: Iterable[str], *, bonded: bool = False, effects_file: str | None = None
 ) -> Choices:
-    """The model that has constants of these names.
+    """Return the choices of the model that has constants of these names.
 
-    m and b make the exponential law, m alone the linear one, m and n Hertz's, and so on; c[0] ..
-    c[r] and v[1] .. v[r] make r modes, the constants of another relaxation that one;
-    ``effect.constant`` puts the effect in; ``noise.*`` is the noise (white where there is none,
-    `has_noise`). Raises InputError naming what is missing.
+    m and b make the exponential law, m alone the linear one, m and n Hertz's, and so on. c[0] ..
+    c[r] and v[1] .. v[r] make r modes; the constants of another relaxation law make that law.
+    ``effect.constant`` adds the effect; ``noise.*`` is the noise (white where there is none, see
+    `has_noise`). An InputError names the constants that are missing.
     """
     given = set(names)
     if "m" not in given:
@@ -63,19 +63,19 @@ def infer_choices(
 
 
 def has_noise(names: Iterable[str]) -> bool:
-    """Whether there are constants of a noise model."""
+    """Return whether there are constants of a noise model among the names."""
     return any(name.startswith("noise.") for name in names)
 
 
 def wanted_names(choices: Choices, given: Iterable[str]) -> list[str]:
-    """The names of a model's constants, in order; the noise's where they are given."""
+    """Return the names of a model's constants, in order, with the noise's where they are given."""
     noise = has_noise(given)
-    found = [name for field in described_fields(choices) for name in field.names]
-    return [name for name in found if noise or not name.startswith("noise.")]
+    all_names = [name for field in described_fields(choices) for name in field.names]
+    return [name for name in all_names if noise or not name.startswith("noise.")]
 
 
 def check_draws(choices: Choices, draws: Mapping[str, np.ndarray]) -> None:
-    """InputError unless the draws can be ours: finite, fractions that sum to 1, falling rates."""
+    """Raise InputError unless the draws are finite, fractions sum to 1, and rates fall."""
     if (count := min(np.size(values) for values in draws.values())) < FEWEST:
         raise InputError(f"only {count} draws", remedy=f"give {FEWEST} or more")
     for name, values in draws.items():
@@ -94,22 +94,23 @@ def check_draws(choices: Choices, draws: Mapping[str, np.ndarray]) -> None:
 def stated_units(
     displacement: str | None, force: str | None, units: Mapping[str, str]
 ) -> UnitSystem:
-    """The units that a file states; else those of m's unit; else mm and N, or for strain kPa.
+    """Return the units that a file states, or those that follow from m's unit.
 
-    units: of the constants, by name. Raises InputError where a stated unit is unknown.
+    Without either they are mm and N, or kPa for strain. ``units`` are those of the constants, by
+    name. An InputError is raised where a stated unit is unknown.
     """
     m, _, of_m = units.get("m", "").partition("/")
     if displacement is None and m and _known(of_m or STRAIN.displacement, m):
         return unit_system(of_m or STRAIN.displacement, m)
-    usual = STRAIN if displacement == STRAIN.displacement else PAD
-    found = displacement or usual.displacement, force or usual.force
-    if not _known(*found):
+    baseline = STRAIN if displacement == STRAIN.displacement else PAD
+    stated = displacement or baseline.displacement, force or baseline.force
+    if not _known(*stated):
         raise InputError(
-            f"displacement in {found[0]} and force in {found[1]} do not go together",
+            f"displacement in {stated[0]} and force in {stated[1]} do not go together",
             remedy="state displacement_unit mm, um, nm or m with force_unit N, mN, uN or nN, or 1 "
             "with kPa, MPa or Pa",
         )
-    return unit_system(*found)
+    return unit_system(*stated)
 
 
 def _known(displacement: str, force: str) -> bool:
@@ -121,18 +122,21 @@ def _known(displacement: str, force: str) -> bool:
 
 
 def flat_names(key: str, labels: Sequence[object], size: int) -> list[str]:
-    """Names of a vector's members: c from 0 and v from 1, or as its coordinate counts them."""
+    """Return the names of a vector's members.
+
+    c is counted from 0 and v from 1, or both as the vector's coordinate counts them.
+    """
     first = Prony.first_index.get(key, 0)
-    numbers = [label for label in labels if isinstance(label, (int, np.integer))]
-    counted = numbers == sorted(set(numbers)) and len(numbers) == size
+    counts = [label for label in labels if isinstance(label, (int, np.integer))]
+    counted = counts == sorted(set(counts)) and len(counts) == size
     # a coordinate that nobody chose counts from 0, also for v
-    chosen = counted and not (first and numbers[0] == 0)
-    places = numbers if chosen else range(first, first + size)
-    return [f"{key}[{int(k)}]" for k in places]
+    chosen = counted and not (first and counts[0] == 0)
+    indices = counts if chosen else range(first, first + size)
+    return [f"{key}[{int(k)}]" for k in indices]
 
 
 def pad_name(path: Path) -> str:
-    """What a pad is called whose file does not say: its folder, as the results' folders are."""
+    """Return the name of a pad whose file states none: its folder's, as in the results' folders."""
     return path.resolve().parent.name or path.stem
 
 
@@ -143,9 +147,9 @@ def _model(choices: Choices) -> str:
 
 
 def _relaxation(given: set[str]) -> str:
-    """The relaxation whose constants are all there, a Prony series where there is none."""
-    found = [kind.name for kind in LAWS.relaxation if set(kind.units) <= given]
-    return found[0] if found else Prony.name
+    """Return the relaxation law whose constants are all there, or a Prony series if none is."""
+    complete = [kind.name for kind in LAWS.relaxation if set(kind.units) <= given]
+    return complete[0] if complete else Prony.name
 
 
 def _indices(name: str, key: str) -> list[int]:
@@ -158,9 +162,9 @@ def _noise(given: set[str]) -> str:
         if {kind.prefix + constant for constant in kind.units} <= given:
             return name
     if has_noise(given):
-        found = ", ".join(sorted(name for name in given if name.startswith("noise.")))
+        present = ", ".join(sorted(name for name in given if name.startswith("noise.")))
         raise InputError(
-            f"the posterior's noise has only {found}",
+            f"the posterior's noise has only {present}",
             remedy="give noise.white, or also noise.ou and noise.tau, or noise.scale and noise.nu",
         )
     return "white"

@@ -1,4 +1,4 @@
-"""The model of a specimen: an elastic law, a relaxation, effects, and whether it can pull."""
+"""Define the model of a specimen: elastic law, relaxation law, effects, and whether it can pull."""
 
 from __future__ import annotations
 
@@ -15,12 +15,22 @@ from qlvbayes.laws.relaxation.law import AbstractRelaxation
 
 
 class Model(eqx.Module):
-    """Quasi-linear viscoelastic specimen (Fung), the paper's Eq. 6, with effects around it.
+    """Compute the force of a quasi-linear viscoelastic specimen (Fung), the paper's Eq. 6.
 
-    elastic, relaxation: their laws; bonded: whether the specimen is fixed to
-    the platen (one that is not cannot pull, `law.Contact`); effects: in the order in which they
-    nest, innermost first, whatever the order in which they were added. A field of any part is a
-    number (fixed) or a prior (free).
+    Effects wrap the material; they nest innermost first, whatever the order in which they were
+    added. A field of any part is a number (fixed) or a prior (free).
+
+    Parameters
+    ----------
+    elastic
+        The elastic law.
+    relaxation
+        The relaxation law.
+    bonded
+        Whether the specimen is fixed to the platen. One that is not cannot pull
+        (`layered.Contact`).
+    effects
+        The effects, innermost first.
     """
 
     elastic: AbstractElastic
@@ -29,9 +39,12 @@ class Model(eqx.Module):
     effects: tuple[AbstractEffect, ...] = ()
 
     def __add__(self, effect: AbstractEffect) -> Model:
-        """The model with one more effect.
+        """Return the model with one more effect.
 
-        Raises InputError if it has the effect already, or if the effect cannot act on it.
+        Raises
+        ------
+        InputError
+            The model has the effect already, or the effect cannot act on it.
         """
         if effect.name in [own.name for own in self.effects]:
             raise InputError(f"the effect {effect.name} is in the model already")
@@ -44,21 +57,21 @@ class Model(eqx.Module):
         return Model(self.elastic, self.relaxation, self.bonded, effects)
 
     def without(self, name: str) -> Model:
-        """The model less the effect of that name."""
+        """Return the model without the effect of that name."""
         kept = tuple(effect for effect in self.effects if effect.name != name)
         return Model(self.elastic, self.relaxation, self.bonded, kept)
 
     def force(self, motion: Motion) -> Array:
-        """Force (N,) in N at the motion's N grid points; every constant must be a number."""
+        """Return the force (N,) in N at the motion's N points; every constant must be a number."""
         return self.law.force(motion)
 
     @property
     def law(self) -> Law:
-        """The material under all that is around it."""
+        """Return the force law: the material and its layers."""
         return Law(self.elastic, self.relaxation, self._layers())
 
     def _layers(self) -> tuple[Layer, ...]:
-        """The effects, and the contact of a loose specimen between those of pad and of depth."""
+        """Return the effects, with a loose specimen's contact between those of pad and of depth."""
         if self.bonded or any(isinstance(effect, Adhesion) for effect in self.effects):
             return self.effects
         inner = sum(effect.level < Level.CONTACT for effect in self.effects)

@@ -1,6 +1,6 @@
-r"""Measurement noise: its likelihood, sample by sample or over block averages, and its draws.
+"""Define measurement noise: its likelihood, of samples or of block averages, and its draws.
 
-A new noise model is one class here, and its place in ``NOISES``; its fields are numbers or priors.
+A new noise model is one class here, and a line in ``NOISES``; its fields are numbers or priors.
 """
 
 from __future__ import annotations
@@ -24,10 +24,11 @@ __all__ = ["NOISES", "AbstractNoise", "Correlated", "Floor", "StudentT", "White"
 
 
 class AbstractNoise(eqx.Module):
-    """What every noise model offers.
+    """Define a noise model: its likelihood and its draws.
 
-    name: after ``--noise``; units: kind of unit of each constant; words: what the report says of
-    it.
+    Each field is a constant of the noise: a number where it is fixed, a prior where it is free. A
+    class declares its ``name`` after ``--noise``, the kind of unit of each constant (``units``),
+    and what the report says of it (``words``).
     """
 
     name: eqx.AbstractClassVar[str]
@@ -38,43 +39,58 @@ class AbstractNoise(eqx.Module):
     @classmethod
     @abstractmethod
     def default(cls, scales: Scales) -> Self:
-        """With weakly informative priors, scaled to what was measured."""
+        """Return the noise under weak priors, scaled to the noise that was measured."""
 
     @abstractmethod
     def log_likelihoods(self, residual: Array, blocks: Blocks) -> Array:
-        """(B,) log density of each block's residual (N) given the ones before it; 0 in padding."""
+        """Return (B,) log densities of each block's residual, given the blocks before it.
+
+        Parameters
+        ----------
+        residual
+            (B,) in N.
+        blocks
+            The blocks of samples that were averaged; in padding the log density is 0.
+        """
 
     @abstractmethod
     def draw(self, key: Array, blocks: Blocks) -> Array:
-        """(B,) one realisation of the noise of the block averages (N)."""
+        """Return one realisation (B,) of the noise of the block averages (N)."""
 
     @abstractmethod
     def sample_sd(self, weight: Array) -> Array:
-        """Standard deviation (N) of the noise of single samples of these weights."""
+        """Return the standard deviation (N) of the noise of single samples of these weights."""
 
 
 class AbstractGaussian(AbstractNoise):
-    """Normal noise, whose likelihood is that of its innovations.
+    """Define normal noise, whose likelihood is that of its innovations.
 
-    These are linear in the residual, so that the same filter whitens a model's sensitivities.
+    Innovations are linear in the residual, so that the same filter whitens a model's sensitivities.
     """
 
     @abstractmethod
     def innovations(self, residual: Array, blocks: Blocks) -> tuple[Array, Array]:
-        """(B,) what each residual (N) is beyond its expectation given the ones before; variances.
+        """Return (B,) innovations of the residuals (N), and their variances (N2).
 
-        In padding the innovation is 0 and the variance 1.
+        An innovation is what a residual exceeds its expectation by, given the residuals before. In
+        padding the innovation is 0 and the variance 1.
         """
 
     def log_likelihoods(self, residual: Array, blocks: Blocks) -> Array:
-        """Log densities of the innovations."""
+        """Return the (B,) log densities of the innovations."""
         errors, variances = self.innovations(residual, blocks)
         density = jss.norm.logpdf(errors, 0.0, jnp.sqrt(variances))
         return jnp.where(blocks.real, density, 0.0)
 
 
 class White(AbstractGaussian):
-    """Independent normal noise of sd ``white`` (N) in every sample."""
+    """Give every sample independent normal noise.
+
+    Parameters
+    ----------
+    white
+        Standard deviation of one sample (N).
+    """
 
     white: Any
     name: ClassVar[str] = "white"
@@ -85,7 +101,7 @@ class White(AbstractGaussian):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Within a factor of 3 of all noise measured."""
+        """Return the noise with its sd within a factor of 3 of the measured noise."""
         return cls(lognormal(scales.noise, 3.0))
 
     def _scale(self, blocks: Blocks) -> Array:
@@ -93,24 +109,31 @@ class White(AbstractGaussian):
         return jnp.hypot(own / jnp.sqrt(blocks.count), _motion_sd(blocks))
 
     def innovations(self, residual: Array, blocks: Blocks) -> tuple[Array, Array]:
-        """The residuals, of variance (white scale)^2/count + extra^2 + timing^2."""
+        """Return the residuals, of variance (white scale)^2/count + extra^2 + timing^2."""
         variances = jnp.where(blocks.real, self._scale(blocks) ** 2, 1.0)
         return jnp.where(blocks.real, residual, 0.0), variances
 
     def draw(self, key: Array, blocks: Blocks) -> Array:
-        """Normal with variance white^2/count."""
+        """Return normal noise of the variance that ``innovations`` has."""
         return self._scale(blocks) * jax.random.normal(key, blocks.force.shape)
 
     def sample_sd(self, weight: Array) -> Array:
-        """White times weight."""
+        """Return white times weight (N)."""
         return self.white * weight
 
 
 class StudentT(AbstractNoise):
-    """Independent Student-t noise, for records with outliers.
+    """Give every sample independent Student-t noise, for records with outliers.
 
-    scale: N, of a single sample; nu: degrees of freedom. A block average is taken as Student-t of
-    scale scale/sqrt(count) with the same nu, which keeps its tails.
+    A block average is taken as Student-t of scale scale/sqrt(count) with the same nu, which keeps
+    its tails.
+
+    Parameters
+    ----------
+    scale
+        Scale of one sample (N).
+    nu
+        Degrees of freedom.
     """
 
     scale: Any
@@ -123,38 +146,49 @@ class StudentT(AbstractNoise):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """The scale within a factor of 3 of all noise measured, nu of 8."""
+        """Return the noise with a scale near the measured noise, and nu near 8.
+
+        One sd of each prior is a factor of 3.
+        """
         return cls(lognormal(scales.noise, 3.0), lognormal(8.0, 3.0))
 
     def _scale(self, blocks: Blocks) -> Array:
         return self.scale * blocks.weight / jnp.sqrt(blocks.count)
 
     def log_likelihoods(self, residual: Array, blocks: Blocks) -> Array:
-        """Student-t of scale scale/sqrt(count)."""
+        """Return the (B,) log densities of Student-t noise of scale scale/sqrt(count)."""
         density = jss.t.logpdf(residual, self.nu, 0.0, self._scale(blocks))
         return jnp.where(blocks.real, density, 0.0)
 
     def draw(self, key: Array, blocks: Blocks) -> Array:
-        """Student-t of scale scale/sqrt(count)."""
+        """Return Student-t noise (B,) of scale scale/sqrt(count)."""
         return self._scale(blocks) * jax.random.t(key, self.nu, blocks.force.shape)
 
     def sample_sd(self, weight: Array) -> Array:
-        """Scale weight sqrt(nu/(nu - 2)); without the root where nu <= 2 has no variance."""
+        """Return scale weight sqrt(nu/(nu - 2)), without the root where nu <= 2 has no variance."""
         heavy = self.nu <= 2.0
         ratio = jnp.where(heavy, 1.0, self.nu / jnp.where(heavy, 1.0, self.nu - 2.0))
         return self.scale * weight * jnp.sqrt(ratio)
 
 
 class Correlated(AbstractGaussian):
-    r"""White noise plus an Ornstein-Uhlenbeck process, as a load cell has.
+    """Give the force white noise plus an Ornstein-Uhlenbeck process, as a load cell has.
 
-    white: sd of the white part (N); ou: stationary sd of the correlated part (N); tau: its
-    correlation time (s), so that cov(t, s) = ou^2 e^{-abs(t - s)/tau}. The likelihood is a Kalman
-    filter, O(B), exact for averages over evenly spaced samples and for uneven gaps between them.
-    Measured sds weigh the white part only: a correlated part proportional to the data would draw
-    the fit below them (Peelle's puzzle). Noise that grows with the force is the same process times
-    ``Blocks.scale``; errors of the motion and of its moments add ``Blocks.extra`` and
+    The process has cov(t, s) = ou^2 e^{-abs(t - s)/tau}. The likelihood is a Kalman filter, O(B),
+    exact for averages over evenly spaced samples and for uneven gaps between them. Measured sds
+    weight the white part only: a correlated part proportional to the data would draw the fit below
+    them (Peelle's puzzle). Noise that grows with the force is the same process times
+    ``Blocks.scale``; errors of the motion and of its times add ``Blocks.extra`` and
     ``Blocks.timing`` once a block.
+
+    Parameters
+    ----------
+    white
+        Standard deviation of the white part (N).
+    ou
+        Stationary standard deviation of the correlated part (N).
+    tau
+        Its correlation time (s).
     """
 
     white: Any
@@ -169,11 +203,11 @@ class Correlated(AbstractGaussian):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Near what was measured inside holds without the model, or as far as these leave it open.
+        """Return the noise near what was measured inside holds without the model.
 
-        The white sd is within a factor of 1.2, or more where the holds leave more open; the
-        correlated sd is half-normal, so that none at all is possible, and its time is within a
-        factor of 3, or more likewise.
+        The white sd is within a factor of 1.2, or more where the holds leave it more open. The
+        correlated sd is half-normal, so that it may be zero, and its time is within a factor of 3,
+        or more likewise.
         """
         return cls(
             lognormal(scales.white, scales.white_factor),
@@ -182,12 +216,12 @@ class Correlated(AbstractGaussian):
         )
 
     @classmethod
-    def of(cls, floor: NoiseFloor) -> Correlated:
-        """The noise floor as it was measured."""
+    def from_floor(cls, floor: NoiseFloor) -> Correlated:
+        """Return the noise that was measured as the noise floor."""
         return cls(*map(jnp.asarray, (floor.white, floor.ou, floor.memory)))
 
     def innovations(self, residual: Array, blocks: Blocks) -> tuple[Array, Array]:
-        """What the Kalman filter leaves of the residuals."""
+        """Return the innovations of a Kalman filter, and their variances."""
         links = _links(blocks, self.tau)
         white = (self.white * blocks.weight) ** 2 / blocks.count
         white += (_motion_sd(blocks) / blocks.scale) ** 2
@@ -215,7 +249,7 @@ class Correlated(AbstractGaussian):
         return jnp.where(blocks.real, errors, 0.0), jnp.where(blocks.real, spreads, 1.0)
 
     def draw(self, key: Array, blocks: Blocks) -> Array:
-        """One realisation, by the same recursion."""
+        """Return one realisation (B,), by the same recursion."""
         links = _links(blocks, self.tau)
         draws = jax.random.normal(key, (4, *blocks.force.shape))
 
@@ -235,17 +269,24 @@ class Correlated(AbstractGaussian):
         return blocks.scale * (means + white)
 
     def sample_sd(self, weight: Array) -> Array:
-        """Square root of (white weight)^2 + ou^2."""
+        """Return the square root of (white weight)^2 + ou^2 (N)."""
         return jnp.hypot(self.white * weight, self.ou)
 
 
 class Floor(AbstractGaussian):
-    """The noise floor as it was measured, not fitted, beside what a model misses.
+    """Take the noise floor as measured, not fitted, in addition to what a model misses.
 
-    white, ou, tau: as of `Correlated`, nan where they are the measured ones; factor: by which both
-    sds are larger than that; remainder: size of the discrepancy (N), its standard deviation where
-    the force is largest. The last two are nan where they are summed over (`floorlikelihood`). By
-    itself this is the noise without a discrepancy.
+    By itself this is the noise without a discrepancy.
+
+    Parameters
+    ----------
+    white, ou, tau
+        As in `Correlated`; nan where they are the measured ones.
+    factor
+        Factor by which both standard deviations exceed the measured ones.
+    remainder
+        Size of the discrepancy (N): its standard deviation where the force is largest. ``factor``
+        and ``remainder`` are nan where the likelihood sums over them (`floorlikelihood`).
     """
 
     white: Any
@@ -269,7 +310,7 @@ class Floor(AbstractGaussian):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """As measured, the discrepancy's size summed over: nothing of it is free."""
+        """Return the noise as measured, its discrepancy's size summed over; nothing is free."""
         return cls(*5 * [math.nan])
 
     @property
@@ -277,35 +318,38 @@ class Floor(AbstractGaussian):
         return Correlated(self.factor * self.white, self.factor * self.ou, self.tau)
 
     def innovations(self, residual: Array, blocks: Blocks) -> tuple[Array, Array]:
-        """Those of the correlated noise."""
+        """Return the innovations of the correlated noise, and their variances."""
         return self._alone.innovations(residual, blocks)
 
     def draw(self, key: Array, blocks: Blocks) -> Array:
-        """One realisation of the correlated noise."""
+        """Return one realisation (B,) of the correlated noise."""
         return self._alone.draw(key, blocks)
 
     def sample_sd(self, weight: Array) -> Array:
-        """Square root of (white weight)^2 + ou^2."""
+        """Return the square root of (white weight)^2 + ou^2 (N)."""
         return self._alone.sample_sd(weight)
 
 
 NOISES: dict[str, type[AbstractNoise]] = {
     kind.name: kind for kind in (Floor, Correlated, White, StudentT)
 }
-"""By name, the default first; the one with the most constants before those that it holds."""
+"""The noise models by name, the default first.
+
+A model with more constants precedes those it contains.
+"""
 
 
 def _motion_sd(blocks: Blocks) -> Array:
-    """Sd (B,) in N of what is not known of the motion and its moments."""
+    """Return the sd (B,) in N that errors of the motion and of its times add."""
     return jnp.hypot(blocks.extra, blocks.timing)
 
 
 class _Links(NamedTuple):
-    """How a block of a unit-variance OU process hangs on its first sample x, each (B,).
+    """Hold how a block of a unit-variance OU process depends on its first sample x, each (B,).
 
-    gap: decay from the previous block's last sample to x; span: from x to the last sample; mean:
-    regression of the block's mean on x; mean_variance: what is left of the mean's variance;
-    shared: covariance of that rest with the last sample's rest.
+    ``gap`` is the decay from the previous block's last sample to x, ``span`` that from x to the
+    last sample. ``mean`` is the regression of the block's mean on x, ``mean_variance`` the rest of
+    the mean's variance, and ``shared`` the covariance of that rest with the last sample's.
     """
 
     gap: Array
@@ -316,10 +360,10 @@ class _Links(NamedTuple):
 
 
 def _links(blocks: Blocks, tau: Array) -> _Links:
-    r"""Closed forms for n samples h apart, rho = e^{-h/tau}.
+    """Return closed forms for n samples h apart, with rho = e^{-h/tau}.
 
-    With a = (1 - rho^n)/(n (1 - rho)) the mean's regression on x, the mean's full variance is
-    [(1 + rho)/(1 - rho) - 2 rho a/(1 - rho)]/n and the shared covariance a (1 - rho^{n-1}).
+    With a = (1 - rho^n)/(n (1 - rho)) the mean's regression on x, the mean's full variance is [(1 +
+    rho)/(1 - rho) - 2 rho a/(1 - rho)]/n and the shared covariance a (1 - rho^{n-1}).
     """
     single = blocks.count < 2.0
     count = jnp.where(single, 2.0, blocks.count)

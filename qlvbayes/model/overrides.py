@@ -1,4 +1,4 @@
-"""What the user says of single constants: ``v[1]=lognormal(1.8,0.5)``, ``v[2]=0.14``."""
+"""Apply a user's settings of single constants: ``v[1]=lognormal(1.8,0.5)``, ``v[2]=0.14``."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ Part = TypeVar("Part", bound=eqx.Module)
 
 
 def parse(text: str, *, fixed: bool) -> tuple[str, AbstractPrior | float]:
-    """``name=prior`` or, with ``fixed``, ``name=number``, as a pair.
+    """Return ``name=prior`` or, with ``fixed``, ``name=number`` as a pair.
 
-    Raises InputError if the text is neither.
+    An InputError is raised where the text is neither.
     """
     name, equals, value = text.partition("=")
     if not equals or not _NAME.fullmatch(name):
@@ -58,44 +58,47 @@ def _number(text: str) -> float:
 
 
 def parse_prior(text: str) -> AbstractPrior:
-    """A prior from its description, for example ``lognormal(1.8, 0.5)`` or ``dirichlet(1,1,1)``."""
+    """Return a prior from its description, as ``lognormal(1.8, 0.5)`` or ``dirichlet(1,1,1)``."""
     match = _PRIOR.fullmatch(text)
     known = ", ".join([*WORDS, "dirichlet"])
     if not match:
         raise InputError(f"{text.strip()!r} is not a prior", remedy=f"use one of {known}")
-    word, numbers = match[1], [_number(x) for x in match[2].split(",")]
+    word, arguments = match[1], [_number(x) for x in match[2].split(",")]
     if word == "dirichlet":
-        if min(numbers) <= 0.0 or len(numbers) < 2:
+        if min(arguments) <= 0.0 or len(arguments) < 2:
             raise InputError(f"{text.strip()!r} needs two or more positive numbers")
-        return Dirichlet(numbers)
+        return Dirichlet(arguments)
     if word not in WORDS:
         raise InputError(f"no prior is called {word!r}", remedy=f"use one of {known}")
     kind = WORDS[word]
     wanted = [field.name for field in fields(kind)]
-    if len(numbers) != len(wanted):
-        raise InputError(f"{word} takes {', '.join(wanted)}", remedy=f"got {len(numbers)} numbers")
-    return _checked(kind(*numbers), text.strip())
+    if len(arguments) != len(wanted):
+        raise InputError(
+            f"{word} takes {', '.join(wanted)}", remedy=f"got {len(arguments)} numbers"
+        )
+    return _checked(kind(*arguments), text.strip())
 
 
 def in_words(value: AbstractPrior | float | str) -> str:
-    """A prior or number as `parse` reads it, to the last digit; text stays as it is.
+    """Return a prior or number as text that `parse` reads, to the last digit.
 
-    Raises InputError where a prior has no word on the command line.
+    Text is returned unchanged. An InputError is raised where a prior has no name on the command
+    line.
     """
     if isinstance(value, str):
         return value
     if not isinstance(value, AbstractPrior):
         return repr(float(value))
     if isinstance(value, Dirichlet) and len(value.free) == value.alpha.shape[0]:
-        word, numbers = "dirichlet", list(value.alpha)
+        word, arguments = "dirichlet", list(value.alpha)
     elif isinstance(value, AbstractScalarPrior) and WORDS.get(value.word) is type(value):
-        word, numbers = value.word, [getattr(value, field.name) for field in fields(value)]
+        word, arguments = value.word, [getattr(value, field.name) for field in fields(value)]
     else:
         raise InputError(
             f"{type(value).__name__} cannot be kept with the results",
             remedy=f"use one of {', '.join([*WORDS, 'dirichlet'])}, and fixed for single fractions",
         )
-    return f"{word}({','.join(repr(float(x)) for x in numbers)})"
+    return f"{word}({','.join(repr(float(x)) for x in arguments)})"
 
 
 def _checked(prior: AbstractScalarPrior, text: str) -> AbstractScalarPrior:
@@ -110,10 +113,10 @@ def _checked(prior: AbstractScalarPrior, text: str) -> AbstractScalarPrior:
 
 
 def override(part: Part, settings: Iterable[tuple[str, AbstractPrior | float]]) -> Part:
-    """``part`` (a model or noise) with fields replaced; settings for unknown names are refused.
+    """Return ``part`` (a model or noise) with fields replaced; unknown names are refused.
 
-    ``c`` takes a Dirichlet as a whole, or single fractions fixed; each ``v[i]`` a positive prior
-    or a number.
+    ``c`` takes a Dirichlet as a whole, or single fixed fractions; each ``v[i]`` takes a positive
+    prior or a number.
     """
     for name, value in settings:
         known = {field.name: field for field in fields_of(part)}
@@ -129,7 +132,7 @@ def override(part: Part, settings: Iterable[tuple[str, AbstractPrior | float]]) 
 
 
 def _put(part: Part, name: str, value: object, prefix: str = "") -> Part:
-    """A copy of ``part`` whose field called ``name`` holds ``value``."""
+    """Return a copy of ``part`` whose field called ``name`` holds ``value``."""
     prefix = prefix + getattr(part, "prefix", "")
     changes: dict[str, object] = {}
     for field in fields(part):
@@ -144,7 +147,7 @@ def _put(part: Part, name: str, value: object, prefix: str = "") -> Part:
 
 
 def _replacement(field: Field, index: int | None, value: AbstractPrior | float) -> object:
-    """What stands in the field once ``value`` is put at ``index``."""
+    """Return what the field holds once ``value`` is set at ``index``."""
     if index is not None and f"{field.name}[{index}]" not in field.names:
         raise InputError(
             f"no constant is called {field.name}[{index}]",
@@ -168,7 +171,7 @@ def _scalar(field: Field, value: AbstractPrior | float) -> object:
 
 
 def _require_positive(name: str, value: AbstractPrior | float) -> None:
-    """Refuse a prior or number that allows what is not positive."""
+    """Refuse a prior or number that allows values which are not positive."""
     if isinstance(value, AbstractPositivePrior):
         return
     low = value.low if isinstance(value, (Uniform, LogUniform)) else value
@@ -212,7 +215,7 @@ def _ordered(field: Field, index: int | None, value: AbstractPrior | float) -> O
         )
     members = list(field.value.members)
     members[index - field.first_index] = value
-    numbers = [float(x) for x in members if not isinstance(x, AbstractPrior)]
-    if any(np.diff(numbers) >= 0.0):
+    fixed = [float(x) for x in members if not isinstance(x, AbstractPrior)]
+    if any(np.diff(fixed) >= 0.0):
         raise InputError("rates must fall: v[1] > v[2] > ...", remedy="exchange the fixed rates")
     return Ordered(tuple(members))

@@ -1,4 +1,4 @@
-"""The names of a model's constants: ``m``, ``b``, ``c[0]``, ``v[1]``, ``noise.white``."""
+"""Name a model's constants: ``m``, ``b``, ``c[0]``, ``v[1]``, ``noise.white``."""
 
 from __future__ import annotations
 
@@ -15,7 +15,10 @@ from qlvbayes.priors.distributions import AbstractPrior
 
 @dataclass(frozen=True)
 class Field:
-    """A field of a model or noise part: where it is, what stands in it, what unit it has."""
+    """Describe a field of a model or noise: its name, value or prior, unit and shape.
+
+    ``first_index`` is the index of the first member of a field that is a vector.
+    """
 
     name: str
     value: Any
@@ -25,14 +28,14 @@ class Field:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """One name for each number: ``m``, or ``c[0]``, ``c[1]``, ..."""
+        """Return a name for each number: ``m``, or ``c[0]``, ``c[1]``, ..."""
         if not self.shape:
             return (self.name,)
         return tuple(f"{self.name}[{self.first_index + k}]" for k in range(self.shape[0]))
 
 
 def fields_of(part: eqx.Module, prefix: str = "") -> Iterator[Field]:
-    """Every number or prior in a module, depth first, in the order JAX flattens it."""
+    """Yield every number or prior in a module, depth first, in JAX's order of leaves."""
     prefix = prefix + getattr(part, "prefix", "")
     for field in fields(part):
         if field.metadata.get("static", False):
@@ -51,25 +54,25 @@ def fields_of(part: eqx.Module, prefix: str = "") -> Iterator[Field]:
 
 
 def all_fields(posterior: Posterior) -> list[Field]:
-    """Fields of the model, then of the noise."""
+    """Return the fields of the model, then those of the noise."""
     return [*fields_of(posterior.model), *fields_of(posterior.noise)]
 
 
 def names(posterior: Posterior) -> list[str]:
-    """Names of ``posterior.constants``, in order."""
+    """Return the names of ``posterior.constants``, in order."""
     return [name for field in all_fields(posterior) for name in field.names]
 
 
 def unit_kinds(posterior: Posterior) -> list[str]:
-    """Kind of unit of each of ``names``: stiffness, exponent, rate, force, time, fraction."""
+    """Return the kind of unit of each of ``names``: stiffness, exponent, rate, force, and so on."""
     return [field.unit for field in all_fields(posterior) for _ in field.names]
 
 
-NOT_SAMPLED = "not sampled"  # what the noise measured at rest fixes, or the likelihood sums over
+NOT_SAMPLED = "not sampled"  # constants that measured noise fixes or the likelihood sums over
 
 
 def described(fields: Iterable[Field]) -> dict[str, str]:
-    """The prior of each field as it is written on the command line, or the value it is fixed at."""
+    """Return each field's prior as on the command line, or the value that it is fixed at."""
     return {field.name: _described(field.value) for field in fields}
 
 

@@ -1,4 +1,4 @@
-"""The posterior density over a flat vector, and the names of what it is made of."""
+"""Compute the posterior density over a flat vector of free parameters."""
 
 from __future__ import annotations
 
@@ -19,16 +19,17 @@ from qlvbayes.priors.distributions import AbstractPrior, AbstractScalarPrior
 
 
 def is_prior(node: object) -> TypeGuard[AbstractPrior]:
-    """Whether a field is free."""
+    """Return whether a field is free."""
     return isinstance(node, AbstractPrior)
 
 
 class Posterior(eqx.Module):
-    """Prior times likelihood of some tests of one specimen.
+    """Compute prior times likelihood of some tests of one specimen.
 
-    model, noise: with priors where free; record: the tests, along a leading axis; floor: the
-    record's likelihood under measured noise, where the noise's constants are summed over. The flat
-    vector theta (D,) holds the free constants' unconstrained numbers in field order.
+    ``model`` and ``noise`` hold priors where they are free. ``record`` holds the tests along a
+    leading axis. ``floor`` is the record's likelihood under measured noise, where the noise's
+    constants are summed over. The flat vector theta (D,) holds the free constants' unconstrained
+    numbers in field order.
     """
 
     model: Model
@@ -51,17 +52,17 @@ class Posterior(eqx.Module):
 
     @property
     def size(self) -> int:
-        """D, the number of free numbers."""
+        """Return D, the number of free parameters."""
         leaves = jax.tree.leaves((self.model, self.noise), is_leaf=is_prior)
         return sum(leaf.size for leaf in leaves if is_prior(leaf))
 
     def bind(self, theta: Array) -> tuple[Model, AbstractNoise, Array]:
-        """Model and noise with numbers for priors, and the log prior density over theta."""
+        """Return model and noise with numbers for priors, and the log prior density over theta."""
         (model, noise), log_priors = self._bound(theta)
         return model, noise, jnp.sum(log_priors)
 
     def log_priors(self, theta: Array) -> Array:
-        """(L,) log density of each prior over its part of theta, in field order."""
+        """Return (L,) log densities of each prior over its part of theta, in field order."""
         return self._bound(theta)[1]
 
     def _bound(self, theta: Array) -> tuple[tuple[Model, AbstractNoise], Array]:
@@ -77,16 +78,16 @@ class Posterior(eqx.Module):
         return jax.tree.unflatten(shape, bound), jnp.concatenate(log_priors)
 
     def predict(self, theta: Array) -> Array:
-        """Block means (T, B) of the force."""
+        """Return block means (T, B) of the force (N)."""
         model, _, _ = self.bind(theta)
         return self.predict_with(model)
 
     def predict_with(self, model: Model) -> Array:
-        """Block means (T, B) of a model whose constants are numbers."""
+        """Return block means (T, B) of the force (N) of a model whose constants are numbers."""
         return jax.vmap(lambda record: record.average(model.force(record.motion)))(self.record)
 
     def log_likelihood(self, theta: Array) -> Array:
-        """Log density of all block means."""
+        """Return the log density of all block means."""
         model, noise, _ = self.bind(theta)
         return self._log_likelihood(model, noise)
 
@@ -97,26 +98,32 @@ class Posterior(eqx.Module):
         return jnp.sum(jax.vmap(noise.log_likelihoods)(residuals, self.record.blocks))
 
     def log_density(self, theta: Array) -> Array:
-        """Log of prior density over theta times likelihood; -inf where not a number."""
+        """Return the log of prior density over theta times likelihood.
+
+        -inf where it is not a number.
+        """
         model, noise, log_prior = self.bind(theta)
         total = log_prior + self._log_likelihood(model, noise)
         return jnp.where(jnp.isnan(total), -jnp.inf, total)
 
     def constants(self, theta: Array) -> Array:
-        """(P,) every constant, fixed ones too, in the order of ``names``."""
+        """Return every constant (P,), fixed ones too, in the order of ``names``."""
         model, noise, _ = self.bind(theta)
         return jnp.concatenate([jnp.atleast_1d(x) for x in jax.tree.leaves((model, noise))])
 
     def drawn_constants(self, theta: Array, share: Array) -> Array:
-        """The same, with what the likelihood sums over drawn: at this share of its posterior."""
-        found = self.constants(theta)
+        """Return the constants (P,) with those that the likelihood sums over drawn.
+
+        They are drawn at this share (0 to 1) of their posterior.
+        """
+        constants = self.constants(theta)
         if self.floor is None:
-            return found
+            return constants
         own = self.floor.drawn(self.record.blocks.force - self.predict(theta), share)
-        return jnp.concatenate([found[: -own.size], own])
+        return jnp.concatenate([constants[: -own.size], own])
 
     def with_constants(self, constants: Array) -> tuple[Model, AbstractNoise]:
-        """Model and noise whose numbers are ``constants`` (P,), in the order of ``names``."""
+        """Return model and noise whose numbers are ``constants`` (P,), ordered as ``names``."""
         leaves, shape = jax.tree.flatten((self.model, self.noise), is_leaf=is_prior)
         bound, taken = [], 0
         for leaf in leaves:
@@ -128,7 +135,7 @@ class Posterior(eqx.Module):
         return model, noise
 
     def unconstrain(self, constants: np.ndarray) -> np.ndarray:
-        """(D,) theta of constants (P,) in the order of ``names``."""
+        """Return theta (D,) of constants (P,) in the order of ``names``."""
         parts, taken = [np.zeros(0)], 0
         for leaf in jax.tree.leaves((self.model, self.noise), is_leaf=is_prior):
             shape = value_shape(leaf)
@@ -141,7 +148,7 @@ class Posterior(eqx.Module):
 
 
 def value_shape(field: Any) -> tuple[int, ...]:
-    """Shape of the number or numbers a field stands for."""
+    """Return the shape of the number or numbers that a field stands for."""
     if isinstance(field, AbstractScalarPrior):
         return ()
     if isinstance(field, AbstractPrior):
@@ -150,14 +157,17 @@ def value_shape(field: Any) -> tuple[int, ...]:
     return np.shape(field)
 
 
-@cache  # asked for often, and traced each time
+@cache  # called often, and traced at each call
 def _constrained_shape(structure: Any, shapes: tuple, size: int) -> tuple[int, ...]:
     prior = jax.tree.unflatten(structure, [jnp.ones(shape) for shape in shapes])
     return tuple(jax.eval_shape(prior.constrain, jnp.zeros(size))[0].shape)
 
 
 def draw_priors(part: eqx.Module, count: int, rng: np.random.Generator) -> np.ndarray:
-    """(count, D) unconstrained numbers drawn from the priors in a model, noise or posterior."""
+    """Return (count, D) unconstrained numbers drawn from the priors of a module.
+
+    ``part`` is a model, a noise model or a posterior.
+    """
     priors = [leaf for leaf in jax.tree.leaves(part, is_leaf=is_prior) if is_prior(leaf)]
     values = [[prior.draw(rng) for prior in priors] for _ in range(count)]
     columns = [
@@ -168,5 +178,5 @@ def draw_priors(part: eqx.Module, count: int, rng: np.random.Generator) -> np.nd
 
 
 def central(part: eqx.Module, draws: int = 50) -> np.ndarray:
-    """Median of the priors' unconstrained numbers (the same at every call)."""
+    """Return the median (D,) of the priors' unconstrained numbers; it is the same at every call."""
     return np.median(draw_priors(part, draws, np.random.default_rng(0)), axis=0)

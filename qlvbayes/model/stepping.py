@@ -1,9 +1,10 @@
-r"""A model that goes on step by step: the force of the next displacement, and the other way round.
+"""Evaluate a model step by step: the force of the next displacement, and the inverse.
 
-A material remembers one number a relaxing mode, so that a step costs O(modes) however long the
-motion has been. Displacement is linear in time over a step, for which the step is exact (Taylor,
-Pister & Goudreau 1970, doi:10.1002/nme.1620020106, with the exact integral). The displacement that
-gives a force is the root of a function that rises: Newton's steps inside a bracket.
+A material has one state variable for each relaxing mode, so that a step costs O(modes) however long
+the motion has been. Displacement is linear in time over a step, for which the step is exact
+(Taylor, Pister & Goudreau 1970, doi:10.1002/nme.1620020106, with the exact integral). The
+displacement that gives a force is the root of a rising function, found by Newton's steps inside a
+bracket.
 """
 
 from __future__ import annotations
@@ -22,36 +23,37 @@ from qlvbayes.laws.motion import Line
 from qlvbayes.model.model import Model
 
 _CLOSE = 1e-7  # of the travel: the error after one more of Newton's steps is about its square
-_ROUNDING = 1e-15  # of the displacement, where a step is not told from rounding
+_ROUNDING = 1e-15  # of the displacement: a smaller step is lost in rounding
 _MOST = 100  # steps; 60 halve a bracket down to rounding
 _WIDE = 1.0  # mm, or the file's unit: a first guess where the stiffness is zero, doubled as needed
-_FAR = 1e9  # mm, or the file's unit: off any specimen
+_FAR = 1e9  # mm, or the file's unit: away from any specimen
 
-_Bracket = tuple[Array, Array, Array, Array, Array, Array]  # root, low, high, move, count, found
+# root, low, high, move, count, converged
+_Bracket = tuple[Array, Array, Array, Array, Array, Array]
 
 
 class State(eqx.Module):
-    """Where the platen is (mm), and what the specimen and the rig remember."""
+    """Hold the displacement of the platen (mm), and the state of the specimen and the rig."""
 
     displacement: Array
     law: LawState
 
 
 def begin(model: Model, displacement: ArrayLike = 0.0) -> State:
-    """The state of a specimen that was at rest at zero until its platen got to ``displacement``."""
-    place = jnp.asarray(displacement, dtype=float)
-    return State(place, model.law.begin(place))
+    """Return the state of a specimen at rest at zero until its platen moved to ``displacement``."""
+    start = jnp.asarray(displacement, dtype=float)
+    return State(start, model.law.begin(start))
 
 
 def step(model: Model, state: State, displacement: ArrayLike, dt: ArrayLike) -> tuple[State, Array]:
-    r"""State and force (N) after the platen went straight to ``displacement`` (mm) in ``dt`` (s).
+    r"""Return state and force (N) after a straight line to ``displacement`` (mm) in ``dt`` (s).
 
     .. math:: F = c_0 F_e(\delta) + \sum_i c_i q_i, \quad
               q_i \leftarrow e^{-v_i h} q_i + \int_0^h e^{-v_i (h-s)} K(\delta) \dot\delta\, ds
 
-    and what the effects make of it. A ``dt`` of 0 is a jump, in which nothing flows and no speed is
-    felt. Every constant of the model must be a number. Raises InputError where an effect does not
-    go step by step (`without_steps`).
+    The effects act on this force. A ``dt`` of 0 is a jump, in which nothing flows and no speed
+    acts. Every constant of the model must be a number. An InputError is raised where an effect has
+    no step (`without_steps`).
     """
     return _along(model.law, state, jnp.asarray(displacement) - state.displacement, dt)
 
@@ -59,11 +61,11 @@ def step(model: Model, state: State, displacement: ArrayLike, dt: ArrayLike) -> 
 def step_to_force(
     model: Model, state: State, force: ArrayLike, dt: ArrayLike
 ) -> tuple[State, Array]:
-    """State and displacement (mm) after the straight line that ends at ``force`` (N) in ``dt`` (s).
+    """Return state and displacement (mm) after the line that ends at ``force`` (N) in ``dt`` (s).
 
     Where a loose specimen carries no such force, as none is below zero, the platen ends where it
-    just touches it. Not a number where no displacement has the force. Differentiable in the
-    constants, the state and the force.
+    just touches it. The displacement is not a number where none has the force. It is differentiable
+    in the constants, the state and the force.
     """
     law = model.law
     goal = jnp.maximum(jnp.asarray(force, dtype=float), _untouched(law, state, dt))
@@ -85,23 +87,23 @@ def step_to_force(
 
 
 def begin_at_force(model: Model, force: ArrayLike) -> tuple[State, Array]:
-    """State and displacement (mm) at once after ``force`` (N) was put on a specimen at rest."""
+    """Return state and displacement (mm) just after ``force`` (N) was put on a specimen at rest."""
     return step_to_force(model, begin(model), force, 0.0)
 
 
 def without_steps(model: Model) -> dict[str, str]:
-    """The model's effects that do not go step by step, each with the reason."""
+    """Return the model's effects that cannot be evaluated step by step, each with the reason."""
     return {e.name: e.not_stepped for e in model.effects if not steps(type(e))}
 
 
 def without_inverse(model: Model) -> dict[str, str]:
-    """The effects with which no displacement is found from a force, each with the reason."""
+    """Return the effects for which no displacement is found from a force, each with the reason."""
     one_way = {e.name: e.not_inverted for e in model.effects if not e.inverts}
     return one_way | without_steps(model)
 
 
 def steps(kind: type[AbstractEffect]) -> bool:
-    """Whether the effect says how it goes step by step."""
+    """Return whether the effect can be evaluated step by step."""
     return kind.step is not AbstractEffect.step
 
 
@@ -109,13 +111,13 @@ def _along(law: Law, state: State, travel: Array, dt: ArrayLike) -> tuple[State,
     duration = jnp.asarray(dt, dtype=float)
     moving = duration > 0.0
     velocity = jnp.where(moving, travel / jnp.where(moving, duration, 1.0), 0.0)
-    place = state.displacement + travel
-    inner, force = law.step(state.law, Line(duration, place, velocity))
-    return State(place, inner), force
+    end = state.displacement + travel
+    inner, force = law.step(state.law, Line(duration, end, velocity))
+    return State(end, inner), force
 
 
 def _untouched(law: Law, state: State, dt: ArrayLike) -> Array:
-    """The force (N) with the platen off a loose specimen; none is lower. -inf of a bonded one."""
+    """Return the force (N) with the platen off a loose specimen, the lowest; -inf if bonded."""
     if not any(isinstance(layer, Contact) for layer in law.layers):
         return jnp.asarray(-jnp.inf)
     away = Line(jnp.asarray(dt, dtype=float), jnp.asarray(-_FAR), jnp.asarray(0.0))
@@ -123,25 +125,25 @@ def _untouched(law: Law, state: State, dt: ArrayLike) -> Array:
 
 
 def _followed(law: Law) -> Law:
-    """The law whose force rises with displacement beyond the loss of contact too."""
+    """Return the law whose force rises with displacement beyond the loss of contact too."""
     layers = tuple(Contact(True) if isinstance(x, Contact) else x for x in law.layers)
     return Law(law.elastic, law.relaxation, layers)
 
 
-def _with_slope(function: Callable[[Array], Array], place: Array) -> tuple[Array, Array]:
-    value, slope = jax.jvp(function, (place,), (jnp.ones_like(place),))
+def _with_slope(function: Callable[[Array], Array], point: Array) -> tuple[Array, Array]:
+    value, slope = jax.jvp(function, (point,), (jnp.ones_like(point),))
     return value, slope
 
 
-def _root(excess: Callable[[Array], Array], place: Array) -> Array:
-    """Where a rising function of the travel from ``place`` is zero; not a number where nowhere.
+def _root(excess: Callable[[Array], Array], start: Array) -> Array:
+    """Return the travel from ``start`` at which a rising function is zero, or not a number.
 
-    Newton's steps; where one leaves the bracket or is not half the one before, the bracket is
-    halved, or widened where one side is still open.
+    Newton's steps are taken; where one leaves the bracket or is not half the one before, the
+    bracket is halved, or widened where one side is still open.
     """
 
     def close(travel: Array, move: Array) -> Array:
-        return jnp.abs(move) <= _CLOSE * jnp.abs(travel) + _ROUNDING * jnp.abs(place + travel)
+        return jnp.abs(move) <= _CLOSE * jnp.abs(travel) + _ROUNDING * jnp.abs(start + travel)
 
     def better(carry: _Bracket) -> _Bracket:
         travel, low, high, last, count, _ = carry
@@ -159,7 +161,7 @@ def _root(excess: Callable[[Array], Array], place: Array) -> Array:
     def going_on(carry: _Bracket) -> Array:
         return ~carry[-1] & (carry[-2] < _MOST)
 
-    zero, infinite = jnp.zeros_like(place), jnp.full_like(place, jnp.inf)
+    zero, infinite = jnp.zeros_like(start), jnp.full_like(start, jnp.inf)
     first = (zero, -infinite, infinite, infinite, jnp.zeros((), int), jnp.zeros((), bool))
-    travel, *_, found = jax.lax.while_loop(going_on, better, first)
-    return jnp.where(found, travel, jnp.nan)
+    travel, *_, converged = jax.lax.while_loop(going_on, better, first)
+    return jnp.where(converged, travel, jnp.nan)

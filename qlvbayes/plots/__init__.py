@@ -1,8 +1,8 @@
-"""Figures for papers: one function a figure, returning its axes, in nobody's window.
+"""Draw figures for papers: one function a figure, which returns its axes and opens no window.
 
 Every function takes ``width`` in mm (85 for one column of a journal, 180 for two). ``save_figure``
-writes PNG and PDF, ``figure_of`` gives the figure to show in a notebook, ``using`` a look of one's
-own. Nothing here is imported before it is used, Matplotlib neither.
+writes PNG and PDF, ``figure_of`` returns the figure to show in a notebook, and ``using`` sets a
+user's own look. Nothing here is imported before it is used, nor is Matplotlib.
 """
 
 from __future__ import annotations
@@ -52,14 +52,14 @@ __all__ = [
     "using",
 ]
 
-_ELSEWHERE = {"figure_of": "files", "save_figure": "files", "using": "style"}
+_MODULES = {"figure_of": "files", "save_figure": "files", "using": "style"}
 
 
 def __getattr__(name: str) -> Any:
-    """Import what is asked for; a figure's module is called like its function."""
+    """Import the name that is asked for; a figure's module is called like its function."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    module = _ELSEWHERE.get(name) or name.removeprefix("plot_")
+    module = _MODULES.get(name) or name.removeprefix("plot_")
     return getattr(import_module(f"{__name__}.{module}"), name)
 
 

@@ -1,4 +1,4 @@
-"""A benchmark at a glance: confusion matrix, reliability, errors on left-out tests."""
+"""Draw a benchmark: confusion matrix, reliability, errors on left-out tests."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from qlvbayes.plots.style import BLACK, DOUBLE, MM, colours, narrow, style
 from qlvbayes.simulate import FOREIGN, FORMS, FURTHER, OUTSIDE
 
 _ROW = 4.2  # mm
-_LEAST_ROWS = 6  # that the columns' labels fit
-_TITLES, _LOWER = 34.0, 62.0  # mm, of the columns' labels and of the lower panels
-_SMALL, _TINY = 6.0, 5.0  # type of the numbers, and in one column of the labels too
-_DARK = 0.55  # of the colour scale: from there on white type
+_LEAST_ROWS = 6  # rows for which the columns' labels fit
+_TITLES, _LOWER = 34.0, 62.0  # mm, height of the columns' labels and of the lower panels
+_SMALL, _TINY = 6.0, 5.0  # points: the numbers; in one column the labels too
+_DARK = 0.55  # share of the colour scale beyond which text is white
 _LEGEND = {"none": "nothing", "single": "one effect", "double": "two effects"}
 _LEGEND |= {"form": "other form", "outside": "outside the list"}
 _LEGEND |= {"outside_beside": "outside, with a listed one"}
@@ -31,12 +31,24 @@ _FORMS, _UNLISTED = {**FORMS, **FOREIGN}, {**OUTSIDE, **FURTHER}
 def plot_benchmark(report: Report, *, width: float = DOUBLE) -> list[Axes]:
     """Draw how often each hidden effect was named, and how far probabilities can be trusted.
 
-    Above: one row a hidden effect, one column a verdict; numbers are studies, the shade is their
-    share of the row; framed cells are the right verdicts. Lower left: share of the listed effects
-    that are hidden against their stated probability, with 95 % bounds; on the line, probabilities
-    are exactly right. Lower right: error on left-out tests over the noise floor, before and
-    after; 1 is as good as noise allows. width: of the figure (mm); in one column the lower panels
-    are one below the other. Returns the three panels.
+    The upper panel has one row for each hidden effect and one column for each verdict. Numbers are
+    studies, the shade is their share of the row, and framed cells are the right verdicts. The lower
+    left panel shows the share of the listed effects that are hidden against their stated
+    probability, with 95 % bounds; on the line, probabilities are calibrated. The lower right panel
+    shows the error on left-out tests over the noise floor, before and after; 1 is as good as noise
+    allows. In one column the lower panels are one below the other.
+
+    Parameters
+    ----------
+    report
+        The report of the benchmark.
+    width
+        Width of the figure (mm).
+
+    Returns
+    -------
+    list of Axes
+        The three panels.
     """
     tight = narrow(width)
     with style():
@@ -92,7 +104,7 @@ def _square(row: int, column: int, **look: Any) -> Rectangle:
 
 
 def _rule(axis: Axes, confusion: Confusion) -> None:
-    """Thin lines, by which a cell is followed to its labels."""
+    """Draw thin lines, along which a cell is followed to its labels."""
     axis.hlines(range(len(confusion.rows) + 1), 0, len(confusion.columns), color="0.9", zorder=0)
     axis.vlines(range(len(confusion.columns) + 1), 0, len(confusion.rows), color="0.9", zorder=0)
 

@@ -1,4 +1,4 @@
-"""Squares of a map of tests against phases, darker where a model is further off."""
+"""Draw squares of a map of tests against phases, darker where a model is further off."""
 
 from __future__ import annotations
 
@@ -19,32 +19,32 @@ from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain
 from qlvbayes.plots.style import BLACK
 
-_WIDE = 50.0  # a worst ratio: from there on the colour bar shows powers of ten only
+_WIDE = 50.0  # worst ratio beyond which the colour bar shows powers of ten only
 _COLOURS = "Blues"  # darker is worse, in grey too
-_DARK = 0.55  # of the colour scale: from there on white type
+_DARK = 0.55  # share of the colour scale beyond which text is white
 
 
 def over_floor(rmse: float, noise: float) -> float:
-    """An error over the noise floor; infinite where there is no noise."""
+    """Return an error over the noise floor, or infinity where there is no noise."""
     return rmse / noise if noise > 0.0 else inf
 
 
 def worst_of(ratios: Iterable[float]) -> float:
-    """Upper end of the colour scale, 10 at least."""
+    """Return the upper end of the colour scale, 10 at least."""
     return max([10.0, *(ratio for ratio in ratios if isfinite(ratio))])
 
 
 def short(ratio: float) -> str:
-    """Three digits, and those before the point."""
+    """Return a ratio in three digits, or with all digits before the point."""
     digits = 2 if ratio < 9.995 else 1 if ratio < 99.95 else 0
     return f"{ratio:.{digits}f}"
 
 
 def draw_square(
-    axis: Axes, place: tuple[int, int], ratio: float, worst: float, text: str, *, fails: bool
+    axis: Axes, position: tuple[int, int], ratio: float, worst: float, text: str, *, fails: bool
 ) -> None:
-    """One cell at (row, column); those that fail have a thick frame and a cross."""
-    row, column = place
+    """Draw one cell at (row, column); one that fails has a thick frame and a cross."""
+    row, column = position
     shade = _shade(ratio, worst)
     colour, ink = colormaps[_COLOURS](shade), "white" if shade > _DARK else BLACK
     axis.add_patch(
@@ -62,9 +62,9 @@ def draw_square(
         _cross(axis, (column + 0.98, row + 0.04), ink)
 
 
-def draw_empty(axis: Axes, place: tuple[int, int]) -> None:
-    """A cell without samples, hatched."""
-    axis.add_patch(_square(*place, facecolor="white", edgecolor="0.8", hatch="////"))
+def draw_empty(axis: Axes, position: tuple[int, int]) -> None:
+    """Draw a cell without samples, hatched."""
+    axis.add_patch(_square(*position, facecolor="white", edgecolor="0.8", hatch="////"))
 
 
 def label_squares(axis: Axes, rows: list[str], kinds: list[str]) -> None:
@@ -79,7 +79,7 @@ def label_squares(axis: Axes, rows: list[str], kinds: list[str]) -> None:
 def draw_colours(
     figure: Figure, axes: Any, worst: float, noise: float, units: UnitSystem, *, below: bool
 ) -> None:
-    """Colour bar beside the axes, or below them."""
+    """Draw the colour bar to the right of the axes, or below them."""
     shades = ScalarMappable(LogNorm(1.0, worst), colormaps[_COLOURS])
     if below:
         bar = figure.colorbar(shades, ax=axes, location="bottom", aspect=30, pad=0.02)
@@ -97,7 +97,7 @@ def draw_colours(
 
 
 def _shade(ratio: float, worst: float) -> float:
-    """Place on the colour scale, 0 to 1, even in the logarithm."""
+    """Return the position on the colour scale, 0 to 1, even in the logarithm."""
     return min(log(max(ratio, 1.0)) / log(worst), 1.0)
 
 

@@ -1,4 +1,4 @@
-"""The constants of all pads with their intervals, beside reference values."""
+"""Draw all pads' constants with their intervals and reference values."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from qlvbayes.fitting.constants_table import Entry, rounded
 from qlvbayes.plots.naming import parameter_label
 from qlvbayes.plots.style import DOUBLE, MM, colours, narrow, shortened, style
 
-_ROW, _PANEL, _FRAME = 7.5, 12.0, 14.0  # mm: a pad, what a panel has around, what a figure has
+_ROW, _PANEL, _FRAME = 7.5, 12.0, 14.0  # mm: a pad, a panel's margins, the figure's margins
 _COLUMNS, _COLUMNS_TIGHT = 4, 2
-_DOWN = 0.15  # of a row: so far its bar stands below its middle
+_DOWN = 0.15  # share of a row by which its bar is below its middle
 _NAME = 12  # characters of a pad's name
 
 
@@ -25,10 +25,23 @@ def plot_constants(
 ) -> list[Axes]:
     """Draw each constant of all pads: median, 90 % interval, and the reference where there is one.
 
-    The numbers stand above the bars. One panel a constant with an axis of its own, one row a pad.
-    entries: of ``constants_table``; constants of the noise are left out. Dots and bars are medians
-    and intervals, open diamonds references; ``reference`` says what they are. width: of the figure
-    (mm). Returns a panel a constant.
+    There is one panel for each constant, with an axis of its own, and one row for each pad. Dots
+    and bars are medians and intervals, open diamonds are references, and the numbers are written
+    above the bars.
+
+    Parameters
+    ----------
+    entries
+        The entries of ``constants_table``; constants of the noise are left out.
+    reference
+        What the references are, for the legend.
+    width
+        Width of the figure (mm).
+
+    Returns
+    -------
+    list of Axes
+        A panel for each constant.
     """
     shown = [entry for entry in entries if not entry.parameter.startswith("noise.")]
     pads = list(dict.fromkeys(entry.pad for entry in shown))

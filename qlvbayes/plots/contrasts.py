@@ -1,4 +1,4 @@
-"""How two pads, or two fluids, differ: ratios against what counts as equal."""
+"""Draw a comparison of two pads, or two fluids: ratios against what counts as equal."""
 
 from __future__ import annotations
 
@@ -25,25 +25,37 @@ from qlvbayes.plots.style import (
 )
 
 _ROW, _ROW_TIGHT, _FRAME = 4.6, 7.2, 34.0  # mm
-_BESIDE = 4.0, 62.0  # points right of the axes where the answer and the probability begin
-_FIRST = 8  # characters of the first's name above its answers
-_NUMBER = re.compile(r"(\d) ")  # before its unit
-_HALF_LINE = 0.2  # of a row: in one column answer and probability stand one below the other
+_TEXT_AT = 4.0, 62.0  # points right of the axes where the answer and the probability begin
+_FIRST = 8  # characters of the first pad's name above the answers
+_NUMBER = re.compile(r"(\d) ")  # a number before its unit
+_HALF_LINE = 0.2  # share of a row: in one column answer and probability are one below the other
 _NAME_TIGHT, _TITLE, _TITLE_TIGHT = 20, 100, 46  # characters a line
 _NOTE, _NOTE_TIGHT = 138, 60
 _FAR = 30.0  # largest ratio either way that is drawn; beyond, an arrow
-_LOOKS = {"greater": 1, "less": 1, "equal": 0, "cannot tell": 0}  # place in the palette
+_LOOKS = {"greater": 1, "less": 1, "equal": 0, "cannot tell": 0}  # index into the palette
 _TICKS = (0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0)
-_APART = 0.13  # of the axis, between two ticks that are labelled
+_APART = 0.13  # share of the axis between two ticks that are labelled
 
 
 def plot_contrasts(comparison: Comparison, *, width: float = DOUBLE) -> Axes:
     """Draw the ratio of every quantity, first over second, with its 90 % interval.
 
-    Quantities stand in groups; the shaded region holds the ratios that count as equal. Filled round
-    marks: equal; open round marks: cannot tell; triangles: greater (up) or less (down). Beside each
-    stand the answer and the probability that the first is greater. Quantities without a ratio,
-    which may be zero or change their sign, have none. width: of the figure (mm).
+    Quantities are in groups; the shaded region holds the ratios that count as equal. Filled round
+    marks mean equal, open round marks that the tests cannot tell, triangles greater (up) or less
+    (down). At the right of each row are the answer and the probability that the first is greater.
+    Quantities that may be zero or change their sign have no ratio.
+
+    Parameters
+    ----------
+    comparison
+        The comparison of two pads or fluids.
+    width
+        Width of the figure (mm).
+
+    Returns
+    -------
+    Axes
+        The axes.
     """
     tight = narrow(width)
     with style():
@@ -55,9 +67,9 @@ def plot_contrasts(comparison: Comparison, *, width: float = DOUBLE) -> Axes:
         edge = 1.0 + comparison.region
         axis.axvspan(1.0 / edge, edge, color="0.88", linewidth=0, zorder=0, gid="equal")
         axis.axvline(1.0, color="0.4", linewidth=0.6, zorder=0.5)
-        for place, row in enumerate(rows):
+        for position, row in enumerate(rows):
             if isinstance(row, Contrast):
-                _draw(axis, place, row, (low, high), tight)
+                _draw(axis, position, row, (low, high), tight)
         _scale(axis, low, high, comparison, tight)
         _label(axis, rows, shortened(comparison.names[0], _FIRST), tight)
         _words(figure, comparison, tight)
@@ -65,7 +77,7 @@ def plot_contrasts(comparison: Comparison, *, width: float = DOUBLE) -> Axes:
 
 
 def _rows(comparison: Comparison) -> list[Contrast | str]:
-    """Contrasts, with the name of each group before it where there are several."""
+    """Return the contrasts, with the name of each group before it where there are several."""
     groups = list(dict.fromkeys(c.group for c in comparison.contrasts))
     rows: list[Contrast | str] = []
     for group in groups:
@@ -84,32 +96,36 @@ def _limits(comparison: Comparison) -> tuple[float, float]:
 
 
 def _draw(
-    axis: Axes, place: int, contrast: Contrast, limits: tuple[float, float], tight: bool
+    axis: Axes, position: int, contrast: Contrast, limits: tuple[float, float], tight: bool
 ) -> None:
     colour = colours()[_LOOKS[contrast.answer]]
     lines = (-_HALF_LINE, _HALF_LINE) if tight else (0.0, 0.0)
-    points = (_BESIDE[0], _BESIDE[0]) if tight else _BESIDE
+    points = (_TEXT_AT[0], _TEXT_AT[0]) if tight else _TEXT_AT
     sure = contrast.answer != "cannot tell"
-    _beside(axis, contrast.answer, place + lines[0], points[0], bold=sure)
-    _beside(axis, _share(contrast.direction), place + lines[1], points[1])
+    _write_right(axis, contrast.answer, position + lines[0], points[0], bold=sure)
+    _write_right(axis, _share(contrast.direction), position + lines[1], points[1])
     ratio = contrast.ratio
     if ratio is None:
-        place_at = axis.get_yaxis_transform()
-        axis.text(0.01, place, "no ratio", color="0.4", va="center", transform=place_at)
+        transform = axis.get_yaxis_transform()
+        axis.text(0.01, position, "no ratio", color="0.4", va="center", transform=transform)
         return
-    axis.plot([ratio.low, ratio.high], [place, place], color=colour, linewidth=1.4, gid="interval")
+    axis.plot(
+        [ratio.low, ratio.high], [position, position], color=colour, linewidth=1.4, gid="interval"
+    )
     sign = {"greater": "^", "less": "v"}.get(contrast.answer, MARKERS[0])
     hollow = contrast.answer == "cannot tell"
     middle = float(np.clip(ratio.median, *limits))
     axis.plot(
-        middle, place, sign, color=colour, markersize=4.5,
+        middle, position, sign, color=colour, markersize=4.5,
         markerfacecolor="white" if hollow else colour, gid="median",
     )  # fmt: skip
 
 
-def _beside(axis: Axes, text: str, place: float, points: float, *, bold: bool = False) -> None:
+def _write_right(
+    axis: Axes, text: str, position: float, points: float, *, bold: bool = False
+) -> None:
     axis.annotate(
-        text, (1.0, place), xycoords=axis.get_yaxis_transform(), xytext=(points, 0.0),
+        text, (1.0, position), xycoords=axis.get_yaxis_transform(), xytext=(points, 0.0),
         textcoords="offset points", va="center", annotation_clip=False,
         weight="bold" if bold else "normal",
     )  # fmt: skip
@@ -134,7 +150,7 @@ def _scale(axis: Axes, low: float, high: float, comparison: Comparison, tight: b
 
 
 def _ticks(low: float, high: float, spread: float) -> list[float]:
-    """1, and from there outward what is far enough from the last."""
+    """Return 1, and further ticks outward that are far enough from the one before."""
     span = np.log(high / low)
     least = spread * _APART * span
     kept = [1.0]
@@ -158,7 +174,7 @@ def _label(axis: Axes, rows: Sequence[Contrast | str], first: str, tight: bool) 
     axis.tick_params(axis="y", length=0)
     axis.spines["left"].set_visible(False)
     heads = (f"{first} is,\nP(greater)",) if tight else (f"{first} is", "P(greater)")
-    for text, points in zip(heads, _BESIDE, strict=False):
+    for text, points in zip(heads, _TEXT_AT, strict=False):
         axis.annotate(
             text, (1.0, 1.0), xycoords="axes fraction", xytext=(points, 2.0),
             textcoords="offset points", va="bottom", annotation_clip=False, color=BLACK,

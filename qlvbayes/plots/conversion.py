@@ -1,4 +1,4 @@
-"""What was read from machine files: displacement, force, and where they touch."""
+"""Draw a conversion of machine files: displacement, force, and first contact."""
 
 from __future__ import annotations
 
@@ -12,18 +12,29 @@ from qlvbayes.io.formats.conversion import Conversion, Tidied
 from qlvbayes.plots.style import BLACK, DOUBLE, MM, colours, narrow, quantity, shortened, style
 
 _PANEL = 36.0  # mm, height of a row of panels
-_FRAME = 10.0  # mm, above them
+_FRAME = 10.0  # mm, above the panels
 _MOST = 8  # tests that are drawn; the others are counted in the title
-_SHOWN = 3000  # samples of a curve; more cannot be seen
-_NEAR = 0.3  # of the peak force, up to which the rise at contact is shown
-_WIDE = 1.645  # standard errors to either side of 90 %
+_SHOWN = 3000  # samples of a curve; more are not visible
+_NEAR = 0.3  # share of the peak force up to which the rise at contact is shown
+_WIDE = 1.645  # standard errors on either side that hold 90 %
 
 
 def plot_conversion(conversion: Conversion, *, width: float = DOUBLE) -> list[Axes]:
     """Draw displacement and force against time, and the force's rise at contact, test by test.
 
-    A band shows first contact with its 90 % interval, where there is an approach. width: of the
-    figure (mm).
+    A band shows first contact with its 90 % interval, where there is an approach.
+
+    Parameters
+    ----------
+    conversion
+        The conversion of machine files.
+    width
+        Width of the figure (mm).
+
+    Returns
+    -------
+    list of Axes
+        The panels, three for each test.
     """
     tests = conversion.tests[:_MOST]
     tight = narrow(width)
@@ -59,9 +70,9 @@ def _draw(axes: Sequence[Axes], test: Tidied) -> None:
     rise.axvline(0.0, color=BLACK, linewidth=0.5, gid="zero")
     rise.set(xlabel=way, ylabel=load)
     if test.contact is not None:
-        place = test.contact.place - test.zero
+        contact = test.contact.place - test.zero
         half = _WIDE * test.contact.sd
         rise.axvspan(
-            place - half, place + half, color=first, alpha=0.25, linewidth=0, gid="contact"
+            contact - half, contact + half, color=first, alpha=0.25, linewidth=0, gid="contact"
         )
         rise.set_title("first contact, with its 90 % interval", loc="left")

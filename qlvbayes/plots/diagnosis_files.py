@@ -1,4 +1,4 @@
-"""The four figures of a diagnosis, on disk."""
+"""Write the four figures of a diagnosis."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from qlvbayes.plots.forces_before_after import plot_forces_before_after
 from qlvbayes.plots.residuals_before_after import plot_residuals_before_after
 
 FIGURES: dict[str, Callable[[Diagnosis], Axes | Sequence[Axes]]] = {
-    "residuals_before_after": lambda found: plot_residuals_before_after(found.result),
+    "residuals_before_after": lambda diagnosis: plot_residuals_before_after(diagnosis.result),
     "forces_before_after": plot_forces_before_after,
-    "evidence": lambda found: plot_evidence(found.result),
-    "error_staircase": lambda found: plot_error_staircase(found.result),
+    "evidence": lambda diagnosis: plot_evidence(diagnosis.result),
+    "error_staircase": lambda diagnosis: plot_error_staircase(diagnosis.result),
 }
 
 
 def save_diagnosis_figures(diagnosis: Diagnosis, folder: Path) -> list[Path]:
-    """Write every figure into a folder, as PDF and PNG; return the images.
+    """Write every figure into a folder, as PDF and PNG, and return the paths of the images.
 
-    Raises OSError where nothing can be written.
+    An OSError is raised where nothing can be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
     return [save_figure(plot(diagnosis), folder / name) for name, plot in FIGURES.items()]

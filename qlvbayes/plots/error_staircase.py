@@ -1,4 +1,4 @@
-"""How the error falls toward the noise floor as effects are added."""
+"""Draw how the error falls toward the noise floor as effects are added."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from qlvbayes.io.units import UnitSystem
 from qlvbayes.plots.naming import broken, heading, three
 from qlvbayes.plots.style import BLACK, DOUBLE, MM, colours, narrow, quantity, style, title_look
 
-_HEIGHT, _HEIGHT_TIGHT, _UPRIGHT = 76.0, 92.0, 28.0  # mm; more for names that stand upright
+_HEIGHT, _HEIGHT_TIGHT, _UPRIGHT = 76.0, 92.0, 28.0  # mm; the last is added for upright names
 _NAME, _NAME_TIGHT = 18, 10  # characters a line, of an effect's name
-_LEVEL = 3  # steps in one column whose names lie level
+_LEVEL = 3  # most steps in one column whose names are written horizontally
 _UNBROKEN = 100  # characters a line, more than any name has
 _NOTE, _NOTE_TIGHT = 140, 60  # characters a line
-_FAR = 6.0  # highest over lowest, from where on the axis is logarithmic
-_DECADES = 50.0  # highest over lowest, below which 2 and 5 have ticks too
+_FAR = 6.0  # ratio of highest to lowest beyond which the axis is logarithmic
+_DECADES = 50.0  # ratio of highest to lowest below which 2 and 5 have ticks too
 _RISE = (
     "An effect is added where the evidence rises, which weighs readings by their noise; "
     "RMSE does not."
@@ -31,9 +31,21 @@ _RISE = (
 def plot_error_staircase(diagnosis: DiagnosisResult, *, width: float = DOUBLE) -> Axes:
     """Draw the root mean square error of all samples after each step of the search.
 
-    Filled dots and full lines: all tests fitted together; open squares and dashes: each test
-    predicted from the others. The horizontal line is the noise measured without a model. Below
-    each step stands what it added and what it made useless. width: of the figure (mm).
+    Filled dots and full lines are all tests fitted together; open squares and dashes are each test
+    predicted from the others. The horizontal line is the noise measured without a model. Below each
+    step is written what it added and what it removed.
+
+    Parameters
+    ----------
+    diagnosis
+        The result of the diagnosis.
+    width
+        Width of the figure (mm).
+
+    Returns
+    -------
+    Axes
+        The axes.
     """
     units, tight = diagnosis.units, narrow(width)
     with style():
@@ -46,7 +58,7 @@ def plot_error_staircase(diagnosis: DiagnosisResult, *, width: float = DOUBLE) -
         _limits(axis, np.concatenate([fitted, heldout[np.isfinite(heldout)], [diagnosis.noise]]))
         inks = colours()
         _stairs(axis, fitted, inks[0], "-", "o", "all tests fitted")
-        if np.isfinite(heldout).all():  # one test is not predicted by others
+        if np.isfinite(heldout).all():  # a single test cannot be predicted from others
             _stairs(axis, heldout, inks[1], "--", "s", "each test predicted from the others")
         _numbers(axis, fitted, heldout)
         _floor(axis, diagnosis.noise, units, tight=tight)
@@ -74,7 +86,7 @@ def _limits(axis: Axes, values: np.ndarray) -> None:
 def _stairs(
     axis: Axes, values: np.ndarray, colour: str, line: str, marker: str, label: str
 ) -> None:
-    """Treads with a marker each, joined by risers."""
+    """Draw treads with a marker each, joined by risers."""
     edges = np.arange(values.size + 1) - 0.5
     axis.stairs(values, edges, baseline=None, color=colour, linestyle=line, linewidth=0.9)
     axis.plot(
@@ -90,7 +102,7 @@ def _stairs(
 
 
 def _numbers(axis: Axes, fitted: np.ndarray, heldout: np.ndarray) -> None:
-    """The larger value above its marker, the smaller below."""
+    """Write the larger value above its marker, the smaller below."""
     inks = colours()
     for k, (own, other) in enumerate(zip(fitted, heldout, strict=True)):
         for value, colour, up in (
@@ -112,7 +124,7 @@ def _numbers(axis: Axes, fitted: np.ndarray, heldout: np.ndarray) -> None:
 
 
 def _floor(axis: Axes, noise: float, units: UnitSystem, *, tight: bool) -> None:
-    """A line, named at its end, in one column in the legend."""
+    """Draw the noise floor as a line, named at its end, in one column in the legend."""
     line = axis.axhline(noise, color=BLACK, linewidth=0.8, linestyle=":", zorder=1)
     if tight:
         line.set_label(f"noise floor, {three(noise)} {units.force}")
@@ -155,7 +167,7 @@ def _legend(figure: Figure, axis: Axes, diagnosis: DiagnosisResult, *, tight: bo
 
 
 def _change(before: Stage, after: Stage, most: int) -> str:
-    """'+ friction', '− viscous_drag', 'hertz' where a law is another one."""
+    """Return what a step changed: '+ friction', '− viscous_drag', or the name of another law."""
     added = [name for name in after.effects if name not in before.effects]
     dropped = [name for name in before.effects if name not in after.effects]
     lines = [f"+ {broken(name, most)}" for name in added]

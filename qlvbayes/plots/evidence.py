@@ -1,4 +1,4 @@
-"""What the evidence says of every effect."""
+"""Draw the evidence for every effect."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from qlvbayes.plots.style import (
     title_look,
 )
 
-_ROW, _FRAME = 4.8, 40.0  # mm, a bar and what is around them
+_ROW, _FRAME = 4.8, 40.0  # mm, a bar and the margins
 _LINEAR = 10.0  # the axis is linear up to here and logarithmic beyond
 _MUCH = 30.0  # largest value that is drawn on a linear axis
 _ODDS = 3.0  # log Bayes factor, "strong" in Kass & Raftery 1995, doi:10.1080/01621459.1995.10476572
-_BESIDE = (36.0, 82.0)  # points right of the axes where the two columns of text end
+_TEXT_END = (36.0, 82.0)  # points right of the axes where the two columns of text end
 _NOTE, _NOTE_TIGHT = 125, 56  # characters a line
 _TIGHT_FRAME = 24.0  # mm, of labels and legend in one column
-_LOOKS: dict[str, dict[str, Any]] = {  # colours by their place in the palette, greys as they are
+_LOOKS: dict[str, dict[str, Any]] = {  # colours by their index in the palette, greys by value
     "named in the verdict": {"facecolor": 0, "edgecolor": 0},
     "explains these tests as well": {
         "facecolor": 5,
@@ -47,13 +47,25 @@ _NAMED, _GROUP, _TRIED, _OTHER = _LOOKS
 
 
 def plot_evidence(diagnosis: DiagnosisResult, *, width: float = DOUBLE) -> Axes:
-    """Draw each effect's log Bayes factor for being in the model, the likeliest on top.
+    """Draw each effect's log Bayes factor for being in the model, the most probable on top.
 
-    Over all base laws and all companions. The number and the probability stand beside the bar;
-    ``none`` is that no effect is. Effects named in the verdict are dark blue, others that explain
-    the tests as well are light blue with a frame. A cross marks an effect that was refused because
-    it imitates something else or left-out tests are predicted worse with it. width: of the figure
-    (mm).
+    The factor is taken over all base laws and all other effects. The number and the probability are
+    written to the right of the bar; ``none`` means that no effect is in the model. Effects named in
+    the verdict are dark blue, and others that explain the tests as well are light blue with a
+    frame. A cross marks an effect that was refused because it imitates something else or left-out
+    tests are predicted worse with it.
+
+    Parameters
+    ----------
+    diagnosis
+        The result of the diagnosis.
+    width
+        Width of the figure (mm).
+
+    Returns
+    -------
+    Axes
+        The axes.
     """
     tight = narrow(width)
     with style():
@@ -71,7 +83,7 @@ def plot_evidence(diagnosis: DiagnosisResult, *, width: float = DOUBLE) -> Axes:
 
 
 def _look_of(name: str) -> dict[str, Any]:
-    """Face, edge and hatch of a kind of bar, with the colours in use."""
+    """Return face, edge and hatch of a kind of bar, with the colours in use."""
     palette = colours()
     return {
         key: palette[value] if isinstance(value, int) else value
@@ -91,18 +103,18 @@ def _bar(axis: Axes, row: int, ranked: Ranked, look: str) -> None:
     value = ranked.log_bayes_factor
     axis.barh(row, value or 0.0, height=0.7, gid=look, **_look_of(look))
     number = "n/a" if value is None else f"{value:.1f}".replace("-0.0", "0.0").replace("-", "−")
-    for text, points in zip((number, _share(ranked.inclusion)), _BESIDE, strict=True):
-        _beside(axis, text, row, points, axis.get_yaxis_transform(), va="center")
+    for text, points in zip((number, _share(ranked.inclusion)), _TEXT_END, strict=True):
+        _write_right(axis, text, row, points, axis.get_yaxis_transform(), va="center")
 
 
-def _beside(
-    axis: Axes, text: str, row: float, points: float, place: Transform, **look: Any
+def _write_right(
+    axis: Axes, text: str, row: float, points: float, coordinates: Transform, **look: Any
 ) -> None:
-    """Text that ends so many points right of the axes."""
+    """Write text that ends at this many points right of the axes."""
     axis.annotate(
         text,
         (1.0, row),
-        xycoords=place,
+        xycoords=coordinates,
         xytext=(points, 0.0),
         textcoords="offset points",
         ha="right",
@@ -119,9 +131,9 @@ def _share(probability: float) -> str:
 
 
 def _scale(axis: Axes, values: list[float], tight: bool) -> None:
-    """Linear; beyond 10 logarithmic, where values are so large that small ones would vanish.
+    """Scale the axis: linear, or logarithmic beyond 10 where small values would vanish.
 
-    No values where nothing but the plain model was seen.
+    There are no values where only the baseline model was visited.
     """
     low, high = min(values, default=0.0), max(values, default=0.0)
     gap = "\n" if tight else " "
@@ -156,8 +168,8 @@ def _label(axis: Axes, diagnosis: DiagnosisResult, ranking: tuple[Ranked, ...]) 
     axis.spines["left"].set_visible(False)
     axis.axvline(0.0, color=BLACK, linewidth=0.6)
     axis.axvline(_ODDS, color="0.4", linewidth=0.6, linestyle=":")
-    for text, points in zip(("log BF", "probability"), _BESIDE, strict=True):
-        _beside(axis, text, 1.0, points, axis.transAxes, va="bottom")
+    for text, points in zip(("log BF", "probability"), _TEXT_END, strict=True):
+        _write_right(axis, text, 1.0, points, axis.transAxes, va="bottom")
     axis.annotate(
         "strong",
         (_ODDS, 1.0),
@@ -175,7 +187,7 @@ def _name(ranked: Ranked, refused: set[str]) -> str:
 
 
 def _refused(diagnosis: DiagnosisResult) -> set[str]:
-    return {one.effect for one in diagnosis.refused}
+    return {refusal.effect for refusal in diagnosis.refused}
 
 
 def _legend(figure: Figure, diagnosis: DiagnosisResult, tight: bool) -> None:

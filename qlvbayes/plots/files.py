@@ -1,4 +1,4 @@
-"""Figures on disk: whole or not at all, the same bytes for the same figure."""
+"""Write figures to disk: whole or not at all, the same bytes for the same figure."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from qlvbayes.plots.style import style
 
-# Neither date nor program, so that a run repeated gives the same file.
+# Neither date nor program, so that a repeated run gives the same file.
 _METADATA: dict[str, dict[str, Any]] = {
     "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
     "png": {"Software": None},
@@ -24,7 +24,18 @@ _NO_ENGINE: Any = {"figure.autolayout": False, "figure.constrained_layout.use": 
 
 
 def figure_of(drawn: Axes | Sequence[Axes] | Figure) -> Figure:
-    """The figure that some axes stand in."""
+    """Return the figure that contains some axes.
+
+    Parameters
+    ----------
+    drawn
+        What a function of this package returned, or a figure.
+
+    Returns
+    -------
+    Figure
+        The figure.
+    """
     if isinstance(drawn, Figure):
         return drawn
     first = drawn if isinstance(drawn, Axes) else drawn[0]
@@ -36,14 +47,32 @@ def figure_of(drawn: Axes | Sequence[Axes] | Figure) -> Figure:
 def save_figure(
     drawn: Axes | Sequence[Axes] | Figure, path: Path, kinds: Sequence[str] = tuple(_METADATA)
 ) -> Path:
-    """Write ``path``.pdf (fonts embedded) and ``path``.png (200 dpi); return the latter.
+    """Write ``path``.pdf (fonts embedded) and ``path``.png (200 dpi).
 
-    drawn: what a function of this package returned, or a figure; kinds: of file, both by default.
-    Each goes to a temporary name that is then renamed. Raises OSError where nothing can be written.
+    Each file is written under a temporary name that is then changed.
+
+    Parameters
+    ----------
+    drawn
+        What a function of this package returned, or a figure.
+    path
+        The path without the suffix.
+    kinds
+        The kinds of file, both by default.
+
+    Returns
+    -------
+    Path
+        The path of the PNG file.
+
+    Raises
+    ------
+    OSError
+        Nothing can be written.
     """
     figure = figure_of(drawn)
     with style(), warnings.catch_warnings(), _laid_out(figure):
-        warnings.filterwarnings("ignore", "Glyph .* missing")  # it is drawn as a box
+        warnings.filterwarnings("ignore", "Glyph .* missing")  # a missing glyph is drawn as a box
         for suffix in kinds:
             _write(figure, path, suffix)
     return path.with_name(f"{path.name}.png")
@@ -51,9 +80,9 @@ def save_figure(
 
 @contextmanager
 def _laid_out(figure: Figure) -> Iterator[None]:
-    """Lay the figure out once, not once for each file: that takes longer than the drawing.
+    """Lay the figure out once, not for each file, which takes longer than the drawing.
 
-    No engine is left, not even that which stands for none: with one, ``savefig`` draws twice.
+    No layout engine is left, not even the placeholder: with one, ``savefig`` draws twice.
     """
     engine = figure.get_layout_engine()
     if engine is not None:

@@ -1,4 +1,4 @@
-"""Force against time, test by test and phase by phase: measured and predicted."""
+"""Draw force against time, test by test and phase by phase: measured and predicted."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from matplotlib.ticker import MaxNLocator
 from qlvbayes.fitting.prediction import Prediction
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.plots.leftout import LABEL, mark_left_out
-from qlvbayes.plots.panels import leaders, lines_of, name_row, place_panels
+from qlvbayes.plots.panels import lay_out_panels, leaders, lines_of, name_row
 from qlvbayes.plots.stretches import (
     DWELLS,
     WHOLE,
-    Stretch,
+    PhaseSamples,
     by_rate,
     columns,
     divide,
     finish_time,
     number_repeats,
-    place,
+    panel_samples,
     same_times,
 )
 from qlvbayes.plots.style import (
@@ -39,26 +39,39 @@ from qlvbayes.plots.style import (
 
 _ROW, _FRAME = 33.0, 14.0  # mm, a row of panels and the legend
 _NAME, _NAME_TIGHT = 40, 20  # characters of a test's name
-_SECOND_LINE = 3.5  # mm, of labels and of the legend in one column
+_SECOND_LINE = 3.5  # mm, second line of labels and of the legend in one column
 
 
 def plot_forces(
     predictions: Sequence[Prediction], units: UnitSystem, *, width: float = DOUBLE
 ) -> list[Axes]:
-    """Draw what was measured in every test against what the posterior predicts.
+    """Draw the measured force of every test against what the posterior predicts.
 
-    One row a test, slowest first, named with its loading rate and whether it was fitted or
-    predicted; one column a kind of phase. Ramps and unloads run in linear time since they began,
-    holds and recoveries in logarithmic time, so that milliseconds and half a minute are both seen.
-    Dots are measured samples, the line is the model's posterior mean, the band holds 90 % of
-    predicted samples: with what the fit says that the model misses, so that it may lie beside the
-    line. Grey crosses are readings that were left out. The panels of a row share their force axis.
+    There is one row for each test, slowest first, named with its loading rate and whether it was
+    fitted or predicted, and one column for each kind of phase. Ramps and unloads are in linear time
+    since they began, holds and recoveries in logarithmic time, so that milliseconds and half a
+    minute are both visible. Dots are measured samples, the line is the model's posterior mean, and
+    the band holds 90 % of predicted samples. The band includes the fitted discrepancy, so that it
+    may lie off the line. Grey crosses are readings that were left out. The panels of a row share
+    their force axis.
 
-    Where phases of a kind repeat, as in a staircase, a first wide panel shows the whole test, and
-    the repeats lie over each other, numbered, in the colour that they have in the whole test. A
-    dwell before the first ramp is shown with that ramp, up to a tenth of its length.
+    Where phases of a kind repeat, as in a staircase, a first wide panel shows the whole test. The
+    repeats lie over each other, numbered, in the colour that they have in the whole test. A dwell
+    before the first ramp is shown with that ramp, up to a tenth of its length.
 
-    width: of the figure (mm). Returns the panels, row by row.
+    Parameters
+    ----------
+    predictions
+        The predictions of the tests.
+    units
+        The units of displacement and force.
+    width
+        Width of the figure (mm).
+
+    Returns
+    -------
+    list of Axes
+        The panels, row by row.
     """
     tight = narrow(width)
     with style():
@@ -68,7 +81,7 @@ def plot_forces(
         row = (_ROW + tight * _SECOND_LINE) * lines_of(names, tight)
         height = _FRAME + tight * _SECOND_LINE + row * len(shown)
         figure = Figure((width * MM, height * MM), layout="constrained")
-        axes = place_panels(figure, len(shown), names, [1.0], tight=tight)[:, 0]
+        axes = lay_out_panels(figure, len(shown), names, [1.0], tight=tight)[:, 0]
         for panels, prediction, stretches in zip(axes, shown, parts, strict=True):
             for axis, column in zip(panels, names, strict=True):
                 _draw(axis, column, prediction, stretches, tight=tight)
@@ -82,9 +95,14 @@ def plot_forces(
 
 
 def _draw(
-    axis: Axes, column: str, prediction: Prediction, stretches: Sequence[Stretch], *, tight: bool
+    axis: Axes,
+    column: str,
+    prediction: Prediction,
+    stretches: Sequence[PhaseSamples],
+    *,
+    tight: bool,
 ) -> None:
-    shown, palette = place(column, prediction.time, stretches), colours()
+    shown, palette = panel_samples(column, prediction.time, stretches), colours()
     for placed in shown:
         colour = palette[placed.stretch.number % len(palette)]
         _lines(axis, placed.time, prediction, placed.rows, colour)
@@ -114,7 +132,7 @@ def _lines(
 
 
 def _label_row(row: np.ndarray, prediction: Prediction, units: UnitSystem, *, tight: bool) -> None:
-    """Left above the row: test, rate, and fitted (bold) or predicted."""
+    """Write test, rate, and fitted (bold) or predicted above the row, at the left."""
     trial = prediction.trial
     fitted = trial.role == "fit"
     speed = [rated(trial.rate, units.speed)] if np.isfinite(trial.rate) else []
@@ -141,9 +159,9 @@ def _finish(figure: Figure, axes: np.ndarray, names: Sequence[str], left: range)
 
 def _legend(figure: Figure, axes: np.ndarray, *, tight: bool) -> None:
     used = next(axis for axis in axes.flat if axis.lines)
-    found = list(zip(*used.get_legend_handles_labels(), strict=True))[:3]
+    entries = list(zip(*used.get_legend_handles_labels(), strict=True))[:3]
     crosses = (line for axis in axes.flat for line in axis.lines if line.get_label() == LABEL)
-    found += [(line, LABEL) for line in list(crosses)[:1]]
-    handles, labels = zip(*found, strict=True)
-    columns = 2 if tight else len(found)
+    entries += [(line, LABEL) for line in list(crosses)[:1]]
+    handles, labels = zip(*entries, strict=True)
+    columns = 2 if tight else len(entries)
     figure.legend(handles, labels, loc="outside upper center", ncols=columns, markerscale=2.0)

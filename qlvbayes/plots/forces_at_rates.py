@@ -1,4 +1,4 @@
-"""Force against time at a few loading rates, pads side by side."""
+"""Draw force against time at a few loading rates, for several pads."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ from qlvbayes.plots.style import (
 from qlvbayes.plots.timeline import decades, logarithmic, since_contact
 
 RATES = (0.1, 1.0, 30.0)  # mm/s, the paper's Fig. 5
-_PANEL, _FRAME, _LINE = 46.0, 12.0, 4.2  # mm: a panel, what is around them, a line of the legend
-_SAME = 0.02  # of a rate: pads whose rates differ by less share its label
+_PANEL, _FRAME, _LINE = 46.0, 12.0, 4.2  # mm: a panel, the margins, a line of the legend
+_SAME = 0.02  # relative difference of rates below which pads share a label
 
 
 def plot_forces_at_rates(
@@ -43,18 +43,33 @@ def plot_forces_at_rates(
 ) -> list[Axes]:
     """Draw measured and predicted force of each pad's tests nearest to some loading rates.
 
-    predictions: those of each pad, by its name; rates: in the unit of speed, nearest in the
-    logarithm, by default what is 0.1, 1 and 30 mm/s (of specimens in strain: the slowest, the
-    middle and the fastest of the first).
-    Marks are measured samples, lines the posterior mean, bands hold 90 % of predicted
-    samples. Time runs since the first movement, in logarithmic time (upper panels; left in one
-    column) and in linear time; where the rates do not span a decade in linear time alone. All
-    panels share their force axis. width: of the figure (mm). Returns the panels, pad by pad.
+    Marks are measured samples, lines the posterior mean, and bands hold 90 % of predicted samples.
+    Time runs since the first movement, in logarithmic time (upper panels; left in one column) and
+    in linear time; where the rates do not span a decade, in linear time alone. All panels share
+    their force axis.
+
+    Parameters
+    ----------
+    predictions
+        The predictions of each pad, by its name.
+    units
+        The units of displacement and force.
+    rates
+        Loading rates in the unit of speed; the nearest in the logarithm are drawn. By default they
+        are 0.1, 1 and 30 mm/s, or for specimens in strain the slowest, the middle and the fastest
+        of the first.
+    width
+        Width of the figure (mm).
+
+    Returns
+    -------
+    list of Axes
+        The panels, pad by pad.
     """
     tight = narrow(width)
-    asked = rates or _usual_rates(units, next(iter(predictions.values())))
-    chosen = {name: _nearest(found, asked) for name, found in predictions.items()}
-    trials = [p.trial for found in chosen.values() for p in found]
+    asked = rates or _default_rates(units, next(iter(predictions.values())))
+    chosen = {name: _nearest(nearby, asked) for name, nearby in predictions.items()}
+    trials = [p.trial for nearby in chosen.values() for p in nearby]
     scales = ["log", "linear"] if decades(trials) else ["linear"]
     with style():
         shape = (len(chosen), len(scales)) if tight else (len(scales), len(chosen))
@@ -64,10 +79,10 @@ def plot_forces_at_rates(
         )
         axes = figure.subplots(*shape, sharey=True, squeeze=False)
         by_pad = axes if tight else axes.T
-        for (name, found), row in zip(chosen.items(), by_pad, strict=True):
+        for (name, nearby), row in zip(chosen.items(), by_pad, strict=True):
             row[0].set_title(f"pad {shortened(name, 24)}", loc="left", weight="bold")
             for axis, scale in zip(row, scales, strict=True):
-                _draw(axis, found)
+                _draw(axis, nearby)
                 if scale == "log":
                     logarithmic(axis, trials, numbers=3 if tight else 6)
         _label(axes, units, tight=tight)
@@ -75,28 +90,28 @@ def plot_forces_at_rates(
     return list(by_pad.flat)
 
 
-def _usual_rates(units: UnitSystem, found: Sequence[Prediction]) -> tuple[float, ...]:
+def _default_rates(units: UnitSystem, predictions: Sequence[Prediction]) -> tuple[float, ...]:
     if not units.dimensionless:
         return tuple(rate * units.mm_per_s for rate in RATES)
-    rates = sorted(p.trial.rate for p in found if np.isfinite(p.trial.rate))
+    rates = sorted(p.trial.rate for p in predictions if np.isfinite(p.trial.rate))
     return (rates[0], rates[len(rates) // 2], rates[-1]) if rates else ()
 
 
-def _nearest(found: Sequence[Prediction], rates: Sequence[float]) -> list[Prediction]:
-    """The test nearest to each rate, each once, slowest first; all where none has a rate."""
-    rated_ones = [p for p in found if np.isfinite(p.trial.rate)]
+def _nearest(predictions: Sequence[Prediction], rates: Sequence[float]) -> list[Prediction]:
+    """Return the test nearest to each rate, each once, slowest first; all where none has a rate."""
+    rated_ones = [p for p in predictions if np.isfinite(p.trial.rate)]
     picked = {
         min(range(len(rated_ones)), key=lambda k: abs(np.log(rated_ones[k].trial.rate / rate)))
         for rate in rates
         if rated_ones
     }
     nearest = sorted((rated_ones[k] for k in picked), key=lambda p: p.trial.rate)
-    return nearest or list(found)
+    return nearest or list(predictions)
 
 
-def _draw(axis: Axes, found: Sequence[Prediction]) -> None:
+def _draw(axis: Axes, predictions: Sequence[Prediction]) -> None:
     palette = colours()
-    for k, prediction in enumerate(found):
+    for k, prediction in enumerate(predictions):
         colour, mark = palette[k % len(palette)], MARKERS[k % len(MARKERS)]
         time = since_contact(prediction.trial, prediction.time)
         axis.fill_between(
@@ -124,7 +139,7 @@ def _legend(
     handles: list[Any] = []
     labels = []
     for k in range(max(map(len, chosen))):
-        rates = [found[k].trial.rate for found in chosen if len(found) > k]
+        rates = [predictions[k].trial.rate for predictions in chosen if len(predictions) > k]
         look: dict[str, Any] = {
             "color": palette[k % len(palette)],
             "marker": MARKERS[k % len(MARKERS)],

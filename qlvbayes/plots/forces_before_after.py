@@ -1,4 +1,4 @@
-"""Force against time, measured and by two models, each over what the models leave of it."""
+"""Draw force against time, measured and by two models, with the models' residuals."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from qlvbayes.diagnosis.telling.verdict import Diagnosis
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.plots.leftout import LABEL, mark_left_out
 from qlvbayes.plots.naming import heading, model_lines, model_name
-from qlvbayes.plots.panels import leaders, lines_of, name_row, place_panels
+from qlvbayes.plots.panels import lay_out_panels, leaders, lines_of, name_row
 from qlvbayes.plots.stretches import (
     DWELLS,
     WHOLE,
-    Placed,
-    Stretch,
+    PanelSamples,
+    PhaseSamples,
     by_rate,
     columns,
     divide,
     finish_time,
     number_repeats,
-    place,
+    panel_samples,
     same_times,
 )
 from qlvbayes.plots.style import (
@@ -46,28 +46,41 @@ from qlvbayes.plots.style import (
     title_look,
 )
 
-_FRAME = 26.0  # mm, title, legend and key
+_FRAME = 26.0  # mm: title, legend and key
 _ROW = 40.0  # mm, a test
-_SECOND_LINES = 4.0, 16.0  # mm, of a row's labels and of the legend in one column
-_PLAIN, _FINAL = 4, 0  # of the colours: light and dark, for readers of a grey copy
+_SECOND_LINES = 4.0, 16.0  # mm, second lines of a row's labels and of the legend in one column
+_BASELINE, _FINAL = 4, 0  # indices of a light and a dark colour, which differ in grey too
 _NAME, _NAME_TIGHT = 40, 24  # characters of a test's name
 _GAP = 0.6  # mm, around every panel
 _LABEL, _LABEL_TIGHT = 50, 18  # characters a line, of a model in the legend
-_90 = float(ndtri(0.95))  # sds, half of the width that holds 90 %
+_90 = float(ndtri(0.95))  # sds on either side that hold 90 %
 
 
 def plot_forces_before_after(
     diagnosis: Diagnosis, shown: Sequence[Curve] | None = None, *, width: float = DOUBLE
 ) -> list[Axes]:
-    """Draw every test's force as measured, by the plain and by the last model.
+    """Draw every test's force as measured, by the baseline model and by the last model.
 
-    One row a test, slowest first; one column a kind of phase, dwells in logarithmic time. Lines are
-    the models at their best constants, bands hold 90 % of readings. The lower strip shows measured
-    minus predicted; its grey band holds 90 % of the noise measured without a model. Where phases
-    of a kind repeat, a first panel shows the whole test, and the repeats lie over each other. Grey
-    crosses are readings that were left out.
-    Where no effect was added there is one model. ``shown``: curves already computed; width: of the
-    figure (mm). Returns the panels, row by row.
+    There is one row for each test, slowest first, and one column for each kind of phase, dwells in
+    logarithmic time. Lines are the models at their best constants, and bands hold 90 % of readings.
+    The lower strip shows measured minus predicted; its grey band holds 90 % of the noise measured
+    without a model. Where phases of a kind repeat, a first panel shows the whole test, and the
+    repeats lie over each other. Grey crosses are readings that were left out. Where no effect was
+    added there is one model.
+
+    Parameters
+    ----------
+    diagnosis
+        The diagnosis.
+    shown
+        Curves that were computed already.
+    width
+        Width of the figure (mm).
+
+    Returns
+    -------
+    list of Axes
+        The panels, row by row.
     """
     shown = sorted(shown or curves(diagnosis), key=lambda curve: by_rate(curve.trial.rate))
     units, tight = diagnosis.result.units, narrow(width)
@@ -87,19 +100,25 @@ def plot_forces_before_after(
 
 
 def _panels(count: int, names: Sequence[str], width: float) -> tuple[Figure, np.ndarray]:
-    """Axes (test, force or strip, column), strips under their forces."""
+    """Return axes (test, force or strip, column), strips below their forces."""
     tight = narrow(width)
     row, frame = (tight * extra for extra in _SECOND_LINES)
     height = _FRAME + frame + (_ROW + row) * lines_of(names, tight) * count
     layout = ConstrainedLayoutEngine(h_pad=_GAP * MM, hspace=0.0)
     figure = Figure((width * MM, height * MM), layout=layout)
-    return figure, place_panels(figure, count, names, [1.5, 1.0], tight=tight)
+    return figure, lay_out_panels(figure, count, names, [1.5, 1.0], tight=tight)
 
 
 def _draw(
-    upper: Axes, lower: Axes, name: str, curve: Curve, stretches: Sequence[Stretch], *, tight: bool
+    upper: Axes,
+    lower: Axes,
+    name: str,
+    curve: Curve,
+    stretches: Sequence[PhaseSamples],
+    *,
+    tight: bool,
 ) -> None:
-    shown = place(name, curve.time, stretches)
+    shown = panel_samples(name, curve.time, stretches)
     for placed in shown:
         _force(upper, placed, curve)
         _strip(lower, placed, curve)
@@ -112,13 +131,13 @@ def _draw(
 
 
 def _models(curve: Curve) -> list[tuple[Band, str, str]]:
-    """Each model with its colour and line."""
+    """Return each model with its colour and line."""
     palette = colours()
     last = (curve.final, palette[_FINAL], "-")
-    return [last] if curve.final is curve.plain else [(curve.plain, palette[_PLAIN], "--"), last]
+    return [last] if curve.final is curve.plain else [(curve.plain, palette[_BASELINE], "--"), last]
 
 
-def _force(axis: Axes, placed: Placed, curve: Curve) -> None:
+def _force(axis: Axes, placed: PanelSamples, curve: Curve) -> None:
     rows, time = placed.rows, placed.time
     for band, colour, _ in _models(curve):
         axis.fill_between(
@@ -129,7 +148,7 @@ def _force(axis: Axes, placed: Placed, curve: Curve) -> None:
         axis.plot(time, band.mean[rows], line, color=colour, linewidth=0.9)
 
 
-def _strip(axis: Axes, placed: Placed, curve: Curve) -> None:
+def _strip(axis: Axes, placed: PanelSamples, curve: Curve) -> None:
     rows, time = placed.rows, placed.time
     half = _90 * curve.floor[rows]
     axis.fill_between(time, -half, half, color="0.9", linewidth=0, zorder=0)
@@ -142,7 +161,7 @@ def _strip(axis: Axes, placed: Placed, curve: Curve) -> None:
 def _label_row(
     pair: np.ndarray, curve: Curve, units: UnitSystem, left: range, *, tight: bool
 ) -> None:
-    """Left above the row: test and rate."""
+    """Write test and rate above the row, at the left."""
     trial = curve.trial
     name = shortened(trial.name, _NAME_TIGHT if tight else _NAME)
     speed = [rated(trial.rate, units.speed)] if np.isfinite(trial.rate) else []
@@ -167,7 +186,7 @@ def _legend(figure: Figure, axes: np.ndarray, diagnosis: DiagnosisResult, *, tig
     upper, lower = next(pair for pair in axes[0].T if pair[0].lines)
     bands = {to_hex(area.get_facecolor()[0]): area for area in upper.collections}
     lines = {line.get_color(): line for line in upper.lines if line.get_linestyle() != "None"}
-    plain, final = (colours()[k] for k in (_PLAIN, _FINAL))
+    plain, final = (colours()[k] for k in (_BASELINE, _FINAL))
     handles = [upper.lines[0], lower.collections[0]]
     labels = ["measured", "90 % of the noise floor"]
     models: list[tuple[str, Sequence[str], Sequence[str]]]

@@ -1,4 +1,4 @@
-"""Force against displacement: the loops that a test runs through, measured and predicted."""
+"""Draw force against displacement: the loops of every test, measured and predicted."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from matplotlib.ticker import MaxNLocator
 
 from qlvbayes.fitting.prediction import Prediction
 from qlvbayes.io.units import UnitSystem
-from qlvbayes.plots.stretches import DWELLS, Stretch, by_rate, divide
+from qlvbayes.plots.stretches import DWELLS, PhaseSamples, by_rate, divide
 from qlvbayes.plots.style import (
     BLACK,
     DOUBLE,
@@ -29,10 +29,10 @@ from qlvbayes.plots.style import (
     style,
 )
 
-_PANEL, _FRAME = 48.0, 16.0  # mm: a row of panels, and what is around them
+_PANEL, _FRAME = 48.0, 16.0  # mm: a row of panels, and the margins
 _ACROSS, _ACROSS_TIGHT = 3, 2  # panels
 _NAME, _NAME_TIGHT = 22, 14  # characters of a test's name
-_BACK = ("unload", "recovery")  # drawn as the way back
+_BACK = ("unload", "recovery")  # phases that are drawn as unloading
 
 
 def plot_hysteresis(
@@ -40,12 +40,26 @@ def plot_hysteresis(
 ) -> list[Axes]:
     """Draw the measured and the predicted force of every test against displacement.
 
-    One panel a test, slowest first, named with its loading rate and whether it was fitted or
-    predicted. Dots are measured samples; the line is the model's posterior mean, solid on the way
-    in with the holds after it (where it falls straight down), dashed on the way back with the
-    dwells after that; bands hold 90 % of predicted samples while the platen moves, with what the
-    fit says that the model misses. The area of a loop is the energy that the specimen loses. All
-    panels share their axes. width: of the figure (mm). Returns the panels.
+    There is one panel for each test, slowest first, named with its loading rate and whether it was
+    fitted or predicted. Dots are measured samples. The line is the model's posterior mean: solid in
+    loading with the holds after it (where it falls straight down), dashed in unloading with the
+    dwells after that. Bands hold 90 % of predicted samples while the platen moves, with the fitted
+    discrepancy. The area of a loop is the energy that the specimen loses. All panels share their
+    axes.
+
+    Parameters
+    ----------
+    predictions
+        The predictions of the tests.
+    units
+        The units of displacement and force.
+    width
+        Width of the figure (mm).
+
+    Returns
+    -------
+    list of Axes
+        The panels.
     """
     tight = narrow(width)
     shown = sorted(predictions, key=lambda p: by_rate(p.trial.rate))
@@ -69,9 +83,9 @@ def plot_hysteresis(
 
 def _draw(axis: Axes, prediction: Prediction) -> None:
     test = prediction.trial.test
-    place = np.interp(prediction.time, test.time, test.displacement)
+    displacement = np.interp(prediction.time, test.time, test.displacement)
     axis.plot(
-        place, prediction.observed, ".", color=BLACK, markersize=2.2, markeredgewidth=0,
+        displacement, prediction.observed, ".", color=BLACK, markersize=2.2, markeredgewidth=0,
         gid="measured",
     )  # fmt: skip
     last = None
@@ -79,23 +93,23 @@ def _draw(axis: Axes, prediction: Prediction) -> None:
         colour, line = _look(stretch.kind)
         rows = stretch.rows if last is None else np.r_[last, stretch.rows]
         if stretch.kind not in DWELLS:
-            _band(axis, place, prediction, stretch, colour)
-        axis.plot(place[rows], prediction.mean[rows], line, color=colour, gid="mean")
+            _band(axis, displacement, prediction, stretch, colour)
+        axis.plot(displacement[rows], prediction.mean[rows], line, color=colour, gid="mean")
         last = rows[-1]
 
 
 def _band(
-    axis: Axes, place: np.ndarray, prediction: Prediction, stretch: Stretch, colour: str
+    axis: Axes, displacement: np.ndarray, prediction: Prediction, stretch: PhaseSamples, colour: str
 ) -> None:
-    rows = stretch.rows[np.argsort(place[stretch.rows], kind="stable")]
+    rows = stretch.rows[np.argsort(displacement[stretch.rows], kind="stable")]
     axis.fill_between(
-        place[rows], prediction.low[rows], prediction.high[rows],
+        displacement[rows], prediction.low[rows], prediction.high[rows],
         color=colour, alpha=0.3, linewidth=0,
     )  # fmt: skip
 
 
 def _look(kind: str) -> tuple[str, str]:
-    """Colour and line of a phase: the way in, or back."""
+    """Return colour and line of a phase, for loading or unloading."""
     back = kind in _BACK
     return colours()[back], LINES[back]
 

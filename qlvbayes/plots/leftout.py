@@ -1,4 +1,4 @@
-"""Readings that were left out, as grey crosses in the panels of a test's force."""
+"""Draw readings that were left out, as grey crosses in the panels of a test's force."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from qlvbayes.motion.experiment import Trial
-from qlvbayes.plots.stretches import Stretch, place_times
+from qlvbayes.plots.stretches import PhaseSamples, panel_times
 
 GREY = "#7f7f7f"
 LABEL = "left out"
-_LARGE = 4.5  # points: larger than a dot, which may lie below
+_LARGE = 4.5  # points: larger than a dot, which may lie under the cross
 
 
 def mark_left_out(
-    panels: Sequence[Axes], columns: Sequence[str], trial: Trial, stretches: Sequence[Stretch]
+    panels: Sequence[Axes], columns: Sequence[str], trial: Trial, stretches: Sequence[PhaseSamples]
 ) -> None:
     """Draw a test's left-out readings over its panels, which share their force axis.
 
-    Those beyond the axis, as a spike may be, stand at its edge: the others keep their room.
+    Readings beyond the axis, such as spikes, are drawn at its edge, so that the axis is kept.
     """
     bad = trial.left_out
     if bad is None:
@@ -28,7 +28,7 @@ def mark_left_out(
     low, high = panels[0].get_ylim()
     force = np.clip(bad.force, low, high)
     for axis, column in zip(panels, columns, strict=True):
-        time = place_times(column, bad.time, trial.phases, stretches)
+        time = panel_times(column, bad.time, trial.phases, stretches)
         shown = np.isfinite(time)
         if not shown.any() or not axis.lines:
             continue

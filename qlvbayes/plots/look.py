@@ -1,4 +1,4 @@
-"""A first look at a pad's tests: readings, motion, and what the motion leaves of the readings."""
+"""Draw a first look at a pad's tests: readings, motion, and the readings less the motion."""
 
 from __future__ import annotations
 
@@ -34,32 +34,32 @@ from qlvbayes.plots.style import (
     title_look,
 )
 
-_HEIGHTS = (20.0, 14.0, 12.0)  # mm, of force, displacement and residual
-_ABOVE, _BELOW, _LEFT, _RIGHT, _APART = 8.0, 9.0, 17.0, 5.0, 2.0  # mm about them
-_LABELLED = 10.0  # mm left of a panel, where the lower line of its label is
+_HEIGHTS = (20.0, 14.0, 12.0)  # mm: panels of force, displacement and residual
+_ABOVE, _BELOW, _LEFT, _RIGHT, _APART = 8.0, 9.0, 17.0, 5.0, 2.0  # mm around them
+_LABELLED = 10.0  # mm left of a panel, position of the lower line of its label
 _MOVED = {  # tints, by whether force is prescribed in all tests, and in any
     (False, False): ("moving in", "moving back"),
     (True, True): ("load rising", "load falling"),
     (False, True): ("moving in, or load rising", "moving back, or load falling"),
 }
-_HEAD = 12.0  # mm, title and legend of the figure
+_HEAD = 12.0  # mm: title and legend of the figure
 _MOST = 12  # tests that are drawn
-_FEW_PHASES = 6  # up to which each has the same width; more are drawn in linear time
-_EARLIEST, _LATEST = 1e-3, 0.1  # of a dwell: from its first reading on, and there at the
-# earliest and latest, its time is logarithmic
+_FEW_PHASES = 6  # phases up to which each has the same width; more are drawn in linear time
+_EARLIEST, _LATEST = 1e-3, 0.1  # bounds, as shares of a dwell, of its first reading, from which
+# on its time is logarithmic
 _BINS, _ALL_BINS = 300, 1200
-"""Of a phase, and of a record in linear time: of each the extremes of dense readings are drawn."""
+"""Bins of a phase, and of a record in linear time: of dense readings the extremes are drawn."""
 _NAME = 34  # characters of a test's name
 _FINER = {"mm": ("µm", 1e3), "um": ("nm", 1e3), "m": ("mm", 1e3), "1": ("10⁻³", 1e3)}
-_SMALL = 0.1  # of a unit: below, residuals are in the finer one
-_EXACT = 1e-6  # of the stroke: smaller residuals are rounding of the computer's
+_SMALL = 0.1  # in the unit: smaller residuals are drawn in the finer one
+_EXACT = 1e-6  # share of the stroke: smaller residuals are rounding errors
 
 
 @dataclass(frozen=True)
 class _Axis:
-    """Where times of a test stand: each phase as wide as the others, or all in linear time.
+    """Map times of a test to positions: all phases equally wide, or all in linear time.
 
-    early: of each phase the share from where on the time of a dwell is logarithmic.
+    ``early`` is, for each phase, the share from which on the time of a dwell is logarithmic.
     """
 
     phases: tuple[Phase, ...]
@@ -67,8 +67,8 @@ class _Axis:
     early: np.ndarray
 
     @classmethod
-    def of(cls, trial: Trial) -> _Axis:
-        """For the readings of a test."""
+    def from_trial(cls, trial: Trial) -> _Axis:
+        """Return the axis for the readings of a test."""
         time, early = trial.test.time, []
         for phase in trial.phases:
             first = min(int(np.searchsorted(time, phase.start, side="right")), time.size - 1)
@@ -77,7 +77,7 @@ class _Axis:
         return cls(trial.phases, len(trial.phases) <= _FEW_PHASES, np.array(early))
 
     def __call__(self, time: np.ndarray) -> np.ndarray:
-        """Places (n,) of times (n,) in s."""
+        """Return positions (n,) of times (n,) in s."""
         if not self.even:
             return time
         starts = np.array([phase.start for phase in self.phases])
@@ -91,31 +91,43 @@ class _Axis:
 
     @property
     def ends(self) -> list[float]:
-        """Where phases begin, and the last one ends (s)."""
+        """Return when phases begin, and when the last one ends (s)."""
         return [phase.start for phase in self.phases] + [self.phases[-1].stop]
 
     def times(self) -> np.ndarray:
-        """Times (s) close enough for a curve."""
+        """Return times (s) close enough for a curve."""
         if not self.even:
             return np.linspace(self.ends[0], self.ends[-1], 4 * _ALL_BINS)
-        shares, found = np.linspace(0.0, 1.0, _BINS), []
+        shares, parts = np.linspace(0.0, 1.0, _BINS), []
         for phase, early in zip(self.phases, self.early, strict=True):
             late = early * np.expm1(shares * np.log1p(1.0 / early))
             part = shares if phase.kind in MOVING else late
-            found.append(phase.start + (phase.stop - phase.start) * part)
-        return np.concatenate(found)
+            parts.append(phase.start + (phase.stop - phase.start) * part)
+        return np.concatenate(parts)
 
 
 def plot_look(experiment: Experiment, *, width: float = DOUBLE) -> list[Axes]:
-    """Draw what was read in each test of a pad, before anything is fitted to the force.
+    """Draw the readings of each test of a pad, before anything is fitted to the force.
 
-    Of each test, slowest first: the readings of force; those of displacement with the motion that
-    is taken from them; and readings less motion, with the encoder's step. Phases are marked; each
-    has the same width, holds in logarithmic time, where there are six or fewer: else time is
-    linear. Of dense records the extremes are drawn, so that no lone reading is lost. Grey crosses
-    are readings that were left out; a ring is where the motion is farther from readings than their
-    errors explain. Of more than twelve tests those with most to see are drawn. width: of the
-    figure (mm). Returns the panels, three a test.
+    The panels of each test, slowest first, are the readings of force; those of displacement with
+    the motion that is taken from them; and readings less motion, with the encoder's step. Phases
+    are marked. Where there are six or fewer, each has the same width, and holds are in logarithmic
+    time; otherwise time is linear. Of dense records the extremes are drawn, so that no single
+    reading is lost. Grey crosses are readings that were left out; a ring marks where the motion is
+    farther from readings than their errors explain. Of more than twelve tests, those with most to
+    see are drawn.
+
+    Parameters
+    ----------
+    experiment
+        The tests of a pad.
+    width
+        Width of the figure (mm).
+
+    Returns
+    -------
+    list of Axes
+        The panels, three for each test.
     """
     trials = _chosen(experiment)
     columns = 1 if narrow(width) or len(trials) == 1 else 2
@@ -124,7 +136,7 @@ def plot_look(experiment: Experiment, *, width: float = DOUBLE) -> list[Axes]:
     height = _HEAD + block * lines
     with style():
         figure = Figure((width * MM, height * MM))
-        found: list[Axes] = []
+        drawn: list[Axes] = []
         for k, trial in enumerate(trials):
             line, column = divmod(k, columns)
             top = height - _HEAD - line * block - _ABOVE
@@ -136,13 +148,13 @@ def plot_look(experiment: Experiment, *, width: float = DOUBLE) -> list[Axes]:
                 panels.append(figure.add_axes(box))
                 top -= high + _APART
             _draw(panels, trial, experiment.units)
-            found += panels
+            drawn += panels
         _head(figure, experiment, trials, height)
-    return found
+    return drawn
 
 
 def _chosen(experiment: Experiment) -> list[Trial]:
-    """All, or those with bad readings or a motion that departs, and others; slowest first."""
+    """Return all tests, or those with bad readings or a motion that departs; slowest first."""
     doubtful = sorted(
         experiment.trials,
         key=lambda t: (t.trajectory.departure is None) + (t.left_out is None),
@@ -152,15 +164,15 @@ def _chosen(experiment: Experiment) -> list[Trial]:
 
 def _draw(panels: Sequence[Axes], trial: Trial, units: UnitSystem) -> None:
     test, path = trial.test, trial.trajectory
-    axis = _Axis.of(trial)
+    axis = _Axis.from_trial(trial)
     left = test.displacement - path.displacement(test.time)
     unit, factor = _scale(left, units.displacement, _SMALL)
     way_unit, way = _scale(test.displacement, units.displacement, _SMALL**2)
-    places = axis(test.time)
+    positions = axis(test.time)
     for panel, values in zip(
         panels, (test.force, way * test.displacement, factor * left), strict=True
     ):
-        _readings(panel, places, values, axis)
+        _readings(panel, positions, values, axis)
     times = axis.times()
     panels[1].plot(axis(times), way * path.displacement(times), color=colours()[0], gid="motion")
     shows = np.max(np.abs(left)) > ROUNDED * path.resolution
@@ -186,7 +198,7 @@ def _draw(panels: Sequence[Axes], trial: Trial, units: UnitSystem) -> None:
 
 
 def _wide(panel: Axes) -> float:
-    """Its width (mm)."""
+    """Return the width of a panel (mm)."""
     figure = panel.get_figure(root=True)
     assert isinstance(figure, Figure)
     return float(panel.get_position().width * figure.get_figwidth() / MM)
@@ -202,25 +214,25 @@ def _title(trial: Trial, units: UnitSystem) -> str:
 
 
 def _scale(values: np.ndarray, unit: str, small: float) -> tuple[str, float]:
-    """The unit to draw in and its factor: the finer one for small values."""
+    """Return the unit to draw in and its factor: the finer unit for small values."""
     if unit in _FINER and np.max(np.abs(values)) < small:
         return _FINER[unit]
     return unit, 1.0
 
 
-def _readings(panel: Axes, places: np.ndarray, values: np.ndarray, axis: _Axis) -> None:
-    """Dots; of a dense record a band from the least to the largest of each of some hundred bins."""
+def _readings(panel: Axes, positions: np.ndarray, values: np.ndarray, axis: _Axis) -> None:
+    """Draw dots, or for a dense record a band between the extremes of some hundred bins."""
     bins = _BINS * len(axis.phases) if axis.even else _ALL_BINS
     line = "None"
     low, high = float(np.min(values)), float(np.max(values))
-    if places.size > 2 * bins:
+    if positions.size > 2 * bins:
         first = np.unique(
-            np.searchsorted(places, np.linspace(places[0], places[-1], bins + 1)[:-1])
+            np.searchsorted(positions, np.linspace(positions[0], positions[-1], bins + 1)[:-1])
         )
         ends = np.minimum.reduceat(values, first), np.maximum.reduceat(values, first)
-        places, values, line = np.repeat(places[first], 2), np.column_stack(ends).ravel(), "-"
+        positions, values, line = np.repeat(positions[first], 2), np.column_stack(ends).ravel(), "-"
     panel.plot(
-        places, values, marker=".", linestyle=line, linewidth=0.5, color=BLACK, markersize=1.8,
+        positions, values, marker=".", linestyle=line, linewidth=0.5, color=BLACK, markersize=1.8,
         markeredgewidth=0.0, gid="readings",
     )  # fmt: skip
     spare = 0.08 * (high - low) or 0.5 * abs(high) or 1.0
@@ -228,7 +240,7 @@ def _readings(panel: Axes, places: np.ndarray, values: np.ndarray, axis: _Axis) 
 
 
 def _residual(panel: Axes, step: float, exact: float) -> None:
-    """Zero, and the encoder's step to either side; exact: what is nothing but rounding."""
+    """Draw zero, and the encoder's step on either side; ``exact`` is mere rounding error."""
     panel.axhline(0.0, color=colours()[0], linewidth=0.6)
     for side in (-step, step) if step > 0.0 else ():
         panel.axhline(side, color=GREY, linewidth=0.5, linestyle="--", gid="step")
@@ -238,20 +250,20 @@ def _residual(panel: Axes, step: float, exact: float) -> None:
 
 
 def _left_out(panels: Sequence[Axes], trial: Trial, axis: _Axis, way: float) -> None:
-    """Grey crosses; those beyond an axis stand at its edge."""
+    """Draw grey crosses; those beyond an axis are at its edge."""
     bad = trial.left_out
     if bad is None:
         return
-    places = axis(bad.time)
+    positions = axis(bad.time)
     for panel, values in ((panels[0], bad.force), (panels[1], way * bad.displacement)):
         panel.plot(
-            places, np.clip(values, *panel.get_ylim()), "x", color=GREY, markersize=4.5,
+            positions, np.clip(values, *panel.get_ylim()), "x", color=GREY, markersize=4.5,
             markeredgewidth=0.9, clip_on=False, zorder=4, gid=LABEL,
         )  # fmt: skip
 
 
 def _ring(panel: Axes, trial: Trial, axis: _Axis, factor: float) -> None:
-    """Where the motion departs from the readings."""
+    """Draw a ring where the motion departs from the readings."""
     off = trial.trajectory.departure
     if off is None:
         return
@@ -264,18 +276,18 @@ def _ring(panel: Axes, trial: Trial, axis: _Axis, factor: float) -> None:
 
 
 def _mark(panel: Axes, axis: _Axis, *, last: bool) -> None:
-    """Movements on a tint, and times where phases begin."""
+    """Draw movements on a tint, and times where phases begin."""
     ends = np.array(axis.ends)
-    places = np.arange(ends.size, dtype=float) if axis.even else ends
+    positions = np.arange(ends.size, dtype=float) if axis.even else ends
     for k, phase in enumerate(axis.phases):
         if phase.kind in MOVING:
             colour = colours()[0] if phase.kind == "ramp" else colours()[1]
-            panel.axvspan(places[k], places[k + 1], color=colour, alpha=0.1, linewidth=0)
-    panel.set_xlim(places[0], places[-1])
+            panel.axvspan(positions[k], positions[k + 1], color=colour, alpha=0.1, linewidth=0)
+    panel.set_xlim(positions[0], positions[-1])
     if axis.even:
-        panel.xaxis.set_major_locator(FixedLocator(list(places)))
+        panel.xaxis.set_major_locator(FixedLocator(list(positions)))
         panel.xaxis.set_minor_locator(NullLocator())
-        panel.set_xticks(places, [_clock(time) for time in ends] if last else [""] * ends.size)
+        panel.set_xticks(positions, [_clock(time) for time in ends] if last else [""] * ends.size)
     else:
         panel.xaxis.set_major_locator(MaxNLocator(6))
         panel.tick_params(labelbottom=last)

@@ -1,4 +1,4 @@
-"""A diagnosis and its models in the words of figure titles."""
+"""Write the verdict, the models and the constants as text for figures."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ _LINE, _LINE_TIGHT = 80, 40  # characters across two columns of a journal, and a
 
 
 def model_name(effects: Sequence[str], laws: Sequence[str] = ()) -> str:
-    """'plain model', 'with viscous_drag + friction', 'by hertz', 'by hertz with friction'.
+    """Return 'plain model', 'with viscous_drag + friction', 'by hertz', 'by hertz with friction'.
 
-    laws: base laws that are not those chosen.
+    ``laws`` are base laws that are not the chosen ones.
     """
     words = [_by(laws)] if laws else []
     words += [f"with {' + '.join(effects)}"] if effects else []
@@ -26,19 +26,19 @@ def model_name(effects: Sequence[str], laws: Sequence[str] = ()) -> str:
 
 
 def model_lines(effects: Sequence[str], laws: Sequence[str], most: int) -> str:
-    """The same in lines of at most so many characters, where words allow it."""
+    """Return the same in lines of ``most`` characters at most, where words allow it."""
     words = ["by " + "\nand ".join(broken(name, most) for name in laws)] if laws else []
     words += ["with " + "\n+ ".join(broken(name, most) for name in effects)] if effects else []
     return "\n".join(words) or model_name(effects)
 
 
 def heading(diagnosis: DiagnosisResult, *, tight: bool = False) -> str:
-    """The pad and its verdict, in as many lines as it takes; tight: of one column."""
+    """Return the pad and its verdict, in several lines if needed; ``tight`` is for one column."""
     line = _LINE_TIGHT if tight else _LINE
-    return fill(f"pad {shortened(diagnosis.pad, line // 2)}: {_found(diagnosis)}", line)
+    return fill(f"pad {shortened(diagnosis.pad, line // 2)}: {_verdict(diagnosis)}", line)
 
 
-def _found(diagnosis: DiagnosisResult) -> str:
+def _verdict(diagnosis: DiagnosisResult) -> str:
     if diagnosis.verdict == "adequate":
         return f"nothing missing that these tests show{_on_laws(diagnosis)}"
     if diagnosis.verdict == "unexplained":
@@ -52,7 +52,7 @@ def _found(diagnosis: DiagnosisResult) -> str:
 
 
 def _on_laws(diagnosis: DiagnosisResult) -> str:
-    """The base laws, where they are not those chosen."""
+    """Return the base laws, where they are not the chosen ones."""
     return f", {_by(diagnosis.changed)}" if diagnosis.changed else ""
 
 
@@ -61,7 +61,10 @@ def _by(laws: Sequence[str]) -> str:
 
 
 def parameter_label(name: str, unit: str = "1") -> str:
-    """A constant as an axis shows it, indices low; that of an effect in two lines."""
+    """Return a constant as an axis shows it, its index low.
+
+    An effect's constant takes two lines.
+    """
     match = _INDEXED.fullmatch(name)
     if match:
         text = rf"$\mathit{{{match[1]}}}_{{{match[2]}}}$"
@@ -71,14 +74,14 @@ def parameter_label(name: str, unit: str = "1") -> str:
 
 
 def parameter_lines(name: str, unit: str, most: int) -> str:
-    """A constant and its unit in lines of at most so many characters, where words allow it."""
+    """Return a constant and its unit in lines of ``most`` characters at most."""
     *effect, constant = parameter_label(name).split("\n")
     words = [*_words("".join(effect)), constant]
     return "\n".join(_lines(words if unit == "1" else [*words, f"({unit})"], most))
 
 
 def broken(name: str, most: int) -> str:
-    """Divide a long name at its underscores, to fit in a narrow place."""
+    """Divide a long name at its underscores, for a narrow space."""
     return "\n".join(_lines(_words(name), most))
 
 
@@ -87,7 +90,7 @@ def _words(name: str) -> list[str]:
 
 
 def _lines(words: Sequence[str], most: int) -> list[str]:
-    """Fill lines with words; no space stands behind an underscore."""
+    """Fill lines with words; no space follows an underscore."""
     lines = [words[0]]
     for word in words[1:]:
         longer = lines[-1] + " " * (not lines[-1].endswith("_")) + word
@@ -99,11 +102,11 @@ def _lines(words: Sequence[str], most: int) -> list[str]:
 
 
 def _seen(text: str) -> int:
-    """Characters that are seen of a text with formulas."""
+    """Return how many characters of a text with formulas are visible."""
     return len(re.sub(r"\$\\mathit\{(\w)\}(?:_\{(\d+)\})?\$", r"\1\2", text))
 
 
 def three(value: float) -> str:
-    """Three digits, zeros at the end too: '0.0100'."""
+    """Return three digits, zeros at the end too: '0.0100'."""
     text = f"{value:#.3g}".rstrip(".")
     return plain(value) if "e+" in text else text

@@ -1,4 +1,4 @@
-"""Proposed tests: what the platen does, and what each explanation expects of the force."""
+"""Draw proposed tests: the motion, and the force that each explanation expects."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ from qlvbayes.plots.style import (
     style,
 )
 
-_PANEL, _FRAME = 34.0, 22.0  # mm: a row of panels, and what is around them
-_DRAWS = 60  # of the constants, by which a band is told
+_PANEL, _FRAME = 34.0, 22.0  # mm: a row of panels, and the margins
+_DRAWS = 60  # draws of the constants from which a band is taken
 _BAND = 0.9  # share of the draws within it
 _NAME = 60  # characters of an explanation
 
@@ -42,11 +42,32 @@ def plot_next_tests(
     clock: float = 0.0,
     width: float = DOUBLE,
 ) -> list[Axes]:
-    """Draw a column a test: displacement; force; force less that of the likeliest explanation.
+    """Draw a column for each test: displacement, force, and force less the best explanation's.
 
-    Bands hold 90 % of what the constants leave open; the grey one is one sd (N) of the noise either
-    way. noise: sd of a reading; clock: at the end of the tests that were done (s); width: of the
-    figure (mm), in one column of a journal the first test alone. Returns the panels, row by row.
+    Bands hold 90 % of the forces that the constants allow; the grey band is one sd of the noise on
+    either side.
+
+    Parameters
+    ----------
+    found
+        The proposed tests.
+    designs
+        Their designs.
+    belief
+        The explanations with their probabilities.
+    rig
+        The rig.
+    noise
+        Standard deviation of a reading's noise (N).
+    clock
+        Time at the end of the tests that were done (s).
+    width
+        Width of the figure (mm); in one column of a journal only the first test is drawn.
+
+    Returns
+    -------
+    list of Axes
+        The panels, row by row.
     """
     shown = designs[:1] if narrow(width) else designs
     with style():
@@ -83,15 +104,17 @@ def _draw(
     time = (0.5 * (np.asarray(blocks.first) + np.asarray(blocks.last)))[0, real]
     fine = np.union1d(np.linspace(0.0, design.duration, 400), design.whole.knots)
     above.plot(fine, design.whole.displacement(fine), color=BLACK)
-    rng, usual = np.random.default_rng(0), None
-    for k, one in enumerate(belief.explanations):
+    rng, baseline = np.random.default_rng(0), None
+    for k, explanation in enumerate(belief.explanations):
         colour, line = colours()[k % len(colours())], LINES[k % len(LINES)]
-        z = np.concatenate([np.zeros((1, one.size)), rng.standard_normal((_DRAWS, one.size))])
-        forces = one.forces(z, record)[:, 0, real]
-        usual = forces[0] if usual is None else usual
+        z = np.concatenate(
+            [np.zeros((1, explanation.size)), rng.standard_normal((_DRAWS, explanation.size))]
+        )
+        forces = explanation.forces(z, record)[:, 0, real]
+        baseline = forces[0] if baseline is None else baseline
         low, high = np.quantile(forces[1:], [0.5 - 0.5 * _BAND, 0.5 + 0.5 * _BAND], axis=0)
-        label = f"{shortened(one.words, _NAME)} ({one.probability:.0%})"
-        for axis, zero in ((force, 0.0), (less, usual)):
+        label = f"{shortened(explanation.words, _NAME)} ({explanation.probability:.0%})"
+        for axis, zero in ((force, 0.0), (less, baseline)):
             axis.fill_between(time, low - zero, high - zero, color=colour, alpha=0.25, linewidth=0)
             axis.plot(time, forces[0] - zero, color=colour, linestyle=line, label=label)
     label = "one sd of a reading's noise"

@@ -1,4 +1,4 @@
-"""The joint posterior of a pad's constants, two at a time, and its shares c in a triangle."""
+"""Draw a pad's joint posterior: pairs of constants, and the shares c in a triangle."""
 
 from __future__ import annotations
 
@@ -24,31 +24,42 @@ from qlvbayes.plots.ternary import draw_ternary
 _LEFT, _RIGHT, _BOTTOM = 13.0, 3.0, 8.0  # mm around the panels, without the labels' lines
 _TOP, _TOP_TIGHT = 12.0, 26.0  # mm
 _ROW, _ROW_TIGHT = 19.0, 14.0  # mm
-_BARS_LEFT, _BARS_BELOW = 15.0, 5.5  # mm beside bars of shares, for the labels of their axes
-_GAP = 0.1  # of a panel, between two
+_BARS_LEFT, _BARS_BELOW = 15.0, 5.5  # mm around bars of shares, for the labels of their axes
+_GAP = 0.1  # gap between two panels, over a panel's width
 _DIGIT, _LINE, _ROOM = 1.3, 2.6, 1.6  # mm: of a number, its height, and between two
-_INSIDE = 0.12  # of an axis, at either end, where no number stands
+_INSIDE = 0.12  # share of an axis at either end that has no numbers
 _LABEL = 11.3  # mm, from an upright axis to its label
 _TEXT, _LETTER = 3.0, 1.45  # mm: height of a label's line, and width of its letters
-_PLAIN = StrMethodFormatter("{x:.6g}")
-_MOST = 4000  # draws that are looked at, evenly out of all
+_NUMBER = StrMethodFormatter("{x:.6g}")
+_MOST = 4000  # draws that are used, evenly out of all
 
 
 def plot_pairs(fit: Fit | Saved, *, width: float = DOUBLE) -> list[Axes]:
     """Draw every pair of the model's constants that were fitted.
 
-    On the diagonal the density of each constant with its 90 % interval and median; below it the
-    regions that hold 50 and 90 % of the draws of two. The shares c sum to 1: each stands against
-    the other constants in the lowest rows, and all three in a triangle, upper right, of which the
-    part that the draws fill is enlarged; other numbers of shares stand there as bars with 90 %
-    intervals. Constants of the noise are left out. width: of the figure (mm). Returns the panels,
-    row by row, then that of the shares.
+    On the diagonal is the density of each constant with its 90 % interval and median; below it are
+    the regions that hold 50 and 90 % of the draws of two constants. The shares c sum to 1. Each is
+    drawn against the other constants in the lowest rows, and all three in a triangle, upper right,
+    of which the part that the draws fill is enlarged; other numbers of shares are drawn there as
+    bars with 90 % intervals. Constants of the noise are left out.
+
+    Parameters
+    ----------
+    fit
+        The fit, or saved results.
+    width
+        Width of the figure (mm).
+
+    Returns
+    -------
+    list of Axes
+        The panels, row by row, then that of the shares.
     """
     draws, units = _draws(fit), _units(fit)
     shares = [name for name in draws if name.startswith("c[")]
     others = [name for name in draws if name not in shares]
     with style():
-        page = _Page.of(width, others, shares, units)
+        page = _Page.for_constants(width, others, shares, units)
         figure, grid = page.begin()
         panels = _panels(figure, grid, [*others, *shares], others)
         spans = {name: limits(values) for name, values in draws.items()}
@@ -67,7 +78,7 @@ def plot_pairs(fit: Fit | Saved, *, width: float = DOUBLE) -> list[Axes]:
 
 @dataclass(frozen=True)
 class _Page:
-    """Sizes in mm: the figure, its margins, rows and columns; the corner's first row and column.
+    """Hold sizes in mm: the figure, its margins, rows and columns; and the corner's position.
 
     The corner takes ``deep`` rows from the top of the page and all columns from ``first`` on.
     """
@@ -83,9 +94,10 @@ class _Page:
     deep: int
 
     @classmethod
-    def of(
+    def for_constants(
         cls, width: float, others: Sequence[str], shares: Sequence[str], units: dict[str, str]
     ) -> _Page:
+        """Return the page for these constants and shares."""
         tight, count = narrow(width), len(others)
         extra = 2 if shares and count < (2 if tight else 4) else 0
         deep = 2 if extra else 1 if tight else count // 2
@@ -98,11 +110,11 @@ class _Page:
         return replace(page, bottom=_BOTTOM + _room([page.level(n, units) for n in others]))
 
     def upright(self, name: str, units: dict[str, str]) -> str:
-        """Label of a row."""
+        """Return the label of a row."""
         return parameter_lines(name, units[name], int(self.row / _LETTER))
 
     def level(self, name: str, units: dict[str, str]) -> str:
-        """Label of a column; in a narrow one without the effect, which the rows name."""
+        """Return the label of a column; a narrow figure omits the effect, which the rows name."""
         short = name.rpartition(".")[2] if narrow(self.width) else name
         return parameter_lines(short, units[name], int(self.cell / _LETTER))
 
@@ -112,7 +124,7 @@ class _Page:
 
     @property
     def cell(self) -> float:
-        """Width of a panel."""
+        """Return the width of a panel."""
         return (self.width - self.left - _RIGHT) / (self.columns + _GAP * (self.columns - 1))
 
     def begin(self) -> tuple[Figure, GridSpec]:
@@ -125,7 +137,10 @@ class _Page:
         return figure, grid
 
     def corner(self, *, margin: bool) -> tuple[float, float, float, float]:
-        """Left, bottom, width and height as shares of the page; margin: for labels of an axis."""
+        """Return left, bottom, width and height as shares of the page.
+
+        ``margin`` leaves room for labels of an axis.
+        """
         left = self.left + self.first * (1.0 + _GAP) * self.cell + margin * _BARS_LEFT
         bottom = self.height - self.top - self.row * self.deep + margin * _BARS_BELOW
         wide, high = self.width - _RIGHT - left, self.height - 2.0 - bottom
@@ -139,7 +154,7 @@ def _room(labels: Sequence[str]) -> float:
 
 
 def _draws(fit: Fit | Saved) -> dict[str, np.ndarray]:
-    """Draws of each constant that varies, those of the noise left out."""
+    """Return draws of each constant that varies, without those of the noise."""
     flat = np.reshape(fit.constants, (-1, len(fit.names)))
     flat = flat[:: max(1, -(-len(flat) // _MOST))]
     return {
@@ -159,7 +174,10 @@ def _units(fit: Fit | Saved) -> dict[str, str]:
 def _panels(
     figure: Figure, grid: GridSpec, rows: Sequence[str], others: Sequence[str]
 ) -> dict[tuple[str, str], Axes]:
-    """Axes by the constants below the diagonal (upward, along); a constant alone on it."""
+    """Return axes by the constants below the diagonal (upward, along).
+
+    A pair of equals is on it.
+    """
     panels: dict[tuple[str, str], Axes] = {}
     for r, below in enumerate(rows):
         for c, along in enumerate(others[: r + 1]):
@@ -194,10 +212,10 @@ def _label(
     for (below, along), axis in panels.items():
         lowest, leftmost = below == last, along == first and below != along
         axis.tick_params(labelbottom=lowest, labelleft=leftmost)
-        axis.xaxis.set_major_formatter(_PLAIN)
+        axis.xaxis.set_major_formatter(_NUMBER)
         axis.xaxis.set_major_locator(FixedLocator(_numbers(spans[along], page.cell, across=True)))
         if below != along:
-            axis.yaxis.set_major_formatter(_PLAIN)
+            axis.yaxis.set_major_formatter(_NUMBER)
             axis.yaxis.set_major_locator(
                 FixedLocator(_numbers(spans[below], page.row, across=False))
             )
@@ -211,7 +229,7 @@ def _label(
 
 
 def _numbers(span: tuple[float, float], length: float, *, across: bool) -> list[float]:
-    """Round numbers away from the ends of an axis so many mm long, as many as have room."""
+    """Return round numbers away from the ends of an axis of ``length`` mm, as many as fit."""
     margin = _INSIDE * (span[1] - span[0])
     low, high = span[0] + margin, span[1] - margin
     for count in (3, 2, 1):
@@ -230,10 +248,12 @@ def _draw_shares(axis: Axes, shares: Sequence[str], draws: dict[str, np.ndarray]
         draw_ternary(axis, np.column_stack([draws[name] for name in shares]), colour)
         return
     low, middle, high = np.quantile([draws[name] for name in shares], [0.05, 0.5, 0.95], axis=1)
-    places = np.arange(len(shares))
-    axis.bar(places, middle, color=colour, alpha=0.45, width=0.6)
-    axis.errorbar(places, middle, [middle - low, high - middle], fmt="none", color=BLACK, capsize=3)
-    axis.set_xticks(places, [parameter_label(name) for name in shares])
+    positions = np.arange(len(shares))
+    axis.bar(positions, middle, color=colour, alpha=0.45, width=0.6)
+    axis.errorbar(
+        positions, middle, [middle - low, high - middle], fmt="none", color=BLACK, capsize=3
+    )
+    axis.set_xticks(positions, [parameter_label(name) for name in shares])
     axis.set_ylabel("share (no unit)")
 
 

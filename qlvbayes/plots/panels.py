@@ -1,4 +1,4 @@
-"""Where the panels of a figure stand whose rows are tests and whose columns are phases."""
+"""Lay out a figure whose rows are tests and whose columns are phases."""
 
 from __future__ import annotations
 
@@ -12,34 +12,34 @@ from matplotlib.gridspec import GridSpec
 
 from qlvbayes.plots.stretches import WHOLE
 
-_WHOLE_WIDTH = 1.8  # of the whole test's panel beside those of its phases
+_WHOLE_WIDTH = 1.8  # width of the whole test's panel over that of a phase's panel
 
 
 def stacked(names: Sequence[str], tight: bool) -> bool:
-    """Whether the whole test's panel stands above those of its phases, not beside them."""
+    """Return whether the whole test's panel is above those of its phases, not to their left."""
     return tight and WHOLE in names
 
 
 def lines_of(names: Sequence[str], tight: bool) -> int:
-    """Lines of panels that a test takes."""
+    """Return how many lines of panels a test takes."""
     return 2 if stacked(names, tight) else 1
 
 
 def leaders(names: Sequence[str], tight: bool) -> range:
-    """Columns whose panels carry the force axis."""
+    """Return the columns whose panels have the force axis."""
     return range(lines_of(names, tight))
 
 
-def place_panels(
+def lay_out_panels(
     figure: Figure, count: int, names: Sequence[str], heights: Sequence[float], *, tight: bool
 ) -> np.ndarray:
-    """Axes (test, part, column); a test's parts stand one below the other, of these heights.
+    """Return axes (test, part, column); a test's parts are one below the other, of these heights.
 
     Parts of a test share their force axes, panels of a column within a test their time axes.
     """
     lines, width = lines_of(names, tight), len(names) - stacked(names, tight)
-    beside = WHOLE in names and lines == 1
-    ratios = [_WHOLE_WIDTH if beside and k == 0 else 1.0 for k in range(width)]
+    wide_first = WHOLE in names and lines == 1
+    ratios = [_WHOLE_WIDTH if wide_first and k == 0 else 1.0 for k in range(width)]
     rows = count * lines * len(heights)
     grid = GridSpec(
         rows, width, figure, width_ratios=ratios, height_ratios=[*heights] * (count * lines)
@@ -48,8 +48,8 @@ def place_panels(
     for test, part, column in np.ndindex(axes.shape):
         above = lines == 2 and column > 0
         row = (test * lines + above) * len(heights) + part
-        spot = slice(None) if lines == 2 and column == 0 else column - (lines == 2)
-        axes[test, part, column] = _panel(figure, grid, row, spot, axes, (test, part, column))
+        columns_at = slice(None) if lines == 2 and column == 0 else column - (lines == 2)
+        axes[test, part, column] = _panel(figure, grid, row, columns_at, axes, (test, part, column))
         if column not in leaders(names, tight):
             axes[test, part, column].tick_params(labelleft=False)
     return axes
@@ -58,15 +58,16 @@ def place_panels(
 def name_row(row: np.ndarray, text: str, *, tight: bool, **look: Any) -> None:
     """Write a test's name above its first panel, from where it runs over the others.
 
-    In one column it would widen the first panel: there blanks keep the room above all of them.
+    In one column a title would widen the first panel: blanks keep the room above all panels, and an
+    annotation has the name.
     """
     if not tight:
         row[0].set_title(text, loc="left", **look)
         return
     for axis in row:
         axis.set_title(" ", loc="left")
-    place = {"xycoords": "axes fraction", "textcoords": "offset points", "xytext": (0.0, 6.0)}
-    written = row[0].annotate(text, (0.0, 1.0), annotation_clip=False, **place, **look)
+    position = {"xycoords": "axes fraction", "textcoords": "offset points", "xytext": (0.0, 6.0)}
+    written = row[0].annotate(text, (0.0, 1.0), annotation_clip=False, **position, **look)
     written.set_in_layout(False)
 
 
@@ -74,13 +75,13 @@ def _panel(
     figure: Figure,
     grid: GridSpec,
     row: int,
-    spot: slice | int,
+    columns_at: slice | int,
     axes: Any,
-    at: tuple[int, ...],
+    indices: tuple[int, ...],
 ) -> Axes:
-    test, part, column = at
+    test, part, column = indices
     return figure.add_subplot(
-        grid[row, spot],
+        grid[row, columns_at],
         sharey=axes[test, part, 0] if column else None,
         sharex=axes[test, 0, column] if part else None,
     )

@@ -1,4 +1,4 @@
-"""A program and what a specimen answers to it, with bands of the posterior."""
+"""Draw a prescribed programme and the specimen's response, with posterior bands."""
 
 from __future__ import annotations
 
@@ -10,19 +10,29 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from qlvbayes.plots.style import BLACK, DOUBLE, MM, colours, narrow, quantity, shortened, style
 from qlvbayes.use.prescribed.forecast import Forecast
 
-_PANEL, _FRAME = 42.0, 16.0  # mm: a row of panels, and what is around them
+_PANEL, _FRAME = 42.0, 16.0  # mm: a row of panels, and the margins
 _BANDS = ((0.9, 0.25), (0.5, 0.5))  # share of the draws, opacity
-_DECADES = 30.0  # longest over shortest stretch, from where on time is logarithmic too
-_TITLE, _TITLE_TIGHT = 110, 48  # characters of a program
+_DECADES = 30.0  # ratio of whole to first stretch beyond which time is logarithmic too
+_TITLE, _TITLE_TIGHT = 110, 48  # characters of a programme
 
 
 def plot_prediction(found: Forecast, *, width: float = DOUBLE) -> list[Axes]:
-    """Draw what was prescribed above, and beneath it the answer: median, 50 and 90 % band.
+    """Draw the prescribed quantity above, and below it the response: median, 50 and 90 % band.
 
-    Where a program's first stretch is a thirtieth of it or less there is a second column in
-    logarithmic time, which shows the stretch; in one column of a journal it is left out.
+    Where a programme's first stretch is a thirtieth of it or less, a second column in logarithmic
+    time shows this stretch; in one column of a journal it is left out.
 
-    width: of the figure (mm). Returns the panels, row by row.
+    Parameters
+    ----------
+    found
+        The prediction of ``predict_program``.
+    width
+        Width of the figure (mm).
+
+    Returns
+    -------
+    list of Axes
+        The panels, row by row.
     """
     tight = narrow(width)
     with style():
@@ -47,13 +57,13 @@ def plot_prediction(found: Forecast, *, width: float = DOUBLE) -> list[Axes]:
     return list(axes.flat)
 
 
-def _draw(column: np.ndarray, found: Forecast, scale: str) -> None:
-    above, beneath = column
-    colour, time = colours()[0], found.time - found.time[0]
-    above.plot(time, found.given, color=BLACK)
+def _draw(column: np.ndarray, forecast: Forecast, scale: str) -> None:
+    above, below = column
+    colour, time = colours()[0], forecast.time - forecast.time[0]
+    above.plot(time, forecast.given, color=BLACK)
     for share, opacity in _BANDS:
-        low, high = found.band(share)
-        beneath.fill_between(
+        low, high = forecast.band(share)
+        below.fill_between(
             time,
             low,
             high,
@@ -62,23 +72,26 @@ def _draw(column: np.ndarray, found: Forecast, scale: str) -> None:
             linewidth=0,
             label=f"{100 * share:.0f} % band",
         )
-    beneath.plot(time, found.median, color=colour, label="posterior median")
-    beneath.set_xlabel("time (s)")
+    below.plot(time, forecast.median, color=colour, label="posterior median")
+    below.set_xlabel("time (s)")
     if scale == "log":
-        beneath.set_xscale("log")
-        beneath.set_xlim(left=0.1 * _first(found))
-        beneath.xaxis.set_major_locator(LogLocator(numticks=6))
-        beneath.xaxis.set_minor_formatter(NullFormatter())
+        below.set_xscale("log")
+        below.set_xlim(left=0.1 * _first(forecast))
+        below.xaxis.set_major_locator(LogLocator(numticks=6))
+        below.xaxis.set_minor_formatter(NullFormatter())
 
 
-def _first(found: Forecast) -> float:
-    """How long (s) until the slope of what is prescribed first changes for good, or all of it."""
-    slopes = np.diff(found.given) / np.maximum(np.diff(found.time), 1e-300)
+def _first(forecast: Forecast) -> float:
+    """Return the time (s) until the slope of the prescribed quantity first changes.
+
+    Where it never changes, this is the whole programme.
+    """
+    slopes = np.diff(forecast.given) / np.maximum(np.diff(forecast.time), 1e-300)
     change = np.abs(np.diff(slopes)) > 1e-3 * np.max(np.abs(slopes))
     ends = np.flatnonzero(change)
-    last = int(ends[0]) + 1 if ends.size else found.time.size - 1
-    return float(found.time[last] - found.time[0])
+    last = int(ends[0]) + 1 if ends.size else forecast.time.size - 1
+    return float(forecast.time[last] - forecast.time[0])
 
 
-def _quick(found: Forecast) -> bool:
-    return _DECADES * _first(found) <= found.time[-1] - found.time[0]
+def _quick(forecast: Forecast) -> bool:
+    return _DECADES * _first(forecast) <= forecast.time[-1] - forecast.time[0]

@@ -1,4 +1,4 @@
-"""How a pad was pressed: displacement against time of every test."""
+"""Draw how a pad was pressed: displacement against time of every test."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from qlvbayes.plots.style import (
 )
 from qlvbayes.plots.timeline import decades, logarithmic, shown_samples, since_contact
 
-_PANEL, _FRAME, _LINE = 48.0, 16.0, 3.6  # mm: a panel, what is around it, a line of the legend
+_PANEL, _FRAME, _LINE = 48.0, 16.0, 3.6  # mm: a panel, the margins, a line of the legend
 _SIGNS: dict[str, str] = dict(zip(KINDS, ("^", "s", "v", "o"), strict=True))
 _NAME = 16  # characters of a test's name
 
@@ -36,9 +36,21 @@ _NAME = 16  # characters of a test's name
 def plot_programme(experiment: Experiment, *, width: float = DOUBLE) -> list[Axes]:
     """Draw the displacement, as measured, of every test of a pad since its first movement.
 
-    Marks stand where a ramp, hold, unload or recovery begins. Where the loading rates span a decade
+    Marks show where a ramp, hold, unload or recovery begins. Where the loading rates span a decade
     there are two panels: logarithmic time, which shows every ramp, and linear time, which shows the
-    dwells and what follows them; else one in linear time. width: of the figure (mm).
+    dwells and what follows them. Otherwise there is one panel in linear time.
+
+    Parameters
+    ----------
+    experiment
+        The tests of a pad.
+    width
+        Width of the figure (mm).
+
+    Returns
+    -------
+    list of Axes
+        The panels.
     """
     tight, trials = narrow(width), sorted(experiment.trials, key=lambda t: by_rate(t.rate))
     scales = ["log", "linear"] if decades(trials) else ["linear"]

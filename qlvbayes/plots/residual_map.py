@@ -1,4 +1,4 @@
-"""Where a model fails, at a glance: tests against phases, in units of the noise floor."""
+"""Draw where a model fails: tests against phases, in units of the noise floor."""
 
 from __future__ import annotations
 
@@ -22,20 +22,34 @@ from qlvbayes.plots.cellmap import (
 )
 from qlvbayes.plots.style import MIDDLE, MM, narrow, quantity, rated, shortened, style
 
-_ROW, _FRAME = 9.0, 28.0  # mm, a row of cells and what is around them
-_LEAST_ROWS = 3  # that the colour bar's label fits
+_ROW, _FRAME = 9.0, 28.0  # mm: a row of cells and the margins
+_LEAST_ROWS = 3  # rows for which the colour bar's label fits
 _ROW_TIGHT, _BAR = 10.5, 10.0  # mm, in one column: three lines of a row's label, the colour bar
 _NAME, _NAME_TIGHT = 28, 14  # characters of a test's name
 
 
 def plot_residual_map(check: CheckResult, units: UnitSystem, *, width: float = MIDDLE) -> Axes:
-    """Draw how far each test is missed in each phase.
+    """Draw the error of the prediction of each test in each phase.
 
-    One row a test, slowest first, fitted ones bold; one column a kind of phase. A cell's colour and
-    upper number give the root mean square of measured minus predicted, over the noise floor: 1
-    (lightest) is as good as noise allows. The lower number is the mean of measured minus predicted.
-    Cells with structure beyond noise have a thick black frame and a cross. Hatched cells have no
-    samples. width: of the figure (mm). Returns the map's axes.
+    There is one row for each test, slowest first, fitted ones bold, and one column for each kind of
+    phase. A cell's colour and upper number are the root mean square of measured minus predicted,
+    over the noise floor: 1 (lightest) is as good as noise allows. The lower number is the mean of
+    measured minus predicted. Cells with structure beyond noise have a thick black frame and a
+    cross. Hatched cells have no samples.
+
+    Parameters
+    ----------
+    check
+        The result of a check.
+    units
+        The units of displacement and force.
+    width
+        Width of the figure (mm).
+
+    Returns
+    -------
+    Axes
+        The map's axes.
     """
     tight = narrow(width)
     with style():
@@ -54,7 +68,7 @@ def plot_residual_map(check: CheckResult, units: UnitSystem, *, width: float = M
 
 
 def _tests(cells: Sequence[Cell]) -> dict[str, Cell]:
-    """One cell of each test, by the test's rate."""
+    """Return one cell of each test, ordered by the test's rate."""
     ordered = sorted(cells, key=lambda cell: inf if cell.rate is None else cell.rate)
     return {cell.test: cell for cell in ordered}
 
@@ -68,20 +82,20 @@ def _hatch_empty(axis: Axes, cells: Sequence[Cell], tests: Sequence[str]) -> int
         for column, kind in enumerate(KINDS)
         if (test, kind) not in present
     ]
-    for place in empty:
-        draw_empty(axis, place)
+    for position in empty:
+        draw_empty(axis, position)
     return len(empty)
 
 
 def _draw_cell(axis: Axes, cell: Cell, check: CheckResult, worst: float, row: int) -> None:
     ratio = over_floor(cell.rmse, check.noise)
     text = f"{short(ratio)}\n{_signed(cell.bias, max(cell.rmse, check.noise))}"
-    place = (row, KINDS.index(cell.phase))
-    draw_square(axis, place, ratio, worst, text, fails=cell.fails)
+    position = (row, KINDS.index(cell.phase))
+    draw_square(axis, position, ratio, worst, text, fails=cell.fails)
 
 
 def _signed(bias: float, error: float) -> str:
-    """To a tenth of the error that it is part of."""
+    """Return a bias to a tenth of the error that it is part of."""
     digits = max(1 - floor(log10(error)), 0) if error > 0.0 else 0
     text = f"{bias:+.{digits}f}" if digits < 6 else f"{bias:+.1e}"
     text = text.replace("-", "+") if float(text) == 0.0 else text

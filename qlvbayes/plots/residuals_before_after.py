@@ -1,4 +1,4 @@
-"""Where the plain model fails, and what is left once the effects found are added."""
+"""Draw where the baseline model fails, and what is left once effects are added."""
 
 from __future__ import annotations
 
@@ -23,21 +23,33 @@ from qlvbayes.plots.cellmap import (
 from qlvbayes.plots.naming import heading, model_name
 from qlvbayes.plots.style import DOUBLE, MM, narrow, rated, shortened, style
 
-_ROW, _FRAME = 8.0, 41.0  # mm, a row of cells and what is around them
-_LEAST_ROWS = 3  # that the colour bar's label fits
+_ROW, _FRAME = 8.0, 41.0  # mm: a row of cells and the margins
+_LEAST_ROWS = 3  # rows for which the colour bar's label fits
 _TITLE = 40  # characters a line, of a panel's title
 _KEY_TIGHT = 58  # characters a line, of the key in one column
 
 
 def plot_residuals_before_after(diagnosis: DiagnosisResult, *, width: float = DOUBLE) -> list[Axes]:
-    """Draw how far each test is missed in each phase, by the plain and by the last model.
+    """Draw the error of each test in each phase, by the baseline model and by the last model.
 
-    One row a test, slowest first; one column a kind of phase. Colour and number give the root mean
-    square of measured minus predicted over the noise floor, on one scale for both models: 1 is as
-    good as noise allows. Cells with structure beyond noise have a thick black frame and a cross;
-    under each title stands the p-value of the test of all cells. Hatched cells have no samples.
-    Where no effect was added there is one panel. width: of the figure (mm); in one column the
-    panels stand one below the other. Returns the maps' axes.
+    There is one row for each test, slowest first, and one column for each kind of phase. Colour and
+    number are the root mean square of measured minus predicted over the noise floor, on one scale
+    for both models: 1 is as good as noise allows. Cells with structure beyond noise have a thick
+    black frame and a cross; under each title is the p-value of the test of all cells. Hatched cells
+    have no samples. Where no effect was added there is one panel. In one column the panels are one
+    below the other.
+
+    Parameters
+    ----------
+    diagnosis
+        The result of the diagnosis.
+    width
+        Width of the figure (mm).
+
+    Returns
+    -------
+    list of Axes
+        The maps' axes.
     """
     tight = narrow(width)
     stages = diagnosis.stages[:: max(len(diagnosis.stages) - 1, 1)]
@@ -64,12 +76,12 @@ def plot_residuals_before_after(diagnosis: DiagnosisResult, *, width: float = DO
 
 
 def _tests(stage: Stage) -> dict[str, CellError]:
-    """One cell of each test, by the test's rate."""
+    """Return one cell of each test, ordered by the test's rate."""
     return {cell.test: cell for cell in sorted(stage.cells, key=_by_rate)}
 
 
 def _by_rate(cell: CellError) -> float:
-    """Tests without a rate stand last."""
+    """Return the key that sorts cells by rate, tests without a rate last."""
     return inf if cell.rate is None else cell.rate
 
 
@@ -81,10 +93,10 @@ def _row_label(cell: CellError, units: UnitSystem) -> str:
 def _draw(
     axis: Axes, stage: Stage, noise: float, worst: float, tests: list[str], kinds: list[str]
 ) -> None:
-    places = {(cell.test, cell.phase): cell for cell in stage.cells}
+    by_position = {(cell.test, cell.phase): cell for cell in stage.cells}
     for row, test in enumerate(tests):
         for column, kind in enumerate(kinds):
-            cell = places.get((test, kind))
+            cell = by_position.get((test, kind))
             if cell is None:
                 draw_empty(axis, (row, column))
                 continue

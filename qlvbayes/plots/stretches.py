@@ -1,4 +1,4 @@
-"""A test's samples phase by phase, and the columns of panels that show them."""
+"""Divide a test's samples into phases, and into the columns of panels that show them."""
 
 from __future__ import annotations
 
@@ -16,16 +16,19 @@ from qlvbayes.plots.style import BLACK
 
 WHOLE = "whole test"
 DWELLS = ("hold", "recovery")
-_EARLY = 0.1  # of a ramp: so much of the rest before it is shown with it
-_FEW_DECADES = 50.0  # of a time axis, as a ratio: below, 2 and 5 have ticks too
-_FIRST_FEW = 10  # samples, whose interval is taken
-_ROOM = 0.12  # of a panel's height, that a number takes
-_AT_ONCE = 0.1  # of a sampling interval: a sample so early in a dwell ends the movement
+_EARLY = 0.1  # length of the rest that is shown before a ramp, over the ramp's
+_FEW_DECADES = 50.0  # ratio of a time axis's ends below which 2 and 5 have ticks too
+_FIRST_FEW = 10  # samples from which the sampling interval is taken
+_ROOM = 0.12  # height of a number over that of its panel
+_AT_ONCE = 0.1  # share of a sampling interval: a sample so early in a dwell ends the movement
 
 
 @dataclass(frozen=True, eq=False)
-class Stretch:
-    """Samples of a phase, the ``number``-th of its kind; ``elapsed`` (s) since it began."""
+class PhaseSamples:
+    """Hold the samples of a phase, the ``number``-th of its kind.
+
+    ``elapsed`` (s) since it began.
+    """
 
     kind: str
     number: int
@@ -34,15 +37,15 @@ class Stretch:
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
-    """Samples in a panel: their stretch, their rows in the test and their place in time."""
+class PanelSamples:
+    """Hold the samples in a panel: their phase, their rows in the test and their times."""
 
-    stretch: Stretch
+    stretch: PhaseSamples
     rows: np.ndarray
     time: np.ndarray
 
 
-def divide(time: np.ndarray, phases: Sequence[Phase]) -> list[Stretch]:
+def divide(time: np.ndarray, phases: Sequence[Phase]) -> list[PhaseSamples]:
     """Divide the samples among the phases; a dwell before any movement goes with the first ramp."""
     seen = Counter[str]()
     phases = _joined(phases)
@@ -52,7 +55,7 @@ def divide(time: np.ndarray, phases: Sequence[Phase]) -> list[Stretch]:
         if stop > first:
             elapsed = time[first:stop] - phase.start
             rows = np.arange(first, stop)
-            stretches.append(Stretch(phase.kind, seen[phase.kind], rows, elapsed))
+            stretches.append(PhaseSamples(phase.kind, seen[phase.kind], rows, elapsed))
             seen[phase.kind] += 1
     return stretches
 
@@ -63,7 +66,10 @@ def _joined(phases: Sequence[Phase]) -> Sequence[Phase]:
 
 
 def _first_row(time: np.ndarray, phase: Phase) -> int:
-    """Index of a phase's first sample: in a dwell not one taken as the motion stopped."""
+    """Return the index of a phase's first sample.
+
+    In a dwell, a sample taken as the motion stopped does not count.
+    """
     first = int(np.searchsorted(time, phase.start))
     if phase.kind not in DWELLS:
         return first
@@ -72,27 +78,29 @@ def _first_row(time: np.ndarray, phase: Phase) -> int:
     return first + int(np.sum(elapsed <= _AT_ONCE * interval))
 
 
-def columns(parts: Sequence[Sequence[Stretch]]) -> list[str]:
-    """Kinds of phase that occur in tests, after the whole test where a kind repeats in one."""
+def columns(parts: Sequence[Sequence[PhaseSamples]]) -> list[str]:
+    """Return the kinds of phase that occur; the whole test precedes them where a kind repeats."""
     counts = [Counter(stretch.kind for stretch in stretches) for stretches in parts]
     kinds = [kind for kind in KINDS if any(kind in count for count in counts)]
     repeats = any(max(count.values()) > 1 for count in counts)
     return [WHOLE, *kinds] if repeats else list(kinds)
 
 
-def place(column: str, time: np.ndarray, stretches: Sequence[Stretch]) -> list[Placed]:
-    """What a column shows of a test: all of it in time (s), or a kind of phase since it began."""
+def panel_samples(
+    column: str, time: np.ndarray, stretches: Sequence[PhaseSamples]
+) -> list[PanelSamples]:
+    """Return the samples that a column shows: the whole test, or a kind of phase since it began."""
     if column == WHOLE:
         return [_continued(time, stretch) for stretch in stretches]
     same = [stretch for stretch in stretches if stretch.kind == column]
     scale, _ = _scale(column, same)
-    return [Placed(stretch, stretch.rows, scale * stretch.elapsed) for stretch in same]
+    return [PanelSamples(stretch, stretch.rows, scale * stretch.elapsed) for stretch in same]
 
 
-def place_times(
-    column: str, times: np.ndarray, phases: Sequence[Phase], stretches: Sequence[Stretch]
+def panel_times(
+    column: str, times: np.ndarray, phases: Sequence[Phase], stretches: Sequence[PhaseSamples]
 ) -> np.ndarray:
-    """Where a column shows other times (k,) of a test (s); NaN for those that it does not show."""
+    """Return where a column shows other times (k,) of a test (s), NaN where it does not."""
     if column == WHOLE:
         return times
     scale, _ = _scale(column, [stretch for stretch in stretches if stretch.kind == column])
@@ -104,34 +112,34 @@ def place_times(
     return np.where(there, scale * elapsed, np.nan)
 
 
-def _continued(time: np.ndarray, stretch: Stretch) -> Placed:
-    """With the sample before it, so that no gap is seen."""
+def _continued(time: np.ndarray, stretch: PhaseSamples) -> PanelSamples:
+    """Return the samples with the one before, so that the curve has no gap."""
     first = stretch.rows[0]
     rows = np.concatenate([np.arange(max(first - 1, 0), first), stretch.rows])
-    return Placed(stretch, rows, time[rows])
+    return PanelSamples(stretch, rows, time[rows])
 
 
-def _scale(column: str, same: Sequence[Stretch]) -> tuple[float, str]:
-    """Milliseconds for a movement of less than a second."""
+def _scale(column: str, same: Sequence[PhaseSamples]) -> tuple[float, str]:
+    """Return factor and unit of a time axis: milliseconds for a movement of less than a second."""
     quick = column not in DWELLS and bool(same) and _length(same) < 1.0
     return (1e3, "ms") if quick else (1.0, "s")
 
 
-def _length(same: Sequence[Stretch]) -> float:
+def _length(same: Sequence[PhaseSamples]) -> float:
     return float(max(stretch.elapsed[-1] for stretch in same))
 
 
 def number_repeats(
     axis: Axes,
-    shown: Sequence[Placed],
+    shown: Sequence[PanelSamples],
     force: np.ndarray,
     palette: Sequence[str] = (BLACK,),
     *,
     fontsize: float,
 ) -> None:
-    """Which repeat it is, where each ends in a test's force (n,), of those that have room.
+    """Number the repeats where each ends in a test's force (n,), as far as there is room.
 
-    palette: colours of the repeats in turn; fontsize: points.
+    ``palette`` has the colours of the repeats in turn; ``fontsize`` is in points.
     """
     low, high = axis.get_ylim()
     taken: list[float] = []
@@ -153,11 +161,11 @@ def number_repeats(
 
 
 def finish_time(
-    axis: Axes, column: str, stretches: Sequence[Stretch], *, tight: bool = False
+    axis: Axes, column: str, stretches: Sequence[PhaseSamples], *, tight: bool = False
 ) -> None:
     """Scale and label the time axis of a panel that has been drawn; blank it if nothing was.
 
-    tight: the label takes two lines.
+    With ``tight`` the label takes two lines.
     """
     if column == WHOLE:
         axis.set_xlabel("time (s)")
@@ -183,7 +191,7 @@ def _blank(axis: Axes) -> None:
 
 
 def same_times(axes: np.ndarray) -> None:
-    """Give all tests' dwells one time axis, to be compared down the column."""
+    """Give all tests' dwells one time axis, for comparison down the column."""
     used = [axis for axis in axes if axis.lines]
     limits = np.array([axis.get_xlim() for axis in used])
     first, last = limits[:, 0].min(), limits[:, 1].max()
@@ -196,5 +204,5 @@ def same_times(axes: np.ndarray) -> None:
 
 
 def by_rate(rate: float) -> float:
-    """Key that sorts tests by loading rate, those without one last."""
+    """Return the key that sorts tests by loading rate, those without one last."""
     return rate if np.isfinite(rate) else np.inf

@@ -1,4 +1,4 @@
-"""One look for every figure: widths of a journal's columns, type, colours; a user's own over it."""
+"""Set the look of figures: widths of a journal's columns, type, colours, a user's settings."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ MM = 1.0 / 25.4  # inches
 SINGLE, MIDDLE, DOUBLE = 85.0, 120.0, 180.0  # mm, one, one and a half and two columns
 _NARROW = 110.0  # mm, up to which a figure is laid out for one column
 
-# Okabe and Ito, told apart by colour-blind readers.
+# Okabe and Ito, distinguishable by colour-blind readers.
 BLACK = "#000000"
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-LINES: Any = ("-", "--", ":", "-.")  # with them, for readers of a grey copy
+LINES: Any = ("-", "--", ":", "-.")  # one for each colour, so that a grey copy can be read
 MARKERS = ("o", "s", "^", "D", "v", "P")
 
 STYLE: dict[Any, Any] = {
@@ -36,7 +36,7 @@ STYLE: dict[Any, Any] = {
     "legend.fontsize": 7.5,
     "figure.titlesize": 8.5,
     "figure.titleweight": "bold",
-    "figure.labelsize": 7.0,  # of notes under a figure
+    "figure.labelsize": 7.0,  # notes under a figure
     "figure.facecolor": "white",
     "axes.prop_cycle": cycler(color=COLOURS),
     "axes.linewidth": 0.5,
@@ -57,31 +57,40 @@ STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
     "savefig.dpi": 200,
 }
-# Settings that say where a figure goes; and TeX, which would run what stands in a test's name.
+# Settings of where a figure goes, and TeX, which would run what a test's name contains.
 _NOT_LOOKS = {"backend", "backend_fallback", "interactive", "toolbar", "text.usetex"}
 _own: ContextVar[dict[str, Any]] = ContextVar("own", default={})  # noqa: B039 (never changed)
 _KEY = re.compile(r"[Kk]ey ([\w.]+):")
 
 
-_matplotlib: Any = matplotlib  # whose settings have keys of more types than are worth telling
+_matplotlib: Any = matplotlib  # the keys of its settings have too many types to declare
 
 
 def style() -> AbstractContextManager[None]:
-    """Use ``STYLE``, and over it what ``using`` holds, within a ``with``.
+    """Return a context manager for ``STYLE`` and, over it, the settings of ``using``.
 
-    Settings made by others come back after it.
+    Other settings are restored after it.
     """
     return _matplotlib.rc_context({**STYLE, **_own.get()})
 
 
 @contextmanager
 def using(look: Mapping[str, Any] | str | Path) -> Iterator[None]:
-    """Draw and save every figure within the ``with`` in a look of one's own.
+    """Draw and save every figure within the ``with`` in a user's own look.
 
-    look: settings of Matplotlib (``{"font.size": 9, "lines.linewidth": 1.2}``), a style file
-    (``.mplstyle``), or the name of a style that Matplotlib brings (``"grayscale"``). They go over
-    ``STYLE``; the colours of curves are those of ``axes.prop_cycle``. May be nested; the inner one
-    wins. Raises InputError with file and line where the look cannot be used.
+    The settings are applied over ``STYLE``; the colours of curves are those of ``axes.prop_cycle``.
+    Uses may be nested, and the inner one wins.
+
+    Parameters
+    ----------
+    look
+        Settings of Matplotlib (``{"font.size": 9, "lines.linewidth": 1.2}``), a style file
+        (``.mplstyle``), or the name of a style of Matplotlib (``"grayscale"``).
+
+    Raises
+    ------
+    InputError
+        The look cannot be used; the error names file and line.
     """
     token = _own.set({**_own.get(), **_settings(look)})
     try:
@@ -91,31 +100,31 @@ def using(look: Mapping[str, Any] | str | Path) -> Iterator[None]:
 
 
 def own_look() -> dict[str, Any]:
-    """Settings that ``using`` holds now: in another process ``using`` takes them as they are."""
+    """Return the settings of ``using`` now, which ``using`` accepts in another process."""
     return dict(_own.get())
 
 
 def colours() -> tuple[str, ...]:
-    """Colours of curves in the look in use; where it has fewer than six, ours after them."""
-    found = _matplotlib.rcParams["axes.prop_cycle"].by_key().get("color", [])
-    return (*map(str, found), *COLOURS[len(found) :])
+    """Return the colours of curves in the look in use, and ours after them up to six."""
+    own = _matplotlib.rcParams["axes.prop_cycle"].by_key().get("color", [])
+    return (*map(str, own), *COLOURS[len(own) :])
 
 
 def title_look() -> dict[str, Any]:
-    """Type of a figure's title, for a legend that carries it."""
+    """Return size and weight of a figure's title, for a legend that has it."""
     size, weight = (_matplotlib.rcParams[f"figure.title{what}"] for what in ("size", "weight"))
     return {"size": size, "weight": weight}
 
 
 def narrow(width: float) -> bool:
-    """Whether a figure so many mm wide is laid out for one column."""
+    """Return whether a figure of this width (mm) is laid out for one column."""
     return width < _NARROW
 
 
 def _settings(look: Mapping[str, Any] | str | Path) -> dict[str, Any]:
     if isinstance(look, Mapping):
         try:
-            found: dict[str, Any] = dict(_matplotlib.RcParams(dict(look)))
+            settings: dict[str, Any] = dict(_matplotlib.RcParams(dict(look)))
         except (KeyError, ValueError) as error:
             raise InputError(f"not settings of Matplotlib ({_first_line(error)})") from error
     else:
@@ -123,11 +132,11 @@ def _settings(look: Mapping[str, Any] | str | Path) -> dict[str, Any]:
 
         library: Any = styles.library
         named = str(look) in library and not Path(look).exists()
-        found = dict(library[str(look)]) if named else _of_file(Path(look))
-    return {key: value for key, value in found.items() if key not in _NOT_LOOKS}
+        settings = dict(library[str(look)]) if named else _from_file(Path(look))
+    return {key: value for key, value in settings.items() if key not in _NOT_LOOKS}
 
 
-def _of_file(file: Path) -> dict[str, Any]:
+def _from_file(file: Path) -> dict[str, Any]:
     try:
         lines = file.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
@@ -146,7 +155,7 @@ def _of_file(file: Path) -> dict[str, Any]:
 
 
 def _keys(file: Path, lines: list[str]) -> Iterator[tuple[str, int]]:
-    """Each setting with its line."""
+    """Yield each setting with its line."""
     for number, line in enumerate(lines, 1):
         text = line.strip()
         if not text or text.startswith("#"):
@@ -170,19 +179,19 @@ def _first_line(error: Exception) -> str:
 
 
 def quantity(name: str, unit: str) -> str:
-    """Label of an axis: 'force (N)'; the name alone where the unit is 1, dimensionless."""
+    """Return the label of an axis: 'force (N)', or the name alone where the unit is 1."""
     return name if unit == "1" else f"{name} ({unit})"
 
 
 def rated(rate: float, unit: str) -> str:
-    """Three digits of a loading rate with its unit: '29.3 mm/s', '0.226/s'."""
+    """Return three digits of a loading rate with its unit: '29.3 mm/s', '0.226/s'."""
     return f"{plain(rate)} {unit}".replace(" 1/", "/")
 
 
 def shortened(name: str, most: int = 40) -> str:
-    """A name from a file: cut where it would not fit on the page, and never read as a formula.
+    """Return a name from a file, cut to fit on the page, and never read as a formula.
 
-    Legends pass over what begins with an underscore, so that a space stands before it.
+    Legends ignore what begins with an underscore, so a space is put before it.
     """
     text = literal(name if len(name) <= most else f"{name[: most - 1]}…")
     return f" {text}" if text.startswith("_") else text

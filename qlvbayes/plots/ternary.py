@@ -1,4 +1,4 @@
-"""Three shares that sum to 1, in a triangle: the part of it that the draws fill, enlarged."""
+"""Draw three shares that sum to 1 in a triangle, and enlarge the part that the draws fill."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from qlvbayes.plots.density import draw_regions
 from qlvbayes.plots.style import BLACK
 
 _HEIGHT = 3.0**0.5 / 2.0
-_CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [0.5, _HEIGHT]])  # all of share 0, 1, 2
-_MARGIN = 0.12  # of the enlarged triangle, around the draws
-_WHOLE = 0.24  # of the enlarged triangle: the small copy of the whole one
+_CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [0.5, _HEIGHT]])  # where share 0, 1, 2 is all
+_MARGIN = 0.12  # share of the enlarged triangle that is left around the draws
+_WHOLE = 0.24  # size of the small copy of the whole triangle over the enlarged one
 _WHOLE_AT = (1.11, _HEIGHT - 0.18)
-_DIGIT = 4.5  # points, of a number
+_DIGIT = 4.5  # points, width of a digit
 _AROUND = ((-0.36, 1.36), (-0.27, 0.93))
 
 
 @dataclass(frozen=True)
 class _Window:
-    """The triangle c_i >= low_i; ``size`` is its side, 1 for the whole simplex."""
+    """Hold the triangle c_i >= low_i; ``size`` is its side, 1 for the whole simplex."""
 
     low: np.ndarray
     size: float
 
-    def place(self, shares: np.ndarray) -> np.ndarray:
-        """Points (n, 2) of shares (n, 3)."""
+    def points(self, shares: np.ndarray) -> np.ndarray:
+        """Return points (n, 2) of shares (n, 3)."""
         return (shares - self.low) / self.size @ _CORNERS
 
 
@@ -43,9 +43,9 @@ def draw_ternary(axis: Axes, shares: np.ndarray, colour: str, *, ticks: int = 3)
     axis.set_aspect("equal")
     axis.axis("off")
     axis.set(xlim=_AROUND[0], ylim=_AROUND[1])
-    x, y = window.place(shares).T
+    x, y = window.points(shares).T
     draw_regions(axis, x, y, ((0.0, 1.0), (0.0, _HEIGHT)), colour)
-    axis.plot(*window.place(np.median(shares, axis=0)[None]).T, "+", color=BLACK, markersize=5.0,
+    axis.plot(*window.points(np.median(shares, axis=0)[None]).T, "+", color=BLACK, markersize=5.0,
               gid="median")  # fmt: skip
     axis.add_patch(Polygon(_CORNERS, fill=False, linewidth=0.6, gid="enlarged"))
     for k in range(3):
@@ -60,28 +60,28 @@ def _window(shares: np.ndarray) -> _Window:
 
 
 def _grid(axis: Axes, window: _Window, k: int, ticks: int) -> None:
-    """Lines of equal share k, with numbers where they begin and a name beside these."""
+    """Draw lines of equal share k, with numbers where they begin and a name next to these."""
     begin, end = {0: (2, 1), 1: (0, 2), 2: (1, 0)}[
         k
     ]  # corners without k, the numbered side's first
     first = float(window.low[k])
-    numbers = MaxNLocator(ticks, prune="both").tick_values(first, first + window.size)
+    values = MaxNLocator(ticks, prune="both").tick_values(first, first + window.size)
     turn = {0: (-4.0, 2.0, "right", "bottom"), 1: (-2.0, -3.0, "center", "top"),
             2: (3.0, 0.0, "left", "center")}[k]  # fmt: skip
-    for number in numbers:
-        share = (number - first) / window.size
+    for value in values:
+        share = (value - first) / window.size
         if not 0.02 < share < 0.98:
             continue
         one = share * _CORNERS[k] + (1.0 - share) * _CORNERS[begin]
         other = share * _CORNERS[k] + (1.0 - share) * _CORNERS[end]
         axis.plot(*np.transpose([one, other]), color="0.8", linewidth=0.4, zorder=0.5)
         axis.annotate(
-            f"{number:.6g}", one, xytext=turn[:2], textcoords="offset points",
+            f"{value:.6g}", one, xytext=turn[:2], textcoords="offset points",
             ha=turn[2], va=turn[3], gid=f"c[{k}]",
         )  # fmt: skip
     middle = 0.5 * (_CORNERS[k] + _CORNERS[begin])
-    beside = _DIGIT * max(len(f"{number:.6g}") for number in numbers) + 14.0
-    away = {0: (-beside, 4.0), 1: (0.0, -17.0), 2: (beside, 4.0)}[k]
+    distance = _DIGIT * max(len(f"{value:.6g}") for value in values) + 14.0
+    away = {0: (-distance, 4.0), 1: (0.0, -17.0), 2: (distance, 4.0)}[k]
     axis.annotate(
         rf"$\mathit{{c}}_{{{k}}}$", middle, xytext=away, textcoords="offset points",
         ha="center", va="center",

@@ -1,4 +1,4 @@
-"""A whole test on one axis: milliseconds and half-minutes, in logarithmic and in linear time."""
+"""Set up time axes for whole tests: milliseconds and half-minutes, logarithmic and linear."""
 
 from __future__ import annotations
 
@@ -11,31 +11,31 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from qlvbayes.motion.experiment import Trial
 from qlvbayes.motion.phases import MOVING
 
-_DECADES = 10.0  # highest over lowest rate, from where on time is logarithmic too
-_EARLIEST = 0.01  # of the shortest first movement: from there on time is logarithmic
-_PLACES = 60  # samples of a phase that are drawn, evenly spread in time and in its logarithm
+_DECADES = 10.0  # ratio of highest to lowest rate from which on time is logarithmic too
+_EARLIEST = 0.01  # beginning of logarithmic time over the shortest first movement
+_POINTS = 60  # samples of a phase that are drawn, evenly spread in time and in its logarithm
 
 
 def decades(trials: Iterable[Trial]) -> bool:
-    """Whether the loading rates of some tests differ ten times or more."""
+    """Return whether the loading rates of some tests differ ten times or more."""
     rates = [trial.rate for trial in trials if np.isfinite(trial.rate)]
     return bool(rates) and max(rates) >= _DECADES * min(rates)
 
 
 def since_contact(trial: Trial, time: np.ndarray) -> np.ndarray:
-    """Time (s) since the test's first movement began."""
+    """Return the time (s) since the test's first movement began."""
     return time - first_movement(trial)[0]
 
 
 def first_movement(trial: Trial) -> tuple[float, float]:
-    """When the first ramp or unload began and ended (s)."""
+    """Return when the first ramp or unload began and ended (s)."""
     phases = trial.phases
-    found = next((p for p in phases if p.kind in MOVING), phases[0])
-    return found.start, found.stop
+    phase = next((p for p in phases if p.kind in MOVING), phases[0])
+    return phase.start, phase.stop
 
 
 def logarithmic(axis: Axes, trials: Iterable[Trial], *, numbers: int = 6) -> None:
-    """Logarithmic time, from a hundredth of the shortest first movement on."""
+    """Make time logarithmic, from a hundredth of the shortest first movement on."""
     spans = [stop - start for start, stop in map(first_movement, trials)]
     axis.set_xscale("log")
     axis.set_xlim(left=_EARLIEST * min(spans))
@@ -44,11 +44,11 @@ def logarithmic(axis: Axes, trials: Iterable[Trial], *, numbers: int = 6) -> Non
 
 
 def shown_samples(trial: Trial) -> np.ndarray:
-    """Rows of a test that draw its curve as well as all of them."""
-    time, places = trial.test.time, []
+    """Return rows of a test that draw its curve as well as all of them."""
+    time, times = trial.test.time, []
     for phase in trial.phases:
         length = phase.stop - phase.start
-        places += [phase.start + length * np.linspace(0.0, 1.0, _PLACES)]
-        places += [phase.start + length * np.geomspace(1e-4, 1.0, _PLACES)]
-    rows = np.searchsorted(time, np.concatenate(places))
+        times += [phase.start + length * np.linspace(0.0, 1.0, _POINTS)]
+        times += [phase.start + length * np.geomspace(1e-4, 1.0, _POINTS)]
+    rows = np.searchsorted(time, np.concatenate(times))
     return np.unique(np.clip(rows, 0, time.size - 1))

@@ -1,4 +1,4 @@
-"""Priors: densities of constants, and the maps from unconstrained numbers to their supports."""
+"""Define prior densities of constants, and maps from unconstrained numbers to their supports."""
 
 from qlvbayes.priors.distributions import (
     AbstractPositivePrior,

@@ -1,10 +1,10 @@
-"""Priors of single numbers: a density, and the map from an unconstrained number to its support."""
+"""Define priors of one number: a density, and the map from an unconstrained number."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import fields
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -16,178 +16,230 @@ from qlvbayes.priors.transforms import from_interval, to_interval, to_positive
 
 
 class AbstractPrior(eqx.Module):
-    """A prior of one or several constants; stands in a model where a number would.
+    """Represent what is known of one or several constants before the tests.
 
-    ``size``: unconstrained numbers it takes; ``constrain`` maps them to the value and returns the
-    log of the prior's density over them (the Jacobian included), ready to be summed.
+    A prior stands in the field of a model where a number would stand: the constant is then free. It
+    also maps an unconstrained vector y, in which samplers and optimisers move, to the value of the
+    constants. A user's own prior extends `AbstractScalarPrior`.
     """
 
     @property
     @abstractmethod
     def size(self) -> int:
-        """How many unconstrained numbers it takes."""
+        """Return how many unconstrained numbers stand for the value."""
 
     @abstractmethod
     def constrain(self, y: Array) -> tuple[Array, Array]:
-        """(size,) to the value and the log prior density at y, normalised over y."""
+        """Return the value at y, and the log prior density over y.
+
+        Parameters
+        ----------
+        y
+            (size,) unconstrained numbers.
+
+        Returns
+        -------
+        value
+            The constant, or the array of constants.
+        log_density
+            The log density over y, normalised; it includes the log-Jacobian of the map.
+        """
 
     @abstractmethod
     def unconstrain(self, value: ArrayLike) -> Array:
-        """The (size,) numbers that ``constrain`` maps to ``value``."""
+        """Return the (size,) unconstrained numbers that ``constrain`` maps to ``value``."""
 
     @abstractmethod
     def draw(self, rng: np.random.Generator) -> np.ndarray:
-        """One value from the prior."""
+        """Return one value drawn from the prior."""
 
     @abstractmethod
     def describe(self) -> str:
-        """As it is written on the command line."""
+        """Return the prior as it is written on the command line, ``lognormal(1.8, 0.5)``."""
 
 
 class AbstractScalarPrior(AbstractPrior):
-    """The prior of one number."""
+    """Represent what is known of one constant before the tests.
+
+    ``word`` names the prior on the command line; the fields are its arguments, in order.
+    """
 
     word: eqx.AbstractClassVar[str]
 
     @property
     def size(self) -> int:
-        """One."""
+        """Return 1: one unconstrained number stands for the value."""
         return 1
 
     @abstractmethod
     def log_density(self, value: ArrayLike) -> Array:
-        """Log density at ``value``, per unit of the value."""
+        """Return the log density at ``value``, per unit of the value."""
 
     @abstractmethod
     def to_support(self, y: Array) -> tuple[Array, Array]:
-        """Unconstrained number to (value, log-Jacobian)."""
+        """Return the value at an unconstrained number y, and log(d value / dy)."""
 
     def constrain(self, y: Array) -> tuple[Array, Array]:
-        """Value and log density over y."""
+        """Return the value at y, shape (1,), and the log density over y."""
         value, log_volume = self.to_support(y[0])
         return value, self.log_density(value) + log_volume
 
     def describe(self) -> str:
-        """word(a,b), as on the command line."""
-        numbers = (getattr(self, field.name) for field in fields(self))
-        return f"{self.word}({', '.join(f'{float(x):.4g}' for x in numbers)})"
+        """Return ``word(a, b)``, as the prior is written on the command line."""
+        arguments = (getattr(self, field.name) for field in fields(self))
+        return f"{self.word}({', '.join(f'{float(x):.4g}' for x in arguments)})"
 
 
 class AbstractPositivePrior(AbstractScalarPrior):
-    """The prior of a positive number, sampled in its logarithm."""
+    """Represent what is known of one positive constant; samplers move in its logarithm."""
 
     def to_support(self, y: Array) -> tuple[Array, Array]:
-        """E^y."""
+        """Return e^y and log(d value / dy) = y."""
         return to_positive(y)
 
     def unconstrain(self, value: ArrayLike) -> Array:
-        """Log of the value."""
+        """Return the logarithm of the value, shape (1,)."""
         return jnp.log(jnp.reshape(jnp.asarray(value, dtype=float), (1,)))
 
 
 class Normal(AbstractScalarPrior):
-    """Normal with mean and standard deviation."""
+    """Give a constant a normal prior.
 
-    mean: Any
-    sd: Any
+    Parameters
+    ----------
+    mean, sd
+        Mean and standard deviation, in the constant's unit; sd is above 0.
+    """
+
+    mean: Array | float
+    sd: Array | float
     word: ClassVar[str] = "normal"
 
     def log_density(self, value: ArrayLike) -> Array:
-        """Log density of the normal."""
+        """Return the log density of the normal distribution at ``value``."""
         return jss.norm.logpdf(value, self.mean, self.sd)
 
     def to_support(self, y: Array) -> tuple[Array, Array]:
-        """Value = mean + sd y."""
+        """Return mean + sd y and log(sd)."""
         return self.mean + self.sd * y, jnp.log(self.sd)
 
     def unconstrain(self, value: ArrayLike) -> Array:
-        """(value - mean)/sd."""
+        """Return (value - mean)/sd, shape (1,)."""
         return jnp.reshape((jnp.asarray(value, dtype=float) - self.mean) / self.sd, (1,))
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
-        """One value."""
+        """Return one value drawn from the prior."""
         return np.asarray(rng.normal(self.mean, self.sd))
 
 
 class LogNormal(AbstractPositivePrior):
-    """Log-normal: log of the value is normal with mean ``log_median`` and sd ``log_sd``.
+    """Give a positive constant a log-normal prior: its logarithm is normally distributed.
 
-    Written ``lognormal(1.8, 0.5)``: median e^1.8 = 6.05, a factor e^0.5 = 1.65 either way.
+    ``lognormal(1.8, 0.5)`` has the median e^1.8 = 6.05, and one standard deviation is a factor of
+    e^0.5 = 1.65 either way.
+
+    Parameters
+    ----------
+    log_median
+        Mean of the logarithm of the constant, in its unit.
+    log_sd
+        Standard deviation of that logarithm, above 0.
     """
 
-    log_median: Any
-    log_sd: Any
+    log_median: Array | float
+    log_sd: Array | float
     word: ClassVar[str] = "lognormal"
 
     def log_density(self, value: ArrayLike) -> Array:
-        """Log density of the log-normal; minus infinity at zero, its limit."""
+        """Return the log density of the log-normal distribution.
+
+        It is minus infinity at zero and below.
+        """
         positive = jnp.asarray(value) > 0.0
         log_value = jnp.log(jnp.where(positive, value, 1.0))
         density = jss.norm.logpdf(log_value, self.log_median, self.log_sd) - log_value
         return jnp.where(positive, density, -jnp.inf)
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
-        """One value."""
+        """Return one value drawn from the prior."""
         return np.exp(rng.normal(self.log_median, self.log_sd))
 
 
 class HalfNormal(AbstractPositivePrior):
-    """Normal folded at zero, with scale ``sd``."""
+    """Give a constant of zero or more a half-normal prior: the absolute value of a normal number.
 
-    sd: Any
+    Parameters
+    ----------
+    sd
+        Standard deviation of the normal before it is folded at zero, above 0.
+    """
+
+    sd: Array | float
     word: ClassVar[str] = "halfnormal"
 
     def log_density(self, value: ArrayLike) -> Array:
-        """Log density of the half-normal."""
+        """Return the log density of the half-normal distribution at ``value``."""
         return jss.norm.logpdf(value, 0.0, self.sd) + jnp.log(2.0)
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
-        """One value."""
+        """Return one value drawn from the prior."""
         return np.abs(rng.normal(0.0, self.sd))
 
 
 class AbstractBoundedPrior(AbstractScalarPrior):
-    """The prior of a number between two bounds."""
+    """Represent what is known of one constant that lies between two bounds."""
 
-    low: eqx.AbstractVar[Any]
-    high: eqx.AbstractVar[Any]
+    low: eqx.AbstractVar[Array | float]
+    high: eqx.AbstractVar[Array | float]
 
     def to_support(self, y: Array) -> tuple[Array, Array]:
-        """Low + (high - low) sigmoid(y)."""
+        """Return low + (high - low) sigmoid(y) and the log-Jacobian of this map."""
         return to_interval(y, self.low, self.high)
 
     def unconstrain(self, value: ArrayLike) -> Array:
-        """Log odds of the value's place between the bounds."""
+        """Return log((value - low)/(high - value)), shape (1,)."""
         return jnp.reshape(from_interval(value, self.low, self.high), (1,))
 
 
 class Uniform(AbstractBoundedPrior):
-    """Uniform between ``low`` and ``high``."""
+    """Give a constant a uniform prior between two bounds.
 
-    low: Any
-    high: Any
+    Parameters
+    ----------
+    low, high
+        The bounds, in the constant's unit; low is below high.
+    """
+
+    low: Array | float
+    high: Array | float
     word: ClassVar[str] = "uniform"
 
     def log_density(self, value: ArrayLike) -> Array:
-        """-log(high - low)."""
+        """Return -log(high - low)."""
         return -jnp.log(jnp.asarray(self.high) - self.low)
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
-        """One value."""
+        """Return one value drawn from the prior."""
         return np.asarray(rng.uniform(self.low, self.high))
 
 
 class LogUniform(AbstractBoundedPrior):
-    """Uniform in the logarithm between ``low`` and ``high``, both positive."""
+    """Give a positive constant a log-uniform prior: its logarithm is uniform between two bounds.
 
-    low: Any
-    high: Any
+    Parameters
+    ----------
+    low, high
+        The bounds of the constant itself, in its unit; 0 < low < high.
+    """
+
+    low: Array | float
+    high: Array | float
     word: ClassVar[str] = "loguniform"
 
     def log_density(self, value: ArrayLike) -> Array:
-        """-log(value log(high/low))."""
+        """Return -log(value log(high/low))."""
         return -jnp.log(value) - jnp.log(jnp.log(jnp.asarray(self.high) / self.low))
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
-        """One value."""
+        """Return one value drawn from the prior."""
         return np.exp(rng.uniform(np.log(self.low), np.log(self.high)))

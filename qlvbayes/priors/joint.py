@@ -1,4 +1,4 @@
-"""Priors of several numbers together: fractions that sum to one, rates in order."""
+"""Define priors of several numbers together: fractions that sum to one, rates in falling order."""
 
 from __future__ import annotations
 
@@ -15,10 +15,17 @@ from qlvbayes.priors.transforms import from_between, from_simplex, to_between, t
 
 
 class Dirichlet(AbstractPrior):
-    """Dirichlet over fractions that sum to one, some of which may be fixed.
+    """Give fractions that sum to one a Dirichlet prior; some of them may be fixed.
 
-    alpha: (k,) concentrations; fixed: values by place. With some fixed, the free ones
-    share what is left, with the Dirichlet conditioned on the fixed values.
+    Where some fractions are fixed, the free ones share the remainder, and their prior is the
+    Dirichlet distribution conditional on the fixed values.
+
+    Parameters
+    ----------
+    alpha
+        (k,) concentrations, each above 0; all 1 is uniform over the simplex.
+    fixed
+        Values of the fixed fractions, by index.
     """
 
     alpha: Array
@@ -37,11 +44,11 @@ class Dirichlet(AbstractPrior):
 
     @property
     def size(self) -> int:
-        """One less than the free fractions."""
+        """Return the number of free fractions less one."""
         return len(self.free) - 1
 
     def constrain(self, y: Array) -> tuple[Array, Array]:
-        """(k,) fractions and the log density over y."""
+        """Return the (k,) fractions at y and the log density over y."""
         free = np.asarray(self.free)
         shares, log_volume = to_simplex(y)
         alpha = self.alpha[free]
@@ -51,30 +58,35 @@ class Dirichlet(AbstractPrior):
         return fractions, log_density - gammaln(alpha).sum() + log_volume
 
     def unconstrain(self, value: ArrayLike) -> Array:
-        """Numbers whose fractions are ``value``."""
+        """Return the unconstrained numbers whose fractions are ``value``, shape (k,)."""
         shares = jnp.asarray(value, dtype=float)[np.asarray(self.free)]
         return from_simplex(shares / shares.sum())
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
-        """(k,) fractions."""
+        """Return (k,) fractions that are drawn from the prior."""
         values = np.array(self.values)
         free = list(self.free)
         values[free] = (1.0 - values.sum()) * rng.dirichlet(np.asarray(self.alpha)[free])
         return values
 
     def describe(self) -> str:
-        """dirichlet(a, b, ...), and what is fixed."""
+        """Return ``dirichlet(a, b, ...)`` with the fixed fractions after it."""
         text = f"dirichlet({', '.join(f'{a:.4g}' for a in np.asarray(self.alpha))})"
         fixed = [i for i in range(self.alpha.shape[0]) if i not in self.free]
         return text + "".join(f", [{i}] = {float(self.values[i]):.4g}" for i in fixed)
 
 
 class Ordered(AbstractPrior):
-    """Positive rates in falling order, each with its own prior or fixed to a number.
+    """Give positive rates in falling order one prior each; some of them may be fixed.
 
-    The density is the product of the members' priors within the order, normalised there (the
-    normalising probability is integrated once, numerically). The order removes the exchange of
-    labels between relaxation modes.
+    The density is the product of the members' priors wherever the rates fall, normalised there by
+    the probability of that order, which is integrated numerically once. The order keeps relaxation
+    modes from exchanging their labels.
+
+    Parameters
+    ----------
+    members
+        One positive prior or one number (1/s) for each rate, the fastest first.
     """
 
     members: tuple[AbstractPositivePrior | Array, ...]
@@ -88,17 +100,17 @@ class Ordered(AbstractPrior):
 
     @property
     def size(self) -> int:
-        """The number of free rates."""
+        """Return the number of free rates."""
         return sum(isinstance(x, AbstractPrior) for x in self.members)
 
     def constrain(self, y: Array) -> tuple[Array, Array]:
-        """(r,) rates, falling, and the log density over y."""
+        """Return the (r,) falling rates at y and the log density over y."""
         logs: list[Array] = []  # they stay finite where a rate overflows
         total = -self.log_normaliser
         taken = 0
-        for place, member in enumerate(self.members):
+        for index, member in enumerate(self.members):
             if isinstance(member, AbstractPrior):
-                low, high = self._bounds(place, logs)
+                low, high = self._bounds(index, logs)
                 log_value, log_volume = to_between(y[taken], low, high)
                 density = member.log_density(jnp.exp(log_value))
                 total = total + density + log_value + log_volume
@@ -109,28 +121,28 @@ class Ordered(AbstractPrior):
         return self._rates(logs), total
 
     def _rates(self, logs: list[Array]) -> Array:
-        """(r,) rates of their logarithms; a fixed one to its last digit."""
+        """Return the (r,) rates from their logarithms; a fixed rate keeps its last digit."""
         pairs = zip(self.members, logs, strict=True)
         return jnp.stack([jnp.exp(y) if isinstance(x, AbstractPrior) else x for x, y in pairs])
 
     def unconstrain(self, value: ArrayLike) -> Array:
-        """Numbers whose rates are ``value`` (falling)."""
+        """Return the unconstrained numbers whose rates are ``value``, shape (r,), falling."""
         logs = list(jnp.log(jnp.asarray(value, dtype=float)))
-        numbers = [
-            from_between(logs[place], *self._bounds(place, logs[:place]))
-            for place, member in enumerate(self.members)
+        free = [
+            from_between(logs[index], *self._bounds(index, logs[:index]))
+            for index, member in enumerate(self.members)
             if isinstance(member, AbstractPrior)
         ]
-        return jnp.stack(numbers) if numbers else jnp.zeros(0)
+        return jnp.stack(free) if free else jnp.zeros(0)
 
-    def _bounds(self, place: int, before: list[Array]) -> tuple[Array | None, Array | None]:
-        """Logs of the next fixed rate below and, the last of those before, just above, or None."""
-        below = [x for x in self.members[place + 1 :] if not isinstance(x, AbstractPrior)]
+    def _bounds(self, index: int, before: list[Array]) -> tuple[Array | None, Array | None]:
+        """Return the logs of the next fixed rate below and of the rate just above, or None."""
+        below = [x for x in self.members[index + 1 :] if not isinstance(x, AbstractPrior)]
         low = jnp.log(below[0]) if below else None
         return low, (before[-1] if before else None)
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
-        """(r,) rates, falling, by rejection."""
+        """Return (r,) falling rates; draws in another order are rejected."""
         while True:
             rates = np.array(
                 [
@@ -142,7 +154,7 @@ class Ordered(AbstractPrior):
                 return rates
 
     def describe(self) -> str:
-        """Members in order."""
+        """Return the members' descriptions, joined by ``>``."""
         return " > ".join(
             x.describe() if isinstance(x, AbstractPrior) else f"{float(x):.4g}"
             for x in self.members
@@ -153,9 +165,10 @@ _NARROW = 0.05  # log sd below which the grid needs points of its own around the
 
 
 def _probability_of_order(members: tuple[AbstractPositivePrior | Array, ...]) -> float:
-    """Probability that independent draws of the free members fall in order.
+    """Return the probability that independent draws of the free members fall in order.
 
-    On a grid of log-rates: p_k(x) = density_k(x) P(all later ones are below x), from the last.
+    It is integrated from the slowest rate up, on a grid of log-rates: p_k(x) = density_k(x) P(all
+    slower rates are below x).
     """
     fixed = [float(np.log(x)) for x in members if not isinstance(x, AbstractPrior)]
     around = [

@@ -1,7 +1,9 @@
-"""Priors whose number is left as it is, within bounds, so that a force linear in it stays linear.
+"""Define priors over the value itself, or its logarithm, within bounds.
 
-A map to an unbounded number would send a bound to infinity: a mode that lies at one is then never
-reached, and no normal stands for the density about it. Over its number each is quadratic.
+A map to an unbounded number would send a bound to infinity: an optimiser would never reach a mode
+that lies at a bound, and no normal density would approximate the posterior around it. Over the
+coordinate chosen here a force that is linear in a constant stays linear, and each log density is
+quadratic.
 """
 
 from __future__ import annotations
@@ -28,14 +30,15 @@ from qlvbayes.priors.distributions import (
 
 Part = TypeVar("Part")
 
-_FLAT = 0.01  # curvature over 1/width^2 that keeps a flat density normal: half a per cent of it
+_FLAT = 0.01  # curvature, over 1/width^2, that a flat density is given for its normal approximation
 _LOG_ROOT = 0.5 * math.log(2.0 * math.pi)
 
 
-class Quadratic(NamedTuple):
-    """A log density top - precision (x - mean)^2/2 between two bounds.
+class QuadraticDensity(NamedTuple):
+    """Represent a log density top - precision (x - mean)^2/2 between two bounds of x.
 
-    length: natural, of x; curvature: of minus the density, as a normal about a place takes it.
+    ``length`` is a natural step of x; ``curvature`` is minus the second derivative that a normal
+    approximation of the density takes.
     """
 
     lowest: float
@@ -48,160 +51,160 @@ class Quadratic(NamedTuple):
 
 
 class AbstractDirect(AbstractScalarPrior):
-    """A prior in a number of its own, which whoever moves it keeps within its bounds."""
+    """Represent a prior over a bounded coordinate; the optimiser has to stay within the bounds."""
 
-    inner: eqx.AbstractVar[Any]
+    inner: eqx.AbstractVar[AbstractScalarPrior]
 
     @property
     @abstractmethod
     def in_log(self) -> bool:
-        """Whether the number is the logarithm of the value."""
+        """Return whether the coordinate is the logarithm of the value."""
 
     @abstractmethod
-    def density(self) -> Quadratic:
-        """Over the number, without JAX."""
+    def density(self) -> QuadraticDensity:
+        """Return the log density over the coordinate, computed without JAX."""
 
     @abstractmethod
     def inside(self, value: Array) -> Array:
-        """Whether a value is within the bounds."""
+        """Return whether a value lies within the bounds."""
 
     def log_density(self, value: ArrayLike) -> Array:
-        """That of the prior; none beyond its bounds."""
+        """Return the log density of the inner prior, and minus infinity outside its bounds."""
         inside = self.inside(jnp.asarray(value))
         return jnp.where(inside, self.inner.log_density(value), -jnp.inf)
 
     def to_support(self, y: Array) -> tuple[Array, Array]:
-        """The number itself, or its exponential."""
+        """Return the value at a coordinate y, and log(d value / dy)."""
         return (jnp.exp(y), y) if self.in_log else (y, jnp.zeros_like(y))
 
     def unconstrain(self, value: ArrayLike) -> Array:
-        """The value itself, or its logarithm."""
-        number = jnp.reshape(jnp.asarray(value, dtype=float), (1,))
-        return jnp.log(number) if self.in_log else number
+        """Return the coordinate of a value, shape (1,)."""
+        coordinate = jnp.reshape(jnp.asarray(value, dtype=float), (1,))
+        return jnp.log(coordinate) if self.in_log else coordinate
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
-        """One value."""
+        """Return one value drawn from the inner prior."""
         return np.asarray(self.inner.draw(rng))
 
     def describe(self) -> str:
-        """As the prior's own."""
+        """Return the description of the inner prior."""
         return str(self.inner.describe())
 
 
 class Natural(AbstractDirect):
-    """A normal or half-normal prior of an amplitude, taken in the amplitude itself.
+    """Represent the prior of an amplitude over the amplitude itself; it is normal or half-normal.
 
-    A half-normal's may then lie at zero, where its effect vanishes exactly.
+    An amplitude with a half-normal prior may then be exactly zero, where its effect vanishes.
     """
 
-    inner: Any
+    inner: Normal | HalfNormal
     word: ClassVar[str] = "natural"
 
     @property
     def in_log(self) -> bool:
-        """No."""
+        """Return False: the coordinate is the amplitude."""
         return False
 
     def inside(self, value: Array) -> Array:
-        """From zero on, of a half-normal."""
+        """Return whether an amplitude is allowed: any for a normal, zero or more if half-normal."""
         return value >= (0.0 if isinstance(self.inner, HalfNormal) else -jnp.inf)
 
     @property
     def sd(self) -> float:
-        """Scale of the prior."""
+        """Return the standard deviation of the prior, for a half-normal before it is folded."""
         return float(self.inner.sd)
 
-    def density(self) -> Quadratic:
-        """Of the normal, or the half-normal."""
+    def density(self) -> QuadraticDensity:
+        """Return the log density of the normal or half-normal."""
         return _quadratic(self.inner)
 
 
 class Positive(AbstractDirect):
-    """A half-normal prior of what is no amplitude, taken in the value itself, which may be zero.
+    """Represent a half-normal prior over the value itself, for a constant that is no amplitude.
 
-    In its logarithm the density falls without end towards zero, ever straighter: no normal stands
-    for it there.
+    The value may be zero. Over its logarithm the density would fall without end towards zero, along
+    an ever straighter line, which no normal density approximates.
     """
 
-    inner: Any
+    inner: HalfNormal
     word: ClassVar[str] = "positive"
 
     @property
     def in_log(self) -> bool:
-        """No."""
+        """Return False: the coordinate is the value."""
         return False
 
     def inside(self, value: Array) -> Array:
-        """From zero on."""
+        """Return whether a value is zero or more."""
         return value >= 0.0
 
-    def density(self) -> Quadratic:
-        """Of the half-normal."""
+    def density(self) -> QuadraticDensity:
+        """Return the log density of the half-normal."""
         return _quadratic(self.inner)
 
 
 class Bounded(AbstractDirect):
-    """A uniform prior taken in the value itself, or a log-uniform one in its logarithm."""
+    """Represent a uniform prior over the value itself, or a log-uniform one over its logarithm."""
 
-    inner: Any
+    inner: Uniform | LogUniform
     word: ClassVar[str] = "bounded"
 
     @property
     def in_log(self) -> bool:
-        """Of a log-uniform prior."""
+        """Return whether the prior is log-uniform."""
         return isinstance(self.inner, LogUniform)
 
     def inside(self, value: Array) -> Array:
-        """Between both."""
+        """Return whether a value lies between the bounds."""
         return (value >= self.inner.low) & (value <= self.inner.high)
 
-    def density(self) -> Quadratic:
-        """Flat, but for what keeps a normal a normal."""
+    def density(self) -> QuadraticDensity:
+        """Return the flat log density, with a small curvature for its normal approximation."""
         low, high = float(self.inner.low), float(self.inner.high)
         if self.in_log:
             low, high = math.log(low), math.log(high)
         width = high - low
         length, top = width / math.sqrt(12.0), -math.log(width)
-        return Quadratic(low, high, length, 0.5 * (low + high), 0.0, _FLAT / width**2, top)
+        return QuadraticDensity(low, high, length, 0.5 * (low + high), 0.0, _FLAT / width**2, top)
 
 
 class Logarithmic(AbstractDirect):
-    """A log-normal prior, taken in the logarithm."""
+    """Represent a log-normal prior over the logarithm of the value."""
 
-    inner: Any
+    inner: LogNormal
     word: ClassVar[str] = "logarithmic"
 
     @property
     def in_log(self) -> bool:
-        """Yes."""
+        """Return True: the coordinate is the logarithm of the value."""
         return True
 
     def inside(self, value: Array) -> Array:
-        """Positive."""
+        """Return whether a value is positive."""
         return value > 0.0
 
-    def density(self) -> Quadratic:
-        """Of the normal; a factor e is its length, however wide the prior is."""
+    def density(self) -> QuadraticDensity:
+        """Return the log density of the normal; its natural step is always a factor e."""
         mean, sd = float(self.inner.log_median), float(self.inner.log_sd)
         top = -math.log(sd) - _LOG_ROOT
-        return Quadratic(-math.inf, math.inf, 1.0, mean, sd**-2, sd**-2, top)
+        return QuadraticDensity(-math.inf, math.inf, 1.0, mean, sd**-2, sd**-2, top)
 
 
-def _quadratic(inner: Any) -> Quadratic:
-    """Of a normal, or of a half-normal, whose length is its sd."""
+def _quadratic(inner: Any) -> QuadraticDensity:
+    """Return the log density of a normal, or of a half-normal; its natural step is the sd."""
     folded, sd = isinstance(inner, HalfNormal), float(inner.sd)
     mean, lowest = (0.0, 0.0) if folded else (float(inner.mean), -math.inf)
     top = -math.log(sd) - _LOG_ROOT + (math.log(2.0) if folded else 0.0)
-    return Quadratic(lowest, math.inf, sd, mean, sd**-2, sd**-2, top)
+    return QuadraticDensity(lowest, math.inf, sd, mean, sd**-2, sd**-2, top)
 
 
 def natural(prior: object) -> object:
-    """The prior in its natural number where it is normal or half-normal, else as it is."""
+    """Return a normal or half-normal prior over the value itself, and any other prior unchanged."""
     return Natural(prior) if isinstance(prior, Normal | HalfNormal) else prior
 
 
 def in_own_numbers(part: Part) -> Part:
-    """A law or effect whose priors are quadratic, but for those of several numbers."""
+    """Return a law or effect whose scalar priors are all quadratic over their own coordinates."""
 
     def direct(prior: object) -> object:
         if isinstance(prior, LogNormal):

@@ -1,4 +1,4 @@
-r"""Maps from unconstrained numbers to positive, bounded, simplex and ordered ones.
+r"""Map unconstrained numbers to positive, bounded, simplex and ordered ones.
 
 Each ``to_*`` returns the value and log\|d value / d y\|; each ``from_*`` inverts it.
 """
@@ -11,12 +11,12 @@ from jaxtyping import Array, ArrayLike
 
 
 def to_positive(y: Array) -> tuple[Array, Array]:
-    """X = e^y."""
+    """Return x = e^y and the log-Jacobian y."""
     return jnp.exp(y), y
 
 
 def to_interval(y: Array, low: ArrayLike, high: ArrayLike) -> tuple[Array, Array]:
-    """X = low + (high - low) sigmoid(y)."""
+    """Return x = low + (high - low) sigmoid(y) and the log-Jacobian."""
     low = jnp.asarray(low)
     width = jnp.asarray(high) - low
     log_volume = jnp.log(width) + jax.nn.log_sigmoid(y) + jax.nn.log_sigmoid(-y)
@@ -24,14 +24,14 @@ def to_interval(y: Array, low: ArrayLike, high: ArrayLike) -> tuple[Array, Array
 
 
 def from_interval(x: ArrayLike, low: ArrayLike, high: ArrayLike) -> Array:
-    """Y with x = low + (high - low) sigmoid(y)."""
+    """Return the y at which low + (high - low) sigmoid(y) is x."""
     return jnp.log(jnp.asarray(x) - low) - jnp.log(high - jnp.asarray(x))
 
 
 def to_simplex(y: Array) -> tuple[Array, Array]:
-    """(k - 1,) numbers to (k,) positive fractions summing to one, by stick-breaking.
+    """Map (k - 1,) numbers to (k,) positive fractions that sum to one, by stick-breaking.
 
-    y = 0 gives equal fractions; the log-volume is that of the first k - 1 fractions.
+    All fractions are equal at y = 0; the log-volume is that of the first k - 1 fractions.
     """
     pieces = y.shape[0]
     shifted = y - jnp.log(jnp.arange(pieces, 0, -1.0))
@@ -42,7 +42,7 @@ def to_simplex(y: Array) -> tuple[Array, Array]:
 
 
 def from_simplex(fractions: ArrayLike) -> Array:
-    """(k,) fractions to the (k - 1,) numbers of ``to_simplex``."""
+    """Return the (k - 1,) numbers that ``to_simplex`` maps to these (k,) fractions."""
     fractions = jnp.asarray(fractions)
     pieces = fractions.shape[0] - 1
     after = jnp.flip(jnp.cumsum(jnp.flip(fractions)))[1:]
@@ -50,7 +50,7 @@ def from_simplex(fractions: ArrayLike) -> Array:
 
 
 def to_between(y: Array, low: Array | None, high: Array | None) -> tuple[Array, Array]:
-    """X in (low, high), where either end may be absent (None)."""
+    """Return x between ``low`` and ``high``, where either may be None, and the log-Jacobian."""
     if low is None and high is None:
         return y, jnp.zeros_like(y)
     if low is not None and high is None:
@@ -63,7 +63,7 @@ def to_between(y: Array, low: Array | None, high: Array | None) -> tuple[Array, 
 
 
 def from_between(x: Array, low: Array | None, high: Array | None) -> Array:
-    """Y with ``to_between(y, low, high)`` = x."""
+    """Return the y that ``to_between(y, low, high)`` maps to x."""
     if low is None and high is None:
         return x
     if low is not None and high is None:

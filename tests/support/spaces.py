@@ -10,13 +10,13 @@ from qlvbayes.priors.natural import in_own_numbers
 def space_of(experiment, trials, effects):
     """Every law, with two and three Prony modes, and some effects, under default priors."""
     scales = experiment.scales
-    relaxation = {f"prony:{k}": Prony.of_modes(scales, k) for k in (2, 3)}
+    relaxation = {f"prony:{k}": Prony.with_modes(scales, k) for k in (2, 3)}
     relaxation |= {kind.name: kind.default(scales) for kind in LAWS.relaxation if kind != Prony}
     return Space(
         experiment.record(trials),
         {kind.name: in_own_numbers(kind.default(scales)) for kind in LAWS.elastic},
         {name: in_own_numbers(law) for name, law in relaxation.items()},
         {k.name: in_own_numbers(in_natural_amplitude(k.default(scales))) for k in effects},
-        Correlated.of(experiment.floor),
+        Correlated.from_floor(experiment.floor),
         False,
     )

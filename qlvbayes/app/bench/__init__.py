@@ -1,1 +1,1 @@
-"""A model laid over the measurements by hand: sliders, signatures, refits, errors left out."""
+"""Lay a model over the measurements by hand: sliders, signatures, refits, held-out errors."""

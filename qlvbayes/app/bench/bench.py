@@ -1,4 +1,4 @@
-"""A pad on the bench: models laid over its tests by hand, and what each leaves."""
+"""Lay models over a pad's tests by hand, and compute their forces and errors."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from qlvbayes.app.bench.model import (
     theta_of,
     values_of,
 )
-from qlvbayes.app.bench.signature import beside
+from qlvbayes.app.bench.signature import added_effect
 from qlvbayes.app.bench.squares import Squares
 from qlvbayes.diagnosis.checks.samples import Samples, cell_errors, rmse
 from qlvbayes.diagnosis.result import CellError
@@ -36,16 +36,24 @@ from qlvbayes.motion.experiment import Experiment
 
 Array = NDArray[np.float64]
 
-_STARTS = 3  # draws of the priors from which the first fit begins, the best of all
-_ALONG = 1e-3  # of a shift of the constants, over which its slope is taken
+_STARTS = 3  # number of the best draws of the priors from which the first fit begins
+_ALONG = 1e-3  # share of a shift of the constants over which its slope is taken
 
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """A model's force (n,) at each test's samples, and what it leaves.
+    """Hold a model's force (n,) at each test's samples, and its errors.
 
-    values: every constant, as used; error: root mean square over all samples; cells: by test and
-    phase; in the units of the file.
+    Parameters
+    ----------
+    values
+        Every constant, as used.
+    forces
+        (n,) for each test, in the unit of the file.
+    error
+        Root mean square error over all samples, in the unit of the file.
+    cells
+        Errors by test and phase.
     """
 
     values: dict[str, float]
@@ -56,11 +64,26 @@ class Look:
 
 @dataclass(frozen=True, eq=False)
 class Signature:
-    """What an effect would add to a model's force (n,) at each test's samples.
+    """Hold the force (n,) that an effect would add to a model at each test's samples.
 
-    amplitude, size, unit: the constant by which it grows, at its likeliest size; alone: its force;
-    with_constants: with the shift of the model's constants that goes with it; takes: share of the
-    squared residual that this removes; error: root mean square that it leaves.
+    Parameters
+    ----------
+    effect
+        The effect's name.
+    amplitude
+        Name of the constant by which the effect grows.
+    size
+        Most probable size of the amplitude.
+    unit
+        Its unit.
+    alone
+        The effect's own force, (n,) for each test.
+    with_constants
+        The same with the shift of the model's constants that goes with it.
+    takes
+        Share of the squared residual that this removes.
+    error
+        Root mean square error that remains.
     """
 
     effect: str
@@ -75,7 +98,19 @@ class Signature:
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """One pad's tests under any model of the package, compiled once for all of them."""
+    """Lay any model of the package over one pad's tests; it is compiled once for all models.
+
+    Parameters
+    ----------
+    experiment
+        The tests of the pad.
+    choices
+        Laws, effects and priors.
+    samples
+        The samples at which forces and errors are computed.
+    squares
+        The sum of squares of the block means.
+    """
 
     experiment: Experiment
     choices: Choices
@@ -84,9 +119,19 @@ class Bench:
 
     @classmethod
     def of(cls, experiment: Experiment, choices: Choices | None = None) -> Bench:
-        """All tests of an experiment; laws, effects and priors as the choices have them.
+        """Return the bench for all tests of an experiment.
 
-        Raises InputError where a choice cannot be used.
+        Parameters
+        ----------
+        experiment
+            The tests of the pad.
+        choices
+            Laws, effects and priors; by default those of `Choices`.
+
+        Raises
+        ------
+        InputError
+            A choice cannot be used.
         """
         choices = choices or Choices()
         experiment = as_chosen(experiment, choices)
@@ -96,12 +141,12 @@ class Bench:
             experiment,
             choices,
             Samples.of(experiment, density.space),
-            Squares.of(density, floor.white, floor.ou),
+            Squares.from_density(density, floor.white, floor.ou),
         )
 
     @property
     def space(self) -> Space:
-        """Every law and effect there is, with its priors."""
+        """Return every law and effect with its priors."""
         return self._density.space
 
     @property
@@ -110,34 +155,47 @@ class Bench:
 
     @property
     def noise(self) -> float:
-        """Sd of one reading at rest."""
+        """Return the standard deviation of one reading at rest, in the unit of force."""
         return self.experiment.floor.total
 
     @cached_property
     def limits(self) -> dict[tuple[str, str], float]:
-        """Root mean square error of each test and phase that noise alone hardly exceeds."""
+        """Return the root mean square error of each test and phase that noise hardly exceeds."""
         return cell_limits(self.samples)
 
     @cached_property
     def effects(self) -> dict[str, AbstractEffect]:
-        """Effects that can be added, by name."""
+        """Return the effects that can be added, by name."""
         return self.space.effects
 
     def usual(self) -> ByHand:
-        """The model of the choices, its constants at their priors' medians."""
+        """Return the model of the choices, its constants at their priors' medians."""
         return ByHand(self.choices.law, self.choices.relaxing, self.choices.effects)
 
     def sliders(self, model: ByHand) -> list[Slider]:
-        """Its constants, each with range, unit and meaning."""
+        """Return a model's constants, each with range, unit and meaning."""
         checked(model, self.space)
         own = self.space.parameters(model.hypothesis)
         return sliders(own, self.space, self.experiment.units, constants_of(model, self.space))
 
     def look(self, model: ByHand) -> Look:
-        """Its force and its errors; some milliseconds, as nothing is compiled anew."""
+        """Return a model's force and errors.
+
+        This takes some milliseconds, as nothing is compiled anew.
+
+        Parameters
+        ----------
+        model
+            The model.
+
+        Raises
+        ------
+        InputError
+            The model has an unknown law or effect.
+        """
         checked(model, self.space)
         constants = constants_of(model, self.space)
-        forces = [found[0] for found in self.samples.predict(model.hypothesis, constants[None])]
+        forces = [force[0] for force in self.samples.predict(model.hypothesis, constants[None])]
         left = [y - f for y, f in zip(self.samples.observed, forces, strict=True)]
         own = self.space.parameters(model.hypothesis)
         with np.errstate(over="ignore", invalid="ignore"):
@@ -147,15 +205,21 @@ class Bench:
             )  # fmt: skip
 
     def warm(self) -> None:
-        """Compile what most effects need; the costly ones are compiled when they are asked for."""
-        usual = self.usual()
+        """Compile what most effects need; costly effects are compiled when they are first used."""
+        baseline = self.usual()
         cheap = [e.name for e in self.effects.values() if not e.costly and e.generalises is None]
-        new = [name for name in cheap if name not in usual.effects]
+        new = [name for name in cheap if name not in baseline.effects]
         for name in new[:1]:
-            self.look(ByHand(usual.elastic, usual.relaxation, (*usual.effects, name)))
+            self.look(ByHand(baseline.elastic, baseline.relaxation, (*baseline.effects, name)))
 
     def first(self) -> ByHand:
-        """The usual model, fitted from its priors; NoFiniteForceError where no draw can be used."""
+        """Return the model of the choices, fitted from its priors.
+
+        Raises
+        ------
+        NoFiniteForceError
+            No draw of the priors can be used.
+        """
         model, space = self.usual(), self.space
         own = space.parameters(model.hypothesis)
         starts = np.concatenate(
@@ -166,13 +230,26 @@ class Bench:
         return self._least(model, best)
 
     def fit(self, model: ByHand) -> ByHand:
-        """Least squares from the model's own constants."""
+        """Return the model fitted by least squares from its own constants."""
         checked(model, self.space)
         own = self.space.parameters(model.hypothesis)
         return self._least(model, [theta_of(own, constants_of(model, self.space))])
 
     def add(self, model: ByHand, effect: str) -> ByHand:
-        """The model with one more effect, both fitted."""
+        """Return the model with one more effect, both fitted.
+
+        Parameters
+        ----------
+        model
+            The model.
+        effect
+            The name of the effect.
+
+        Raises
+        ------
+        InputError
+            The effect is in the model already, or cannot be added.
+        """
         more = replace(model, effects=(*model.effects, effect))
         self._free(model, effect)
         checked(more, self.space)
@@ -182,11 +259,24 @@ class Bench:
         start[own.positions_of(point.own)] = point.theta
         if amplitude_of(own, effect) is None:
             return self._least(more, [start])
-        found = beside(self.squares, point, more.hypothesis, effect)
-        return self._least(more, [start] if found is None else [found.moved, found.after])
+        added = added_effect(self.squares, point, more.hypothesis, effect)
+        return self._least(more, [start] if added is None else [added.moved, added.after])
 
     def remove(self, model: ByHand, effect: str) -> ByHand:
-        """The model without one of its effects, fitted from where it stands."""
+        """Return the model without one of its effects, fitted from its own constants.
+
+        Parameters
+        ----------
+        model
+            The model.
+        effect
+            The name of the effect.
+
+        Raises
+        ------
+        InputError
+            The effect is not in the model.
+        """
         if effect not in model.effects:
             raise InputError(f"the effect {effect} is not in the model", remedy="choose another")
         effects = tuple(name for name in model.effects if name != effect)
@@ -196,7 +286,20 @@ class Bench:
     def rebase(
         self, model: ByHand, *, elastic: str | None = None, relaxation: str | None = None
     ) -> ByHand:
-        """The model on other laws, fitted from the curves of theirs that are nearest."""
+        """Return the model on other laws, fitted from those laws' nearest curves.
+
+        Parameters
+        ----------
+        model
+            The model.
+        elastic, relaxation
+            Names of the new laws; None keeps the present one.
+
+        Raises
+        ------
+        InputError
+            There is no law of that name.
+        """
         other = replace(
             model,
             elastic=elastic or model.elastic,
@@ -211,33 +314,43 @@ class Bench:
         return self._least(other, [own.within(near)])
 
     def signature(self, model: ByHand, effect: str) -> Signature:
-        """What an effect would look like beside a model, at the size that fits its residual.
+        """Return what an effect would add to a model, at the size that fits the model's residual.
 
-        Raises InputError where the effect is in the model, or cannot be drawn.
+        Parameters
+        ----------
+        model
+            The model.
+        effect
+            The name of the effect.
+
+        Raises
+        ------
+        InputError
+            The effect is in the model, or cannot be drawn.
         """
         self._free(model, effect)
         more = replace(model, effects=(*model.effects, effect))
         checked(more, self.space)
-        found = beside(self.squares, self._point(model), more.hypothesis, effect)
-        if found is None:
+        added = added_effect(self.squares, self._point(model), more.hypothesis, effect)
+        if added is None:
             raise InputError(
                 f"the effect {effect} adds no force to this model in these tests",
                 remedy="choose another",
             )
-        along = found.before + _ALONG * (found.moved - found.after)
-        constants = found.own.constants(np.stack([found.before, found.after, along]))
+        along = added.before + _ALONG * (added.moved - added.after)
+        constants = added.own.constants(np.stack([added.before, added.after, along]))
         forces = self.samples.predict(more.hypothesis, constants)
         alone = tuple(f[1] - f[0] for f in forces)
         moved = tuple(one + (f[2] - f[0]) / _ALONG for one, f in zip(alone, forces, strict=True))
         left = [y - f[0] for y, f in zip(self.samples.observed, forces, strict=True)]
         before = rmse(left)
         after = rmse([one - two for one, two in zip(left, moved, strict=True)])
-        name = found.own.names[found.amplitude.constant]
+        name = added.own.names[added.amplitude.constant]
         kind = self.effects[effect].units[name.partition(".")[2]]
         return Signature(
             effect,
             name,
-            float(constants[1, found.amplitude.constant]),
+            float(constants[1, added.amplitude.constant]),
             self.experiment.units.of(kind),
             alone,
             moved,
@@ -246,16 +359,16 @@ class Bench:
         )
 
     def held_out(self, model: ByHand) -> Iterator[float | None]:
-        """The error on what is left out, one test after another (or phase, of one test alone).
+        """Yield None while there is more to fit, and at last the held-out error.
 
-        Yields None while there is more to fit, at last the root mean square error over all samples;
-        nan where there is nothing to predict from.
+        One test after another is left out, or one phase after another of a single test. The error
+        is the root mean square over all samples; it is nan where there is nothing to predict from.
         """
         point = self._point(model)
         residuals = []
         for blocks, test, rows in self.samples.left_out():
-            found = self.squares.without(blocks).least(model.hypothesis, point.theta) or point
-            predicted = self.samples.predict(model.hypothesis, found.constants[None])[test][0]
+            refitted = self.squares.without(blocks).least(model.hypothesis, point.theta) or point
+            predicted = self.samples.predict(model.hypothesis, refitted.constants[None])[test][0]
             residuals.append((self.samples.observed[test] - predicted)[rows])
             yield None
         yield rmse(residuals) if residuals else float("nan")
@@ -275,9 +388,9 @@ class Bench:
         return point
 
     def _least(self, model: ByHand, starts: Sequence[Array]) -> ByHand:
-        """The model with the constants of least loss, from several starts."""
-        found = [self.squares.least(model.hypothesis, start) for start in starts]
-        points = [point for point in found if point is not None]
+        """Return the model with the constants of least loss, from several starts."""
+        reached = [self.squares.least(model.hypothesis, start) for start in starts]
+        points = [point for point in reached if point is not None]
         if not points:
             raise NoFiniteForceError
         best = min(points, key=lambda point: self.squares.terms(point).loss)

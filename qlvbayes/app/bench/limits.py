@@ -1,4 +1,4 @@
-"""How large an error noise alone makes in a cell of test and phase."""
+"""Compute the error that noise alone makes in a cell of test and phase."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ from qlvbayes.motion.phases import KINDS
 
 Array = NDArray[np.float64]
 
-_LEAST_SKEW = 1e-3  # of a mean square's third cumulant over its sd cubed: below, it is normal
+_LEAST_SKEW = 1e-3  # skewness of a mean square below which it is taken for normal
 
 
 def cell_limits(samples: Samples) -> dict[tuple[str, str], float]:
-    """Of each test and phase the root mean square that noise exceeds in 1 % of pads, any cell.
+    """Return the root mean square, by test and phase, that noise exceeds in 1 % of pads.
 
-    Noise is the floor as measured: white, and correlated over its time. The constants are taken to
-    be known; a fit takes some of the noise, and the true error is a little less.
+    It exceeds one or more of these limits in 1 % of pads. Noise is the floor as measured: white,
+    and correlated over its time. The constants are taken as known; a fit absorbs some of the noise,
+    so that the true error is a little less.
     """
     floor = samples.experiment.floor
     cells = {}
@@ -29,18 +30,18 @@ def cell_limits(samples: Samples) -> dict[tuple[str, str], float]:
         for kind in KINDS:
             here = phases == kind
             if here.any():
-                apart = np.abs(time[here][:, None] - time[here])
-                covariance = floor.ou**2 * np.exp(-apart / floor.memory)
+                gaps = np.abs(time[here][:, None] - time[here])
+                covariance = floor.ou**2 * np.exp(-gaps / floor.memory)
                 cells[trial.name, kind] = covariance + np.diag(white[here] ** 2)
     level = FALSE_ALARMS / max(len(cells), 1)
     return {cell: _limit(covariance, level) for cell, covariance in cells.items()}
 
 
 def _limit(covariance: Array, level: float) -> float:
-    """Root of the upper quantile of the mean square of a normal of this covariance (n, n).
+    """Return the root of the upper quantile of the mean square of a normal of this covariance.
 
-    By a chi-square with the same mean, variance and skewness (Pearson; Imhof 1961,
-    doi:10.1093/biomet/48.3-4.419).
+    The mean square is approximated by a chi-square with the same mean, variance and skewness
+    (Pearson; Imhof 1961, doi:10.1093/biomet/48.3-4.419).
     """
     scaled = covariance / len(covariance)
     twice = scaled @ scaled
@@ -49,5 +50,5 @@ def _limit(covariance: Array, level: float) -> float:
     if variance <= 0.0:
         return float(np.sqrt(mean))
     freedom = 8.0 * variance**3 / max(third, _LEAST_SKEW * variance**1.5) ** 2
-    place = (float(chi2.isf(level, freedom)) - freedom) / np.sqrt(2.0 * freedom)
-    return float(np.sqrt(max(mean + np.sqrt(variance) * place, 0.0)))
+    deviate = (float(chi2.isf(level, freedom)) - freedom) / np.sqrt(2.0 * freedom)
+    return float(np.sqrt(max(mean + np.sqrt(variance) * deviate, 0.0)))

@@ -1,4 +1,4 @@
-"""A model as it is put together by hand, its constants' numbers, and the slider of each."""
+"""Describe a model put together by hand, the values of its constants, and their sliders."""
 
 from __future__ import annotations
 
@@ -19,18 +19,28 @@ from qlvbayes.priors.natural import Natural
 
 Array = NDArray[np.float64]
 
-NOISE = "noise."  # what the names of the floor's constants begin with: measured, not moved
-_LEAST = 1e-9  # share, or relative distance of two rates, that stands for none where none has a log
-_DRAWS = 400  # of a prior, for its quantiles
-_ENDS = (0.005, 0.05, 0.95, 0.995)  # of the slider, of the 90 % interval
-_DECADES = 20.0  # ratio of the slider's ends from which on it is better logarithmic
+NOISE = "noise."  # prefix of the noise floor's constants, which are measured and not moved
+_LEAST = 1e-9  # smallest share, and relative distance of two rates, whose logarithms are finite
+_DRAWS = 400  # draws of a prior for its quantiles
+_ENDS = (0.005, 0.05, 0.95, 0.995)  # quantiles: the slider's ends, and the 90 % interval between
+_DECADES = 20.0  # ratio of the slider's ends beyond which it is logarithmic
 
 
 @dataclass(frozen=True)
 class ByHand:
-    """Laws and effects by name, and constants by name (`FitSummary.parameters`).
+    """Describe a model by the names of its laws and effects, and the values of its constants.
 
-    values: those that are missing are at their prior's median, an effect's amplitude at nothing.
+    Parameters
+    ----------
+    elastic
+        Name of the elastic law.
+    relaxation
+        Name of the relaxation law, as after ``--relaxation``.
+    effects
+        Names of the effects.
+    values
+        Values of constants by name (`FitSummary.parameters`). A missing constant is at its prior's
+        median, a missing amplitude of an effect at zero.
     """
 
     elastic: str = "exponential"
@@ -40,12 +50,12 @@ class ByHand:
 
     @property
     def hypothesis(self) -> Hypothesis:
-        """Its laws and effects."""
+        """Return the model's laws and effects."""
         return Hypothesis(self.elastic, self.relaxation, frozenset(self.effects))
 
 
 def checked(model: ByHand, space: Space) -> None:
-    """InputError where a law or effect is unknown, or two effects are forms of one."""
+    """Raise InputError where a law or effect is unknown, or two effects are forms of one."""
     _known("elastic law", model.elastic, space.elastic)
     _known("relaxation", model.relaxation, space.relaxation)
     families: dict[str, str] = {}
@@ -66,32 +76,32 @@ def _known(what: str, name: str, known: Mapping[str, object]) -> None:
 
 
 def constants_of(model: ByHand, space: Space) -> Array:
-    """(P,) constants in the order of the hypothesis's names; what is missing at its median.
+    """Return (P,) constants in the order of the hypothesis's names, missing ones at their medians.
 
-    Of shares that sum to one the first is what the others leave; rates are put in order.
+    Of shares that sum to one the first is the remainder of the others; rates are put in order.
     """
     own = space.parameters(model.hypothesis)
-    found = own.constants(nothing_added(own, space)[None])[0]
+    constants = own.constants(nothing_added(own, space)[None])[0]
     for leaf in own.leaves:
-        place = range(leaf.constants.start, leaf.constants.stop)
-        given = [model.values.get(own.names[k], np.nan) for k in place]
-        numbers = np.where(np.isfinite(given), given, found[list(place)])
-        found[list(place)] = _allowed(leaf, numbers)
-    return found
+        indices = range(leaf.constants.start, leaf.constants.stop)
+        given = [model.values.get(own.names[k], np.nan) for k in indices]
+        values = np.where(np.isfinite(given), given, constants[list(indices)])
+        constants[list(indices)] = _allowed(leaf, values)
+    return constants
 
 
-def _allowed(leaf: Leaf, numbers: Array) -> Array:
+def _allowed(leaf: Leaf, values: Array) -> Array:
     if isinstance(leaf.prior, Dirichlet):
-        rest = np.maximum(numbers[1:], 0.0)
+        rest = np.maximum(values[1:], 0.0)
         rest = rest / max(float(rest.sum()), 1.0)
         return np.concatenate([[1.0 - float(rest.sum())], rest])
     if isinstance(leaf.prior, Ordered):
-        return -np.sort(-np.maximum(numbers, _LEAST))
-    return numbers
+        return -np.sort(-np.maximum(values, _LEAST))
+    return values
 
 
 def theta_of(own: Parameters, constants: Array) -> Array:
-    """(F,) free numbers of constants (P,), brought within their bounds."""
+    """Return (F,) free parameters of constants (P,), brought within their bounds."""
     theta = np.zeros(own.size)
     for leaf in own.leaves:
         values = constants[leaf.constants.start : leaf.constants.stop]
@@ -100,22 +110,22 @@ def theta_of(own: Parameters, constants: Array) -> Array:
         if isinstance(leaf.prior, Ordered):
             values = values * (1.0 - _LEAST * np.arange(values.size))
         with np.errstate(divide="ignore", invalid="ignore"):
-            numbers = np.ravel(leaf.prior.unconstrain(values if values.size > 1 else values[0]))
-        theta[list(leaf.theta)] = np.nan_to_num(numbers, neginf=-_FAR, posinf=_FAR)
+            free = np.ravel(leaf.prior.unconstrain(values if values.size > 1 else values[0]))
+        theta[list(leaf.theta)] = np.nan_to_num(free, neginf=-_FAR, posinf=_FAR)
     return np.asarray(own.within(theta))
 
 
-_FAR = 700.0  # a logarithm whose exponential a number can still hold
+_FAR = 700.0  # a logarithm whose exponential is still finite
 
 
 def values_of(own: Parameters, constants: Array) -> dict[str, float]:
-    """Constants (P,) by name, without the noise's."""
+    """Return constants (P,) by name, without the noise's."""
     pairs = zip(own.names, constants.tolist(), strict=True)
     return {name: value for name, value in pairs if not name.startswith(NOISE)}
 
 
 def nothing_added(own: Parameters, space: Space) -> Array:
-    """(F,) free numbers at their priors' medians, every effect's amplitude at nothing."""
+    """Return (F,) free parameters at their priors' medians, every effect's amplitude at zero."""
     theta = median(space.prior_draws(own.hypothesis))
     for name, leaf in own.by_name.items():
         effect = name.partition(".")[0]
@@ -126,10 +136,24 @@ def nothing_added(own: Parameters, space: Space) -> Array:
 
 @dataclass(frozen=True)
 class Slider:
-    """One constant: its value, the slider's ends, the central 90 % of its prior.
+    """Describe one constant: its value, the slider's ends, and the central 90 % of its prior.
 
-    log: whether the slider is better logarithmic; owner: the law or effect it belongs to; derived:
-    whether it follows from the others.
+    Parameters
+    ----------
+    name, unit, meaning
+        The constant.
+    value
+        Its value.
+    low, high
+        The slider's ends.
+    prior
+        The central 90 % of the constant's prior.
+    log
+        Whether the slider is logarithmic.
+    owner
+        The law or effect that the constant belongs to.
+    derived
+        Whether the constant follows from the others.
     """
 
     name: str
@@ -147,32 +171,32 @@ class Slider:
 def sliders(
     own: Parameters, space: Space, units: UnitSystem, constants: NDArray[np.float64]
 ) -> list[Slider]:
-    """Of every constant but the noise's, in the order of their names."""
+    """Return the slider of every constant but the noise's, in the order of their names."""
     kinds = unit_kinds(own.posterior)
-    found = []
+    all_sliders = []
     for leaf in own.leaves:
         ends = _quantiles(leaf)
-        for k, place in enumerate(leaf.constants):
-            name = own.names[place]
+        for k, index in enumerate(leaf.constants):
+            name = own.names[index]
             if name.startswith(NOISE):
                 continue
             owner, meaning = _belongs(own, space, name)
             low, least, most, high = ends[:, k].tolist()
-            value = float(constants[place])
+            value = float(constants[index])
             low, high = min(low, value), max(high, value)
             log = low > 0.0 and high / low > _DECADES and not isinstance(leaf.prior, Dirichlet)
             derived = isinstance(leaf.prior, Dirichlet) and k == 0
-            unit = units.of(kinds[place])
+            unit = units.of(kinds[index])
             slider = Slider(
                 name, unit, meaning, value, low, high, (least, most), log, owner, derived
             )
-            found.append(slider)
-    return found
+            all_sliders.append(slider)
+    return all_sliders
 
 
-@lru_cache(512)  # a leaf is one object as long as its bench
+@lru_cache(512)  # a leaf is one object for the life of its bench
 def _quantiles(leaf: Leaf) -> NDArray[np.float64]:
-    """(4, count) of its prior's draws, the same each time."""
+    """Return (4, count) quantiles of a prior's draws, the same each time."""
     rng = np.random.default_rng(0)
     draws = np.stack([np.ravel(leaf.prior.draw(rng)) for _ in range(_DRAWS)])
     if isinstance(leaf.prior, Dirichlet):  # a share may be anything
@@ -182,7 +206,7 @@ def _quantiles(leaf: Leaf) -> NDArray[np.float64]:
 
 
 def _belongs(own: Parameters, space: Space, name: str) -> tuple[str, str]:
-    """Law or effect of a constant, and what the constant means."""
+    """Return the law or effect of a constant, and what the constant means."""
     effect, dot, _ = name.partition(".")
     if dot:
         return effect, space.effects[effect].law

@@ -1,12 +1,12 @@
-r"""What an effect would look like: the force it adds, scaled to the residual by least squares.
+"""Compute what an effect would add: its force, scaled to the residual by least squares.
 
 With J the slopes of the model's own constants and g the force of the effect of unit size, both over
 the noise, shift d and size a minimise
 
 .. math:: |r - J^T d - a g|^2 - d^T P d,
 
-P the curvature of the constants' priors. The size goes back into g a few times, as few effects are
-linear in it.
+P the curvature of the constants' priors. The size is inserted into g a few times, as few effects
+are linear in it.
 """
 
 from __future__ import annotations
@@ -23,17 +23,18 @@ from qlvbayes.inference.starts import Amplitude, amplitude_of, shapes
 
 Array = NDArray[np.float64]
 
-_ROUNDS = 3  # in which the size goes back into the force
-_LEAST = 1e-6  # of the prior's sd: a size that stands for none
+_ROUNDS = 3  # times that the size is inserted into the force
+_LEAST = 1e-6  # smallest size over the prior's sd, which stands for zero
 
 
 @dataclass(frozen=True, eq=False)
-class Beside:
-    """A model at theta (F,), and an effect beside it at its likeliest size and shape.
+class AddedEffect:
+    """Hold a model at theta (F,) with one more effect at its most probable size and shape.
 
-    own: numbers of the model with the effect; amplitude: its place among them; before, after (G,):
-    with the amplitude at nothing and at its size, the constants as they are; moved (G,): with the
-    constants' shift too; cost: sum of squares that this leaves.
+    ``own`` are the parameters of the model with the effect, and ``amplitude`` is the effect's among
+    them. ``before`` and ``after`` (G,) have the amplitude at zero and at its size, with the
+    constants unchanged; ``moved`` (G,) includes the constants' shift. ``cost`` is the remaining sum
+    of squares.
     """
 
     own: Parameters
@@ -44,10 +45,13 @@ class Beside:
     cost: float
 
 
-def beside(squares: Squares, point: Point, hypothesis: Hypothesis, effect: str) -> Beside | None:
-    """An effect more at a place: of its shapes the one that takes most of the residual.
+def added_effect(
+    squares: Squares, point: Point, hypothesis: Hypothesis, effect: str
+) -> AddedEffect | None:
+    """Return an additional effect at a point, in the shape that takes most of the residual.
 
-    None where the effect has no amplitude that is taken as it is, or none of its forces is finite.
+    Return None where the effect has no amplitude that is its own coordinate, or none of its forces
+    is finite.
     """
     space = squares.density.space
     own = space.parameters(hypothesis)
@@ -55,19 +59,23 @@ def beside(squares: Squares, point: Point, hypothesis: Hypothesis, effect: str) 
     if amplitude is None:
         return None
     starts = shapes(space, point, own, effect)
-    found = [_scaled(squares, point, own, amplitude, start) for start in starts]
-    return min((one for one in found if one is not None), key=lambda x: x.cost, default=None)
+    candidates = [_scaled(squares, point, own, amplitude, start) for start in starts]
+    return min(
+        (candidate for candidate in candidates if candidate is not None),
+        key=lambda x: x.cost,
+        default=None,
+    )
 
 
 def _scaled(
     squares: Squares, point: Point, own: Parameters, amplitude: Amplitude, start: Array
-) -> Beside | None:
-    space, number = squares.density.space, amplitude.number
-    residual, slopes = squares.residual(point), squares.weighed(point.responses)
+) -> AddedEffect | None:
+    space, index = squares.density.space, amplitude.number
+    residual, slopes = squares.residual(point), squares.weighted(point.responses)
     prior = point.prior.curvature
     size, shift, cost = amplitude.sd, np.zeros(point.own.size), np.inf
     for _ in range(_ROUNDS):
-        force = squares.weighed(space.added_force(own.hypothesis, start, number, size))
+        force = squares.weighted(space.added_force(own.hypothesis, start, index, size))
         square = float(force @ force)
         if not (np.isfinite(square) and square > 0.0):
             return None
@@ -75,22 +83,22 @@ def _scaled(
         matrix = rows @ rows.T
         matrix[:-1, :-1] += prior
         scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-        found = (
+        solution = (
             scale
             * np.linalg.lstsq(
                 matrix * np.outer(scale, scale), scale * (rows @ residual), rcond=1e-12
             )[0]
         )
-        low, high = own.lowest[number] - start[number], own.highest[number] - start[number]
+        low, high = own.lowest[index] - start[index], own.highest[index] - start[index]
         smallest = _LEAST * amplitude.sd
-        scaled = float(np.clip(found[-1] * size, low, high))
+        scaled = float(np.clip(solution[-1] * size, low, high))
         if abs(scaled) < smallest:  # the residual has nothing of it
-            scaled, found = smallest if high > 0.0 else -smallest, 0.0 * found
-        shift = found[:-1]
+            scaled, solution = smallest if high > 0.0 else -smallest, 0.0 * solution
+        shift = solution[:-1]
         cost = float(np.sum((residual - shift @ slopes - force * (scaled / size)) ** 2))
         size = scaled
     after = start.copy()
-    after[number] += size
+    after[index] += size
     moved = after.copy()
     moved[own.positions_of(point.own)] += shift
-    return Beside(own, amplitude, start, own.within(after), own.within(moved), cost)
+    return AddedEffect(own, amplitude, start, own.within(after), own.within(moved), cost)

@@ -39,7 +39,7 @@ from qlvbayes.diagnosis.telling.work import Work
 from qlvbayes.diagnosis.weighed import Weighed
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.io.wording import percent
-from qlvbayes.laws.unresolved import unresolved_times
+from qlvbayes.laws.resolution import unresolved_times
 from qlvbayes.motion.carryover import carryover_notices, clock_notices
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.record import Record

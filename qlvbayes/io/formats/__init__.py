@@ -1,4 +1,4 @@
-"""Files as testing machines write them: one format a file, and what they say made tidy."""
+"""Read files as testing machines write them, one format a file, and convert them to tidy data."""
 
 from qlvbayes.io.formats.catalogue import FORMATS
 from qlvbayes.io.formats.conformance import check_format

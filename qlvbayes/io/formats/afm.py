@@ -1,4 +1,4 @@
-"""Atomic force microscopes (JPK), by afmformats: tip depth and force of every curve."""
+"""Read files of atomic force microscopes (JPK) by afmformats: tip depth and force of curves."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.format import AbstractFormat, Channel, Recording, Sight
 from qlvbayes.io.formats.namedarrays import damaged, needed
 
-_NANO = 1e9  # nm in a m, nN in a N
+_NANO = 1e9  # nm per m, nN per N
 
 
 class Afm(AbstractFormat):
-    """Depth is -height - force/k: the cantilever's bending is no depth."""
+    """Read curves; the depth is -height - force/k, without the bending of the cantilever."""
 
     name: ClassVar[str] = "afm"
     machine: ClassVar[str] = "JPK (.jpk-force, -map, -qi-data), other AFM as afmformats' .tab"
@@ -26,14 +26,14 @@ class Afm(AbstractFormat):
 
     @staticmethod
     def sniff(head: bytes) -> Sight:
-        """A zip that holds JPK's properties, or the table that afmformats exports."""
+        """Look for a zip that holds JPK's properties, or for the table that afmformats exports."""
         table = head.startswith(b"# afmformats") and b"# BEGIN METADATA" in head
         jpk = head.startswith(b"PK\x03\x04") and b"header.properties" in head
         return Sight.of({"a zip with header.properties, or afmformats' table": jpk or table})
 
     @staticmethod
     def read(path: Path) -> tuple[Recording, ...]:
-        """One test a curve."""
+        """Return one test for each curve."""
         afmformats = needed("afmformats", "afmformats", path)
         logging.getLogger("afmformats").addHandler(logging.NullHandler())
         try:

@@ -1,4 +1,4 @@
-"""What the user says of files that do not say it themselves, and what is asked."""
+"""Hold what the user answers where files do not state it, and define the questions."""
 
 from __future__ import annotations
 
@@ -10,17 +10,28 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.machineunits import named_units
 
 SIGNS = {"none": (1, 1), "displacement": (-1, 1), "force": (1, -1), "both": (-1, -1)}
-"""Which columns are turned over, to their factors."""
-FILE = "file"  # after --contact: the file's own zero
+"""Which columns change sign, with the factors of displacement and force."""
+FILE = "file"  # value of --contact that stands for the file's own zero
 
 
 @dataclass(frozen=True)
 class Answers:
-    """What is said beforehand; None or empty where the files are to tell.
+    """Hold what the user states beforehand; None or empty where the files shall decide.
 
-    sign: a key of ``SIGNS``; contact: a displacement as the file writes it, or ``FILE``;
-    units: of time, displacement and force; area: the specimen's (mm2); pads and tests: names;
-    pad_from: what finds a pad's name in a test's own.
+    Parameters
+    ----------
+    sign
+        A key of ``SIGNS``.
+    contact
+        Displacement at first contact, as the file writes it, or ``FILE``.
+    units
+        Units of time, displacement and force.
+    area
+        The specimen's area (mm2).
+    pads, tests
+        Their names.
+    pad_from
+        The pattern that finds a pad's name in a test's own.
     """
 
     sign: str | None = None
@@ -42,22 +53,28 @@ class Answers:
         tests: tuple[str, ...] = (),
         pad_from: str | None = None,
     ) -> Answers:
-        """From the words of the command line; InputError where one is none."""
+        """Return answers from the words of the command line.
+
+        An InputError names one that is invalid.
+        """
         if sign is not None and sign not in SIGNS:
             raise InputError(f"no sign {sign!r}", remedy=f"use one of {', '.join(SIGNS)}")
         if area is not None and not area > 0.0:
             raise InputError(f"the area {area:g} is not positive", remedy="give it in mm2")
-        place = None if contact is None else _place(contact)
+        position = None if contact is None else _position(contact)
         named = None if units is None else named_units(units)
         if pad_from is not None and pads:
             remedy = "give one of them"
             raise InputError("--pad and --pad-from both name the pads", remedy=remedy)
-        found = None if pad_from is None else _pattern(pad_from)
-        return cls(sign, place, named, area, pads, tests, found)
+        pattern = None if pad_from is None else _pattern(pad_from)
+        return cls(sign, position, named, area, pads, tests, pattern)
 
 
 class UnsureError(InputError):
-    """Something that the file does not tell; ``option`` says it, ``question`` asks for it."""
+    """Report something that the file does not state.
+
+    ``option`` states it, ``question`` asks for it.
+    """
 
     def __init__(self, message: str, *, file: Path, option: str, question: str, say: str) -> None:
         super().__init__(message, file=file, remedy=f"say it with --{option} {say}")
@@ -66,7 +83,7 @@ class UnsureError(InputError):
         self._parts = message, file, say
 
     def elsewhere(self, command: str) -> InputError:
-        """The same for a command that does not take the option: another one does."""
+        """Return the same error for a command that lacks the option, naming one that has it."""
         message, file, say = self._parts
         return InputError(message, file=file, remedy=f"say it to {command} --{self.option} {say}")
 
@@ -79,7 +96,7 @@ def _pattern(text: str) -> re.Pattern[str]:
         raise InputError(f"--pad-from {text!r} is no pattern ({error})", remedy=remedy) from None
 
 
-def _place(text: str) -> float | str:
+def _position(text: str) -> float | str:
     if text == FILE:
         return FILE
     try:

@@ -1,4 +1,4 @@
-"""Instron's Bluehill 3: names of the columns in one row, units in parentheses in the next."""
+"""Read Instron's Bluehill 3: names of the columns in one row, units in parentheses below."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from qlvbayes.io.formats.texttable import in_two_rows, seconds_of, table
 
 
 class BluehillThree(AbstractFormat):
-    """Optional pairs of key and value, a blank line, then the table.
+    """Read optional pairs of key and value, a blank line, then the table.
 
     Numbers may be quoted, with a decimal comma within commas or with commas at thousands.
     """
@@ -28,8 +28,8 @@ class BluehillThree(AbstractFormat):
 
     @staticmethod
     def sniff(head: bytes) -> Sight:
-        """A row of names above a row of units in parentheses."""
-        lines = Lines.of(decoded(head).encode())
+        """Look for a row of names above a row of units in parentheses."""
+        lines = Lines.from_bytes(decoded(head).encode())
         named = any(_is_names(cells) for _, cells in lines.cells())
         return Sight.of(
             {
@@ -40,28 +40,28 @@ class BluehillThree(AbstractFormat):
 
     @staticmethod
     def read(path: Path) -> tuple[Recording, ...]:
-        """One test a file."""
+        """Return the one test of the file."""
         data = content(path)
-        lines = Lines.of(data)
+        lines = Lines.from_bytes(data)
         header = _header(lines)
         if header is None:
             raise InputError("no row of units", file=path, remedy="export the raw data again")
         separator = separator_of(lines.texts[header])
         names = cells_of(lines.texts[header], separator)
         units = cells_of(lines.texts[header + 1], separator)
-        said = _said(lines, header)
+        settings = _settings(lines, header)
         return (
             table(
                 in_two_rows(names, units), data[lines.starts[header + 2] :], separator, path,
-                header, name=said.get("specimen label", ""),
-                began=seconds_of(said.get("general : start time", "")),
+                header, name=settings.get("specimen label", ""),
+                began=seconds_of(settings.get("general : start time", "")),
             ),
         )  # fmt: skip
 
 
 def _is_names(cells: list[str]) -> bool:
-    found = quantities(in_two_rows(cells, []))
-    return "time" in found and ("force" in found or "stress" in found)
+    by_quantity = quantities(in_two_rows(cells, []))
+    return "time" in by_quantity and ("force" in by_quantity or "stress" in by_quantity)
 
 
 def _header(lines: Lines) -> int | None:
@@ -74,7 +74,7 @@ def _header(lines: Lines) -> int | None:
     return None
 
 
-def _said(lines: Lines, header: int) -> dict[str, str]:
-    """The pairs of key and value above the table."""
+def _settings(lines: Lines, header: int) -> dict[str, str]:
+    """Return the pairs of key and value above the table."""
     pairs = [cells for number, cells in lines.cells() if number < header and len(cells) > 1]
     return {key.lower().removesuffix(":").strip(): value for key, value, *_ in pairs}

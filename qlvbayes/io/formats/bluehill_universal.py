@@ -1,4 +1,4 @@
-"""Instron's Bluehill Universal: a table of results, then the raw data below a line that says so."""
+"""Read Instron's Bluehill Universal: a table of results, then ``Raw Data``."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _TITLES = ("raw data", "rohdaten", "donnees brutes", "données brutes", "datos s
 
 
 class BluehillUniversal(AbstractFormat):
-    """Results, a line ``Raw Data``, names with units in parentheses, rows; also as UTF-16."""
+    """Read results, a line ``Raw Data``, names with units in parentheses, rows; also as UTF-16."""
 
     name: ClassVar[str] = "bluehill-universal"
     machine: ClassVar[str] = "Instron, Bluehill Universal (results and raw data as CSV)"
@@ -25,8 +25,8 @@ class BluehillUniversal(AbstractFormat):
 
     @staticmethod
     def sniff(head: bytes) -> Sight:
-        """A line that begins the raw data, and names with units."""
-        lines = Lines.of(decoded(head).encode())
+        """Look for a line that begins the raw data, and for names with units."""
+        lines = Lines.from_bytes(decoded(head).encode())
         title = _title(lines)
         named = title is not None and _names(lines, title) is not None
         return Sight.of(
@@ -38,9 +38,9 @@ class BluehillUniversal(AbstractFormat):
 
     @staticmethod
     def read(path: Path) -> tuple[Recording, ...]:
-        """One test a file."""
+        """Return the one test of the file."""
         data = content(path)
-        lines = Lines.of(data)
+        lines = Lines.from_bytes(data)
         title = _title(lines)
         header = None if title is None else _names(lines, title)
         if header is None:
@@ -58,10 +58,12 @@ def _title(lines: Lines) -> int | None:
 
 
 def _names(lines: Lines, title: int) -> int | None:
-    """The first row below the title, where it names columns with units."""
+    """Return the first row below the title, where it names columns with units."""
     for number, cells in lines.cells():
         if number > title and any(cells):
-            found = quantities(in_cells(cells))
-            fitting = "time" in found and bool(found["time"].unit) and len(found) > 2
+            by_quantity = quantities(in_cells(cells))
+            fitting = (
+                "time" in by_quantity and bool(by_quantity["time"].unit) and len(by_quantity) > 2
+            )
             return number if fitting else None
     return None

@@ -1,4 +1,4 @@
-"""All formats, in the order in which they are listed; and one's own."""
+"""List all formats, in the order in which they are tried, and read a user's own."""
 
 from __future__ import annotations
 
@@ -40,26 +40,26 @@ FORMATS: tuple[type[AbstractFormat], ...] = (
     TwoClocks,
     NamedTable,
 )
-"""Every layout that is known, in the order in which they are tried."""
+"""Every known layout, in the order in which they are tried."""
 
 
 def own_formats(path: Path) -> tuple[type[AbstractFormat], ...]:
-    """The formats that a Python file defines, in its order; those it imports do not count.
+    """Return the formats that a Python file defines, in its order; imported ones do not count.
 
     Raises
     ------
     InputError
-        The file is missing, stops with an error, defines no format, one that lacks a part, or a
-        name that another format has.
+        The file is missing, stops with an error, defines no format or one that lacks a part, or
+        uses a name that another format has.
     """
-    found = own_classes(path, AbstractFormat, "formats")  # type: ignore[type-abstract]
-    if not found:
+    kinds = own_classes(path, AbstractFormat, "formats")  # type: ignore[type-abstract]
+    if not kinds:
         raise InputError(
             "defines no format", file=path, remedy="write a class that extends AbstractFormat"
         )
-    said = "there is a format called {} already"
-    taken = {kind.name: said.format(kind.name) for kind in FORMATS}
-    for kind in found:
+    message = "there is a format called {} already"
+    taken = {kind.name: message.format(kind.name) for kind in FORMATS}
+    for kind in kinds:
         check_own(path, kind, AbstractFormat, "format", taken)
-        taken[kind.name] = said.format(kind.name)
-    return found
+        taken[kind.name] = message.format(kind.name)
+    return kinds

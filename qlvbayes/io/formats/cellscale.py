@@ -1,4 +1,4 @@
-"""CellScale UniVert and MicroTester: sets and cycles in columns, units behind the names."""
+"""Read CellScale UniVert and MicroTester: sets and cycles in columns, units after names."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from qlvbayes.io.formats.texttable import in_cells, table
 
 
 class CellScale(AbstractFormat):
-    """``SetName, Cycle, Time_S, Size_mm, Displacement_mm, Force_N``, or in um and uN with a tip.
+    """Read ``SetName, Cycle, Time_S, Size_mm, Displacement_mm, Force_N``, or um and uN with a tip.
 
     Sets and cycles follow one another on one clock: they are one test.
     """
@@ -25,29 +25,32 @@ class CellScale(AbstractFormat):
 
     @staticmethod
     def sniff(head: bytes) -> Sight:
-        """Its columns in the first row."""
-        names = _names(Lines.of(decoded(head).encode()))
-        plain = [plain_name(name) for name in names]
-        found = quantities(in_cells(names))
+        """Look for its columns in the first row."""
+        names = _names(Lines.from_bytes(decoded(head).encode()))
+        plain_names = [plain_name(name) for name in names]
+        by_quantity = quantities(in_cells(names))
         return Sight.of(
             {
-                "a column SetName": any(name in ("setname", "set name", "set") for name in plain),
-                "a column Cycle": "cycle" in plain,
-                "a column Time_S": "time" in found and found["time"].unit.lower() == "s",
+                "a column SetName": any(
+                    name in ("setname", "set name", "set") for name in plain_names
+                ),
+                "a column Cycle": "cycle" in plain_names,
+                "a column Time_S": "time" in by_quantity
+                and by_quantity["time"].unit.lower() == "s",
             }
         )
 
     @staticmethod
     def read(path: Path) -> tuple[Recording, ...]:
-        """One test a file."""
+        """Return the one test of the file."""
         data = content(path)
-        lines = Lines.of(data)
+        lines = Lines.from_bytes(data)
         separator = separator_of(lines.texts[0])
         columns = in_cells(_names(lines))
         measured = [c for c in columns if plain_name(c.name) not in _LABELS]
-        places = {c.place: k for k, c in enumerate(measured)}
+        new_index = {c.index: k for k, c in enumerate(measured)}
         rows = _without_labels(data[lines.starts[1] :], separator, len(columns) - len(measured))
-        own = [type(c)(places[c.place], c.name, c.unit) for c in measured]
+        own = [type(c)(new_index[c.index], c.name, c.unit) for c in measured]
         return (table(own, rows, separator, path, 0),)
 
 
@@ -59,6 +62,6 @@ def _names(lines: Lines) -> list[str]:
 
 
 def _without_labels(rows: bytes, separator: str, count: int) -> bytes:
-    """Rows without their first cells, which hold text: '1-Compress, 1-Recover' are no numbers."""
+    """Return rows without their first cells, which hold text such as '1-Compress'."""
     mark = separator.encode()
     return b"\n".join(line.split(mark, count)[-1] for line in rows.split(b"\n"))

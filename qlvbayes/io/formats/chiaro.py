@@ -1,4 +1,4 @@
-"""Optics11 Chiaro and Piuma: a header of settings, then time, load and indentation."""
+"""Read Optics11 Chiaro and Piuma: a header of settings, then time, load and indentation."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from qlvbayes.io.formats.texttable import in_cells, seconds_of, table
 
 
 class Chiaro(AbstractFormat):
-    """``Time (s), Load (uN), Indentation (nm), Cantilever (nm), Piezo (nm)`` between tabs.
+    """Read ``Time (s), Load (uN), Indentation (nm), Cantilever (nm), Piezo (nm)`` between tabs.
 
-    The depth is the indentation, which has the bending of the cantilever taken off.
+    The depth is the indentation, from which the bending of the cantilever is subtracted.
     """
 
     name: ClassVar[str] = "chiaro"
@@ -27,8 +27,8 @@ class Chiaro(AbstractFormat):
 
     @staticmethod
     def sniff(head: bytes) -> Sight:
-        """The cantilever's stiffness, and the names."""
-        lines = Lines.of(decoded(head).encode())
+        """Look for the cantilever's stiffness, and for the names."""
+        lines = Lines.from_bytes(decoded(head).encode())
         return Sight.of(
             {
                 "a line 'k (N/m)'": any(text.startswith("k (N/m)") for text in lines.texts),
@@ -38,19 +38,21 @@ class Chiaro(AbstractFormat):
 
     @staticmethod
     def read(path: Path) -> tuple[Recording, ...]:
-        """One indentation a file."""
+        """Return the one indentation of the file."""
         data = content(path)
-        lines = Lines.of(data)
+        lines = Lines.from_bytes(data)
         header = _header(lines)
         if header is None:
             raise InputError("no row of names", file=path, remedy="export the file again")
         columns = in_cells(cells_of(lines.texts[header], "\t"))
         first = cells_of(lines.texts[0], "\t")
-        said = dict(zip(first[::2], first[1::2], strict=False))
-        began = seconds_of(f"{said.get('Date', '')} {said.get('Time', '')}")
+        settings = dict(zip(first[::2], first[1::2], strict=False))
+        began = seconds_of(f"{settings.get('Date', '')} {settings.get('Time', '')}")
         rows = data[lines.starts[header + 1] :]
-        found = table(columns, rows, "\t", path, header, began=began)
-        return (replace(found, pressing=True),)  # a tip is pressed in, and may stick: never asked
+        recorded = table(columns, rows, "\t", path, header, began=began)
+        return (
+            replace(recorded, pressing=True),
+        )  # a tip is pressed in, and may stick: the sign is known
 
 
 def _header(lines: Lines) -> int | None:

@@ -1,4 +1,4 @@
-"""Which column of a machine's table is which quantity, in the words of several languages."""
+"""Find which column of a machine's table is which quantity, by names in several languages."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.format import Channel, Floats, Recording
 from qlvbayes.io.formats.machineunits import unit_of
 
-# What may stand behind a noun: 'force axiale', 'fuerza de compresion', 'corsa della traversa'.
+# What may follow a noun: 'force axiale', 'fuerza de compresion', 'corsa della traversa'.
 _OF = (
     r"( (axial|axiale|assiale|normal|normale|estandar|standard)"
     r"| (de|di|del|della|en|in|a) (la )?(compression|compresion|compressione|traction|traccion"
     r"|trazione|traverse|traversa|travesano|piston|pistone|verin))?"
 )
-# For each quantity, the more telling words first: the first that any column bears is taken.
+# For each quantity, the more specific words first: the first that any column bears is taken.
 # English, German, French, Italian and Spanish, without accents.
 _WORDS = {
     "time": (
@@ -63,21 +63,21 @@ _WORDS = {
     ),
 }
 _PRESSING = r"(compressive|compression) "  # names of what is positive in compression
-# Words of a strain that testing machines also write above a length: the unit tells.
+# Words of a strain that testing machines also write above a length: the unit decides.
 _BY_UNIT = {"displacement": (r"(compressive |axial |tensile )?(strain|dehnung|stauchung)",)}
 
 
 @dataclass(frozen=True)
-class Named:
-    """A column's place, its name without the unit, and its unit as written."""
+class NamedColumn:
+    """Describe a column: its index, its name without the unit, and its unit as written."""
 
-    place: int
+    index: int
     name: str
     unit: str
 
 
 def split_header(cell: str) -> tuple[str, str]:
-    """Name and unit of a cell: 'Force (N)', 'Fz, gf', 'Force_N' or 'Load [kN]'."""
+    """Return name and unit of a cell: 'Force (N)', 'Fz, gf', 'Force_N' or 'Load [kN]'."""
     patterns = (r"(.*?)\s*[(\[]([^()\[\]]*)[)\]]", r"(.*),\s*([^,\s]+)", r"(.+)_([^_\s]+)")
     for pattern in patterns:
         if match := re.fullmatch(pattern, cell.strip()):
@@ -88,53 +88,55 @@ def split_header(cell: str) -> tuple[str, str]:
 
 
 def plain_name(name: str) -> str:
-    """A name in lower case, without accents and marks: 'Prüfzeit' -> 'prufzeit'."""
+    """Return a name in lower case, without accents and marks: 'Prüfzeit' -> 'prufzeit'."""
     letters = unicodedata.normalize("NFKD", name.lower())
     text = "".join(letter for letter in letters if not unicodedata.combining(letter))
     return re.sub(r"[^a-z0-9%]+", " ", text).strip()
 
 
-def quantities(columns: Sequence[Named]) -> dict[str, Named]:
-    """The column of each quantity that is there; the first of those that say it equally."""
-    found = {}
+def quantities(columns: Sequence[NamedColumn]) -> dict[str, NamedColumn]:
+    """Return the column of each quantity that is there; of equal names the first is taken."""
+    by_quantity = {}
     for quantity, patterns in _WORDS.items():
         for pattern in patterns:
             alike = [c for c in columns if re.fullmatch(pattern, plain_name(c.name))]
             fitting = [c for c in alike if not c.unit or unit_of(c.unit, quantity)]
             if fitting:
-                found[quantity] = fitting[0]
+                by_quantity[quantity] = fitting[0]
                 break
     for quantity, patterns in _BY_UNIT.items():
         alike = [c for c in columns for p in patterns if re.fullmatch(p, plain_name(c.name))]
         fitting = [c for c in alike if c.unit and unit_of(c.unit, quantity)]
-        if fitting and quantity not in found:
-            found[quantity] = fitting[0]
-    return found
+        if fitting and quantity not in by_quantity:
+            by_quantity[quantity] = fitting[0]
+    return by_quantity
 
 
-def measured(columns: Sequence[Named]) -> dict[str, Named | None]:
-    """The columns of time, displacement or strain, and force or stress; None of what is missing.
+def measured(columns: Sequence[NamedColumn]) -> dict[str, NamedColumn | None]:
+    """Return the columns of time, displacement or strain, and force or stress; None if missing.
 
-    Displacement goes before strain and force before stress, but for strain with stress alone.
+    Displacement precedes strain and force precedes stress, except where strain has stress alone.
     """
-    found = quantities(columns)
-    way = "displacement" if "displacement" in found else "strain"
-    load = "force" if "force" in found else "stress"
-    return {key: found.get(key) for key in ("time", way, load)}
+    by_quantity = quantities(columns)
+    way = "displacement" if "displacement" in by_quantity else "strain"
+    load = "force" if "force" in by_quantity else "stress"
+    return {key: by_quantity.get(key) for key in ("time", way, load)}
 
 
-def chosen(columns: Sequence[Named], file: Path, line: int | None = None) -> dict[str, Named]:
-    """The columns that ``measured`` finds.
+def chosen(
+    columns: Sequence[NamedColumn], file: Path, line: int | None = None
+) -> dict[str, NamedColumn]:
+    """Return the columns that ``measured`` finds.
 
     Raises
     ------
     InputError
         One of the three is not there.
     """
-    found = measured(columns)
-    whole = {key: named for key, named in found.items() if named is not None}
-    words = dict(zip(found, ("time", "displacement", "force"), strict=True))
-    if missing := [words[key] for key in found if key not in whole]:
+    by_quantity = measured(columns)
+    whole = {key: named for key, named in by_quantity.items() if named is not None}
+    words = dict(zip(by_quantity, ("time", "displacement", "force"), strict=True))
+    if missing := [words[key] for key in by_quantity if key not in whole]:
         shown = ", ".join(column.name for column in columns[:12])[:200]
         raise InputError(
             f"no column for {' and '.join(missing)} (the file has: {shown})",
@@ -146,20 +148,20 @@ def chosen(columns: Sequence[Named], file: Path, line: int | None = None) -> dic
 
 
 def recording(
-    columns: Sequence[Named],
-    picked: dict[str, Named],
+    columns: Sequence[NamedColumn],
+    picked: dict[str, NamedColumn],
     values: Sequence[Floats],
     dropped: dict[str, int],
     name: str = "",
     began: float | None = None,
 ) -> Recording:
-    """A recording of the picked columns, their values in the same order."""
+    """Return a recording of the picked columns, their values in the same order."""
     channels = [
         Channel(quantity, column, named.unit, named.name)
         for (quantity, named), column in zip(picked.items(), values, strict=True)
     ]
-    taken = {named.place for named in picked.values()}
-    unused = tuple(c.name for c in columns if c.place not in taken and c.name)
+    taken = {named.index for named in picked.values()}
+    unused = tuple(c.name for c in columns if c.index not in taken and c.name)
     time, way, load = channels
     pressing = all(re.match(_PRESSING, plain_name(one.name)) for one in (way, load))
     return Recording(time, way, load, name, began, None, dropped, unused, pressing)

@@ -1,4 +1,4 @@
-"""The rules that every format keeps, as one function to be called in a test."""
+"""Check the rules that every format has to keep, by one function that a test can call."""
 
 from __future__ import annotations
 
@@ -16,33 +16,33 @@ from qlvbayes.io.formats.format import HEAD, AbstractFormat, Recording, Sight
 _WORDS = ("name", "machine", "marks", "reads", "reference")
 _QUANTITIES = (("time",), ("displacement", "strain"), ("force", "stress"))
 _TIDY = b"pad,test,time_s,displacement_mm,force_N\nB,slow,0,0,0.01\nB,slow,0.01,0.02,0.03\n"
-_CUTS = (0.999, 0.97, 0.7, 0.3, 0.05)  # shares of a file that are left of it
-_HEADS = (0, 1, 2, 3, 7, 64, 511, 1024)  # bytes of a head that is cut
+_CUTS = (0.999, 0.97, 0.7, 0.3, 0.05)  # shares of a file that remain when it is cut
+_HEADS = (0, 1, 2, 3, 7, 64, 511, 1024)  # bytes that remain of a cut head
 
 
 class FormatError(AssertionError):
-    """A format breaks a rule; the text says which."""
+    """Report that a format breaks a rule; the text says which rule."""
 
 
 def check_format(kind: type[AbstractFormat], files: Sequence[str | Path]) -> None:
     """Check that a format keeps the rules, on files of its own (two or more different ones).
 
-    It declares itself; it knows its own files and no tidy file, and no other format claims them;
-    it looks at any bytes without an error; what it reads are columns of one length with finite
-    numbers, told apart by quantity; and of a file that is cut, has NULs, a byte order mark or is
-    UTF-16 it gives tests or an InputError, never anything else.
+    The format declares itself. It recognises its own files and no tidy file, and no other format
+    claims them. It looks at any bytes without an error. It reads columns of one length with finite
+    numbers, one for each quantity. From a file that is cut, has NULs or a byte order mark, or is
+    UTF-16, it gives tests or an InputError and nothing else.
 
     Parameters
     ----------
     kind
         The format's class.
     files
-        Two or more that are its own.
+        Two or more files of this format.
 
     Raises
     ------
     FormatError
-        A rule is broken; the text says which.
+        A rule is broken; the text says which rule.
     """
     _check_declarations(kind)
     if len(files) < 2:
@@ -91,14 +91,14 @@ def _check_sniff(kind: type[AbstractFormat], head: bytes) -> None:
             raise FormatError(f"{kind.name}: sniff must return a Sight")
 
 
-def _check_recording(kind: type[AbstractFormat], file: Path, found: Recording) -> None:
-    channels = (found.time, found.way, found.load)
+def _check_recording(kind: type[AbstractFormat], file: Path, recording: Recording) -> None:
+    channels = (recording.time, recording.way, recording.load)
     for channel, quantities in zip(channels, _QUANTITIES, strict=True):
         if channel.quantity not in quantities:
             what = f"'{channel.name}' is {channel.quantity}, not {' or '.join(quantities)}"
             raise FormatError(f"{kind.name}, {file.name}: {what}")
         values = np.asarray(channel.values)
-        if values.dtype != np.float64 or values.shape != found.time.values.shape:
+        if values.dtype != np.float64 or values.shape != recording.time.values.shape:
             raise FormatError(f"{kind.name}, {file.name}: '{channel.name}' is not (n,) of float64")
         if not np.isfinite(values).all():
             raise FormatError(f"{kind.name}, {file.name}: '{channel.name}' is not finite")

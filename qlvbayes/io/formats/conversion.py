@@ -1,4 +1,4 @@
-"""Machine files made tidy: units, signs, contact, order; and all that was found, in words."""
+"""Convert machine files to tidy tests: units, signs, contact, order, with all findings as text."""
 
 from __future__ import annotations
 
@@ -11,29 +11,29 @@ import numpy as np
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.answers import SIGNS, Answers, UnsureError
 from qlvbayes.io.formats.catalogue import FORMATS
-from qlvbayes.io.formats.contact import Contact, Signs, find_contact, find_signs, is_dead
+from qlvbayes.io.formats.contact import FirstContact, Signs, find_contact, find_signs, is_dead
 from qlvbayes.io.formats.format import AbstractFormat, Channel, Floats, Recording
 from qlvbayes.io.formats.machineunits import Unit, unit_of
 from qlvbayes.io.formats.naming import is_mean, pad_in, pads_of, tests_of
-from qlvbayes.io.formats.recognise import recognised
+from qlvbayes.io.formats.recognition import recognised
 from qlvbayes.io.formats.sampling import ClockError, Sampling, on_one_clock, rising, sampling_of
-from qlvbayes.io.formats.zero import Shown, Zero, zeros
+from qlvbayes.io.formats.zero import OrientedRecording, Zero, zeros
 from qlvbayes.io.reading.noreading import no_readings, out_of_range
 from qlvbayes.io.reading.testchecks import LEAST_SAMPLES, wrong_signs
 from qlvbayes.io.units import STRAIN, UnitSystem, unit_system
 from qlvbayes.io.wording import joined
 
-LEAD = 1.0  # s kept before contact: they show the force's zero and its noise
+LEAD = 1.0  # s kept before contact, which show the force's zero and its noise
 
 
 @dataclass(frozen=True, eq=False)
 class Tidied:
-    """One test made tidy, and how: what was found in it, each with its numbers.
+    """Hold one test made tidy, and the findings of the conversion, each with its numbers.
 
-    ``time`` (s) begins at zero; ``displacement`` and ``force`` are in ``units``, pressing
-    positive. ``start_s`` is the pad's clock at the first row, where the files tell it. ``contact``
-    is what the rise of the force shows, in the file's own zero; ``zero`` what was taken off the
-    displacement, and ``zero_sd`` its standard error, where it was measured.
+    ``time`` (s) begins at zero; ``displacement`` and ``force`` are in ``units``, and pressing is
+    positive. ``start_s`` is the pad's clock at the first row, where the files state it. ``contact``
+    is the contact that the rise of the force shows, in the file's own zero; ``zero`` was subtracted
+    from the displacement, and ``zero_sd`` is its standard error, where it was measured.
     """
 
     file: Path
@@ -46,7 +46,7 @@ class Tidied:
     force: Floats
     start_s: float | None
     signs: Signs
-    contact: Contact | None
+    contact: FirstContact | None
     zero: float
     zero_sd: float | None
     sampling: Sampling
@@ -54,7 +54,7 @@ class Tidied:
     findings: tuple[str, ...]
 
     def as_dict(self) -> dict[str, object]:
-        """For JSON."""
+        """Return the conversion of this test as a dictionary for JSON."""
         contact = None
         if self.contact is not None:
             contact = {"place": self.contact.place, "sd": self.contact.sd}
@@ -79,9 +79,10 @@ class Tidied:
 
 @dataclass(frozen=True, eq=False)
 class Conversion:
-    """All tests of some files, in one system of units.
+    """Hold all tests of some files, in one system of units.
 
-    ``faults`` are of the files that could not be used; ``remarks`` are on all tests together.
+    ``faults`` are the errors of files that could not be used; ``remarks`` concern all tests
+    together.
     """
 
     tests: tuple[Tidied, ...]
@@ -91,12 +92,12 @@ class Conversion:
 
     @property
     def notices(self) -> tuple[str, ...]:
-        """What was found, a line each."""
-        return (*(line for test in self.tests for line in told(test)), *self.remarks)
+        """Return all findings, a line each."""
+        return (*(line for test in self.tests for line in findings_of(test)), *self.remarks)
 
 
-def told(test: Tidied) -> list[str]:
-    """What was found in a test, as lines that begin with its name."""
+def findings_of(test: Tidied) -> list[str]:
+    """Return the findings of a test, as lines that begin with its name."""
     dropped = [f"dropped: {rows} {why}" for why, rows in test.dropped.items()]
     same = test.file.stem == test.test  # then the name stands before the colon already
     source = f"read as {test.format.machine}"
@@ -121,36 +122,37 @@ def convert(
     *,
     without_faulty: bool = False,
 ) -> Conversion:
-    """Read machine files and make them tidy.
+    """Read machine files and convert them to tidy tests.
 
-    without_faulty: whether files that cannot be used are left out and told, as long as one can.
+    With ``without_faulty``, files that cannot be used are left out and reported, as long as one can
+    be used.
 
     Raises
     ------
     UnsureError
-        A sign, the contact, a unit or the area is not told by the file and not by ``answers``.
+        Neither the file nor ``answers`` state a sign, the contact, a unit or the area.
     InputError
         A file is of no known layout, damaged, or holds no usable test.
     """
     pads = pads_of(files, answers.pads)
     faults: dict[Path, InputError] = {}
-    read: list[_Read] = []
+    read: list[_Prepared] = []
     for file, pad in zip(files, pads, strict=True):
         try:
             kind = recognised(file, kinds)
-            read += _of_file(file, kind, _read(file, kind), pad, answers)
+            read += _usable_tests(file, kind, _read(file, kind), pad, answers)
         except InputError as error:
             faults[file] = error
-    found = zeros([one.shown for one in read], answers)
-    for one, zero in zip(read, found, strict=True):
+    starts = zeros([read_one.shown for read_one in read], answers)
+    for read_one, zero in zip(read, starts, strict=True):
         if isinstance(zero, UnsureError):
-            faults.setdefault(one.file, zero)
+            faults.setdefault(read_one.file, zero)
     if faults and (not without_faulty or len(faults) == len(set(files)) or answers.tests):
         raise next(faults[file] for file in files if file in faults)
     stages = [
-        _stage(one, zero)
-        for one, zero in zip(read, found, strict=True)
-        if one.file not in faults and isinstance(zero, Zero)
+        _stage(read_one, zero)
+        for read_one, zero in zip(read, starts, strict=True)
+        if read_one.file not in faults and isinstance(zero, Zero)
     ]
     if not stages:
         raise InputError("no test can be used", file=files[0], remedy="look at the file")
@@ -165,7 +167,7 @@ def convert(
 
 
 def _remarks(tests: Sequence[Tidied], answers: Answers) -> tuple[str, ...]:
-    """That several tests of one file may be several specimens, if nobody has said which."""
+    """Return a remark that several tests of one file may be several specimens, if that is open."""
     together = [test for test in tests if sum(o.file == test.file for o in tests) > 1]
     if not together or answers.pad_from is not None:
         return ()
@@ -177,7 +179,7 @@ def _remarks(tests: Sequence[Tidied], answers: Answers) -> tuple[str, ...]:
 
 
 def _read(file: Path, kind: type[AbstractFormat]) -> tuple[Recording, ...]:
-    """The recordings of a file; what a damaged one makes of a format's code is no traceback."""
+    """Return the recordings of a file; an error of a format's code becomes an InputError."""
     try:
         return kind.read(file)
     except InputError:
@@ -192,23 +194,23 @@ def _read(file: Path, kind: type[AbstractFormat]) -> tuple[Recording, ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Read:
-    """One recording on its way: columns in tidy units, in order, signs right."""
+class _Prepared:
+    """Hold one recording being converted: columns in tidy units, in order, with the right signs."""
 
     file: Path
     kind: type[AbstractFormat]
     pad: str
     recording: Recording
     time: Floats
-    shown: Shown
+    shown: OrientedRecording
     sampling: Sampling
     dropped: dict[str, int]
-    said: tuple[str, str]  # of the units, of the signs
+    findings: tuple[str, str]  # on the units, on the signs
 
 
 @dataclass(frozen=True, eq=False)
 class _Stage:
-    """The same with its zero."""
+    """Hold one recording being converted, with its zero."""
 
     file: Path
     kind: type[AbstractFormat]
@@ -227,11 +229,11 @@ class _Stage:
 
     @property
     def began(self) -> float | None:
-        """Date of the first row that is kept (s since 1970)."""
+        """Return the date of the first row that is kept (s since 1970)."""
         return None if self.recording.began is None else self.recording.began + self.first
 
     def tidied(self, name: str, units: UnitSystem, start: float | None) -> Tidied:
-        """With its name, in the units of all."""
+        """Return the test with its name, in the units of all tests."""
         if units.dimensionless != self.units.dimensionless:
             raise InputError(
                 "this file has strain and stress and others have displacement and force",
@@ -255,16 +257,16 @@ class _Stage:
         )  # fmt: skip
 
 
-def _of_file(
+def _usable_tests(
     file: Path,
     kind: type[AbstractFormat],
     recordings: Sequence[Recording],
     pad: str,
     answers: Answers,
-) -> list[_Read]:
-    """The usable tests of a file."""
+) -> list[_Prepared]:
+    """Return the usable tests of a file."""
     recordings, dropped = _without_means(recordings)
-    recordings = [_of_readings(recording) for recording in recordings]
+    recordings = [_without_missing(recording) for recording in recordings]
     moving = [recording for recording in recordings if not _is_still(recording)]
     still = sum(len(recording.time.values) for recording in recordings if _is_still(recording))
     if still:
@@ -276,18 +278,21 @@ def _of_file(
             file=file,
             remedy="check the channels or export it again",
         )
-    found = []
+    prepared = []
     for recording in moving:
         own = pad
         if answers.pad_from is not None:
             own = pad_in(recording.name or file.stem, answers.pad_from)
-        found.append(_in_order(file, kind, recording, own, answers))
-    found[0].dropped.update(dropped)
-    return found
+        prepared.append(_in_order(file, kind, recording, own, answers))
+    prepared[0].dropped.update(dropped)
+    return prepared
 
 
 def _without_means(recordings: Sequence[Recording]) -> tuple[list[Recording], dict[str, int]]:
-    """Without those called mean, average, moyenne, if others are there; their rows, counted."""
+    """Return the recordings without means of specimens, if there are others.
+
+    The rows left out are counted.
+    """
     means = [recording for recording in recordings if is_mean(recording.name)]
     if len(means) in (0, len(recordings)):
         return list(recordings), {}
@@ -296,22 +301,22 @@ def _without_means(recordings: Sequence[Recording]) -> tuple[list[Recording], di
 
 
 def _left_out(recordings: Sequence[Recording]) -> str:
-    """Rows that are no measurements: ' (9 rows with no number in Force are left out)'."""
+    """Return a note on rows that are no measurements: ' (9 rows with no number in Force ...)'."""
     counted = [f"{rows} {why}" for one in recordings for why, rows in one.dropped.items() if rows]
     return f" ({', '.join(counted[:3])} are left out)" if counted else ""
 
 
-def _of_readings(recording: Recording) -> Recording:
-    """Without the rows in which a channel has no number, or a code for no reading."""
+def _without_missing(recording: Recording) -> Recording:
+    """Return the recording without rows in which a channel has no number or a code."""
     channels = [recording.time, recording.way, recording.load]
-    found = [
+    missing = [
         no_readings(channel.values, coded=channel is not recording.time) for channel in channels
     ]
-    lost = np.logical_or.reduce([one.rows for one in found])
+    lost = np.logical_or.reduce([one.rows for one in missing])
     if not lost.any():
         return recording
     dropped = dict(recording.dropped)
-    for channel, one in zip(channels, found, strict=True):
+    for channel, one in zip(channels, missing, strict=True):
         if one.count:
             what = f"a code for no reading ({one.written})" if one.codes else "no number"
             dropped[f"rows with {what} in {channel.name}"] = one.count
@@ -332,8 +337,8 @@ def _is_still(recording: Recording) -> bool:
 
 def _in_order(
     file: Path, kind: type[AbstractFormat], recording: Recording, pad: str, answers: Answers
-) -> _Read:
-    units, columns, said = _in_units(file, recording, answers)
+) -> _Prepared:
+    units, columns, unit_finding = _in_units(file, recording, answers)
     dropped = dict(recording.dropped)
     time, way, load, sampling = _on_a_clock(file, columns, dropped)
     if (
@@ -349,13 +354,13 @@ def _in_order(
         remedy = "leave --sign out"
         raise InputError(f"with --sign {answers.sign} {what}", file=file, remedy=remedy)
     contact = None if units.dimensionless else find_contact(way, load)
-    shown = Shown(file, (pad, kind.name, units), units, way, load, signs, contact)
-    told = f"units {said}", _sign_told(signs, recording, answers)
-    return _Read(file, kind, pad, recording, time, shown, sampling, dropped, told)
+    shown = OrientedRecording(file, (pad, kind.name, units), units, way, load, signs, contact)
+    findings = f"units {unit_finding}", _sign_finding(signs, recording, answers)
+    return _Prepared(file, kind, pad, recording, time, shown, sampling, dropped, findings)
 
 
-def _stage(read: _Read, zero: Zero) -> _Stage:
-    """With its zero, and without the rows long before contact."""
+def _stage(read: _Prepared, zero: Zero) -> _Stage:
+    """Return the recording with its zero, and without the rows long before contact."""
     time, dropped, contact = read.time, read.dropped, zero.contact
     own = contact is read.shown.contact
     first = 0 if contact is None or not own else int(
@@ -366,22 +371,23 @@ def _stage(read: _Read, zero: Zero) -> _Stage:
         raise InputError(f"only {len(time) - first} rows are left", file=read.file, remedy=remedy)
     if first:
         dropped[f"rows of the approach, more than {LEAD:g} s before contact"] = first
-    sampled = read.sampling.told() + _clocks_told(read.recording, read.sampling)
+    sampled = read.sampling.describe() + _clocks_finding(read.recording, read.sampling)
     begin = float(time[first])
     return _Stage(
         read.file, read.kind, read.pad, read.recording, read.shown.units, time[first:] - begin,
         (read.shown.way - zero.place)[first:], (read.shown.load - zero.force)[first:],
-        read.shown.signs, zero, read.sampling, dropped, (*read.said, zero.told, sampled), begin,
+        read.shown.signs, zero, read.sampling, dropped, (*read.findings, zero.finding, sampled),
+        begin,
     )  # fmt: skip
 
 
 def _in_units(
     file: Path, recording: Recording, answers: Answers
 ) -> tuple[UnitSystem, list[Floats], str]:
-    """Columns in tidy units: time, way, load and, if it is there, the load's own clock."""
+    """Return columns in tidy units: time, way, load and, where it exists, the load's own clock."""
     given = answers.units or (None, None, None)
     channels = [recording.time, recording.way, recording.load]
-    units = [_unit(file, channel, said) for channel, said in zip(channels, given, strict=True)]
+    units = [_unit(file, channel, stated) for channel, stated in zip(channels, given, strict=True)]
     columns = [
         c.values * u.factor if u.factor != 1.0 else c.values
         for c, u in zip(channels, units, strict=True)
@@ -392,29 +398,29 @@ def _in_units(
         own = _unit(file, recording.load_time, given[0])
         columns.append(recording.load_time.values * own.factor * clock[own.tidy])
     way, load, columns[2] = _with_area(file, units[1], units[2], columns[2], answers.area)
-    told = ", ".join(f"{c.name} in {_written(u, c)}" for c, u in zip(channels, units, strict=True))
+    named = ", ".join(f"{c.name} in {_written(u, c)}" for c, u in zip(channels, units, strict=True))
     system = unit_system(way.tidy or STRAIN.displacement, load.tidy)
-    return system, columns, f"{told}; written as {way.tidy or '1'} and {load.tidy}"
+    return system, columns, f"{named}; written as {way.tidy or '1'} and {load.tidy}"
 
 
 def _written(unit: Unit, channel: Channel) -> str:
     return channel.unit or f"{unit.tidy or '1'} (as said)"
 
 
-def _unit(file: Path, channel: Channel, said: str | None) -> Unit:
-    """The unit of a channel, as the file or the user says it; both must agree."""
+def _unit(file: Path, channel: Channel, stated: str | None) -> Unit:
+    """Return the unit of a channel, as the file or the user states it; both must agree."""
     alternatives = {"displacement": ("displacement", "strain"), "force": ("force", "stress")}
     quantities = alternatives.get(channel.quantity, (channel.quantity,))
-    for text in (channel.unit, said):
-        found = [unit_of(text, quantity) for quantity in quantities] if text else []
-        unit = next((unit for unit in found if unit is not None), None)
+    for text in (channel.unit, stated):
+        candidates = [unit_of(text, quantity) for quantity in quantities] if text else []
+        unit = next((unit for unit in candidates if unit is not None), None)
         if unit is None:
             continue
-        if text is channel.unit and said is not None:
-            others = [unit_of(said, quantity) for quantity in quantities]
+        if text is channel.unit and stated is not None:
+            others = [unit_of(stated, quantity) for quantity in quantities]
             if unit not in others:
                 raise InputError(
-                    f"'{channel.name}' is in {channel.unit}, and --units says {said}",
+                    f"'{channel.name}' is in {channel.unit}, and --units says {stated}",
                     file=file,
                     remedy="leave --units out",
                 )
@@ -432,7 +438,10 @@ def _unit(file: Path, channel: Channel, said: str | None) -> Unit:
 def _with_area(
     file: Path, way: Unit, load: Unit, values: Floats, area: float | None
 ) -> tuple[Unit, Unit, Floats]:
-    """Stress beside strain, force beside displacement: by the area where the file mixes them."""
+    """Return stress with strain, or force with displacement.
+
+    The area converts where a file mixes.
+    """
     strained, stressed = way.quantity == "strain", load.quantity == "stress"
     if strained == stressed:
         return way, load, values
@@ -468,22 +477,22 @@ def _on_a_clock(
 
 
 def _signs(file: Path, way: Floats, load: Floats, recording: Recording, answers: Answers) -> Signs:
-    found = find_signs(way, load)
+    signs = find_signs(way, load)
     if answers.sign is not None:
         of_way, of_load = SIGNS[answers.sign]
-        return replace(found, way=of_way, load=of_load, doubt="")
+        return replace(signs, way=of_way, load=of_load, doubt="")
     if recording.pressing:
-        return replace(found, way=1, load=1, doubt="")
-    if found.doubt and is_dead(way, load):
+        return replace(signs, way=1, load=1, doubt="")
+    if signs.doubt and is_dead(way, load):
         raise InputError(
             f"the force does not answer to the displacement: its {len(load)} readings scatter by "
             f"{float(np.std(load)):.2g} about one level",
             file=file,
             remedy="check the load cell and its cable, or leave the file out",
         )
-    if found.doubt:
-        raise _unsure_of_sign(file, found.doubt)
-    return found
+    if signs.doubt:
+        raise _unsure_of_sign(file, signs.doubt)
+    return signs
 
 
 def _unsure_of_sign(file: Path, doubt: str) -> UnsureError:
@@ -497,7 +506,7 @@ def _unsure_of_sign(file: Path, doubt: str) -> UnsureError:
     )
 
 
-def _sign_told(signs: Signs, recording: Recording, answers: Answers) -> str:
+def _sign_finding(signs: Signs, recording: Recording, answers: Answers) -> str:
     turned = [
         channel.name
         for channel, factor in ((recording.way, signs.way), (recording.load, signs.load))
@@ -515,7 +524,7 @@ def _sign_told(signs: Signs, recording: Recording, answers: Answers) -> str:
     )
 
 
-def _clocks_told(recording: Recording, sampling: Sampling) -> str:
+def _clocks_finding(recording: Recording, sampling: Sampling) -> str:
     if recording.load_time is None or sampling.lag is None:
         return ""
     return (
@@ -526,7 +535,7 @@ def _clocks_told(recording: Recording, sampling: Sampling) -> str:
 
 
 def _clocks(stages: Sequence[_Stage]) -> list[float | None]:
-    """The pad's clock at the first row of each test, where all tests of a pad tell their date."""
+    """Return the pad's clock at each test's first row, where all its tests state their date."""
     starts: list[float | None] = []
     for stage in stages:
         of_pad = [other for other in stages if other.pad == stage.pad]
@@ -538,6 +547,6 @@ def _clocks(stages: Sequence[_Stage]) -> list[float | None]:
 
 
 def _in_turn(stages: Sequence[_Stage], began: Sequence[float]) -> bool:
-    """Whether each test begins after the one before has ended, to the second that dates have."""
+    """Return whether each test begins after the one before has ended, to the second."""
     ends = [date + float(stage.time[-1]) for date, stage in zip(began, stages, strict=True)]
     return all(after >= end - 1.0 for end, after in zip(ends, began[1:], strict=False))

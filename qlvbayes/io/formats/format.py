@@ -1,4 +1,4 @@
-"""What a format of a testing machine is, and what it reads from a file."""
+"""Define the interface of formats: a testing machine's layout, and what it reads from a file."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-HEAD = 1 << 14  # bytes that a format may look at: the longest headers seen have a few thousand
+HEAD = 1 << 14  # bytes that a format may look at: the longest known headers have a few thousand
 
 
 @dataclass(frozen=True)
 class Sight:
-    """Which marks of a layout the first bytes of a file show, and which they lack."""
+    """Hold which marks of a layout the first bytes of a file show, and which they lack."""
 
     found: tuple[str, ...]
     missing: tuple[str, ...]
 
     @classmethod
     def of(cls, marks: Mapping[str, bool]) -> Sight:
-        """From each mark, in words, and whether it is there."""
+        """Return a sight from each mark, in words, and whether it is there."""
         return cls(
             tuple(mark for mark, there in marks.items() if there),
             tuple(mark for mark, there in marks.items() if not there),
@@ -33,21 +33,29 @@ class Sight:
 
     @property
     def whole(self) -> bool:
-        """Whether the file is of this layout."""
+        """Return whether the file is of this layout."""
         return bool(self.found) and not self.missing
 
     @property
     def share(self) -> float:
-        """Share of the marks that are there, 0 to 1."""
+        """Return the share of the marks that are there, 0 to 1."""
         return len(self.found) / max(len(self.found) + len(self.missing), 1)
 
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """One channel as it stands in the file: values (n,), unit and name as they are written.
+    """Hold one channel as it is in the file.
 
-    ``quantity`` is time, displacement, force, strain or stress; ``unit`` is empty where the file
-    does not say.
+    Parameters
+    ----------
+    quantity
+        time, displacement, force, strain or stress.
+    values
+        (n,) in the unit of the file.
+    unit
+        The unit as it is written; empty where the file does not state it.
+    name
+        The name as it is written.
     """
 
     quantity: str
@@ -58,13 +66,29 @@ class Channel:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """One test as a machine wrote it, nothing converted and nothing turned over.
+    """Hold one test as a machine wrote it, with nothing converted and no sign changed.
 
-    ``way`` is displacement or strain, ``load`` force or stress. ``load_time`` is the load's own
-    clock, where it has one; ``began`` the date of time zero (s since 1970), where the file says;
-    ``pressing`` says that this layout fixes the signs of both, so that nothing is asked: pressing
-    is positive, and shear goes with its force;
-    ``dropped`` counts the rows that are no measurements, by reason; ``unused`` are other columns.
+    Parameters
+    ----------
+    time
+        The clock of the displacement.
+    way
+        Displacement or strain.
+    load
+        Force or stress.
+    name
+        The test's name; empty where the file states none.
+    began
+        Date of time zero (s since 1970); None where the file does not state it.
+    load_time
+        The load's own clock, where it has one.
+    dropped
+        The number of rows that are no measurements, by reason.
+    unused
+        Names of the other columns.
+    pressing
+        Whether this layout fixes the signs of both, so that the user is not asked: pressing is
+        positive, and shear has the sign of its force.
     """
 
     time: Channel
@@ -79,11 +103,11 @@ class Recording:
 
 
 class AbstractFormat(ABC):
-    """One layout of files.
+    """Define one layout of files.
 
-    ``name`` is what messages call it; ``machine`` whose files these are; ``marks`` how they are
-    recognised and ``reads`` what is read from them, each in one line; ``reference`` where the
-    layout is described; ``general`` whether it gives way to every other layout that fits.
+    ``name`` is what messages call it, ``machine`` whose files these are, ``marks`` how they are
+    recognised and ``reads`` what is read from them, each in one line. ``reference`` is where the
+    layout is described. ``general`` is true where every other layout that fits takes precedence.
     """
 
     name: ClassVar[str]
@@ -96,18 +120,19 @@ class AbstractFormat(ABC):
     @staticmethod
     @abstractmethod
     def sniff(head: bytes) -> Sight:
-        """Which marks of the layout the first bytes of a file (at most ``HEAD``) show.
+        """Return which marks of the layout the first bytes of a file (at most ``HEAD``) show.
 
-        Must not raise, whatever the bytes are.
+        It must not raise an error, whatever the bytes are.
         """
 
     @staticmethod
     @abstractmethod
     def read(path: Path) -> tuple[Recording, ...]:
-        """Read the tests of one file, in its order.
+        """Return the tests of one file, in its order.
 
         Raises
         ------
         InputError
-            The file is not what its first bytes promised; it names the place and the remedy.
+            The file does not have the layout that its first bytes show; the error names the
+            location and the remedy.
         """

@@ -1,4 +1,4 @@
-"""HDF5: one-dimensional datasets, those of one group a test."""
+"""Read HDF5: one-dimensional datasets; those of one group are a test."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ from pathlib import Path
 from typing import ClassVar
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.formats.apart import ApartError, read_apart
 from qlvbayes.io.formats.format import AbstractFormat, Recording, Sight
-from qlvbayes.io.formats.namedarrays import Array, as_column, damaged, from_arrays
+from qlvbayes.io.formats.isolation import ApartError, read_apart
+from qlvbayes.io.formats.namedarrays import NamedArray, as_column, damaged, from_arrays
 
 _BEGIN = b"\x89HDF\r\n\x1a\n"
 
 
 class Hdf5(AbstractFormat):
-    """Datasets named after what they hold; the unit in the name or in an attribute ``units``."""
+    """Read datasets by name; the unit is in the name or in an attribute ``units``."""
 
     name: ClassVar[str] = "hdf5"
     machine: ClassVar[str] = "HDF5 of any origin"
@@ -24,32 +24,32 @@ class Hdf5(AbstractFormat):
 
     @staticmethod
     def sniff(head: bytes) -> Sight:
-        """Its signature."""
+        """Look for its signature."""
         return Sight.of({"the first bytes of HDF5": head.startswith(_BEGIN)})
 
     @staticmethod
     def read(path: Path) -> tuple[Recording, ...]:
-        """One test a group that has the three."""
+        """Return one test for each group that has the three quantities."""
         return read_groups(path)
 
 
 def read_groups(path: Path) -> tuple[Recording, ...]:
-    """The tests of an HDF5 file: its groups with three or more vectors of numbers.
+    """Return the tests of an HDF5 file: its groups with three or more vectors of numbers.
 
     Raises
     ------
     InputError
         The file is damaged, or no group holds time, displacement and force.
     """
-    groups: dict[str, list[Array]] = {}
+    groups: dict[str, list[NamedArray]] = {}
     try:
-        found = read_apart("hdf5", path)
+        vectors = read_apart("hdf5", path)
     except (OSError, ApartError) as error:
         raise damaged(path, error) from error
-    for (name, unit), array in found:
+    for (name, unit), array in vectors:
         if (values := as_column(array)) is not None:
             group, _, own = name.rpartition("/")
-            groups.setdefault(group, []).append(Array(own, values, unit))
+            groups.setdefault(group, []).append(NamedArray(own, values, unit))
     full = {group: arrays for group, arrays in groups.items() if len(arrays) > 2}
     if not full:
         raise InputError(

@@ -1,4 +1,4 @@
-"""Biomomentum Mach-1: blocks of information and of data, one pair a function; gram-force."""
+"""Read Biomomentum Mach-1: blocks of information and of data, a pair for each function."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from qlvbayes.io.formats.textfile import cells_of, content, decoded
 from qlvbayes.io.formats.texttable import in_cells, seconds_of, table
 
 _BLOCK = re.compile(rb"<INFO>(.*?)<END INFO>.*?<DATA>[ \t]*\n(.*?)(?:<END DATA>|\Z)", re.DOTALL)
-_LEAST = 10  # lines, below which a block cannot be a test
+_LEAST = 10  # lines that a test has at least
 _STRUCTURE = re.compile(rb"^<[^>\n]*>[^\n]*\n", re.MULTILINE)
 
 
 class MachOne(AbstractFormat):
-    """``<INFO>`` and ``<DATA>`` blocks: every function that moved is a test.
+    """Read ``<INFO>`` and ``<DATA>`` blocks; every function that moved the stage is a test.
 
-    Position grows downwards, force is negative in compression.
+    Position grows downwards, and force is negative in compression.
     """
 
     name: ClassVar[str] = "mach-1"
@@ -30,7 +30,7 @@ class MachOne(AbstractFormat):
 
     @staticmethod
     def sniff(head: bytes) -> Sight:
-        """Its first line and its first block."""
+        """Look for its first line and its first block."""
         text = decoded(head)
         return Sight.of(
             {
@@ -41,7 +41,7 @@ class MachOne(AbstractFormat):
 
     @staticmethod
     def read(path: Path) -> tuple[Recording, ...]:
-        """One test a block; blocks of a few lines, or without force, are left out."""
+        """Return one test for each block; blocks of a few lines, or without force, are left out."""
         data = content(path)
         blocks = [match.groups() for match in _BLOCK.finditer(data)]
         long = [(info, rows) for info, rows in blocks if rows.count(b"\n") > _LEAST]
@@ -56,12 +56,12 @@ class MachOne(AbstractFormat):
 def _test(info: bytes, rows: bytes, path: Path, several: bool, number: int) -> Recording:
     header, _, rest = rows.partition(b"\n")
     columns = in_cells(cells_of(header.decode("utf-8", "replace"), "\t"))
-    said = dict(_pairs(info))
-    began = seconds_of(f"{said.get('Date', '')} {said.get('Time', '')}".split(".")[0])
+    settings = dict(_pairs(info))
+    began = seconds_of(f"{settings.get('Date', '')} {settings.get('Time', '')}".split(".")[0])
     name = _function(info)
-    told = f"{number} {name}".strip() if several else name
-    plain = _STRUCTURE.sub(b"", rest)  # marks between the parts of one function
-    return table(columns, plain, "\t", path, 0, name=told, began=began)
+    title = f"{number} {name}".strip() if several else name
+    lines = _STRUCTURE.sub(b"", rest)  # marks between the parts of one function
+    return table(columns, lines, "\t", path, 0, name=title, began=began)
 
 
 def _pairs(info: bytes) -> list[tuple[str, str]]:
@@ -70,6 +70,6 @@ def _pairs(info: bytes) -> list[tuple[str, str]]:
 
 
 def _function(info: bytes) -> str:
-    """Name of the function that moved the stage: '<Stress Relaxation>' in the information."""
+    """Return the function that moved the stage: '<Stress Relaxation>' in the information."""
     names = re.findall(r"<([^>/]+)>", info.decode("utf-8", "replace"))
     return next((name for name in names if not name.startswith("END")), "")

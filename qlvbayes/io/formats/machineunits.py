@@ -1,4 +1,4 @@
-"""Units as machines write them, and the tidy unit that each becomes."""
+"""Convert units as machines write them to tidy units."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from qlvbayes.io.units import SUFFIXES
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit: what it measures, the tidy unit that its values become, and by which factor."""
+    """Describe a unit: what it measures, the tidy unit that it is converted to, and the factor."""
 
     quantity: str
     tidy: str
@@ -53,11 +53,11 @@ _FURTHER = {
 
 
 def _table() -> dict[str, Unit]:
-    found = dict(_FURTHER)
+    table = dict(_FURTHER)
     for quantity, units in _SPELLED.items():
         for tidy, others in units.items():
-            found |= dict.fromkeys((tidy, *others) if tidy else others, Unit(quantity, tidy))
-    return found
+            table |= dict.fromkeys((tidy, *others) if tidy else others, Unit(quantity, tidy))
+    return table
 
 
 _KNOWN = _table()
@@ -67,7 +67,7 @@ for _name in _KNOWN:
 
 
 def unit_of(text: str, quantity: str) -> Unit | None:
-    """The unit that a text means for a quantity, or None: '(µN)' is uN of a force.
+    """Return the unit that a text means for a quantity, or None: '(µN)' is uN for a force.
 
     Capitals count only where two units differ by nothing else.
     """
@@ -81,9 +81,9 @@ def unit_of(text: str, quantity: str) -> Unit | None:
 
 
 def named_units(text: str) -> tuple[str, str, str]:
-    """``s,mm,N`` as the units of time, displacement (or strain) and force (or stress).
+    """Return ``s,mm,N`` as units of time, displacement (or strain) and force (or stress).
 
-    Raises InputError where one is unknown.
+    An InputError is raised where one is unknown.
     """
     parts = [part.strip() for part in text.split(",")]
     remedy = "write for example s,mm,N or s,%,kPa: of time, displacement or strain, force or stress"

@@ -1,20 +1,20 @@
-"""MATLAB: variables, or the fields of a struct a test, told apart by their names."""
+"""Read MATLAB files: variables, or the fields of a struct for each test, by their names."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import ClassVar
 
-from qlvbayes.io.formats.apart import ApartError, read_apart
 from qlvbayes.io.formats.format import AbstractFormat, Recording, Sight
 from qlvbayes.io.formats.hdf5 import read_groups
-from qlvbayes.io.formats.namedarrays import Array, as_column, damaged, from_arrays
+from qlvbayes.io.formats.isolation import ApartError, read_apart
+from qlvbayes.io.formats.namedarrays import NamedArray, as_column, damaged, from_arrays
 
 _BEGINS = (b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file")
 
 
 class Matlab(AbstractFormat):
-    """``time_s``, ``displacement_mm``, ``force_N``, as variables or in structs, one a test."""
+    """Read ``time_s``, ``displacement_mm``, ``force_N``, as variables or in structs, one a test."""
 
     name: ClassVar[str] = "matlab"
     machine: ClassVar[str] = "MATLAB .mat, versions 5 to 7.3"
@@ -24,24 +24,24 @@ class Matlab(AbstractFormat):
 
     @staticmethod
     def sniff(head: bytes) -> Sight:
-        """What MATLAB writes first."""
+        """Look for MATLAB's first bytes."""
         return Sight.of({"the first bytes of a MAT-file": head.startswith(_BEGINS)})
 
     @staticmethod
     def read(path: Path) -> tuple[Recording, ...]:
-        """One test of the variables, or one a struct."""
+        """Return one test of the variables, or one for each struct."""
         try:
             with path.open("rb") as stream:
                 begin = stream.read(len(_BEGINS[1]))
             if begin == _BEGINS[1]:
                 return read_groups(path)
-            found = read_apart("matlab", path)
+            vectors = read_apart("matlab", path)
         except (OSError, ApartError) as error:
             raise damaged(path, error) from error
-        tests: dict[str | None, list[Array]] = {}
-        for (struct, name), array in found:
+        tests: dict[str | None, list[NamedArray]] = {}
+        for (struct, name), array in vectors:
             if (values := as_column(array)) is not None:
-                tests.setdefault(struct, []).append(Array(name, values))
+                tests.setdefault(struct, []).append(NamedArray(name, values))
         full = {key: arrays for key, arrays in tests.items() if key and len(arrays) > 2}
         if full:
             return tuple(from_arrays(arrays, path, key) for key, arrays in full.items())

@@ -1,4 +1,4 @@
-"""Any table in text that names its columns with units: rheometers, and programs without marks."""
+"""Read any text table that names its columns with units, as those of rheometers."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ from pathlib import Path
 from typing import ClassVar
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.formats.columns import Named, chosen, measured, plain_name, recording
+from qlvbayes.io.formats.columns import NamedColumn, chosen, measured, plain_name, recording
 from qlvbayes.io.formats.format import AbstractFormat, Recording, Sight
 from qlvbayes.io.formats.textfile import Lines, cells_of, content, decoded, read_rows, separator_of
 from qlvbayes.io.formats.texttable import in_cells, in_two_rows
 
-_BLANK = 2  # empty rows at most between the names and their units
+_BLANK = 2  # most empty rows between the names and their units
 _BRACKETED = re.compile(r".*[(\[][^()\[\]]+[)\]]\s*")
 _SHEAR = re.compile(r"\b(shear|scher\w*|schub\w*|cisaillement|taglio|cizalla\w*|corte)\b")
 
 
 class NamedTable(AbstractFormat):
-    """A row of names in one of five languages, units behind them or below, then numbers.
+    """Read a row of names in one of five languages, units after or below them, then numbers.
 
-    Cells of text among the numbers (a status) are passed over; where the names come again, a new
-    test begins. Shear has no side that presses: its signs stay.
+    Cells of text among the numbers (a status) are ignored; where the names are repeated, a new test
+    begins. Shear has no side that presses: its signs are kept.
     """
 
     name: ClassVar[str] = "table"
@@ -35,8 +35,8 @@ class NamedTable(AbstractFormat):
 
     @staticmethod
     def sniff(head: bytes) -> Sight:
-        """A row of names, and their units."""
-        lines = Lines.of(decoded(head).encode())
+        """Look for a row of names, and for their units."""
+        lines = Lines.from_bytes(decoded(head).encode())
         named = any(all(measured(in_cells(cells)).values()) for _, cells in lines.cells())
         return Sight.of(
             {
@@ -47,9 +47,9 @@ class NamedTable(AbstractFormat):
 
     @staticmethod
     def read(path: Path) -> tuple[Recording, ...]:
-        """One test for each time that the names come."""
+        """Return one test for each time that the names appear."""
         data = content(path)
-        lines = Lines.of(data)
+        lines = Lines.from_bytes(data)
         header = _header(lines)
         if header is None:
             raise InputError("no row of names with units", file=path, remedy="export it again")
@@ -58,25 +58,25 @@ class NamedTable(AbstractFormat):
         picked = chosen(columns, path, number + 1)
         names = lines.texts[number].encode() + b"\n"
         parts = (b"\n" + data[lines.starts[first] :]).split(b"\n" + names)
-        found = []
+        recordings = []
         for k, part in enumerate(parts, 1):
-            rows = _numbers(part, separator, [named.place for named in picked.values()])
+            rows = _numbers(part, separator, [named.index for named in picked.values()])
             read = read_rows(rows, separator, range(len(picked)), path)
             name = str(k) if len(parts) > 1 else ""
             one = recording(columns, picked, read.columns, read.dropped, name)
             sheared = any(_SHEAR.search(plain_name(named.name)) for named in picked.values())
-            found.append(replace(one, pressing=sheared))
-        return tuple(found)
+            recordings.append(replace(one, pressing=sheared))
+        return tuple(recordings)
 
 
-def _header(lines: Lines) -> tuple[int, int, list[Named]] | None:
-    """Number of the row of names, that of the first row below names and units, the columns."""
+def _header(lines: Lines) -> tuple[int, int, list[NamedColumn]] | None:
+    """Return the line of the names, the first line below names and units, and the columns."""
     rows = list(lines.cells())
     for number, names in rows:
-        found = measured(in_cells(names)).values()
-        if not all(found):
+        by_quantity = measured(in_cells(names)).values()
+        if not all(by_quantity):
             continue
-        if all(_BRACKETED.fullmatch(names[named.place]) for named in found if named):
+        if all(_BRACKETED.fullmatch(names[named.index]) for named in by_quantity if named):
             return number, number + 1, in_cells(names)
         below = next((k for k, cells in rows[number + 1 :][: _BLANK + 1] if any(cells)), None)
         if below is None:
@@ -89,8 +89,8 @@ def _header(lines: Lines) -> tuple[int, int, list[Named]] | None:
     return None
 
 
-def _numbers(rows: bytes, separator: str, places: Sequence[int]) -> bytes:
-    """The cells at the places alone: those of text beside them are no numbers."""
+def _numbers(rows: bytes, separator: str, indices: Sequence[int]) -> bytes:
+    """Return only the cells at these indices, as text in other cells is no number."""
     mark = separator.encode()
     kept = []
     for line in rows.split(b"\n"):
@@ -98,6 +98,6 @@ def _numbers(rows: bytes, separator: str, places: Sequence[int]) -> bytes:
             cells = [f'"{cell}"'.encode() for cell in cells_of(line.decode("utf-8"), separator)]
         else:
             cells = line.split(mark)
-        if len(cells) > max(places):
-            kept.append(mark.join(cells[place] for place in places))
+        if len(cells) > max(indices):
+            kept.append(mark.join(cells[index] for index in indices))
     return b"\n".join(kept) + b"\n"

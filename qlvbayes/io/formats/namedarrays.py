@@ -1,4 +1,4 @@
-"""Tests from named arrays, as files that hold no table have them; and packages they need."""
+"""Make tests of named arrays, for files without a table, and import the packages they need."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.formats.columns import Named, chosen, recording, split_header
+from qlvbayes.io.formats.columns import NamedColumn, chosen, recording, split_header
 from qlvbayes.io.formats.format import Floats, Recording
 
 
 @dataclass(frozen=True, eq=False)
-class Array:
-    """One-dimensional values with their name and unit; the unit may stand in the name."""
+class NamedArray:
+    """Hold one-dimensional values with their name and unit; the unit may be part of the name."""
 
     name: str
     values: Floats
@@ -25,7 +25,7 @@ class Array:
 
 
 def as_column(value: Any) -> Floats | None:
-    """Numbers (n,) as float64 from a row, a column or a vector; None of anything else."""
+    """Return numbers (n,) as float64 from a row, a column or a vector; None from anything else."""
     try:
         values = np.squeeze(np.asarray(value))
     except ValueError:  # ragged
@@ -35,8 +35,8 @@ def as_column(value: Any) -> Floats | None:
     return values.astype(np.float64)
 
 
-def from_arrays(arrays: Sequence[Array], file: Path, name: str = "") -> Recording:
-    """The test that arrays hold, told apart by their names.
+def from_arrays(arrays: Sequence[NamedArray], file: Path, name: str = "") -> Recording:
+    """Return the test that arrays hold, recognised by their names.
 
     Raises
     ------
@@ -44,18 +44,18 @@ def from_arrays(arrays: Sequence[Array], file: Path, name: str = "") -> Recordin
         Time, displacement or force is not among them, or they differ in length.
     """
     columns = []
-    for place, array in enumerate(arrays):
+    for index, array in enumerate(arrays):
         plain, unit = (array.name, array.unit) if array.unit else split_header(array.name)
-        columns.append(Named(place, plain, unit))
+        columns.append(NamedColumn(index, plain, unit))
     picked = chosen(columns, file)
-    values = [arrays[named.place].values for named in picked.values()]
+    values = [arrays[named.index].values for named in picked.values()]
     lengths = [len(column) for column in values]
     if len(set(lengths)) > 1:
-        told = ", ".join(
+        counts = ", ".join(
             f"{named.name} {n}" for named, n in zip(picked.values(), lengths, strict=True)
         )
         raise InputError(
-            f"the channels differ in length ({told})",
+            f"the channels differ in length ({counts})",
             file=file,
             remedy="export them at one rate, or as text with a clock each",
         )
@@ -68,7 +68,7 @@ def from_arrays(arrays: Sequence[Array], file: Path, name: str = "") -> Recordin
 
 
 def needed(module: str, package: str, file: Path) -> Any:
-    """A package that only some files need; InputError says how to install it."""
+    """Return a package that only some files need; an InputError says how to install it."""
     try:
         return import_module(module)
     except ImportError as error:
@@ -80,7 +80,7 @@ def needed(module: str, package: str, file: Path) -> Any:
 
 
 def damaged(path: Path, error: BaseException) -> InputError:
-    """A binary file that its own library cannot read."""
+    """Return the error for a binary file that its own library cannot read."""
     if isinstance(error, OSError) and error.strerror and not path.exists():
         return InputError("no such file", file=path, remedy="check the path")
     text = " ".join(str(error).split())[:120]

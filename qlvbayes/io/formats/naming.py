@@ -1,4 +1,4 @@
-"""Names of pads and tests, from the user or from the files."""
+"""Name pads and tests, as the user or the files say."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from qlvbayes.io.formats.columns import plain_name
 _MEAN = re.compile(
     r"\b(mean|average|mittelwert\w*|mittlere?|durchschnitt\w*|moyenn?e?|media|medio|promedio)\b"
 )
-_PAD = "pad"  # as in a tidy file without the column
+_PAD = "pad"  # the name in a tidy file without the column
 
 
 def pads_of(files: Sequence[Path], given: Sequence[str]) -> list[str]:
-    """A pad's name for each file: one for all, one a file, or the usual one."""
+    """Return a pad's name for each file: one for all, one for each, or the default."""
     names = [_checked(name) for name in given] or [_PAD]
     for name in names:
         if (fault := folder_fault(name)) is not None:
@@ -34,31 +34,31 @@ def pads_of(files: Sequence[Path], given: Sequence[str]) -> list[str]:
 
 
 def pad_in(name: str, pattern: re.Pattern[str]) -> str:
-    """The pad's name in a test's: the pattern's first group, or all that it matches.
+    """Return the pad's name in a test's: the pattern's first group, or its whole match.
 
-    Raises InputError where it matches nothing.
+    An InputError is raised where the pattern matches nothing.
     """
     match = pattern.search(name)
-    found = (match[1] if match and match.re.groups else match and match[0]) or ""
-    if not found:
+    pad = (match[1] if match and match.re.groups else match and match[0]) or ""
+    if not pad:
         raise InputError(
             f"--pad-from {pattern.pattern!r} finds nothing in the name '{name}'",
             remedy="write a pattern that every test's name has, as '^[A-Z]+' finds AA in AA1",
         )
-    if (fault := folder_fault(_checked(found))) is not None:
-        raise InputError(f"the pad's name '{found[:200]}' {fault[0]}", remedy=fault[1])
-    return found
+    if (fault := folder_fault(_checked(pad))) is not None:
+        raise InputError(f"the pad's name '{pad[:200]}' {fault[0]}", remedy=fault[1])
+    return pad
 
 
 def is_mean(name: str) -> bool:
-    """Whether a name is that of the mean specimen, which is no test: 'Eprouvette moyenne'."""
+    """Return whether a name is that of the mean specimen, no test: 'Eprouvette moyenne'."""
     return _MEAN.search(plain_name(name)) is not None
 
 
 def tests_of(named: Sequence[tuple[str, str, Path]], given: Sequence[str]) -> list[str]:
-    """A name for each test, from (pad, what the file calls it, file); unique within a pad.
+    """Return a unique name for each test, from (pad, its name in the file, file).
 
-    Raises InputError where --test gives another number of names, or two tests are called the same.
+    An InputError is raised where --test gives another number of names, or two tests have one name.
     """
     if given:
         if len(given) != len(named):
@@ -70,7 +70,7 @@ def tests_of(named: Sequence[tuple[str, str, Path]], given: Sequence[str]) -> li
         names = [_checked(name) for name in given]
     else:
         several = len({file for _, _, file in named}) > 1
-        names = [_plain(_of_file(name, file, several)) for _, name, file in named]
+        names = [_plain(_test_name(name, file, several)) for _, name, file in named]
     pairs = [(pad, name) for (pad, _, _), name in zip(named, names, strict=True)]
     for pad, name in pairs:
         if pairs.count((pad, name)) > 1:
@@ -81,14 +81,14 @@ def tests_of(named: Sequence[tuple[str, str, Path]], given: Sequence[str]) -> li
     return names
 
 
-def _of_file(name: str, file: Path, several: bool) -> str:
+def _test_name(name: str, file: Path, several: bool) -> str:
     if not name:
         return file.name.removesuffix(".gz").rpartition(".")[0] or file.name
     return f"{file.stem} {name}" if several else name
 
 
 def _plain(name: str) -> str:
-    """Without what a name of a folder or a cell of a CSV file must not have."""
+    """Return a name without characters that a folder's name or a CSV cell must not have."""
     seen = "".join(sign if prints(sign) else "\n" for sign in name)
     plain = re.sub(r'[\\/,;"\n#]+', "-", seen).strip(" .")
     return (plain.lstrip("=@+- .") if computed(plain) else plain) or "test"

@@ -1,4 +1,4 @@
-"""The rows of a recording in order on one clock, and how it was sampled."""
+"""Put the rows of a recording in order on one clock, and describe its sampling."""
 
 from __future__ import annotations
 
@@ -9,17 +9,18 @@ import numpy as np
 from qlvbayes.io.formats.format import Floats
 from qlvbayes.io.reading.clock import slipped
 
-_REPEATED = 0.2  # share of rows with the time of the row above, from which on a clock is too coarse
-_UNEVEN = 1.5  # the 95th over the 5th percentile of the steps
-_GAP = 1.5  # steps, from which on samples are missing in an even record
+_REPEATED = 0.2  # share of rows with the time of the row above, beyond which a clock is too coarse
+_UNEVEN = 1.5  # ratio of the 95th to the 5th percentile of steps, beyond which they are uneven
+_GAP = 1.5  # steps beyond which samples are missing in an even record
 
 
 @dataclass(frozen=True)
 class Sampling:
-    """How a test was sampled: rows, median step (s), its 5th and 95th percentile, samples missing.
+    """Describe how a test was sampled.
 
-    ``lag`` is by how much the force's clock is behind the displacement's at the same row (s), where
-    there are two.
+    ``rows`` counts the rows; ``step``, ``low`` and ``high`` are the median step and its 5th and
+    95th percentile (s); ``missing`` counts missing samples. ``lag`` is the delay of the force's
+    clock behind the displacement's in the same row (s), where there are two.
     """
 
     rows: int
@@ -31,11 +32,11 @@ class Sampling:
 
     @property
     def even(self) -> bool:
-        """Whether all steps are about the same."""
+        """Return whether all steps are about the same."""
         return self.high < _UNEVEN * self.low
 
-    def told(self) -> str:
-        """In one line."""
+    def describe(self) -> str:
+        """Return the sampling as one line of text."""
         steps = f"{self.step:.4g} s a row" if self.even else (
             f"uneven, {self.low:.3g} to {self.high:.3g} s a row"
         )  # fmt: skip
@@ -44,7 +45,7 @@ class Sampling:
 
 
 def sampling_of(time: Floats, lag: float | None = None) -> Sampling:
-    """Steps of a clock that rises."""
+    """Return the sampling of a clock that rises."""
     steps = np.diff(time)
     step = float(np.median(steps))
     low, high = (float(x) for x in np.percentile(steps, (5, 95)))
@@ -54,13 +55,13 @@ def sampling_of(time: Floats, lag: float | None = None) -> Sampling:
 
 
 class ClockError(ValueError):
-    """A clock that cannot be put in order; the text says what it does."""
+    """Report a clock that cannot be put in order; the text says why."""
 
 
 def rising(
     time: Floats, columns: list[Floats], dropped: dict[str, int]
 ) -> tuple[Floats, list[Floats]]:
-    """Without the rows whose time is that of the row above or slipped, which are counted.
+    """Return the rows without repeated and slipped times, which are counted in ``dropped``.
 
     Raises
     ------
@@ -91,9 +92,9 @@ def rising(
 def on_one_clock(
     time: Floats, way: Floats, load_time: Floats, dropped: dict[str, int]
 ) -> tuple[Floats, slice, float]:
-    """Displacement at the force's times, the rows of these that it covers, and the median lag.
+    """Return displacement at the force's times, the rows that it covers, and the median lag.
 
-    Displacement is what is interpolated: it is smooth, and the force keeps its noise.
+    The displacement is interpolated, as it is smooth, so that the force keeps its noise.
 
     Raises
     ------

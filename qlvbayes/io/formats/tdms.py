@@ -1,4 +1,4 @@
-"""LabVIEW's TDMS, by npTDMS: the channels of a group are a test."""
+"""Read LabVIEW's TDMS by npTDMS: the channels of a group are a test."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from typing import Any, ClassVar
 import numpy as np
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.formats.columns import Named, quantities, split_header
+from qlvbayes.io.formats.columns import NamedColumn, quantities, split_header
 from qlvbayes.io.formats.format import AbstractFormat, Recording, Sight
-from qlvbayes.io.formats.namedarrays import Array, as_column, damaged, from_arrays, needed
+from qlvbayes.io.formats.namedarrays import NamedArray, as_column, damaged, from_arrays, needed
 
 _UNITS = ("unit_string", "NI_UnitDescription", "unit", "Unit")
 
 
 class Tdms(AbstractFormat):
-    """Units from the channels' properties; time from a channel or from the waveform's increment."""
+    """Read units from the channels' properties; time from a channel or the waveform's increment."""
 
     name: ClassVar[str] = "tdms"
     machine: ClassVar[str] = "National Instruments LabVIEW, TDMS (needs npTDMS)"
@@ -27,12 +27,12 @@ class Tdms(AbstractFormat):
 
     @staticmethod
     def sniff(head: bytes) -> Sight:
-        """Its lead-in."""
+        """Look for its lead-in."""
         return Sight.of({"the first bytes 'TDSm'": head.startswith(b"TDSm")})
 
     @staticmethod
     def read(path: Path) -> tuple[Recording, ...]:
-        """One test a group that has three channels of numbers, or two with an increment."""
+        """Return one test for each group of three channels, or of two with an increment."""
         nptdms = needed("nptdms", "npTDMS", path)
         logging.getLogger("nptdms").setLevel(logging.ERROR)  # it writes raw bytes to the terminal
         try:
@@ -51,21 +51,21 @@ class Tdms(AbstractFormat):
         return tuple(from_arrays(a, path, name if several else "") for name, a in full.items())
 
 
-def _arrays(group: Any) -> list[Array]:
-    found = []
+def _arrays(group: Any) -> list[NamedArray]:
+    arrays = []
     steps = {}
     for channel in group.channels():
         values = as_column(channel[:])
         if values is None:
             continue
         unit = next((str(channel.properties[k]) for k in _UNITS if k in channel.properties), "")
-        found.append(Array(channel.name, values, unit))
+        arrays.append(NamedArray(channel.name, values, unit))
         steps[len(values)] = channel.properties.get("wf_increment")
-    named = [Named(k, *split_header(array.name)) for k, array in enumerate(found)]
+    named = [NamedColumn(k, *split_header(array.name)) for k, array in enumerate(arrays)]
     if "time" not in quantities(named):
-        found += [
-            Array("time", np.arange(size, dtype=np.float64) * np.float64(step), "s")
+        arrays += [
+            NamedArray("time", np.arange(size, dtype=np.float64) * np.float64(step), "s")
             for size, step in steps.items()
             if step
         ]
-    return found
+    return arrays

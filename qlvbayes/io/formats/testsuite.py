@@ -1,4 +1,4 @@
-"""MTS TestSuite: four lines that name the test, then names and units in two rows."""
+"""Read MTS TestSuite: four lines that name the test, then names and units in two rows."""
 
 from __future__ import annotations
 
@@ -13,9 +13,12 @@ from qlvbayes.io.formats.texttable import are_units, in_two_rows, seconds_of, ta
 
 
 class TestSuite(AbstractFormat):
-    """With a byte order mark; forces often in kN; compression is negative in both columns."""
+    """Read names and units in two rows; compression is negative in both columns.
 
-    __test__: ClassVar[bool] = False  # not one of pytest's
+    Files begin with a byte order mark, and forces are often in kN.
+    """
+
+    __test__: ClassVar[bool] = False  # pytest must not collect it
     name: ClassVar[str] = "testsuite"
     machine: ClassVar[str] = "MTS TestSuite (data acquisition as CSV or text)"
     marks: ClassVar[str] = "lines 'Test Run:' and 'Date:', and a row of units without parentheses"
@@ -24,49 +27,50 @@ class TestSuite(AbstractFormat):
 
     @staticmethod
     def sniff(head: bytes) -> Sight:
-        """What names the run, and the row of units."""
-        lines = Lines.of(decoded(head).encode())
-        said = _said(lines)
+        """Look for the lines that name the run, and for the row of units."""
+        lines = Lines.from_bytes(decoded(head).encode())
+        settings = _settings(lines)
         return Sight.of(
             {
-                "a line 'Test Run:'": "test run" in said,
-                "a line 'Date:'": "date" in said,
+                "a line 'Test Run:'": "test run" in settings,
+                "a line 'Date:'": "date" in settings,
                 "a row of units below the names": _header(lines) is not None,
             }
         )
 
     @staticmethod
     def read(path: Path) -> tuple[Recording, ...]:
-        """One test a file."""
+        """Return the one test of the file."""
         data = content(path)
-        lines = Lines.of(data)
+        lines = Lines.from_bytes(data)
         header = _header(lines)
         if header is None:
             raise InputError("no row of units", file=path, remedy="export the raw data again")
         separator = separator_of(lines.texts[header])
         names = cells_of(lines.texts[header], separator)
         units = cells_of(lines.texts[header + 1], separator)
-        said = _said(lines)
+        settings = _settings(lines)
         return (
             table(
                 in_two_rows(names, units), data[lines.starts[header + 2] :], separator, path,
-                header, name=said.get("test run", ""), began=seconds_of(said.get("date", "")),
+                header, name=settings.get("test run", ""),
+                began=seconds_of(settings.get("date", "")),
             ),
         )  # fmt: skip
 
 
-def _said(lines: Lines) -> dict[str, str]:
-    """Test, run and date, from the lines that tell them."""
-    found = {}
+def _settings(lines: Lines) -> dict[str, str]:
+    """Return test, run and date from the lines that state them."""
+    settings = {}
     for text in lines.texts:
         plain = text.strip().strip('"')
         if match := re.match(r"(File Path|Test Run|Test|Date)(?: Name)?\s*:[\s\",;]*(.*)", plain):
-            found[match[1].lower()] = match[2].strip(' "')
-    return found
+            settings[match[1].lower()] = match[2].strip(' "')
+    return settings
 
 
 def _header(lines: Lines) -> int | None:
-    """The row of names: the one above a row of units."""
+    """Return the row of names: the one above a row of units."""
     for number, cells in lines.cells():
         bare = [cell for cell in cells if cell]
         if number and len(bare) > 2 and are_units(bare) and not any("(" in c for c in bare):

@@ -1,4 +1,4 @@
-"""ZwickRoell testXpert as text: localised names, rows from before the approach, uneven sampling."""
+"""Read ZwickRoell testXpert as text: localised names, rows of the approach, uneven sampling."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from qlvbayes.io.formats.texttable import are_units, in_cells, in_two_rows, seco
 OWN_WORDS = (
     "standardkraft", "standard force", "force standard", "fuerza estandar", "forza standard",
 )  # fmt: skip
-"""testXpert's names of the force, without accents."""
+"""testXpert's names for the force, without accents."""
 
 
 class TestXpert(AbstractFormat):
-    """Key and value pairs, then names with units in the row below or in brackets."""
+    """Read key and value pairs, then names with units in the row below or in brackets."""
 
-    __test__: ClassVar[bool] = False  # not one of pytest's
+    __test__: ClassVar[bool] = False  # pytest must not collect it
     name: ClassVar[str] = "testxpert"
     machine: ClassVar[str] = "ZwickRoell, testXpert II and III (text: .txt, .tra, .csv)"
     marks: ClassVar[str] = "testXpert's own names (Standardkraft, Standard force) beside a time"
@@ -30,8 +30,8 @@ class TestXpert(AbstractFormat):
 
     @staticmethod
     def sniff(head: bytes) -> Sight:
-        """Its name of the force in a row with a time, and units."""
-        lines = Lines.of(decoded(head).encode())
+        """Look for its name of the force in a row with a time, and for units."""
+        lines = Lines.from_bytes(decoded(head).encode())
         header = names_row([cells for _, cells in lines.cells()])
         return Sight.of(
             {
@@ -43,9 +43,9 @@ class TestXpert(AbstractFormat):
 
     @staticmethod
     def read(path: Path) -> tuple[Recording, ...]:
-        """One test a file."""
+        """Return the one test of the file."""
         data = content(path)
-        lines = Lines.of(data)
+        lines = Lines.from_bytes(data)
         header = names_row([cells for _, cells in lines.cells()])
         kind = _units(lines, header) if header >= 0 else ""
         if not kind:
@@ -66,7 +66,7 @@ class TestXpert(AbstractFormat):
 
 
 def names_row(rows: Sequence[Sequence[str]]) -> int:
-    """Which row names columns in testXpert's words; -1 where none does."""
+    """Return the row that names columns in testXpert's words, or -1."""
     for number, cells in enumerate(rows):
         columns = in_cells(cells)
         own = any(plain_name(column.name) in OWN_WORDS for column in columns)
@@ -76,7 +76,7 @@ def names_row(rows: Sequence[Sequence[str]]) -> int:
 
 
 def _units(lines: Lines, header: int) -> str:
-    """Where the units stand: 'beside' the names, 'below' them, or nowhere."""
+    """Return where the units are: ``beside`` the names or ``below`` them; empty if nowhere."""
     separator = separator_of(lines.texts[header])
     if all(column.unit for column in in_cells(cells_of(lines.texts[header], separator))):
         return "beside"

@@ -1,4 +1,4 @@
-"""ZwickRoell testXpert as an Excel workbook, by openpyxl: a sheet a specimen."""
+"""Read ZwickRoell testXpert as an Excel workbook by openpyxl: a sheet for each specimen."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from qlvbayes.io.formats.naming import is_mean
 from qlvbayes.io.formats.testxpert import names_row
 from qlvbayes.io.formats.texttable import in_cells, in_two_rows
 
-_HEADER_ROWS = 60  # of a sheet, among which the names stand
-_LEAST = 10  # rows, below which a sheet holds results and no curve
+_HEADER_ROWS = 60  # rows of a sheet among which the names are
+_LEAST = 10  # rows that a curve has at least; a smaller sheet holds results
 
 
 class TestXpertExcel(AbstractFormat):
-    """Localised names in one row, units in the next; the mean specimen's sheet is no test."""
+    """Read localised names in one row, units in the next; the mean specimen's sheet is no test."""
 
-    __test__: ClassVar[bool] = False  # not one of pytest's
+    __test__: ClassVar[bool] = False  # pytest must not collect it
     name: ClassVar[str] = "testxpert-excel"
     machine: ClassVar[str] = "ZwickRoell testXpert, or another Excel workbook (needs openpyxl)"
     marks: ClassVar[str] = "an Excel workbook (.xlsx); a sheet with time, displacement and force"
@@ -32,7 +32,7 @@ class TestXpertExcel(AbstractFormat):
 
     @staticmethod
     def sniff(head: bytes) -> Sight:
-        """A zip that holds a workbook."""
+        """Look for a zip that holds a workbook."""
         return Sight.of(
             {
                 "a zip archive": head.startswith(b"PK\x03\x04"),
@@ -42,7 +42,7 @@ class TestXpertExcel(AbstractFormat):
 
     @staticmethod
     def read(path: Path) -> tuple[Recording, ...]:
-        """One test a sheet."""
+        """Return one test for each sheet."""
         openpyxl = needed("openpyxl", "openpyxl", path)
         try:
             book = openpyxl.load_workbook(path, read_only=True, data_only=True)
@@ -73,16 +73,16 @@ class TestXpertExcel(AbstractFormat):
 
 
 def _names(rows: list[list[str]]) -> int:
-    """Which row names columns: in testXpert's words, else all three; -1 where none does."""
+    """Return the row that names columns, in testXpert's words or all three; -1 if none does."""
     own = names_row(rows)
     whole = (k for k, row in enumerate(rows) if all(measured(in_cells(row)).values()))
     return own if own >= 0 else next(whole, -1)
 
 
 def _is_mean_title(row: list[str]) -> bool:
-    """Whether a row says nothing but one name, that of the mean specimen."""
-    said = {cell for cell in row if cell}
-    return len(said) == 1 and is_mean(said.pop())
+    """Return whether a row has nothing but one name, that of the mean specimen."""
+    filled = {cell for cell in row if cell}
+    return len(filled) == 1 and is_mean(filled.pop())
 
 
 def _texts(row: Any) -> list[str]:
@@ -91,18 +91,18 @@ def _texts(row: Any) -> list[str]:
 
 def _test(title: str, rows: list[Any], header: int, path: Path) -> Recording:
     names, below = _texts(rows[header]), _texts(rows[header + 1])
-    beside = in_cells(names)
-    written = [column for column in beside if column.name]
-    columns = beside if all(c.unit for c in written) else in_two_rows(names, below)
+    one_row = in_cells(names)
+    written = [column for column in one_row if column.name]
+    columns = one_row if all(c.unit for c in written) else in_two_rows(names, below)
     picked = chosen(columns, path, header + 1)
-    values = [_numbers(rows[header + 1 :], named.place) for named in picked.values()]
+    values = [_numbers(rows[header + 1 :], named.index) for named in picked.values()]
     good = np.logical_and.reduce([np.isfinite(column) for column in values])
-    units = int(columns is not beside)  # the row of units is none of the lost ones
+    units = int(columns is not one_row)  # the row of units is not counted as lost
     lost = int(np.count_nonzero(~good)) - units
     dropped = {"rows without numbers": lost} if lost else {}
     return recording(columns, picked, [column[good] for column in values], dropped, title)
 
 
-def _numbers(rows: list[Any], place: int) -> Floats:
-    cells = [row[place] if place < len(row) else None for row in rows]
+def _numbers(rows: list[Any], index: int) -> Floats:
+    cells = [row[index] if index < len(row) else None for row in rows]
     return np.array([c if isinstance(c, (int, float)) else np.nan for c in cells], dtype=float)

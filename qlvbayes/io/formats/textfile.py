@@ -1,4 +1,4 @@
-"""The text of a machine's file: bytes to plain lines, and lines of numbers to columns."""
+"""Read the text of a machine's file: bytes to lines, and lines of numbers to columns."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.formats.format import Floats
 
 _UTF8, _LITTLE, _BIG = b"\xef\xbb\xbf", b"\xff\xfe", b"\xfe\xff"
-_HEADER_LINES = 400  # more than any header has
-_MOST_CELLS = 2000  # of a line: more than a machine has channels
+_HEADER_LINES = 400  # more lines than any header has
+_MOST_CELLS = 2000  # cells of a line: more than a machine has channels
 _LONG = re.compile(rb"[^\n]{%d}" % _MOST_CELLS)
-_SAMPLE = 400  # rows that are looked at for the decimal mark
+_SAMPLE = 400  # rows from which the decimal mark is taken
 _NUMERIC = re.compile(rb'^[ \t]*["+\-.\d][\d+\-.,;:eE" \t]*$', re.MULTILINE)
 _IN_ROWS = b'0123456789+-.,;:eE" \t\n'
 _EXPORT = "export the measurements again"
 
 
 def decoded(data: bytes) -> str:
-    """Text of some bytes: UTF-8, UTF-16 or Windows' own; marks and NULs taken out; never fails."""
+    """Return bytes as text: UTF-8, UTF-16 or cp1252, without marks and NULs; it never fails."""
     start = data[:64]
     if data.startswith(_LITTLE):
         text = data[2:].decode("utf-16-le", "replace")
@@ -49,7 +49,7 @@ def decoded(data: bytes) -> str:
 
 
 def content(path: Path) -> bytes:
-    """The whole text as UTF-8, lines ended by a newline alone; gzip is undone.
+    """Return the whole text as UTF-8, unzipped, with lines ended by a newline alone.
 
     Raises
     ------
@@ -74,7 +74,7 @@ def content(path: Path) -> bytes:
 
 
 def cells_of(line: str, separator: str) -> list[str]:
-    """Cells of one line, quotation marks undone, stripped of blanks; of an endless one, itself."""
+    """Return the cells of a line without quotation marks and blanks, or an endless line itself."""
     if line.count(separator) >= _MOST_CELLS:
         return [line]
     try:
@@ -85,20 +85,20 @@ def cells_of(line: str, separator: str) -> list[str]:
 
 
 def separator_of(line: str) -> str:
-    """The tab, semicolon or comma that a line of names is cut by."""
+    """Return the tab, semicolon or comma that separates the cells of a line of names."""
     return max("\t;,", key=line.count)
 
 
 @dataclass(frozen=True)
 class Lines:
-    """The lines at the beginning of a file, and where in its bytes each one starts."""
+    """Hold the lines at the beginning of a file, and the offset in bytes at which each starts."""
 
     texts: tuple[str, ...]
     starts: tuple[int, ...]
 
     @classmethod
-    def of(cls, data: bytes) -> Lines:
-        """The first lines of a text as ``content`` gives it."""
+    def from_bytes(cls, data: bytes) -> Lines:
+        """Return the first lines of a text as ``content`` gives it."""
         parts = data.split(b"\n", _HEADER_LINES)[:_HEADER_LINES]
         starts = np.cumsum([0, *(len(part) + 1 for part in parts)])
         return cls(
@@ -107,28 +107,28 @@ class Lines:
         )
 
     def cells(self) -> Iterator[tuple[int, list[str]]]:
-        """Each line's number (from 0) and its cells, cut by its own separator."""
+        """Yield each line's number (from 0) and its cells, separated by its own separator."""
         for number, text in enumerate(self.texts):
             yield number, cells_of(text, separator_of(text))
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
-    """Columns of numbers, one a place asked for, and the lines that are none, by reason."""
+class NumericRows:
+    """Hold columns of numbers, one for each index asked for, and counts of dropped lines."""
 
     columns: tuple[Floats, ...]
     dropped: dict[str, int]
 
 
-def read_rows(block: bytes, separator: str, places: Sequence[int], file: Path) -> Rows:
-    """Columns at the given places of lines of numbers; other lines are dropped and counted.
+def read_rows(block: bytes, separator: str, indices: Sequence[int], file: Path) -> NumericRows:
+    """Return columns at the given indices of lines of numbers; other lines are counted.
 
     The decimal mark is found from the numbers; a last line that is cut off is dropped.
 
     Raises
     ------
     InputError
-        No line holds numbers at all the places, or the decimal mark cannot be told.
+        No line holds numbers at all the indices, or the decimal mark is ambiguous.
     """
     dropped: dict[str, int] = {}
     block = _without_endless(_whole(block, dropped), separator, dropped)
@@ -139,15 +139,15 @@ def read_rows(block: bytes, separator: str, places: Sequence[int], file: Path) -
         block = b"\n".join(kept) + b"\n"
     if not block.strip():
         raise InputError("there are no rows of numbers", file=file, remedy=_EXPORT)
-    decimal = _decimal(block, separator, places, file)
-    columns = _parsed(block, separator, places, decimal, file, dropped)
+    decimal = _decimal(block, separator, indices, file)
+    columns = _parsed(block, separator, indices, decimal, file, dropped)
     good = np.logical_and.reduce([np.isfinite(column) for column in columns])
     _count(dropped, "rows with an empty cell", int(np.count_nonzero(~good)))
     if not good.any():
         raise InputError("there are no rows of numbers", file=file, remedy=_EXPORT)
     if not good.all():
         columns = [column[good] for column in columns]
-    return Rows(tuple(columns), dropped)
+    return NumericRows(tuple(columns), dropped)
 
 
 def _count(dropped: dict[str, int], why: str, rows: int) -> None:
@@ -156,7 +156,10 @@ def _count(dropped: dict[str, int], why: str, rows: int) -> None:
 
 
 def _without_endless(block: bytes, separator: str, dropped: dict[str, int]) -> bytes:
-    """Without lines of more cells than a machine has channels: each cell would take a column."""
+    """Return the block without lines of more cells than a machine has channels.
+
+    Each of these cells would take a column.
+    """
     if not _LONG.search(block):
         return block
     mark = separator.encode()
@@ -167,7 +170,10 @@ def _without_endless(block: bytes, separator: str, dropped: dict[str, int]) -> b
 
 
 def _whole(block: bytes, dropped: dict[str, int]) -> bytes:
-    """Without the last line where that is cut off: no line end, and shorter than the one above."""
+    """Return the block without a last line that is cut off.
+
+    Such a line has no line end and is shorter than the one above.
+    """
     block = block.rstrip(b" \t")
     if not block or block.endswith(b"\n"):
         return block
@@ -182,8 +188,8 @@ def _whole(block: bytes, dropped: dict[str, int]) -> bytes:
     return block + b"\n"
 
 
-def _decimal(block: bytes, separator: str, places: Sequence[int], file: Path) -> str:
-    """The decimal mark; '.,' for points with commas at thousands, ',.' for the reverse."""
+def _decimal(block: bytes, separator: str, indices: Sequence[int], file: Path) -> str:
+    """Return the decimal mark; '.,' for points with commas at thousands, ',.' for the reverse."""
     end = 0
     for _ in range(_SAMPLE):
         end = block.find(b"\n", end) + 1
@@ -191,7 +197,7 @@ def _decimal(block: bytes, separator: str, places: Sequence[int], file: Path) ->
             break
     rows = block[: end or None].decode("utf-8", "replace").split("\n")
     cells = [cells_of(row, separator) for row in rows if row.strip()]
-    shown = [row[place] for row in cells for place in places if place < len(row)]
+    shown = [row[index] for row in cells for index in indices if index < len(row)]
     marked = [cell for cell in shown if "." in cell or "," in cell]
     both = [cell for cell in marked if "." in cell and "," in cell]
     if both:
@@ -220,7 +226,7 @@ def _decimal(block: bytes, separator: str, places: Sequence[int], file: Path) ->
 
 
 def _filled(block: bytes) -> int:
-    """Number of lines that are not blank."""
+    """Return the number of lines that are not blank."""
     if b"\n\n" not in block and b" \n" not in block and b"\t\n" not in block:
         return block.count(b"\n") - block.startswith(b"\n")
     return sum(bool(line.strip()) for line in block.split(b"\n"))
@@ -229,7 +235,7 @@ def _filled(block: bytes) -> int:
 def _parsed(
     block: bytes,
     separator: str,
-    places: Sequence[int],
+    indices: Sequence[int],
     decimal: str,
     file: Path,
     dropped: dict[str, int],
@@ -241,10 +247,10 @@ def _parsed(
             io.BytesIO(block),
             engine="c",
             header=None,
-            names=list(range(max(len(width), max(places) + 1))),
+            names=list(range(max(len(width), max(indices) + 1))),
             index_col=False,
-            usecols=sorted(set(places)),
-            dtype=dict.fromkeys(places, float),
+            usecols=sorted(set(indices)),
+            dtype=dict.fromkeys(indices, float),
             sep=separator,
             decimal=decimal[0],
             skipinitialspace=True,
@@ -256,4 +262,4 @@ def _parsed(
         text = str(error).split("\n")[0][:100]
         raise InputError(f"the rows cannot be read ({text})", file=file, remedy=_EXPORT) from error
     _count(dropped, "rows with too many cells", _filled(block) - len(frame))
-    return [frame[place].to_numpy(dtype=np.float64) for place in places]
+    return [frame[index].to_numpy(dtype=np.float64) for index in indices]

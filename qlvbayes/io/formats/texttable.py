@@ -1,4 +1,4 @@
-"""A recording from a table in a text file: names, units and rows of numbers."""
+"""Make a recording of a table in a text file: names, units and rows of numbers."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
-from qlvbayes.io.formats.columns import Named, chosen, recording, split_header
+from qlvbayes.io.formats.columns import NamedColumn, chosen, recording, split_header
 from qlvbayes.io.formats.format import Recording
 from qlvbayes.io.formats.machineunits import unit_of
 from qlvbayes.io.formats.textfile import read_rows
@@ -18,26 +18,29 @@ _DATES = (
 )  # fmt: skip
 
 
-def in_cells(cells: Sequence[str]) -> list[Named]:
-    """Columns whose units stand behind their names, in one row."""
-    return [Named(place, *split_header(cell)) for place, cell in enumerate(cells)]
+def in_cells(cells: Sequence[str]) -> list[NamedColumn]:
+    """Return columns whose units follow their names, in one row."""
+    return [NamedColumn(index, *split_header(cell)) for index, cell in enumerate(cells)]
 
 
-def in_two_rows(names: Sequence[str], units: Sequence[str]) -> list[Named]:
-    """Columns whose units stand in the row below their names."""
+def in_two_rows(names: Sequence[str], units: Sequence[str]) -> list[NamedColumn]:
+    """Return columns whose units are in the row below their names."""
     padded = [*units, *[""] * len(names)]
-    return [Named(place, name, padded[place].strip(" ()[]'\"")) for place, name in enumerate(names)]
+    return [
+        NamedColumn(index, name, padded[index].strip(" ()[]'\""))
+        for index, name in enumerate(names)
+    ]
 
 
 def are_units(cells: Sequence[str]) -> bool:
-    """Whether a row holds units, one of them of time and one of force or stress."""
+    """Return whether a row holds units, one of them of time and one of force or stress."""
     kinds = ("time", "force", "stress")
-    of = {kind: any(unit_of(cell, kind) for cell in cells if cell.strip()) for kind in kinds}
-    return of["time"] and (of["force"] or of["stress"])
+    present = {kind: any(unit_of(cell, kind) for cell in cells if cell.strip()) for kind in kinds}
+    return present["time"] and (present["force"] or present["stress"])
 
 
 def table(
-    columns: Sequence[Named],
+    columns: Sequence[NamedColumn],
     rows: bytes,
     separator: str,
     file: Path,
@@ -46,7 +49,9 @@ def table(
     name: str = "",
     began: float | None = None,
 ) -> Recording:
-    """Read the columns of time, displacement and force from rows of text; ``line`` is the names'.
+    """Read the columns of time, displacement and force from rows of text.
+
+    ``line`` is the line of the names, from 0.
 
     Raises
     ------
@@ -54,14 +59,14 @@ def table(
         A column is not there, or the rows cannot be read.
     """
     picked = chosen(columns, file, line + 1)
-    found = read_rows(rows, separator, [named.place for named in picked.values()], file)
-    return recording(columns, picked, found.columns, found.dropped, name, began)
+    read = read_rows(rows, separator, [named.index for named in picked.values()], file)
+    return recording(columns, picked, read.columns, read.dropped, name, began)
 
 
 def seconds_of(text: str) -> float | None:
-    """A date as seconds since 1970 on the machine's own clock, None where it is unclear.
+    """Return a date as seconds since 1970 on the machine's own clock, or None where it is unclear.
 
-    Days before months where a slash parts them and no AM or PM is written.
+    Days precede months where a slash separates them and no AM or PM is written.
     """
     for form in _DATES:
         try:

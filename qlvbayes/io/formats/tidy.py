@@ -1,4 +1,4 @@
-"""A conversion as one tidy CSV file."""
+"""Write a conversion as one tidy CSV file."""
 
 from __future__ import annotations
 
@@ -15,13 +15,14 @@ from qlvbayes.io.formats.conversion import Conversion
 from qlvbayes.io.formats.format import Floats
 from qlvbayes.io.units import UnitSystem, column_name
 
-_FINEST = 1e-10  # of the largest value: the last digit written, far below any step of a sensor
+_FINEST = 1e-10  # last digit written over the largest value, far below any sensor's resolution
 
 
 def write_tidy(conversion: Conversion, path: Path) -> None:
-    """Write all tests, with what was found in comments above them; whole or not at all.
+    """Write all tests, with the findings as comments above them; whole or not at all.
 
-    Raises InputError where the name is no .csv or .csv.gz, OSError where it cannot be written.
+    An InputError is raised where the name is no .csv or .csv.gz, an OSError where it cannot be
+    written.
     """
     if not path.name.lower().endswith((".csv", ".csv.gz")):
         remedy = "give a name that ends in .csv or .csv.gz"
@@ -31,7 +32,7 @@ def write_tidy(conversion: Conversion, path: Path) -> None:
 
 
 def tidy_text(conversion: Conversion) -> bytes:
-    """The file's bytes."""
+    """Return the bytes of the file."""
     units = conversion.units
     way = column_name(units.displacement_name, "" if units.dimensionless else units.displacement)
     clocked = any(test.start_s is not None for test in conversion.tests)
@@ -57,14 +58,14 @@ def _error_of(units: UnitSystem) -> str:
 
 
 def _rows(labels: str, columns: list[Floats]) -> bytes:
-    """Lines of a test; numbers to nine decimals or so, as their size asks."""
+    """Return the lines of a test; numbers have nine decimals or so, as their size requires."""
     decimals = [_decimals(column) for column in columns]
     line = ",".join([labels.replace("%", "%%"), *(f"%.{d}f" for d in decimals)]) + "\n"
     table = np.stack(columns, axis=1)
-    many = 4096
+    size = 4096
     parts = []
-    for start in range(0, len(table), many):
-        block = table[start : start + many]
+    for start in range(0, len(table), size):
+        block = table[start : start + size]
         parts.append((line * len(block)) % tuple(block.ravel().tolist()))
     return "".join(parts).encode()
 

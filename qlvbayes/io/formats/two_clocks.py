@@ -1,4 +1,4 @@
-"""A laboratory's own file in which displacement and force have a clock each."""
+"""Read a laboratory's own file in which displacement and force have a clock each."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.formats.columns import Named, plain_name, quantities, recording
+from qlvbayes.io.formats.columns import NamedColumn, plain_name, quantities, recording
 from qlvbayes.io.formats.format import AbstractFormat, Channel, Recording, Sight
 from qlvbayes.io.formats.textfile import Lines, cells_of, content, decoded, read_rows, separator_of
 from qlvbayes.io.formats.texttable import in_cells
@@ -20,9 +20,9 @@ _OF_WAY = r"(disp|displacement|d|position|pos|encoder|stage|platen|strain|extens
 
 
 class TwoClocks(AbstractFormat):
-    """One row of names such as ``t_disp_s,disp_mm,t_force_s,force_N``, then rows of numbers.
+    """Read one row of names such as ``t_disp_s,disp_mm,t_force_s,force_N``, then rows of numbers.
 
-    To keep one clock for both would make the force late by what lies between the two.
+    One clock for both would delay the force by the difference between the two.
     """
 
     name: ClassVar[str] = "two-clocks"
@@ -33,40 +33,41 @@ class TwoClocks(AbstractFormat):
 
     @staticmethod
     def sniff(head: bytes) -> Sight:
-        """Two clocks that can be told apart, and what they time."""
-        _, names = _header(Lines.of(decoded(head).encode()))
+        """Look for two clocks that can be distinguished, and for the columns they belong to."""
+        _, names = _header(Lines.from_bytes(decoded(head).encode()))
         columns = in_cells(names)
         clocks = _clocks(columns)
-        found = quantities(_others(columns))
+        by_quantity = quantities(_others(columns))
         return Sight.of(
             {
                 "two columns of time": len(clocks) == 2,
-                "one of them named after force or displacement": _told_apart(clocks) is not None,
-                "a column of displacement": "displacement" in found or "strain" in found,
-                "a column of force": "force" in found or "stress" in found,
+                "one of them named after force or displacement": _assigned(clocks) is not None,
+                "a column of displacement": "displacement" in by_quantity
+                or "strain" in by_quantity,
+                "a column of force": "force" in by_quantity or "stress" in by_quantity,
             }
         )
 
     @staticmethod
     def read(path: Path) -> tuple[Recording, ...]:
-        """One test a file."""
+        """Return the one test of the file."""
         data = content(path)
-        lines = Lines.of(data)
+        lines = Lines.from_bytes(data)
         number, names = _header(lines)
         columns = in_cells(names)
-        clocks = _told_apart(_clocks(columns))
-        found = quantities(_others(columns))
-        way = found.get("displacement") or found.get("strain")
-        load = found.get("force") or found.get("stress")
+        clocks = _assigned(_clocks(columns))
+        by_quantity = quantities(_others(columns))
+        way = by_quantity.get("displacement") or by_quantity.get("strain")
+        load = by_quantity.get("force") or by_quantity.get("stress")
         if clocks is None or way is None or load is None:
             remedy = "name the clocks t_disp_s and t_force_s"
             raise InputError("the two clocks cannot be told apart", file=path, remedy=remedy)
-        kinds = {id(named): quantity for quantity, named in found.items()}
+        kinds = {id(named): quantity for quantity, named in by_quantity.items()}
         picked = {"time": clocks[0], kinds[id(way)]: way, kinds[id(load)]: load}
         wanted = [*picked.values(), clocks[1]]
         separator = separator_of(lines.texts[number])
         rows = read_rows(
-            data[lines.starts[number + 1] :], separator, [w.place for w in wanted], path
+            data[lines.starts[number + 1] :], separator, [w.index for w in wanted], path
         )
         *values, second = rows.columns
         read = recording(columns, picked, values, rows.dropped)
@@ -76,24 +77,24 @@ class TwoClocks(AbstractFormat):
 
 
 def _header(lines: Lines) -> tuple[int, list[str]]:
-    """The first line that is no comment."""
+    """Return the first line that is no comment, and its cells."""
     for number, text in enumerate(lines.texts):
         if text.strip() and not text.startswith(("#", "%")):
             return number, cells_of(text, separator_of(text))
     return 0, []
 
 
-def _clocks(columns: Sequence[Named]) -> list[Named]:
+def _clocks(columns: Sequence[NamedColumn]) -> list[NamedColumn]:
     return [column for column in columns if re.fullmatch(_CLOCK, plain_name(column.name))]
 
 
-def _others(columns: Sequence[Named]) -> list[Named]:
-    clocks = {column.place for column in _clocks(columns)}
-    return [column for column in columns if column.place not in clocks]
+def _others(columns: Sequence[NamedColumn]) -> list[NamedColumn]:
+    clocks = {column.index for column in _clocks(columns)}
+    return [column for column in columns if column.index not in clocks]
 
 
-def _told_apart(clocks: Sequence[Named]) -> tuple[Named, Named] | None:
-    """The clock of the displacement and that of the force; None where the names do not tell."""
+def _assigned(clocks: Sequence[NamedColumn]) -> tuple[NamedColumn, NamedColumn] | None:
+    """Return the clocks of displacement and force; None where the names do not distinguish them."""
     if len(clocks) != 2:
         return None
     loads = [c for c in clocks if _has(c, _OF_LOAD)]
@@ -105,5 +106,5 @@ def _told_apart(clocks: Sequence[Named]) -> tuple[Named, Named] | None:
     return (way, load) if way is not load else None
 
 
-def _has(clock: Named, words: str) -> bool:
+def _has(clock: NamedColumn, words: str) -> bool:
     return any(re.fullmatch(words, word) for word in plain_name(clock.name).split())

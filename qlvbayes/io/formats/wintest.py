@@ -1,4 +1,4 @@
-"""Bose (now TA) WinTest: a name ended by a NUL, and a header before every scan."""
+"""Read Bose (now TA) WinTest: a name ended by a NUL, and a header before every scan."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from qlvbayes.io.formats.texttable import in_two_rows, table
 
 
 class WinTest(AbstractFormat):
-    """``"Points","Elapsed Time","Disp","Load",`` and a row of units, again before each scan.
+    """Read ``"Points","Elapsed Time","Disp","Load",`` and a row of units before each scan.
 
     Every scan is a test; one of fewer than ten rows is a header left over, and dropped.
     """
@@ -25,8 +25,8 @@ class WinTest(AbstractFormat):
 
     @staticmethod
     def sniff(head: bytes) -> Sight:
-        """The names, and WinTest's own unit of time below them."""
-        lines = Lines.of(decoded(head).encode())
+        """Look for the names, and for WinTest's own unit of time below them."""
+        lines = Lines.from_bytes(decoded(head).encode())
         headers = _headers(lines)
         return Sight.of(
             {
@@ -37,9 +37,9 @@ class WinTest(AbstractFormat):
 
     @staticmethod
     def read(path: Path) -> tuple[Recording, ...]:
-        """One test a scan."""
+        """Return one test for each scan."""
         data = content(path)
-        lines = Lines.of(data)
+        lines = Lines.from_bytes(data)
         header = next((number for number in _headers(lines) if _units(lines, number)), None)
         if header is None:
             raise InputError("no names and units", file=path, remedy="export the file again")
@@ -58,7 +58,7 @@ class WinTest(AbstractFormat):
         )  # fmt: skip
 
 
-_LEAST = 10  # lines, below which a scan cannot be a test
+_LEAST = 10  # lines that a test has at least
 
 
 def _headers(lines: Lines) -> list[int]:
@@ -66,7 +66,7 @@ def _headers(lines: Lines) -> list[int]:
 
 
 def _units(lines: Lines, header: int) -> list[str]:
-    """The row of units below the names; empty where there is none."""
+    """Return the row of units below the names; empty where there is none."""
     below = lines.texts[header + 1] if header + 1 < len(lines.texts) else ""
     cells = cells_of(below, separator_of(lines.texts[header]))
     return cells if "Sec" in cells else []

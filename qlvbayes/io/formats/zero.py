@@ -1,4 +1,4 @@
-"""The zero of displacement and force: from the contact that a file shows, or that others show."""
+"""Find the zero of displacement and force, from the contact in the file or in the pad's others."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ from pathlib import Path
 import numpy as np
 
 from qlvbayes.io.formats.answers import FILE, Answers, UnsureError
-from qlvbayes.io.formats.contact import Contact, Signs, force_at_start, scatter
+from qlvbayes.io.formats.contact import FirstContact, Signs, force_at_start, scatter
 from qlvbayes.io.formats.format import Floats
 from qlvbayes.io.units import UnitSystem
 
-_REST = 0.01  # share of the peak force below which a test begins with none
-_NEAR = 0.01  # share of the travel, within which a first row stands at the file's own zero
-_STILL = 1e-3  # share of the travel, within which rows at the beginning are at one place
+_REST = 0.01  # share of the peak force below which a test begins without force
+_NEAR = 0.01  # share of the travel within which a first row is at the file's own zero
+_STILL = 1e-3  # share of the travel within which rows at the beginning are at one position
 _AGREES = 2.0  # standard errors within which the file's own zero is kept
-_APART = 3.0  # standard errors, from which on the contacts of two files are at two places
-_ENOUGH = 2  # other files whose contacts agree, from which on a pad lies on one stage
+_APART = 3.0  # standard errors beyond which the contacts of two files differ
+_ENOUGH = 2  # other files whose contacts have to agree for a pad to lie on one stage
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
-    """What one recording shows: pressing is positive in ``way`` and ``load`` (n,).
+class OrientedRecording:
+    """Hold one recording in which pressing is positive in ``way`` and ``load`` (n,).
 
-    ``stage`` is alike for recordings whose displacement may have one zero: those of one pad and
-    layout. ``contact`` is None where a strain has none to show.
+    ``stage`` is equal for recordings whose displacement may have one zero: those of one pad and
+    layout. ``contact`` is None where the recording shows none.
     """
 
     file: Path
@@ -35,48 +35,49 @@ class Shown:
     way: Floats
     load: Floats
     signs: Signs
-    contact: Contact | None
+    contact: FirstContact | None
 
     @property
     def peak(self) -> float:
-        """The largest force."""
+        """Return the largest force."""
         return float(self.load.max())
 
     @property
     def approached(self) -> bool:
-        """Whether it moved before the force began to rise, or rests there without a force."""
+        """Return whether it moved before the force began to rise, or rests without a force."""
         if self.contact is None:
             return False
         travelled = self.contact.place - float(self.way[0]) > _AGREES * self.contact.sd
         return travelled or abs(self.contact.force) <= _REST * self.peak
 
-    def written(self, place: float) -> str:
-        """A displacement with its sign in the file."""
-        return f"{self.signs.way * place:.6g}"
+    def written(self, displacement: float) -> str:
+        """Return a displacement as text with its sign in the file."""
+        return f"{self.signs.way * displacement:.6g}"
 
 
 @dataclass(frozen=True)
 class Zero:
-    """What is taken off displacement and force; ``sd`` of the former, where it was measured.
+    """Hold what is subtracted from displacement and force, and the displacement's standard error.
 
-    ``told`` says how it was found; ``contact`` is where the file's own rise of the force shows it.
+    ``place`` is the displacement, and ``sd`` is None where it was not measured. ``finding`` says
+    how it was found; ``contact`` is where the file's own rise of the force shows it.
     """
 
     place: float
     force: float
-    told: str
+    finding: str
     sd: float | None = None
-    contact: Contact | None = None
+    contact: FirstContact | None = None
 
 
-def zeros(shown: Sequence[Shown], answers: Answers) -> list[Zero | UnsureError]:
-    """The zero of each recording, or what has to be asked for it; all of a stage together.
+def zeros(shown: Sequence[OrientedRecording], answers: Answers) -> list[Zero | UnsureError]:
+    """Return the zero of each recording, or the question that has to be asked for it.
 
-    A recording that begins in contact has the zero of the others on its stage, where two of them
-    or more agree, else that of the file's recording before. Contacts that differ from those of all
-    others are told.
+    A recording that begins in contact takes the zero of the others on its stage where two or more
+    of them agree, or else that of the file's recording before. Contacts that differ from those of
+    all others are reported.
     """
-    found: list[Zero | UnsureError] = []
+    results: list[Zero | UnsureError] = []
     before: dict[tuple[object, ...], Zero] = {}
     for k, one in enumerate(shown):
         others = [o for o in [*shown[:k], *shown[k + 1 :]] if o.stage == one.stage]
@@ -84,40 +85,43 @@ def zeros(shown: Sequence[Shown], answers: Answers) -> list[Zero | UnsureError]:
         zero = _zero(one, others, before.get(key), answers)
         if isinstance(zero, Zero) and zero.contact is not None:
             before[key] = zero
-        found.append(zero)
-    return found
+        results.append(zero)
+    return results
 
 
 def _zero(
-    one: Shown, others: Sequence[Shown], before: Zero | None, answers: Answers
+    one: OrientedRecording,
+    others: Sequence[OrientedRecording],
+    before: Zero | None,
+    answers: Answers,
 ) -> Zero | UnsureError:
     if answers.contact == FILE:
         return Zero(0.0, 0.0, "contact at the file's own zero, as said", contact=one.contact)
     length = one.units.displacement
     if answers.contact is not None:
-        place = one.signs.way * float(answers.contact)
-        told = f"contact at {float(answers.contact):.6g} {length}, as said"
-        return Zero(place, 0.0, told, contact=one.contact)
+        position = one.signs.way * float(answers.contact)
+        finding = f"contact at {float(answers.contact):.6g} {length}, as said"
+        return Zero(position, 0.0, finding, contact=one.contact)
     if one.units.dimensionless:
-        told = "strain has the file's own zero: a fixed specimen has no contact"
-        return Zero(0.0, 0.0, told)
+        finding = "strain has the file's own zero: a fixed specimen has no contact"
+        return Zero(0.0, 0.0, finding)
     agreed = _agreed(others)
     if one.contact is not None and one.approached:
         return _at_contact(one, one.contact, agreed)
     if agreed is not None:
-        return _of_others(one, agreed)
+        return _from_others(one, agreed)
     if before is not None:
-        told = (
+        finding = (
             f"contact at {one.written(before.place)} {length}, the zero of the file's test "
             "before: this one begins in contact"
         )
-        return Zero(before.place, 0.0, told, before.sd, before.contact)
+        return Zero(before.place, 0.0, finding, before.sd, before.contact)
     return _at_start(one)
 
 
 @dataclass(frozen=True)
 class _Agreed:
-    """Contact and force at rest of files that agree: means, their standard errors, how many."""
+    """Hold contact and force at rest of files that agree: means, standard errors, how many."""
 
     place: float
     sd: float
@@ -126,39 +130,39 @@ class _Agreed:
     files: int
 
 
-def _agreed(others: Sequence[Shown]) -> _Agreed | None:
-    """What most of the other files of a stage agree on; None where they are too few."""
+def _agreed(others: Sequence[OrientedRecording]) -> _Agreed | None:
+    """Return what most of the other files of a stage agree on; None where they are too few."""
     seen = [o.contact for o in others if o.contact is not None and o.approached]
     if len(seen) < _ENOUGH:
         return None
-    places, sds = (np.array([getattr(c, key) for c in seen]) for key in ("place", "sd"))
-    middle = float(np.median(places))
-    alike = np.abs(places - middle) <= _APART * sds
+    positions, sds = (np.array([getattr(c, key) for c in seen]) for key in ("place", "sd"))
+    middle = float(np.median(positions))
+    alike = np.abs(positions - middle) <= _APART * sds
     if np.count_nonzero(alike) < max(_ENOUGH, len(seen) / 2.0):
         return None
     weights = sds[alike] ** -2.0
-    place = float(np.average(places[alike], weights=weights))
-    spread = float(np.std(places[alike])) / np.sqrt(np.count_nonzero(alike))
+    position = float(np.average(positions[alike], weights=weights))
+    spread = float(np.std(positions[alike])) / np.sqrt(np.count_nonzero(alike))
     forces = np.array([c.force for c in seen])[alike]
     own = np.array([c.force_sd for c in seen])[alike]
     force_sd = float(np.hypot(np.std(forces), np.sqrt(np.mean(own**2))))
     sd = float(np.hypot(weights.sum() ** -0.5, spread))
-    return _Agreed(place, sd, float(np.mean(forces)), force_sd, int(np.count_nonzero(alike)))
+    return _Agreed(position, sd, float(np.mean(forces)), force_sd, int(np.count_nonzero(alike)))
 
 
-def _of_others(one: Shown, agreed: _Agreed) -> Zero:
+def _from_others(one: OrientedRecording, agreed: _Agreed) -> Zero:
     length, force = one.units.displacement, one.units.force
     start = one.signs.load * force_at_start(one.way, one.load)
-    told = (
+    finding = (
         f"contact at {one.written(agreed.place)} +- {agreed.sd:.2g} {length}, on which the pad's "
         f"{agreed.files} other files agree: this one begins beyond it, at "
         f"{one.written(float(one.way[0]))} {length} with {start:.3g} {force}; taken off the force: "
         f"{one.signs.load * agreed.force:.3g} {force}, theirs at rest"
     )
-    return Zero(agreed.place, agreed.force, told, agreed.sd)
+    return Zero(agreed.place, agreed.force, finding, agreed.sd)
 
 
-def _at_contact(one: Shown, contact: Contact, agreed: _Agreed | None) -> Zero:
+def _at_contact(one: OrientedRecording, contact: FirstContact, agreed: _Agreed | None) -> Zero:
     length, force = one.units.displacement, one.units.force
     offset = contact.force if abs(contact.force) > _AGREES * contact.force_sd else 0.0
     off = (
@@ -176,23 +180,23 @@ def _at_contact(one: Shown, contact: Contact, agreed: _Agreed | None) -> Zero:
             "moved, or the zero set anew"
         )
     if abs(contact.place) <= _AGREES * contact.sd:
-        told = (
+        finding = (
             f"contact {one.signs.way * contact.place:.4g} +- {contact.sd:.2g} {length} agrees with "
             f"the file's zero, which is kept{off}"
         )
-        return Zero(0.0, offset, told, contact.sd, contact)
-    told = (
+        return Zero(0.0, offset, finding, contact.sd, contact)
+    finding = (
         f"contact at {one.written(contact.place)} +- {contact.sd:.2g} {length} of the file, where "
         f"the force begins to rise; that is the new zero{off}"
     )
-    return Zero(contact.place, offset, told, contact.sd, contact)
+    return Zero(contact.place, offset, finding, contact.sd, contact)
 
 
-def _at_start(one: Shown) -> Zero | UnsureError:
-    """The zero of a test that begins in contact: its first row, if that touches with no force.
+def _at_start(one: OrientedRecording) -> Zero | UnsureError:
+    """Return the zero of a test that begins in contact: its first row, if the force is none there.
 
-    The force there is that of the rows at its place alone: of a test that moves at once the next
-    rows have more.
+    The force there is that of the rows at the first position alone: in a test that moves at once
+    the next rows have more.
     """
     length, force = one.units.displacement, one.units.force
     way, load, peak = one.way, one.load, one.peak
@@ -209,13 +213,13 @@ def _at_start(one: Shown) -> Zero | UnsureError:
             f"zero, or '{FILE}' for its own zero",
             say="VALUE, or --contact file for the file's own zero",
         )
-    place = float(way[0])
-    near = abs(place) <= _NEAR * float(np.ptp(way))
-    where = "the file's own zero" if near else f"the first row, {one.written(place)}"
+    position = float(way[0])
+    near = abs(position) <= _NEAR * float(np.ptp(way))
+    where = "the file's own zero" if near else f"the first row, {one.written(position)}"
     # the force of the first row over the mean stiffness bounds how far contact may lie above
-    reach = abs(first) / peak * float(way[int(np.argmax(load))] - place)
-    told = (
+    reach = abs(first) / peak * float(way[int(np.argmax(load))] - position)
+    finding = (
         f"contact at {where} {length}: there is no approach, and the first row has "
         f"{share:.2%} of the peak force (it may lie {reach:.2g} {length} higher)"
     )
-    return Zero(0.0 if near else place, 0.0, told)
+    return Zero(0.0 if near else position, 0.0, finding)

@@ -1,1 +1,1 @@
-"""A tidy CSV file, from bytes to checked columns."""
+"""Read a tidy CSV file, from bytes to checked columns."""

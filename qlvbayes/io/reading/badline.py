@@ -1,4 +1,4 @@
-"""The first faulty line in a block that the fast reader refused."""
+"""Find the first faulty line in a block that the fast reader refused."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _INFINITE = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
 
 
 def is_content(text: str) -> bool:
-    """Whether a line holds a row: neither blank nor a comment."""
+    """Return whether a line holds a row: neither blank nor a comment."""
     return bool(text.strip()) and not text.startswith("#")
 
 
@@ -85,6 +85,6 @@ def _not_a_number(name: str, cell: str, decimal: str) -> tuple[str, str]:
 
 
 def _stray_quote(text: str, separator: str) -> bool:
-    """Whether a quotation mark opens anywhere but at the start of a field."""
+    """Return whether a quotation mark opens anywhere but at the start of a field."""
     opening = text.split('"')[:-1:2]
     return any(part and part[-1] not in (separator, " ") for part in opening)

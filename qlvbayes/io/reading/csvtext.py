@@ -1,4 +1,4 @@
-"""The text of a measurement file: plain or gzip, checked, in blocks of whole lines."""
+"""Read the text of a measurement file, plain or gzip, checked, in blocks of whole lines."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ HEAD = 1 << 19
 _BOM = b"\xef\xbb\xbf"
 _GZIP = b"\x1f\x8b"
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
-OLD_OFFICE = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"  # of all Office files before 2007
+OLD_OFFICE = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"  # begins all Office files before 2007
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f\x7f]")
 _SAVE = "save the file as UTF-8 text"
 _EXPORT = "export the measurements as CSV text"
 
 
 class OldWorkbookError(InputError):
-    """A workbook that no reader here knows."""
+    """Report a workbook of a kind that no reader here knows."""
 
     def __init__(self, path: Path) -> None:
         what = "this is an Excel workbook of the old kind (.xls)"
@@ -34,7 +34,7 @@ class OldWorkbookError(InputError):
 
 
 def digest(path: Path) -> str:
-    """SHA-256 of the file's bytes as they lie on the disk."""
+    """Return the SHA-256 of the file's bytes on the disk."""
     try:
         with path.open("rb") as stream:
             return hashlib.file_digest(stream, "sha256").hexdigest()
@@ -44,12 +44,12 @@ def digest(path: Path) -> str:
 
 @contextmanager
 def unchanged(path: Path) -> Generator[None, None, None]:
-    """Refuse a file that is written to meanwhile: any fault found in it may be half a row.
+    """Refuse a file that is being written: any fault found in it may be half a row.
 
     Raises
     ------
     InputError
-        Size or time of change differ at the end, in place of any other InputError.
+        Size or time of change differ at the end; this replaces any other InputError.
     """
     before = _state(path)
     try:
@@ -75,7 +75,7 @@ def _compare(path: Path, before: tuple[int, int] | None, error: InputError | Non
 
 
 def blocks(path: Path, size: int = BLOCK) -> Generator[bytes, None, None]:
-    r"""Yield the text in blocks of whole lines: valid UTF-8, no mark, every line ended by \n.
+    r"""Yield the text in blocks of whole lines: valid UTF-8, no byte order mark, lines ended by \n.
 
     Raises
     ------
@@ -168,7 +168,10 @@ def _check_head(path: Path, data: bytes) -> None:
 
 
 def _last_line_end(data: bytes) -> int:
-    r"""Length up to the last line end; a final \r may be half of \r\n and does not count."""
+    r"""Return the length up to the last line end.
+
+    A final \r may be half of \r\n and does not count.
+    """
     return data.rfind(b"\n") + 1 or data.rfind(b"\r", 0, len(data) - 1) + 1
 
 

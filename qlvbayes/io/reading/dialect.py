@@ -1,4 +1,4 @@
-"""Separator, decimal mark and header line of a measurement file."""
+"""Find separator, decimal mark and header line of a measurement file."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 
 @dataclass(frozen=True)
 class Dialect:
-    """How the rows are written, and after which line they begin."""
+    """Describe how the rows are written, and after which line they begin."""
 
     columns: Columns
     separator: str
@@ -28,7 +28,7 @@ class Dialect:
 
     @property
     def notice(self) -> str | None:
-        """What a reader should know where it is not the plain comma and point."""
+        """Return a notice where the file does not have comma and decimal point; None otherwise."""
         if self.separator == "," and self.decimal == ".":
             return None
         mark = "decimal point" if self.decimal == "." else "decimal comma"
@@ -36,7 +36,7 @@ class Dialect:
 
 
 def sniff(path: Path) -> Dialect:
-    """Read the header and the way the rows are written.
+    """Read the header and find out how the rows are written.
 
     Raises
     ------
@@ -60,7 +60,7 @@ def sniff(path: Path) -> Dialect:
 
 
 def split_row(text: str, separator: str) -> list[str]:
-    """Cells of one line, quotation marks undone, stripped of blanks."""
+    """Return the cells of one line, without quotation marks and surrounding blanks."""
     try:
         cells = next(csv.reader([text], delimiter=separator, skipinitialspace=True), [])
     except csv.Error:  # an overlong field
@@ -69,10 +69,10 @@ def split_row(text: str, separator: str) -> list[str]:
 
 
 def _decimal(rows: Iterable[list[str]], columns: Columns, separator: str) -> str:
-    """Decimal mark of the first number that has one."""
-    places = [column.index for column in columns.numbers.values()]
+    """Return the decimal mark of the first number that has one."""
+    indices = [column.index for column in columns.numbers.values()]
     for row in rows:
-        for cell in (row[place] for place in places if place < len(row)):
+        for cell in (row[index] for index in indices if index < len(row)):
             # "1,234" in a comma-separated file may well be a thousand
             if separator == "," and _GROUPED.fullmatch(cell):
                 continue

@@ -1,4 +1,4 @@
-"""The header line of a measurement file: which column is which quantity, in which unit."""
+"""Read the header line of a measurement file: each column's quantity and unit."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
 
 @dataclass(frozen=True)
 class Column:
-    """One column: its place in the row, its name in the file, its unit and what makes it ours.
+    """Describe one column: its index, its name in the file, its unit, and a scale.
 
-    Ours is the displacement column's unit for displacement and rate, the force column's for force
-    and its sd, and s for time.
+    ``scale`` converts to the unit of the displacement column for displacement and rate, to that of
+    the force column for force and its sd, and to s for time.
     """
 
     index: int
@@ -56,7 +56,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Columns:
-    """The columns that are read; `numbers` by time, displacement, force and force_sd."""
+    """Hold the columns that are read; `numbers` are time, displacement, force and force_sd."""
 
     units: UnitSystem
     numbers: dict[str, Column]
@@ -66,7 +66,7 @@ class Columns:
 
 
 def read_columns(names: list[str], file: Path, line: int) -> Columns:
-    """Give every column its quantity and unit.
+    """Return every column with its quantity and unit.
 
     Raises
     ------
@@ -75,17 +75,21 @@ def read_columns(names: list[str], file: Path, line: int) -> Columns:
     """
     header = _Header(names, file, line)
     header.refuse_numbers()
-    found = header.find()
-    units = header.choose_units(found)
-    header.refuse_missing(found, units)
+    by_quantity = header.find()
+    units = header.choose_units(by_quantity)
+    header.refuse_missing(by_quantity, units)
     numbers = {
-        "time": found["time"],
-        "displacement": found[units.displacement_name],
-        "force": found[units.force_name],
+        "time": by_quantity["time"],
+        "displacement": by_quantity[units.displacement_name],
+        "force": by_quantity[units.force_name],
     }
-    if (measured := f"{units.force_name}_sd") in found:
-        numbers["force_sd"] = found[measured]
-    labels = {key: found[key] for key in (*LABELS, "rate", "start", "contact_sd") if key in found}
+    if (measured := f"{units.force_name}_sd") in by_quantity:
+        numbers["force_sd"] = by_quantity[measured]
+    labels = {
+        key: by_quantity[key]
+        for key in (*LABELS, "rate", "start", "contact_sd")
+        if key in by_quantity
+    }
     own = _Own(numbers["displacement"].scale, numbers["force"].scale)
     numbers, labels = own.scaled(numbers), own.scaled(labels)
     used = {column.index for column in (*numbers.values(), *labels.values())}
@@ -94,20 +98,20 @@ def read_columns(names: list[str], file: Path, line: int) -> Columns:
 
 
 def _units_of(kind: UnitSystem, numbers: dict[str, Column]) -> UnitSystem:
-    """The units of the file's displacement and force columns."""
-    way = kind.displacement if kind.dimensionless else numbers["displacement"].suffix
-    return unit_system(way, numbers["force"].suffix)
+    """Return the units of the file's displacement and force columns."""
+    displacement = kind.displacement if kind.dimensionless else numbers["displacement"].suffix
+    return unit_system(displacement, numbers["force"].suffix)
 
 
 @dataclass(frozen=True)
 class _Own:
-    """The ratios of the file's own units of displacement and force to the usual ones."""
+    """Hold the ratios of the file's own units of displacement and force to the default ones."""
 
     displacement: Scale
     force: Scale
 
     def scaled(self, columns: dict[str, Column]) -> dict[str, Column]:
-        """The columns with the ratio of each one's unit to the file's own."""
+        """Return the columns with the ratio of each one's unit to the file's own."""
         own = dict.fromkeys(("displacement", "rate", "contact_sd"), self.displacement)
         own |= dict.fromkeys(("force", "force_sd"), self.force)
         return {
@@ -117,7 +121,7 @@ class _Own:
 
 
 def split_name(name: str) -> tuple[str, str] | None:
-    """Quantity and suffix of a column name, or None: 'Force_sd_mN' -> ('force_sd', 'mN')."""
+    """Return quantity and suffix of a column name, or None: 'Force_sd_mN' -> ('force_sd', 'mN')."""
     lower = _OTHER_NAMES.get(name.lower(), name.lower())
     if lower in LABELS or lower == "strain":
         return lower, ""
@@ -144,7 +148,7 @@ class _Header:
             )
 
     def find(self) -> dict[str, Column]:
-        found: dict[str, Column] = {}
+        by_quantity: dict[str, Column] = {}
         unknown: list[tuple[str, str, str]] = []
         for index, name in enumerate(self.names):
             if (parts := split_name(name)) is None:
@@ -154,44 +158,46 @@ class _Header:
             if suffix not in scales:
                 unknown.append((quantity, suffix, name))
                 continue
-            if quantity in found:
-                both = f"'{found[quantity].name}' and '{name}'"
+            if quantity in by_quantity:
+                both = f"'{by_quantity[quantity].name}' and '{name}'"
                 self.fail(f"two columns for {quantity}: {both}", "delete one of them")
-            found[quantity] = Column(index, name, suffix, scales[suffix])
+            by_quantity[quantity] = Column(index, name, suffix, scales[suffix])
         for quantity, suffix, name in unknown:
-            self.refuse_unit(quantity, suffix, name, found)
-        return found
+            self.refuse_unit(quantity, suffix, name, by_quantity)
+        return by_quantity
 
-    def refuse_unit(self, quantity: str, suffix: str, name: str, found: dict[str, Column]) -> None:
-        """Refuse an unknown unit, unless the quantity is there: force_raw beside force_N."""
-        if quantity in found or _COUNTERPART.get(quantity) in found:
+    def refuse_unit(
+        self, quantity: str, suffix: str, name: str, by_quantity: dict[str, Column]
+    ) -> None:
+        """Refuse an unknown unit, unless the quantity has a column: force_raw next to force_N."""
+        if quantity in by_quantity or _COUNTERPART.get(quantity) in by_quantity:
             return
         what = f"the unit '{suffix}' of '{name}' is unknown" if suffix else f"'{name}' has no unit"
         self.fail(what, f"rename it to {_spellings(quantity)} and convert its values to that unit")
 
-    def choose_units(self, found: dict[str, Column]) -> UnitSystem:
+    def choose_units(self, by_quantity: dict[str, Column]) -> UnitSystem:
         for pad, strain in (("displacement", "strain"), ("force", "stress")):
-            if pad in found and strain in found:
-                both = f"'{found[pad].name}' and '{found[strain].name}'"
+            if pad in by_quantity and strain in by_quantity:
+                both = f"'{by_quantity[pad].name}' and '{by_quantity[strain].name}'"
                 self.fail(f"two columns for one quantity: {both}", "delete one of them")
-        units = STRAIN if "strain" in found or "stress" in found else PAD
+        units = STRAIN if "strain" in by_quantity or "stress" in by_quantity else PAD
         other = PAD if units is STRAIN else STRAIN
         for key in (other.displacement_name, other.force_name, f"{other.force_name}_sd"):
-            if key in found:
+            if key in by_quantity:
                 self.fail(
-                    f"'{found[key].name}' does not go with {units.displacement_name} and "
+                    f"'{by_quantity[key].name}' does not go with {units.displacement_name} and "
                     f"{units.force_name}",
                     "give displacement with force, or strain with stress",
                 )
         strained = units is STRAIN
-        if "rate" in found and (found["rate"].suffix == "1_s") != strained:
+        if "rate" in by_quantity and (by_quantity["rate"].suffix == "1_s") != strained:
             right = "1_s" if strained else "mm_s"
-            self.fail(f"'{found['rate'].name}' is of the wrong unit", f"give rate_{right}")
+            self.fail(f"'{by_quantity['rate'].name}' is of the wrong unit", f"give rate_{right}")
         return units
 
-    def refuse_missing(self, found: dict[str, Column], units: UnitSystem) -> None:
+    def refuse_missing(self, by_quantity: dict[str, Column], units: UnitSystem) -> None:
         needed = ("time", units.displacement_name, units.force_name)
-        missing = [quantity for quantity in needed if quantity not in found]
+        missing = [quantity for quantity in needed if quantity not in by_quantity]
         if not missing:
             return
         remedies = [remedy for quantity in missing if (remedy := self.rename(quantity))]
@@ -206,7 +212,7 @@ class _Header:
         )
 
     def rename(self, quantity: str) -> str | None:
-        """Remedy for a column that means the quantity but is not spelled so: 'Force [N]'."""
+        """Return the remedy for a column that means the quantity but is spelled 'Force [N]'."""
         words = (quantity, *_OTHER_WORDS[quantity])
         for name in self.names:
             first, *rest = re.findall(r"[A-Za-zµμ]+|$", name)

@@ -1,8 +1,8 @@
-"""The rows of a measurement file as typed columns, read in bounded memory.
+"""Read the rows of a measurement file as typed columns, in bounded memory.
 
-A block of whole lines at a time goes through pandas' C reader. Numbers stay as float64; the
-text columns (pad, test, role and the declared rate and start) change rarely, so only the rows at
-which any of them changes are kept.
+pandas' C reader reads a block of whole lines at a time. Numbers stay as float64. The text columns
+(pad, test, role and the declared rate and start) change rarely, so only the rows at which any of
+them changes are kept.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ _NEWLINE, _QUOTE = b'\n"'
 
 
 class GrowingColumn:
-    """Float64 values appended in blocks; memory stays that of the values.
+    """Append float64 values in blocks, with no more memory than the values take.
 
-    A list of blocks joined at the end would need the memory twice, for the allocator keeps the
-    freed blocks. A large array is enlarged in place; by an eighth only, as numpy fills the spare
-    room with zeros.
+    A list of blocks joined at the end would need the memory twice, as the allocator keeps the freed
+    blocks. A large array is enlarged in place, by an eighth only, as numpy fills the spare room
+    with zeros.
     """
 
     def __init__(self) -> None:
@@ -46,7 +46,7 @@ class GrowingColumn:
         self._size = size
 
     def finish(self) -> NDArray[np.float64]:
-        """Give the values away; the column is empty then."""
+        """Return the values and empty the column."""
         values, self._values = self._values, np.empty(1024)
         values.resize(self._size, refcheck=False)
         self._size = 0
@@ -55,10 +55,10 @@ class GrowingColumn:
 
 @dataclass(frozen=True)
 class Runs:
-    """Stretches of rows that share all labels.
+    """Hold stretches of rows that share all labels.
 
-    `starts` (r + 1,) is the first row of each stretch and, last, the number of rows;
-    `codes[label]` (r,) numbers the texts of `texts[label]`.
+    `starts` (r + 1,) is the first row of each stretch and, last, the number of rows; `codes[label]`
+    (r,) are indices into the texts `texts[label]`.
     """
 
     starts: Integers
@@ -68,14 +68,17 @@ class Runs:
 
 @dataclass(frozen=True)
 class Table:
-    """All rows: `numbers[quantity]` (n,), the runs of labels, and where each row stood."""
+    """Hold all rows: `numbers[quantity]` (n,), the runs of labels, and the other lines.
+
+    `skipped` are the numbers of the lines that are no rows.
+    """
 
     numbers: dict[str, Floats]
     runs: Runs
     skipped: Integers
 
     def line(self, row: int) -> int:
-        """Line of the file, from 1, on which a row stands."""
+        """Return the line of the file, from 1, that holds a row."""
         # skipped - arange counts the rows above each skipped line
         above = self.skipped - np.arange(len(self.skipped)) - 1
         return int(row + 1 + np.searchsorted(above, row, side="right"))
@@ -84,12 +87,13 @@ class Table:
 def read_table(path: Path, dialect: Dialect) -> Table:
     """Read all rows, in the file's order, converted to the units of `Columns`.
 
-    Peak memory is the numbers (8 bytes each) and a few blocks more.
+    Peak memory is that of the numbers (8 bytes each) and of a few blocks more.
 
     Raises
     ------
     InputError
-        A row is short or long, or a number is not one; it names the first such line of its block.
+        A row is short or long, or a number is not one; the error names the first such line of its
+        block.
     """
     reader = _Reader(path, dialect)
     line = 1
@@ -100,7 +104,7 @@ def read_table(path: Path, dialect: Dialect) -> Table:
 
 
 class _Reader:
-    """Gathers the columns block by block."""
+    """Collect the columns block by block."""
 
     def __init__(self, path: Path, dialect: Dialect) -> None:
         self.path = path
@@ -127,7 +131,7 @@ class _Reader:
             raise first_fault(block, line, self.dialect, self.path)
 
     def table(self) -> Table:
-        """Join the blocks."""
+        """Return the table that the blocks make."""
         numbers = {key: column.finish() for key, column in self.numbers.items()}
         for key, column in self.dialect.columns.numbers.items():
             column.scale.convert(numbers[key])
@@ -144,7 +148,7 @@ class _Reader:
         return Table(numbers, runs, np.concatenate(self.skipped))
 
     def _well_formed(self, rows: bytes) -> bool:
-        """Whether every line has as many fields as the header."""
+        """Return whether every line has as many fields as the header."""
         data = np.frombuffer(rows, np.uint8)
         starts, _ = _line_bounds(data)
         separators = data == ord(self.dialect.separator)
@@ -159,7 +163,7 @@ class _Reader:
         return bool((fields == self.dialect.columns.width).all())
 
     def _parse(self, rows: bytes) -> pd.DataFrame | None:
-        """Read good rows fast; None if any of them is not good."""
+        """Read good rows fast; return None if any of them is not good."""
         columns = self.dialect.columns
         numbers = [column.index for column in columns.numbers.values()]
         labels = [column.index for column in columns.labels.values()]
@@ -189,7 +193,7 @@ class _Reader:
             return None
 
     def _keep(self, frame: pd.DataFrame) -> bool:
-        """Append the frame's columns; False if a number is not finite."""
+        """Append the frame's columns; return False if a number is not finite."""
         columns = self.dialect.columns
         for key, column in columns.numbers.items():
             values = frame[column.index].to_numpy(dtype=np.float64)
@@ -205,7 +209,7 @@ class _Reader:
         return True
 
     def _codes(self, key: str, texts: pd.Series) -> Integers:
-        """Give every text of a label its number, the same in all blocks."""
+        """Return the code of every text of a label, the same in all blocks."""
         codes, unique = pd.factorize(texts)
         known = self.texts[key]
         numbers = [known.setdefault(str(text).strip(), len(known)) for text in unique]
@@ -213,13 +217,13 @@ class _Reader:
 
 
 def _line_bounds(data: NDArray[np.uint8]) -> tuple[Integers, Integers]:
-    """Where each line starts, and where its line end is."""
+    """Return where each line starts, and where its line end is."""
     ends = np.flatnonzero(data == _NEWLINE)
     return np.append(0, ends[:-1] + 1), ends
 
 
 def _not_rows(block: bytes) -> NDArray[np.bool_]:
-    """Which lines are blank or comments."""
+    """Return which lines are blank or comments."""
     data = np.frombuffer(block, np.uint8)
     starts, ends = _line_bounds(data)
     skip = (data[starts] == ord("#")) | (starts == ends)
@@ -234,7 +238,7 @@ def _without(block: bytes, skip: NDArray[np.bool_]) -> bytes:
 
 
 def _changes(codes: Iterable[Integers], size: int) -> NDArray[np.bool_]:
-    """Where any label differs from the row before, for the rows after the first."""
+    """Return where any label differs from the row before, for the rows after the first."""
     changed = np.zeros(size - 1, bool)
     for values in codes:
         changed |= values[1:] != values[:-1]

@@ -1,4 +1,4 @@
-"""What a test must be for the model to say anything about it: order in time, motion, force."""
+"""Check that a test can be used by the model: order in time, motion, force."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Rows:
-    """Where one test stands in the table: stretches of rows, and its names."""
+    """Hold where one test stands in the table: stretches of rows, and its names."""
 
     pad: str
     test: str
     stretches: tuple[slice, ...]
 
     def take(self, column: Floats) -> Floats:
-        """Return the test's part of a column: a view where its rows lie together."""
+        """Return the test's part of a column; it is a view where its rows lie together."""
         if len(self.stretches) == 1:
             return column[self.stretches[0]]
         return np.concatenate([column[stretch] for stretch in self.stretches])
 
     def row(self, sample: int) -> int:
-        """Row of the table that holds a sample of the test."""
+        """Return the row of the table that holds a sample of the test."""
         for stretch in self.stretches:
             size = stretch.stop - stretch.start
             if sample < size:
@@ -45,7 +45,7 @@ class Rows:
 
 @dataclass(frozen=True)
 class Checker:
-    """Refuses a test with the line and the remedy."""
+    """Refuse a test with the line and the remedy."""
 
     file: Path
     table: Table
@@ -54,7 +54,8 @@ class Checker:
     def check(self, rows: Rows, numbers: dict[str, Floats], *, loaded: bool = False) -> None:
         """Raise InputError unless the test can be used.
 
-        loaded: whether force is prescribed, which then may stay what it is from the first row on.
+        ``loaded`` is true where force is prescribed, which may then stay constant from the first
+        row on.
         """
         self._time(rows, numbers["time"])
         if (size := len(numbers["time"])) < LEAST_SAMPLES:
@@ -81,25 +82,25 @@ class Checker:
         return self.columns.numbers[key].name
 
     def _time(self, rows: Rows, time: Floats) -> None:
-        """Time must increase but for single slips; say if it restarts, repeats or runs back."""
+        """Refuse time that does not increase but for single slips, and say how it fails."""
         if slipped(time) is not None:
             return
         stuck = time[1:] <= time[:-1]
-        at = int(np.argmax(stuck)) + 1
-        before, now = float(time[at - 1]), float(time[at])
+        index = int(np.argmax(stuck)) + 1
+        before, now = float(time[index - 1]), float(time[index])
         where = f"in {_title(rows)} ({now:.9g} s after {before:.9g} s)"
         name = self._name("time")
         if now == before:
             remedy = "write time with more decimals or delete the repeated row"
-            self.fail(rows, at, f"{name} repeats {where}", remedy)
+            self.fail(rows, index, f"{name} repeats {where}", remedy)
         if now - time[0] > 0.1 * (before - time[0]):
-            self.fail(rows, at, f"{name} runs backwards {where}", "sort the test's rows by time")
+            self.fail(rows, index, f"{name} runs backwards {where}", "sort the test's rows by time")
         named = "test" in self.columns.labels
         remedy = "give each test its own name" if named else "add a test column naming each test"
-        self.fail(rows, at, f"{name} restarts {where}", remedy)
+        self.fail(rows, index, f"{name} restarts {where}", remedy)
 
     def _signs(self, rows: Rows, displacement: Floats, force: Floats) -> None:
-        """Refuse a pad whose force or displacement is plainly of the wrong sign."""
+        """Refuse a pad whose force or displacement is clearly of the wrong sign."""
         wrong = wrong_signs(displacement, force)
         if wrong:
             names = " and ".join(self._name(key) for key in wrong)
@@ -108,11 +109,11 @@ class Checker:
 
 
 def wrong_signs(displacement: Floats, force: Floats) -> tuple[str, ...]:
-    """Which of displacement and force grow downwards in the first loading, if that is plain.
+    """Return which of displacement and force decrease in the first loading, if that is clear.
 
-    Pressing a pad makes both grow. Plain is: the stroke is more than 5 % of the largest
-    displacement, force follows displacement over the stroke with a correlation beyond 0.8, and
-    the force is of one sign within a fifth of its peak. A record in doubt passes.
+    Pressing a pad makes both increase. The sign is clear where the stroke is more than 5 % of the
+    largest displacement, force follows displacement over the stroke with a correlation beyond 0.8,
+    and the force is of one sign within a fifth of its peak. A record in doubt passes.
     """
     away = np.abs(displacement - displacement[0])
     end = int(np.argmax(away >= 0.95 * away.max())) + 1

@@ -1,1 +1,1 @@
-"""Elastic laws: the force of an infinitely fast displacement, F_e(delta)."""
+"""Define elastic laws: the force F_e(delta) of an infinitely fast displacement."""

@@ -1,4 +1,4 @@
-"""A polynomial of three terms."""
+"""Define the elastic law that is a polynomial of three terms."""
 
 from __future__ import annotations
 
@@ -13,9 +13,18 @@ from qlvbayes.priors import Normal
 
 
 class Cubic(AbstractElastic):
-    """F_e = m delta + k2 delta^2 + k3 delta^3.
+    """Let the elastic force be a cubic polynomial: F_e = m delta + k2 delta^2 + k3 delta^3.
 
-    m: initial stiffness (N/mm); k2 (N/mm2), k3 (N/mm3): of either sign.
+    Parameters
+    ----------
+    m
+        Stiffness at first contact (N/mm).
+    k2, k3
+        Coefficients of the square (N/mm2) and of the cube (N/mm3) of depth, of either sign.
+
+    References
+    ----------
+    Rivlin & Saunders 1951, doi:10.1098/rsta.1951.0004
     """
 
     m: Any
@@ -37,23 +46,30 @@ class Cubic(AbstractElastic):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """M as for a line; the other terms' parts of the peak force have an sd of all of it."""
+        """Return the law under weak priors: m near the secant stiffness, k2 and k3 around zero.
+
+        The part of the peak force that each of k2 and k3 adds has a prior sd of the whole peak
+        force.
+        """
         stiffness = lognormal(scales.force / scales.depth, 5.0)
         second, third = scales.force / scales.depth**2, scales.force / scales.depth**3
         return cls(stiffness, Normal(0.0, second), Normal(0.0, third))
 
     def force(self, depth: Array) -> Array:
-        """F_e = m depth + k2 depth^2 + k3 depth^3."""
+        """Return F_e = m depth + k2 depth^2 + k3 depth^3."""
         return depth * (self.m + depth * (self.k2 + self.k3 * depth))
 
     def stiffness(self, depth: Array) -> Array:
-        """K = m + 2 k2 depth + 3 k3 depth^2."""
+        """Return K = m + 2 k2 depth + 3 k3 depth^2."""
         return self.m + depth * (2.0 * self.k2 + 3.0 * self.k3 * depth)
 
     def relaxed_step(
         self, start: Array, stop: Array, force_start: Array, force_stop: Array, decay: Array
     ) -> Array:
-        """Exact: dd (K(d0) M_0 + K'(d0) dd M_1 + 3 k3 dd^2 M_2), moments of e^{-v h (1-s)}."""
+        """Return dd (K(d0) M_0 + K'(d0) dd M_1 + 3 k3 dd^2 M_2), which is exact.
+
+        M_n are the moments of e^{-v h (1 - s)} over the step.
+        """
         travel = stop - start
         slope = 2.0 * self.k2 + 6.0 * self.k3 * start
         zeroth, first, second = moments(decay, 3)

@@ -1,4 +1,4 @@
-"""The exponential elastic law."""
+"""Define the exponential elastic law."""
 
 from __future__ import annotations
 
@@ -13,9 +13,20 @@ from qlvbayes.laws.smoothmath import exp_difference_ratio, exp_growth
 
 
 class Exponential(AbstractElastic):
-    """F_e = (m/b)(e^{b delta} - 1), the paper's Eq. 8; linear, m delta, at b = 0.
+    """Let stiffness grow exponentially with depth: F_e = (m/b)(e^{b delta} - 1), the paper's Eq. 8.
 
-    m: initial stiffness (N/mm); b: stiffening (1/mm).
+    At b = 0 the law is linear, F_e = m delta.
+
+    Parameters
+    ----------
+    m
+        Stiffness at first contact (N/mm).
+    b
+        Growth of the logarithm of stiffness with depth (1/mm).
+
+    References
+    ----------
+    Fung 1967, doi:10.1152/ajplegacy.1967.213.6.1532
     """
 
     m: Any
@@ -31,22 +42,25 @@ class Exponential(AbstractElastic):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """M within a factor 5 (one sd) of the secant stiffness, b of one over the depth."""
+        """Return the law under weak priors: m near the secant stiffness, b near one over the depth.
+
+        One sd of each prior is a factor of 5.
+        """
         stiffness = lognormal(scales.force / scales.depth, 5.0)
         return cls(stiffness, lognormal(1.0 / scales.depth, 5.0))
 
     def force(self, depth: Array) -> Array:
-        """(m/b)(e^{b depth} - 1)."""
+        """Return F_e = (m/b)(e^{b depth} - 1)."""
         return self.m * exp_growth(depth, self.b)
 
     def stiffness(self, depth: Array) -> Array:
-        """K = m e^{b depth}."""
+        """Return K = m e^{b depth}."""
         return self.m * jnp.exp(self.b * depth)
 
     def relaxed_step(
         self, start: Array, stop: Array, force_start: Array, force_stop: Array, decay: Array
     ) -> Array:
-        """Exact: m dd (e^{b d1} - e^{b d0 - v h}) / (b dd + v h)."""
+        """Return m dd (e^{b d1} - e^{b d0 - v h}) / (b dd + v h), which is exact."""
         travel = stop - start
         stiffness_start = (self.m + self.b * force_start) * jnp.exp(-decay)
         stiffness_stop = self.m + self.b * force_stop

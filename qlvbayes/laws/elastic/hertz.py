@@ -1,4 +1,4 @@
-"""Hertz's contact, and other powers of the depth."""
+"""Define the elastic law of Hertz's contact, and of other powers of depth."""
 
 from __future__ import annotations
 
@@ -13,11 +13,22 @@ from qlvbayes.laws.scales import Scales, lognormal
 
 
 class HertzPower(AbstractElastic):
-    """F_e = m delta^n; n = 3/2 is Hertz's contact of a sphere on a flat (1882).
+    """Let the elastic force be a power of depth: F_e = m delta^n.
 
-    m: force at 1 mm (N/mm^n); n: exponent, above 1. Odd in the depth. The hereditary step has no
-    closed form; it is integrated with the Prony exponential taken exactly and the force F_e
-    taken as quadratic over the step; the error falls at least as the square of the step.
+    A sphere on a flat has n = 3/2 (Hertz). The force is odd in the depth. The hereditary step has
+    no closed form: the exponential of each relaxation mode is integrated exactly against a force
+    that is quadratic over the step, with an error that falls at least as the square of the step.
+
+    Parameters
+    ----------
+    m
+        Force at a depth of 1 mm (N/mm^n).
+    n
+        Exponent, above 1.
+
+    References
+    ----------
+    Hertz 1882, doi:10.1515/crll.1882.92.156
     """
 
     m: Any
@@ -33,17 +44,21 @@ class HertzPower(AbstractElastic):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """N within a factor 1.3 (one sd) of 3/2, m within 5 of what gives the force at n = 3/2."""
+        """Return the law under weak priors: n near 3/2, m near what gives the peak force then.
+
+        One sd is a factor of 1.3 for n and of 5 for m; at n = 3/2 the median of m gives the peak
+        force at the largest depth.
+        """
         return cls(lognormal(scales.force / scales.depth**1.5, 5.0), lognormal(1.5, 1.3))
 
     def force(self, depth: Array) -> Array:
-        """F_e = m depth^n, odd in depth."""
+        """Return F_e = m depth^n, odd in depth."""
         size = jnp.abs(depth)
         inside = jnp.where(size > 0.0, size, 1.0)
         return jnp.where(size > 0.0, self.m * jnp.sign(depth) * inside**self.n, 0.0)
 
     def stiffness(self, depth: Array) -> Array:
-        """K = m n depth^(n-1)."""
+        """Return K = m n depth^(n-1)."""
         size = jnp.abs(depth)
         inside = jnp.where(size > 0.0, size, 1.0)
         return jnp.where(size > 0.0, self.m * self.n * inside ** (self.n - 1.0), 0.0)
@@ -51,6 +66,6 @@ class HertzPower(AbstractElastic):
     def relaxed_step(
         self, start: Array, stop: Array, force_start: Array, force_stop: Array, decay: Array
     ) -> Array:
-        """Force quadratic over the step (both ends and the middle), Prony exponential exact."""
+        """Return the step with the force taken as quadratic through both ends and the middle."""
         middle = self.force(0.5 * (start + stop))
         return quadratic_force_step(force_start, middle, force_stop, decay)

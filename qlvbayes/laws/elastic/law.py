@@ -1,4 +1,4 @@
-"""What every elastic law offers. A new one is one class in one file."""
+"""Define the interface of elastic laws. A new one is one class in one file."""
 
 from __future__ import annotations
 
@@ -12,13 +12,17 @@ from qlvbayes.laws.scales import Scales
 
 
 class AbstractElastic(eqx.Module):
-    """The force of an infinitely fast displacement, F_e(delta).
+    """Define an elastic law: the force F_e(delta) of an infinitely fast displacement.
 
-    A field is a constant: a number, or a prior while it is free. ``name`` as after ``--elastic``;
-    ``units`` names the kind of unit of each constant (`units.UnitSystem.of`), ``meanings`` says
-    each in a few words; ``law`` and ``reference``: for people, in one line each.
-    ``listed``: whether it says what the elasticity is; a free curve, preferred to all that do, says
-    that none is right.
+    Each field is a constant of the law: a number where it is fixed, a prior where it is free. A law
+    also declares
+
+    * ``name``: its name after ``--elastic``,
+    * ``units``: the kind of unit of each constant (a name that `UnitSystem.of` takes),
+    * ``meanings``: what each constant means, in a few words,
+    * ``law`` and ``reference``: its formula and its source, in one line each,
+    * ``listed``: whether it states a form of elasticity. A free curve states none: where it is
+      preferred to every law that does, none of these is right.
     """
 
     name: eqx.AbstractClassVar[str]
@@ -31,24 +35,35 @@ class AbstractElastic(eqx.Module):
     @classmethod
     @abstractmethod
     def default(cls, scales: Scales) -> Self:
-        """The law with every constant free, under weakly informative priors at these scales."""
+        """Return the law with every constant free, under weak priors at these scales."""
 
     @abstractmethod
     def force(self, depth: Array) -> Array:
-        """F_e at ``depth`` (same shape), zero at zero depth."""
+        """Return F_e in N at ``depth`` (mm), of the same shape; it is zero at zero depth."""
 
     @abstractmethod
     def stiffness(self, depth: Array) -> Array:
-        """K = dF_e/d(depth)."""
+        """Return K = dF_e/d(depth) in N/mm at ``depth`` (mm), of the same shape."""
 
     @abstractmethod
     def relaxed_step(
         self, start: Array, stop: Array, force_start: Array, force_stop: Array, decay: Array
     ) -> Array:
-        r"""One step's part of a relaxing mode, for depth linear in time over the step.
+        r"""Return what one step adds to a relaxing mode, for depth linear in time over the step.
 
         .. math:: \int_0^h e^{-v (h - s)} K(\delta(s)) \dot\delta \, ds
 
-        ``start``, ``stop``: depths at both ends; ``force_start``, ``force_stop``: F_e there
-        (known to the caller, who needs them anyway); ``decay``: v h >= 0.
+        Parameters
+        ----------
+        start, stop
+            Depths at both ends of the step (mm).
+        force_start, force_stop
+            F_e at both ends (N), which the caller has already evaluated.
+        decay
+            v h, zero or more.
+
+        Returns
+        -------
+        Array
+            The integral in N, of the shape that the arguments broadcast to.
         """

@@ -1,4 +1,4 @@
-"""The linear spring."""
+"""Define the linear elastic law."""
 
 from __future__ import annotations
 
@@ -13,7 +13,17 @@ from qlvbayes.laws.scales import Scales, lognormal
 
 
 class Linear(AbstractElastic):
-    """F_e = m delta (m in N/mm): the linear viscoelastic solid."""
+    """Let the elastic force be proportional to depth, F_e = m delta: a linear viscoelastic solid.
+
+    Parameters
+    ----------
+    m
+        Stiffness (N/mm).
+
+    References
+    ----------
+    Tschoegl 1989, doi:10.1007/978-3-642-73602-5
+    """
 
     m: Any
     name: ClassVar[str] = "linear"
@@ -24,19 +34,19 @@ class Linear(AbstractElastic):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """M within a factor 5 (one sd) of the secant stiffness."""
+        """Return the law with m within a factor of 5 (one sd) of the secant stiffness."""
         return cls(lognormal(scales.force / scales.depth, 5.0))
 
     def force(self, depth: Array) -> Array:
-        """F_e = m depth."""
+        """Return F_e = m depth."""
         return self.m * depth
 
     def stiffness(self, depth: Array) -> Array:
-        """K = m, at any depth."""
+        """Return K = m at any depth."""
         return self.m * jnp.ones_like(depth)
 
     def relaxed_step(
         self, start: Array, stop: Array, force_start: Array, force_stop: Array, decay: Array
     ) -> Array:
-        """Exact: m dd (1 - e^{-v h})/(v h)."""
+        """Return m dd (1 - e^{-v h})/(v h), which is exact."""
         return self.m * (stop - start) * moments(decay, 1)[0]

@@ -1,4 +1,4 @@
-"""A polynomial of two terms."""
+"""Define the elastic law that is a polynomial of two terms."""
 
 from __future__ import annotations
 
@@ -13,9 +13,18 @@ from qlvbayes.priors import Normal
 
 
 class Quadratic(AbstractElastic):
-    """F_e = m delta + k2 delta^2.
+    """Let the elastic force be a polynomial of two terms: F_e = m delta + k2 delta^2.
 
-    m: initial stiffness (N/mm); k2: how it stiffens (N/mm2), or softens where negative.
+    Parameters
+    ----------
+    m
+        Stiffness at first contact (N/mm).
+    k2
+        Coefficient of the square of depth (N/mm2); the pad stiffens where it is positive.
+
+    References
+    ----------
+    Rivlin & Saunders 1951, doi:10.1098/rsta.1951.0004
     """
 
     m: Any
@@ -31,22 +40,28 @@ class Quadratic(AbstractElastic):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """M as for a line; the other term's part of the peak force has an sd of all of it."""
+        """Return the law under weak priors: m near the secant stiffness, k2 around zero.
+
+        The part of the peak force that k2 adds has a prior sd of the whole peak force.
+        """
         stiffness = lognormal(scales.force / scales.depth, 5.0)
         return cls(stiffness, Normal(0.0, scales.force / scales.depth**2))
 
     def force(self, depth: Array) -> Array:
-        """F_e = m depth + k2 depth^2."""
+        """Return F_e = m depth + k2 depth^2."""
         return depth * (self.m + self.k2 * depth)
 
     def stiffness(self, depth: Array) -> Array:
-        """K = m + 2 k2 depth."""
+        """Return K = m + 2 k2 depth."""
         return self.m + 2.0 * self.k2 * depth
 
     def relaxed_step(
         self, start: Array, stop: Array, force_start: Array, force_stop: Array, decay: Array
     ) -> Array:
-        """Exact: dd (K(d0) M_0 + 2 k2 dd M_1), M_n the moments of e^{-v h (1-s)}."""
+        """Return dd (K(d0) M_0 + 2 k2 dd M_1), which is exact.
+
+        M_n are the moments of e^{-v h (1 - s)} over the step.
+        """
         travel = stop - start
         zeroth, first = moments(decay, 2)
         at_start = self.m + 2.0 * self.k2 * start

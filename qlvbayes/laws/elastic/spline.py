@@ -1,4 +1,4 @@
-"""Stiffness as a curve over depth: what elasticity there is besides the laws that have a name."""
+"""Define stiffness as a free curve over depth, for elasticity that no listed law describes."""
 
 from __future__ import annotations
 
@@ -12,17 +12,28 @@ from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.elastic.steps import quadratic_force_step
 from qlvbayes.laws.scales import Scales, lognormal
 
-_PIECES = 6  # of depth: a contact that sets in halfway is then met to about 1 % of the peak force
+_PIECES = 6  # intervals of depth: they follow a contact halfway to about 1 % of the peak force
 
 
 class Spline(AbstractElastic):
-    r"""Stiffness linear in depth between knots, constant beyond the last.
+    r"""Let stiffness be linear in depth between seven knots, and constant beyond the last.
 
     .. math:: K(\delta) = k_j + (k_{j+1} - k_j)(\delta - x_j)/h, \quad x_j = j h \le \delta \le
               x_{j+1}, \quad h = \mathrm{depth}/6
 
-    k0 to k6: stiffness (N/mm) at the knots; depth: of the deepest test (mm), a fact. Of no law's
-    form: where it is far likelier than every law, the elasticity is none of the list.
+    The curve has the form of no law: where it is far more probable than every law, the elasticity
+    is none of the list.
+
+    Parameters
+    ----------
+    k0, k1, k2, k3, k4, k5, k6
+        Stiffness (N/mm) at the knots.
+    depth
+        Depth of the deepest test (mm), which is fixed.
+
+    References
+    ----------
+    de Boor 1978, A Practical Guide to Splines
     """
 
     k0: Any
@@ -44,28 +55,28 @@ class Spline(AbstractElastic):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Every knot's stiffness by itself, as a line's: within a factor 5."""
+        """Return the law with each knot's stiffness within a factor of 5 of the secant one."""
         stiffness = lognormal(scales.force / scales.depth, 5.0)
         knots: dict[str, Any] = dict.fromkeys(cls.units, stiffness)
         return cls(**knots, depth=scales.depth)
 
     def force(self, depth: Array) -> Array:
-        """F_e, continuous with its slope."""
-        piece, beyond = self._place(depth)
+        """Return F_e, which is continuous and has a continuous slope."""
+        piece, beyond = self._located(depth)
         first, rise = self._first, self._rise
         added = self._width * (first + 0.5 * self._width * rise)[1:-1]
         at_knots = jnp.concatenate([jnp.zeros(2), jnp.cumsum(added)])[piece]
         return at_knots + beyond * (first[piece] + 0.5 * rise[piece] * beyond)
 
     def stiffness(self, depth: Array) -> Array:
-        """K, that at the last knot beyond it, and that at first contact below zero."""
-        piece, beyond = self._place(depth)
+        """Return K; it is constant beyond the last knot and below zero depth."""
+        piece, beyond = self._located(depth)
         return self._first[piece] + self._rise[piece] * beyond
 
     def relaxed_step(
         self, start: Array, stop: Array, force_start: Array, force_stop: Array, decay: Array
     ) -> Array:
-        """With the force taken as quadratic over the step, which it is between two knots."""
+        """Return the step with the force quadratic over it, which is exact between two knots."""
         middle = self.force(0.5 * (start + stop))
         return quadratic_force_step(force_start, middle, force_stop, decay)
 
@@ -75,17 +86,20 @@ class Spline(AbstractElastic):
 
     @property
     def _first(self) -> Array:
-        """(8,) stiffness where a piece begins: below zero, between knots, beyond them."""
+        """Return the (8,) stiffness (N/mm) at which each piece begins.
+
+        The pieces are the one below zero depth, those between knots, and the one beyond them.
+        """
         k = [self.k0, self.k0, self.k1, self.k2, self.k3, self.k4, self.k5, self.k6]
         return jnp.stack([jnp.asarray(number) for number in k])
 
     @property
     def _rise(self) -> Array:
-        """(8,) by which it grows in a piece (N/mm2)."""
+        """Return the (8,) slope of the stiffness in each piece (N/mm2)."""
         between = jnp.diff(self._first[1:]) / self._width
         return jnp.concatenate([jnp.zeros(1), between, jnp.zeros(1)])
 
-    def _place(self, depth: Array) -> tuple[Array, Array]:
-        """The piece of a depth, and how far in it lies."""
+    def _located(self, depth: Array) -> tuple[Array, Array]:
+        """Return the piece in which a depth lies, and the depth (mm) from its beginning."""
         knot = jnp.clip(jnp.floor(depth / self._width), -1, _PIECES)
         return knot.astype(int) + 1, depth - jnp.maximum(knot, 0.0) * self._width

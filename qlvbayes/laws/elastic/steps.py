@@ -1,4 +1,4 @@
-r"""Moments of a decaying exponential over one step, and steps of polynomial forces.
+r"""Compute moments of a decaying exponential over one step, and steps of polynomial forces.
 
 .. math:: M_n(a) = \int_0^1 s^n e^{-a (1 - s)} ds, \quad M_n = \frac{1 - n M_{n-1}}{a}, \quad
           M_0 = \frac{1 - e^{-a}}{a}
@@ -9,16 +9,16 @@ from __future__ import annotations
 import jax.numpy as jnp
 from jaxtyping import Array
 
-_NEAR = 0.3  # decay below which the series of 13 terms is exact to 1e-15; division is above it
+_NEAR = 0.3  # decay below which a series of 13 terms is exact to 1e-15, and above which division is
 _TERMS = 13
 
 
 def moments(decay: Array, count: int) -> list[Array]:
-    """M_0, M_1, ... of as many orders, at a decay of zero or more, each of its shape.
+    """Return the moments M_0, M_1, ..., ``count`` of them, each of the shape of ``decay``.
 
-    Near zero the last by its series, M_n = n! sum_k (-a)^k / (n + 1 + k)!, and from it those before
-    (M_n-1 = (1 - a M_n)/n); elsewhere each from the one before. One exponential and one division
-    serve all.
+    ``decay`` is zero or more. Near zero the last moment comes from its series, M_n = n! sum_k
+    (-a)^k / (n + 1 + k)!, and the others from it, by M_{n-1} = (1 - a M_n)/n. Elsewhere each comes
+    from the one before. One exponential and one division serve all of them.
     """
     near = decay < _NEAR
     close = jnp.where(near, decay, 0.0)
@@ -36,8 +36,11 @@ def moments(decay: Array, count: int) -> list[Array]:
 
 
 def quadratic_force_step(f0: Array, fm: Array, f1: Array, decay: Array) -> Array:
-    """Integral of e^{-decay(1-s)} dF/ds over s in (0,1), F quadratic through f0, fm, f1."""
+    """Return the integral of e^{-decay (1 - s)} dF/ds over s in (0, 1), F quadratic in s.
+
+    F passes through ``f0``, ``fm`` and ``f1`` (N) at the beginning, the middle and the end.
+    """
     slope = 4.0 * fm - 3.0 * f0 - f1
-    bend = 4.0 * (f0 + f1 - 2.0 * fm)
+    curvature = 4.0 * (f0 + f1 - 2.0 * fm)
     zeroth, first = moments(decay, 2)
-    return slope * zeroth + bend * first
+    return slope * zeroth + curvature * first

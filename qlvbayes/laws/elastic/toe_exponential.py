@@ -1,4 +1,4 @@
-"""A linear toe that goes over into an exponential."""
+"""Define the elastic law with a linear toe that goes over into an exponential."""
 
 from __future__ import annotations
 
@@ -14,12 +14,23 @@ from qlvbayes.laws.smoothmath import exp_difference_ratio, exp_growth
 
 
 class ToeExponential(AbstractElastic):
-    r"""Linear to the depth ``toe``, exponential from there on, with one stiffness where they meet.
+    r"""Let the force be linear to the depth ``toe`` and exponential beyond, with one slope there.
 
     .. math:: F_e = m \delta, \quad \delta \le d; \qquad
               F_e = m d + \frac{m}{b}(e^{b (\delta - d)} - 1), \quad \delta > d
 
-    m: stiffness of the toe (N/mm); b: stiffening beyond it (1/mm); toe: d (mm), zero or more.
+    Parameters
+    ----------
+    m
+        Stiffness of the toe (N/mm).
+    b
+        Growth of the logarithm of stiffness with depth beyond the toe (1/mm).
+    toe
+        Depth d at which stiffening begins (mm), zero or more.
+
+    References
+    ----------
+    Fung 1993, doi:10.1007/978-1-4757-2257-4
     """
 
     m: Any
@@ -37,30 +48,33 @@ class ToeExponential(AbstractElastic):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """M and b as of an exponential; a toe of a fifth of the depth, within a factor 2."""
+        """Return the law under weak priors: m and b as in `Exponential`, and a short toe.
+
+        The toe has a median of a fifth of the depth; one sd is a factor of 2.
+        """
         stiffness = lognormal(scales.force / scales.depth, 5.0)
         toe = lognormal(0.2 * scales.depth, 2.0)
         return cls(stiffness, lognormal(1.0 / scales.depth, 5.0), toe)
 
     def force(self, depth: Array) -> Array:
-        """F_e, continuous with its slope."""
+        """Return F_e, which is continuous and has a continuous slope."""
         beyond = jnp.maximum(depth - self.toe, 0.0)
         return self.m * (jnp.minimum(depth, self.toe) + exp_growth(beyond, self.b))
 
     def stiffness(self, depth: Array) -> Array:
-        """K = m e^{b max(depth - toe, 0)}."""
+        """Return K = m e^{b max(depth - toe, 0)}."""
         return self.m * jnp.exp(self.b * jnp.maximum(depth - self.toe, 0.0))
 
     def relaxed_step(
         self, start: Array, stop: Array, force_start: Array, force_stop: Array, decay: Array
     ) -> Array:
-        """Exact: the step's parts in the toe and beyond it, each with its share of the time."""
+        """Return the exact step: its parts in the toe and beyond, each with its share of time."""
         travel = stop - start
         in_toe = jnp.minimum(stop, self.toe) - jnp.minimum(start, self.toe)
         moves = travel != 0.0
         share = jnp.where(moves, in_toe / jnp.where(moves, travel, 1.0), start <= self.toe)
         decay_toe, decay_beyond = share * decay, (1.0 - share) * decay
-        # what is passed first decays through the rest of the step
+        # the part that is passed first decays through the rest of the step
         after_toe = jnp.where(travel >= 0.0, decay_beyond, 0.0)
         after_beyond = jnp.where(travel >= 0.0, 0.0, decay_toe)
         toe = self.m * in_toe * moments(decay_toe, 1)[0] * jnp.exp(-after_toe)
@@ -68,7 +82,7 @@ class ToeExponential(AbstractElastic):
         return toe + beyond
 
     def _beyond(self, start: Array, stop: Array, decay: Array) -> Array:
-        """The step of the exponential law from where the toe ends."""
+        """Return the step of the exponential law from the end of the toe (N)."""
         first, last = (jnp.maximum(depth - self.toe, 0.0) for depth in (start, stop))
         travel = last - first
         bottom = self.m * jnp.exp(self.b * first - decay)

@@ -1,1 +1,1 @@
-"""Relaxations: the reduced relaxation function g(t), handed over as a discrete spectrum."""
+"""Define relaxation laws: the reduced relaxation function g(t) as a discrete spectrum."""

@@ -1,4 +1,4 @@
-"""Fung's reduced relaxation function: a box spectrum in the logarithm of time."""
+"""Define Fung's reduced relaxation function: a box spectrum in the logarithm of time."""
 
 from __future__ import annotations
 
@@ -12,18 +12,30 @@ from numpy.polynomial.legendre import leggauss
 from qlvbayes.laws.relaxation.law import AbstractRelaxation, decades_of, shared_out
 from qlvbayes.laws.scales import Scales, lognormal
 
-_PER_DECADE = 4  # Gauss-Legendre nodes; with two more the error stays below 1e-6 of g(0)
+_PER_DECADE = 4  # Gauss-Legendre nodes; with two in addition the error is below 1e-6 of g(0)
 
 
 class Fung(AbstractRelaxation):
-    r"""Spectrum c/tau between tau1 and tau2, none outside (Fung 1972).
+    r"""Let relaxation times have the spectrum c/tau between tau1 and tau2, and none outside.
 
     .. math:: g(t) = \frac{1 + c\,[E_1(t/\tau_2) - E_1(t/\tau_1)]}{1 + c \ln(\tau_2/\tau_1)}
 
-    c: height of the box over ln tau, zero or more; tau1, tau2: its ends (s), in either order.
-    nodes: of the Gauss-Legendre quadrature between ln tau1 and ln tau2, which move with these;
-    26 give 1e-6 of g(0) for six decades. Beware of names: FEBio's relaxation-Fung is uniform in
-    tau; this box, uniform in ln tau, is its relaxation-Malkin in the limit beta -> 1.
+    FEBio's relaxation-Fung is uniform in tau; this box, uniform in ln tau, is its relaxation-Malkin
+    in the limit beta -> 1.
+
+    Parameters
+    ----------
+    c
+        Height of the box over ln tau, zero or more.
+    tau1, tau2
+        Ends of the box (s), in either order.
+    nodes
+        Number of Gauss-Legendre nodes between ln tau1 and ln tau2, which move with both; 26 give
+        1e-6 of g(0) over six decades.
+
+    References
+    ----------
+    Fung 1993, doi:10.1007/978-1-4757-2257-4, section 7.6
     """
 
     c: Any
@@ -42,10 +54,11 @@ class Fung(AbstractRelaxation):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """The box ends near the sampling interval and the longest phase, within a factor 10.
+        """Return the law under weak priors: a box from the sampling interval to the longest phase.
 
-        Over that range half of the force relaxes at the prior's median. Nodes for a box from a
-        tenth of the one to ten times the other.
+        Both ends have a prior sd of a factor of 10. At the prior's median half of the force relaxes
+        over that range. There are nodes enough for a box from a tenth of the one to ten times the
+        other.
         """
         decades = decades_of(scales)
         height = lognormal(1.0 / (decades * 2.3), 3.0)
@@ -53,13 +66,13 @@ class Fung(AbstractRelaxation):
         return cls(height, first, last, _PER_DECADE * decades + 2)
 
     def spectrum(self) -> tuple[Array, Array]:
-        """Gauss-Legendre in ln tau."""
-        places, weights = leggauss(self.nodes)
+        """Return the Gauss-Legendre quadrature of the spectrum in ln tau."""
+        points, weights = leggauss(self.nodes)
         low, high = jnp.log(self.tau1), jnp.log(self.tau2)
-        rates = jnp.exp(-0.5 * (low + high) - 0.5 * (high - low) * places)
+        rates = jnp.exp(-0.5 * (low + high) - 0.5 * (high - low) * points)
         width = jnp.abs(high - low)
         return shared_out(1.0 / (1.0 + self.c * width), jnp.asarray(weights)), rates
 
     def times(self) -> dict[str, Array]:
-        """The ends of the box."""
+        """Return the ends of the box (s)."""
         return {"tau1": self.tau1, "tau2": self.tau2}

@@ -1,4 +1,4 @@
-"""What every relaxation offers. A new one is one class in one file."""
+"""Define the interface of relaxation laws. A new one is one class in one file."""
 
 from __future__ import annotations
 
@@ -14,14 +14,15 @@ from qlvbayes.laws.scales import Scales
 
 
 class AbstractRelaxation(eqx.Module):
-    r"""The reduced relaxation function, of falling exponentials and no others.
+    r"""Define a relaxation law: the reduced relaxation function, a sum of falling exponentials.
 
     .. math:: g(t) = c_0 + \sum_i c_i e^{-v_i t}, \qquad c_i \ge 0, \quad \sum c = 1
 
-    A field is a constant: a number, or a prior while it is free; a static field may say how many
-    terms stand for a continuous spectrum, a number that no constant may change. ``name`` as after
-    ``--relaxation``; ``units``, ``meanings``, ``law``, ``reference`` as of an elastic law. The
-    creep function is the dual of g and follows from the same spectrum.
+    Each field is a constant of the law: a number where it is fixed, a prior where it is free. A
+    static field may give the number of terms that approximate a continuous spectrum; no constant
+    may change it. ``name`` follows ``--relaxation``; ``units``, ``meanings``, ``law`` and
+    ``reference`` are those of an elastic law. The creep function is the dual of g and follows from
+    the same spectrum.
     """
 
     name: eqx.AbstractClassVar[str]
@@ -33,36 +34,44 @@ class AbstractRelaxation(eqx.Module):
     @classmethod
     @abstractmethod
     def default(cls, scales: Scales) -> Self:
-        """The law with every constant free, under weakly informative priors at these scales."""
+        """Return the law with every constant free, under weak priors at these scales."""
 
     @abstractmethod
     def spectrum(self) -> tuple[Array, Array]:
-        """(k + 1,) fractions, the first of what never relaxes, and the (k,) rates (1/s).
+        """Return the fractions and the rates of the exponentials; both are differentiable.
 
-        k is the same whatever the constants are; both are differentiable in them.
+        Returns
+        -------
+        fractions
+            (k + 1,); the first is the share that never relaxes.
+        rates
+            (k,) in 1/s. The number k does not depend on the constants.
         """
 
     @abstractmethod
     def times(self) -> dict[str, Array]:
-        """The times (s) that the constants stand for, by name: the tests should hold them."""
+        """Return the times (s) that the constants stand for, by name.
+
+        The tests should cover them: a notice names those that they do not.
+        """
 
     def curve(self, time: Array) -> Array:
-        """G at ``time`` (s), any shape, as the spectrum has it."""
+        """Return g at ``time`` (s), an array of any shape, as the spectrum gives it."""
         fractions, rates = self.spectrum()
         decays = jnp.exp(-jnp.asarray(time)[..., None] * rates)
         return fractions[0] + decays @ fractions[1:]
 
 
 def decades_of(scales: Scales) -> int:
-    """Decades of time that relaxation may take up.
+    """Return over how many decades of time relaxation may extend.
 
-    From a tenth of the sampling interval to ten times the longest phase, rounded up.
+    They go from a tenth of the sampling interval to ten times the longest phase, rounded up.
     """
     return math.ceil(math.log10(scales.longest / scales.shortest) - 1e-9) + 2
 
 
 def middle_of(scales: Scales) -> tuple[float, float]:
-    """Logarithm of the time in the middle of what the tests can tell, and the sd of a prior.
+    """Return the logarithm of the middle of the measurable times (s), and the sd of its prior.
 
     The measurable range (the shortest interval to the longest phase) lies inside two sds.
     """
@@ -71,6 +80,6 @@ def middle_of(scales: Scales) -> tuple[float, float]:
 
 
 def shared_out(lasting: Array, weights: Array) -> Array:
-    """(k + 1,) fractions: ``lasting`` and the rest, in the proportions of ``weights`` (k,)."""
+    """Return (k + 1,) fractions: ``lasting``, and the rest in proportion to ``weights`` (k,)."""
     relaxing = (1.0 - lasting) * weights / jnp.sum(weights)
     return jnp.concatenate([jnp.reshape(jnp.asarray(lasting, dtype=float), (1,)), relaxing])

@@ -1,4 +1,4 @@
-"""Relaxation times that are log-normally distributed."""
+"""Define the relaxation law whose times are log-normally distributed."""
 
 from __future__ import annotations
 
@@ -12,19 +12,31 @@ from qlvbayes.laws.relaxation.law import AbstractRelaxation, middle_of, shared_o
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors import LogNormal, Uniform
 
-# sds of ln tau: the trapezoid ends where the normal density is 1e-6 of its peak, and its step of
+# nodes in sds of ln tau: they end where the normal density is 1e-6 of its peak, and their step of
 # 0.2 sds resolves a mode's decay (pi^2/1.6 e-folds) to sigma = 3.3
-_PLACES = np.linspace(-5.3, 5.3, 53)
+_NODES = np.linspace(-5.3, 5.3, 53)
 
 
 class LogNormalSpectrum(AbstractRelaxation):
-    r"""ln tau is normal with mean ln(tau) and standard deviation sigma.
+    r"""Let the logarithm of relaxation time be normal with mean ln(tau) and sd sigma.
 
     .. math:: g(t) = c_0 + (1 - c_0) \int_{-\infty}^\infty
               \frac{e^{-z^2/2}}{\sqrt{2 \pi}} \exp(-\frac{t}{\tau} e^{-\sigma z})\, dz
 
-    c0: share that never relaxes; tau: median relaxation time (s); sigma: sd of its logarithm, to
-    3. The trapezoid in z moves with tau and sigma: 53 nodes, 1e-6 of g(0).
+    The trapezoidal rule in z has 53 nodes that move with tau and sigma; its error is 1e-6 of g(0).
+
+    Parameters
+    ----------
+    c0
+        Share that never relaxes.
+    tau
+        Median relaxation time (s).
+    sigma
+        Standard deviation of the logarithm of relaxation time, up to 3.
+
+    References
+    ----------
+    Wiechert 1893, doi:10.1002/andp.18932861011
     """
 
     c0: Any
@@ -42,14 +54,17 @@ class LogNormalSpectrum(AbstractRelaxation):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """c0 uniform; tau anywhere in the measurable range; sigma within a factor 1.5 of 1.5."""
+        """Return the law under weak priors; tau may lie anywhere in the measurable range.
+
+        c0 is uniform, and sigma lies within a factor of 1.5 of 1.5.
+        """
         return cls(Uniform(0.0, 1.0), LogNormal(*middle_of(scales)), lognormal(1.5, 1.5))
 
     def spectrum(self) -> tuple[Array, Array]:
-        """Trapezoid over the normal density."""
-        rates = jnp.exp(-self.sigma * _PLACES) / self.tau
-        return shared_out(self.c0, jnp.asarray(np.exp(-0.5 * _PLACES**2))), rates
+        """Return the trapezoidal rule over the normal density."""
+        rates = jnp.exp(-self.sigma * _NODES) / self.tau
+        return shared_out(self.c0, jnp.asarray(np.exp(-0.5 * _NODES**2))), rates
 
     def times(self) -> dict[str, Array]:
-        """The median."""
+        """Return the median relaxation time (s)."""
         return {"tau": self.tau}

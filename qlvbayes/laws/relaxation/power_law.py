@@ -1,4 +1,4 @@
-"""A power law in time that begins at 1."""
+"""Define the relaxation law that is a power of time, and begins at 1."""
 
 from __future__ import annotations
 
@@ -15,22 +15,36 @@ from qlvbayes.laws.relaxation.law import AbstractRelaxation, decades_of, middle_
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors import LogNormal, Uniform
 
-_STEP = 0.58  # of ln(rate tau): the trapezoid's error, 2 |Gamma(alpha + 2 pi i/0.58)|/Gamma(alpha),
+_STEP = 0.58  # in ln(rate tau): the rule's error, 2 |Gamma(alpha + 2 pi i/0.58)|/Gamma(alpha),
 # is 7e-7 at alpha = 1
-_TOP = 3.6  # of ln(rate tau), above which a gamma density in the rate has e^-36
+_TOP = 3.6  # ln(rate tau) above which a gamma density in the rate is e^-36
 _BELOW = 2.5  # decades of rate below one over the longest time that have nodes of their own
 
 
 class PowerLaw(AbstractRelaxation):
-    r"""A power law, regularised at short times; its spectrum is a gamma density in the rate.
+    r"""Let relaxation follow a power of time, regularised at short times.
 
     .. math:: g(t) = c_0 + (1 - c_0)(1 + t/\tau)^{-\alpha}, \qquad
               (1 + t/\tau)^{-\alpha} = \int_0^\infty
               \frac{s^{\alpha - 1} e^{-s}}{\Gamma(\alpha)} e^{-s t/\tau} ds
 
-    c0: share that never relaxes; alpha: exponent, above 0; tau: when the power law begins (s).
-    nodes: of the trapezoid in ln s, the last of which stands for all slower rates, with their mean;
-    48 give 1e-6 of g(0) to t = 1e7 tau for alpha to 1 (3e-5 at 2, 2e-4 at 3).
+    The spectrum is a gamma density in the rate.
+
+    Parameters
+    ----------
+    c0
+        Share that never relaxes.
+    alpha
+        Exponent, above 0.
+    tau
+        Time at which the power law begins (s).
+    nodes
+        Number of nodes of the trapezoidal rule in ln s; the last stands for all slower rates, with
+        their mean. 48 give 1e-6 of g(0) to t = 1e7 tau for alpha to 1 (3e-5 at 2, 2e-4 at 3).
+
+    References
+    ----------
+    Nutting 1921, doi:10.1016/S0016-0032(21)90171-6
     """
 
     c0: Any
@@ -49,17 +63,18 @@ class PowerLaw(AbstractRelaxation):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """c0 uniform; alpha within a factor 2.5 of 0.3; tau anywhere in the measurable range.
+        """Return the law under weak priors; tau may lie anywhere in the measurable range.
 
-        Nodes for times to ten times the longest phase and a tau from a tenth of the sampling
-        interval on.
+        c0 is uniform, and alpha lies within a factor of 2.5 of 0.3. There are nodes enough for
+        times to ten times the longest phase, and for a tau from a tenth of the sampling interval
+        on.
         """
         lowest = math.log(10.0) * (decades_of(scales) + _BELOW)
         nodes = math.ceil((lowest + _TOP) / _STEP) + 1
         return cls(Uniform(0.0, 1.0), lognormal(0.3, 2.5), LogNormal(*middle_of(scales)), nodes)
 
     def spectrum(self) -> tuple[Array, Array]:
-        """Trapezoid in ln s, closed by one term for all that is slower."""
+        """Return the trapezoidal rule in ln s, with one more term for all slower rates."""
         steps = _TOP - _STEP * np.arange(self.nodes - 1)
         weights = _STEP * jnp.exp(self.alpha * steps - np.exp(steps) - gammaln(self.alpha))
         # the sum over all nodes below the lowest, where e^-s is 1, and their mean rate
@@ -72,5 +87,5 @@ class PowerLaw(AbstractRelaxation):
         return shared_out(self.c0, weights), rates / self.tau
 
     def times(self) -> dict[str, Array]:
-        """When the power law begins."""
+        """Return the time (s) at which the power law begins."""
         return {"tau": self.tau}

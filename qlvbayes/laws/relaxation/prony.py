@@ -1,4 +1,4 @@
-"""The reduced relaxation function as a Prony series."""
+"""Define the relaxation law that is a Prony series."""
 
 from __future__ import annotations
 
@@ -10,13 +10,22 @@ from qlvbayes.laws.relaxation.law import AbstractRelaxation, middle_of
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import Dirichlet, LogNormal, Ordered
 
-MOST = 6  # modes; more than that no test tells apart
+MOST = 6  # modes; no test resolves more
 
 
 class Prony(AbstractRelaxation):
-    r"""g(t) = c_0 + sum_{i=1}^r c_i e^{-v_i t}, the paper's Eq. 7, with sum c = 1.
+    """Let relaxation be a Prony series, g(t) = c_0 + sum_{i=1}^r c_i e^{-v_i t}, the paper's Eq. 7.
 
-    c: (r + 1,) fractions, c[0] the part that never relaxes; v: (r,) rates (1/s), largest first.
+    Parameters
+    ----------
+    c
+        (r + 1,) fractions that sum to 1; c[0] never relaxes.
+    v
+        (r,) rates (1/s), the largest first.
+
+    References
+    ----------
+    Tschoegl 1989, doi:10.1007/978-3-642-73602-5
     """
 
     c: Any
@@ -33,24 +42,25 @@ class Prony(AbstractRelaxation):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Two modes."""
-        return cls.of_modes(scales, 2)
+        """Return a series of two modes under its default priors."""
+        return cls.with_modes(scales, 2)
 
     @classmethod
-    def of_modes(cls, scales: Scales, modes: int) -> Self:
-        """Fractions uniform on the simplex; rates alike, log-normal, in falling order.
+    def with_modes(cls, scales: Scales, modes: int) -> Self:
+        """Return a series with this number of modes under default priors.
 
-        The measurable range (one over the longest phase to one over the shortest interval) lies
-        inside two sds.
+        Fractions are uniform on the simplex. Rates are log-normal, alike, and in falling order; the
+        measurable range (one over the longest phase to one over the shortest interval) lies inside
+        two sds.
         """
         middle, width = middle_of(scales)
         rates = Ordered(tuple(LogNormal(-middle, width) for _ in range(modes)))
         return cls(Dirichlet([1.0] * (modes + 1)), rates)
 
     def spectrum(self) -> tuple[Array, Array]:
-        """The constants themselves."""
+        """Return the constants themselves."""
         return self.c, self.v
 
     def times(self) -> dict[str, Array]:
-        """One over each rate."""
+        """Return one over each rate (s)."""
         return {f"1/v[{k}]": 1.0 / rate for k, rate in enumerate(self.v, 1)}

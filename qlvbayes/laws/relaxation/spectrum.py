@@ -1,4 +1,4 @@
-"""A spectrum as it is, for what makes one of another."""
+"""Define a relaxation law by its spectrum, for effects that change another law's."""
 
 from __future__ import annotations
 
@@ -11,7 +11,15 @@ from qlvbayes.laws.scales import Scales
 
 
 class Spectrum(AbstractRelaxation):
-    """A spectrum given as it is: fractions (L + 1,) and rates (L,) in 1/s."""
+    """Let relaxation have this spectrum.
+
+    Parameters
+    ----------
+    fractions
+        (L + 1,); the first is the share that never relaxes.
+    rates
+        (L,) in 1/s.
+    """
 
     fractions: Any
     rates: Any
@@ -23,13 +31,13 @@ class Spectrum(AbstractRelaxation):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """No law of its own."""
+        """Raise NotImplementedError: a given spectrum has no default."""
         raise NotImplementedError
 
     def spectrum(self) -> tuple[Array, Array]:
-        """As given."""
+        """Return the spectrum as it was given."""
         return self.fractions, self.rates
 
     def times(self) -> dict[str, Array]:
-        """None of its own."""
+        """Return no times: a spectrum has no constants of its own."""
         return {}

@@ -1,4 +1,4 @@
-"""The stretched exponential, whose rates have the one-sided stable density."""
+"""Define the stretched exponential, whose rates have the one-sided stable density."""
 
 from __future__ import annotations
 
@@ -15,23 +15,35 @@ from qlvbayes.laws.relaxation.law import AbstractRelaxation, middle_of, shared_o
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import LogNormal, Uniform
 
-_NODES = 56  # of the trapezoid; fewer miss 1e-6 at beta = 0.15
+_NODES = 56  # of the trapezoidal rule; with fewer the error is above 1e-6 at beta = 0.15
 _FASTEST = 25.0  # ln(rate tau): below t = 2e-10 tau the spectrum's far end no longer relaxes
 _CUT = 18.0  # the density of slow rates ends at e^-18
 _ANGLES, _WEIGHTS = leggauss(128)  # resolve Zolotarev's integral to s^beta = 1.5 and beta = 0.95
-_CROSSING = 1.5  # of s^beta, from which the series takes over
+_CROSSING = 1.5  # value of s^beta above which the series is used
 _TERMS = 40  # of the series: 1.5^-40 is 1e-7 of its first term, less by 1/k! Gamma(k beta + 1)
 
 
 class StretchedExponential(AbstractRelaxation):
-    r"""The law of Kohlrausch, Williams and Watts.
+    r"""Let relaxation be a stretched exponential (Kohlrausch, Williams and Watts).
 
     .. math:: g(t) = c_0 + (1 - c_0) e^{-(t/\tau)^\beta}
 
-    c0: share that never relaxes; beta: 0.15 to 0.95; tau: when 1/e of the rest is left (s). The
-    spectrum over the rate is the one-sided stable density (Pollard 1946); a trapezoid takes it
-    at 56 nodes, evenly in ln(rate) where rates are fast and, where they are slow, in the
-    logarithm of the density's own decay.
+    The spectrum over the rate is the one-sided stable density (Pollard 1946). The trapezoidal rule
+    takes it at 56 nodes, which are even in ln(rate) where rates are fast, and even in the logarithm
+    of the density's own decay where they are slow.
+
+    Parameters
+    ----------
+    c0
+        Share that never relaxes.
+    beta
+        Exponent, from 0.15 to 0.95; at 1 relaxation would be a single exponential.
+    tau
+        Time (s) at which 1/e of the relaxing share is left.
+
+    References
+    ----------
+    Williams & Watts 1970, doi:10.1039/TF9706600080
     """
 
     c0: Any
@@ -49,25 +61,31 @@ class StretchedExponential(AbstractRelaxation):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """c0 uniform; beta uniform in 0.15 to 0.95; tau anywhere in the measurable range."""
+        """Return the law under weak priors; tau may lie anywhere in the measurable range.
+
+        c0 is uniform, and beta is uniform between 0.15 and 0.95.
+        """
         middle, width = middle_of(scales)
         return cls(Uniform(0.0, 1.0), Uniform(0.15, 0.95), LogNormal(middle, width))
 
     def spectrum(self) -> tuple[Array, Array]:
-        """Trapezoid over the stable density; its fastest node holds all that is faster."""
-        log_rates, steps = _places(self.beta)
+        """Return the trapezoidal rule over the stable density.
+
+        The fastest node holds all faster rates.
+        """
+        log_rates, steps = _nodes(self.beta)
         weights = log_rate_density(log_rates, self.beta) * steps
         left = jnp.maximum(1.0 - jnp.sum(weights), 0.0)
         weights = weights.at[-1].add(left)
         return shared_out(self.c0, weights), jnp.exp(log_rates) / self.tau
 
     def times(self) -> dict[str, Array]:
-        """The one time."""
+        """Return tau (s)."""
         return {"tau": self.tau}
 
 
-def _places(beta: Array) -> tuple[Array, Array]:
-    """(k,) logarithms of the rates over 1/tau, from the slowest, and the steps between them.
+def _nodes(beta: Array) -> tuple[Array, Array]:
+    """Return (k,) logarithms of rate times tau, from the slowest, and the weights of the nodes.
 
     d ln(rate)/dx goes from min((1 - beta)/beta, 1), in which the density's decay is even, to 1.
     """
@@ -81,9 +99,10 @@ def _places(beta: Array) -> tuple[Array, Array]:
 
 
 def log_rate_density(log_rate: Array, beta: Array) -> Array:
-    r"""S rho(s) at ln s = ``log_rate`` (k,), with int rho(s) e^{-s t} ds = e^{-t^beta}.
+    r"""Return s rho(s) at ln s = ``log_rate`` (k,), with int rho(s) e^{-s t} ds = e^{-t^beta}.
 
-    Slow rates by Zolotarev's integral, fast ones by the series in s^{-beta}; 0 < beta < 1.
+    Slow rates are taken from Zolotarev's integral, fast ones from the series in s^{-beta}; 0 < beta
+    < 1.
 
     .. math:: s \rho = \frac{\beta}{\pi (1 - \beta)} \int_0^\pi w\, e^{-w} du, \quad
               w = s^{-\beta/(1-\beta)} \frac{\sin((1-\beta) u)\, \sin(\beta u)^{\beta/(1-\beta)}}
@@ -93,7 +112,7 @@ def log_rate_density(log_rate: Array, beta: Array) -> Array:
     doi:10.1090/S0002-9904-1946-08672-3.
     """
     fast = beta * log_rate > jnp.log(_CROSSING)
-    # each branch within its own range, so that neither overflows where it is not used
+    # each branch stays within its own range, so that neither overflows where it is not used
     slow_rate = jnp.where(fast, 0.0, log_rate)
     fast_rate = jnp.where(fast, log_rate, jnp.log(_CROSSING) / beta)
     return jnp.where(fast, _series(fast_rate, beta), _integral(slow_rate, beta))

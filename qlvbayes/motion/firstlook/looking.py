@@ -74,7 +74,7 @@ def _test(experiment: Experiment, index: int) -> TestSeen:
         readings=test.time.size,
         duration=float(test.time[-1] - test.time[0]),
         interval=float(np.median(np.diff(test.time))),
-        sampling=sampling_of(test.time).told(),
+        sampling=sampling_of(test.time).describe(),
         clock_sd=trial.trajectory.clock_sd,
         start=test.start_s,
         start_known=test.start_known,

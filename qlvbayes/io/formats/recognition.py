@@ -1,4 +1,4 @@
-"""Of which layout a file is, from its first bytes; the nearest where it is of none."""
+"""Recognise the layout of a file from its first bytes, or name the nearest layout."""
 
 from __future__ import annotations
 
@@ -16,11 +16,14 @@ from qlvbayes.io.formats.texttable import in_cells
 from qlvbayes.io.reading.csvtext import OLD_OFFICE, OldWorkbookError
 from qlvbayes.io.wording import joined
 
-_NEAR = 0.5  # share of its marks that a layout must show to be called near
+_NEAR = 0.5  # share of its marks that a layout must show to be reported as the nearest
 
 
 def head_of(path: Path) -> bytes:
-    """The first bytes of a file, gzip undone; InputError where it cannot be read."""
+    """Return the first bytes of a file, unzipped.
+
+    An InputError is raised where it cannot be read.
+    """
     try:
         with path.open("rb") as stream:
             zipped = stream.read(2) == b"\x1f\x8b"
@@ -46,7 +49,7 @@ def head_of(path: Path) -> bytes:
 def matching(
     head: bytes, kinds: Sequence[type[AbstractFormat]]
 ) -> tuple[list[type[AbstractFormat]], type[AbstractFormat] | None, Sight]:
-    """The formats whose marks are all there; the nearest of the others, and what it shows.
+    """Return the formats whose marks are all there, the nearest other one, and what it shows.
 
     A general format counts only where no other one fits.
     """
@@ -59,12 +62,12 @@ def matching(
 
 
 def recognised(path: Path, kinds: Sequence[type[AbstractFormat]]) -> type[AbstractFormat]:
-    """The one format of a file.
+    """Return the one format of a file.
 
     Raises
     ------
     InputError
-        None fits, with the nearest and what it lacks; or several do.
+        No format fits, with the nearest and what it lacks; or several do.
     """
     head = head_of(path)
     if not head.strip(b"\0 \t\r\n"):
@@ -114,19 +117,19 @@ _RESULTS = {
         r"|modulo de (almacenamiento|perdida)"
     ),
 }
-"""What some programs compute of measurements, with the names of their columns, made plain."""
+"""What some programs compute from measurements, with the names of these columns, simplified."""
 _OVER = {
     "a relaxation modulus": "strain and stress over time",
     "a creep compliance": "strain and stress over time",
     "storage and loss moduli": "strain and stress over time, of the oscillations themselves",
 }
-_HEADER = 60  # lines, among which the names of columns stand
+_HEADER = 60  # lines among which the names of columns are
 _UNIT = re.compile(r"\s*[\[(][^\[\]()]{2,}[\])]$|[_ ](1/)?[kMG]?Pa$")  # (t) of G(t) is no unit
 
 
 def refuse_results(head: bytes, path: Path) -> None:
     """Raise InputError where a table holds moduli or compliances in place of measurements."""
-    for number, cells in Lines.of(decoded(head).encode()).cells():
+    for number, cells in Lines.from_bytes(decoded(head).encode()).cells():
         if number > _HEADER:
             return
         if len(cells) < 2 or {"force", "stress"} & set(quantities(in_cells(cells))):
@@ -147,7 +150,7 @@ _MEASURED = (("displacement", "force"), ("strain", "stress"))
 
 
 def _is_tidy(head: bytes) -> bool:
-    """Whether the first line but remarks names the columns of a tidy file, as in ``time_s``."""
+    """Return whether the first line that is no comment names the columns of a tidy file."""
     lines = head.decode("utf-8-sig", "replace").splitlines()
     first = next((line for line in lines if line.strip() and not line.startswith("#")), "")
     columns = {name.strip(' "').partition("_")[0] for name in re.split("[,;\t]", first)}

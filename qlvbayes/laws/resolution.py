@@ -1,4 +1,4 @@
-"""Relaxation times that a pad's tests do not hold, so that little but a prior says them."""
+"""Name relaxation times that the tests do not resolve, so that their prior decides about them."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from qlvbayes.laws.scales import Scales
 
 
 def unresolved_times(relaxation: AbstractRelaxation, scales: Scales) -> Iterator[str]:
-    """A sentence for each time below the sampling interval or beyond the longest phase.
+    """Yield a sentence for each time below the sampling interval or beyond the longest phase.
 
-    relaxation: with numbers for its constants.
+    The constants of ``relaxation`` must be numbers.
     """
     for name, time in relaxation.times().items():
         value = float(np.asarray(time))

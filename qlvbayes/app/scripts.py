@@ -1,16 +1,16 @@
-"""What was clicked, as a Python script and as command lines."""
+"""Write the steps of a session as a Python script and as command lines."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
 
-from qlvbayes.app.sessions import Session, State
+from qlvbayes.app.sessions import HistoryState, Session
 from qlvbayes.io.escaping import as_typed
 
 
 def script(session: Session, pad: str) -> str:
-    """A script that comes to the current state's constants by the same steps."""
+    """Return a script that arrives at the current state's constants by the same steps."""
     own = session.pad(pad)
     data = Path(session.data).name
     lines = [
@@ -38,8 +38,8 @@ def script(session: Session, pad: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _path(history: list[State], current: int) -> list[State]:
-    """The states that led to one, the first first."""
+def _path(history: list[HistoryState], current: int) -> list[HistoryState]:
+    """Return the states that led to one, in order."""
     by_number = {state.id: state for state in history}
     path = [by_number[current]]
     while path[-1].parent is not None and path[-1].parent in by_number:
@@ -47,8 +47,8 @@ def _path(history: list[State], current: int) -> list[State]:
     return path[::-1]
 
 
-def _step(state: State, before: State | None) -> list[str]:
-    """The lines that make a state of the one before."""
+def _step(state: HistoryState, before: HistoryState | None) -> list[str]:
+    """Return the lines that make a state from the one before."""
     if before is None:
         if state.how == "start":
             return ["model = bench.first()"]
@@ -78,7 +78,7 @@ def _by_hand(model: dict[str, Any]) -> str:
 
 
 def commands(session: Session, pad: str) -> str:
-    """Command lines that sample the current state's model, check it, and diagnose the pad."""
+    """Return command lines that sample the current state's model, check it, and diagnose."""
     own = session.pad(pad)
     state = own.state(own.current)
     data = Path(session.data).name

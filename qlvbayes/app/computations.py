@@ -1,4 +1,4 @@
-"""What the worker can be asked: names of calls, and answers as they go to the page."""
+"""Define the calls that the worker answers, with the answers that the page receives."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ from qlvbayes.io.runtime import forget_compiled
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import Experiment, prepare
 
-_STUDIES = 4  # kept
-_BENCHES = 6  # kept: some ten MB each
-_DIGITS = 6  # significant, of a curve's numbers
-_SMALL = 0.5  # of the error: a mean error below it does not tell which way
+_STUDIES = 4  # studies that are kept
+_BENCHES = 6  # benches that are kept, some ten MB each
+_DIGITS = 6  # significant digits of a curve's values
+_SMALL = 0.5  # share of the error: a smaller mean error has no clear sign
 
 Answer = dict[str, Any]
 
@@ -39,8 +39,8 @@ Answer = dict[str, Any]
 T = TypeVar("T")
 
 
-class Shelf(Generic[T]):
-    """Things that were used last, at most so many; each is made once, whoever asks."""
+class Cache(Generic[T]):
+    """Keep the objects that were used last, a limited number; each is made once for all threads."""
 
     def __init__(self, most: int) -> None:
         self._most = most
@@ -49,15 +49,15 @@ class Shelf(Generic[T]):
         self._making = threading.Lock()
 
     def get(self, key: Any, make: Callable[[], T]) -> T:
-        """What was made for a key; who finds it waits for nobody."""
-        found = self._find(key)
-        if found is None:
+        """Return the object for a key; a thread that finds it does not wait."""
+        kept = self._find(key)
+        if kept is None:
             with self._making:
-                found = self._find(key)  # made by who came first
-                if found is None:
-                    found = make()
-                    self._put(key, found)
-        return found
+                kept = self._find(key)  # made by who came first
+                if kept is None:
+                    kept = make()
+                    self._put(key, kept)
+        return kept
 
     def _find(self, key: Any) -> T | None:
         with self._looking:
@@ -72,24 +72,24 @@ class Shelf(Generic[T]):
                 self._kept.popitem(last=False)
 
 
-_studies: Shelf[Measurements] = Shelf(_STUDIES)
-_experiments: Shelf[Experiment] = Shelf(_BENCHES)
-_benches: Shelf[Bench] = Shelf(_BENCHES)
+_studies: Cache[Measurements] = Cache(_STUDIES)
+_experiments: Cache[Experiment] = Cache(_BENCHES)
+_benches: Cache[Bench] = Cache(_BENCHES)
 
 
 def _study(data: str) -> Measurements:
-    """The measurements in a file."""
+    """Return the measurements in a file."""
     return _studies.get(_version(data), lambda: read_measurements(data))
 
 
 def _experiment(data: str, pad: str) -> Experiment:
-    """One pad of them, prepared."""
+    """Return one of its pads, prepared."""
     key = (*_version(data), pad)
     return _experiments.get(key, lambda: prepare(_study(data).pad(pad)))
 
 
 def _bench(data: str, pad: str, effects_file: str | None) -> Bench:
-    """One pad of them, laid on the bench."""
+    """Return the bench of one of its pads."""
 
     def make() -> Bench:
         experiment = _experiment(data, pad)
@@ -105,7 +105,7 @@ def _version(data: str) -> tuple[str, int]:
 
 
 def model_of(model: Answer) -> ByHand:
-    """A model as the page writes it; InputError where it is none."""
+    """Return a model from the page's description; raise InputError where it is invalid."""
     try:
         return msgspec.convert(model, _Model).by_hand()
     except msgspec.ValidationError as error:
@@ -132,26 +132,26 @@ def _written(model: ByHand) -> Answer:
 
 
 def read(folder: str, uploads: list[str], answers: dict[str, str]) -> Answer:
-    """Uploaded files into a session's folder, as one tidy file; or what they leave open."""
+    """Convert uploaded files to one tidy file in a session's folder, or to questions."""
     return read_in(Path(folder), [Path(one) for one in uploads], answers)
 
 
 def unpack(folder: str, archive: str) -> Answer:
-    """A saved session into a folder."""
+    """Unpack a saved session into a folder."""
     return opened(Path(folder), Path(archive))
 
 
 def pads(data: str) -> Answer:
-    """The pads of a file, and what was noticed in it."""
+    """Return the pads of a file, and the notices about it."""
     study = _study(data)
     return {"pads": [pad.name for pad in study.pads], "notices": list(study.notices)}
 
 
 def lay(data: str, pad: str, effects_file: str | None, first: bool) -> Answer:
-    """Lay a pad on the bench: what is known of it, and the usual model fitted if ``first``."""
+    """Open a pad: return what is known of it, and its first fitted model if ``first``."""
     bench = _bench(data, pad, effects_file)
     experiment = bench.experiment
-    found: Answer = {
+    facts: Answer = {
         "units": _units(experiment),
         "noise": bench.noise,
         "peak": experiment.scales.force,
@@ -166,9 +166,9 @@ def lay(data: str, pad: str, effects_file: str | None, first: bool) -> Answer:
     }
     if first:
         model = bench.first()
-        found["model"] = _written(model)
-        found["curves"] = _look(bench, model)
-    return found
+        facts["model"] = _written(model)
+        facts["curves"] = _look(bench, model)
+    return facts
 
 
 def _units(experiment: Experiment) -> Answer:
@@ -183,13 +183,13 @@ def _units(experiment: Experiment) -> Answer:
 
 
 def warm(data: str, pad: str, effects_file: str | None) -> Iterator[Any]:
-    """Compile what most effects need, when nothing else is asked."""
+    """Compile what most effects need, when there are no other calls."""
     _bench(data, pad, effects_file).warm()
     yield {}
 
 
 def measured(data: str, pad: str, effects_file: str | None) -> Answer:
-    """The samples that are looked at, and the units: what can be shown before there is a model."""
+    """Return the samples and the units, which can be shown before there is a model."""
     experiment = _experiment(data, pad)
     tests = []
     for trial in experiment.trials:
@@ -214,7 +214,7 @@ def measured(data: str, pad: str, effects_file: str | None) -> Answer:
 
 
 def catalogue(data: str, pad: str, effects_file: str | None) -> Answer:
-    """Laws and effects that can be chosen."""
+    """Return the laws and effects that can be chosen."""
     bench = _bench(data, pad, effects_file)
     space = bench.space
     protocol = protocol_of(bench.experiment, bonded=bench.choices.bonded)
@@ -240,31 +240,31 @@ def _law(name: str, law: Any) -> Answer:
 
 
 def parameters(data: str, pad: str, effects_file: str | None, model: Answer) -> Answer:
-    """A model's sliders."""
-    found = _bench(data, pad, effects_file).sliders(model_of(model))
-    return {"parameters": [msgspec.to_builtins(one) for one in found]}
+    """Return the sliders of a model."""
+    sliders = _bench(data, pad, effects_file).sliders(model_of(model))
+    return {"parameters": [msgspec.to_builtins(slider) for slider in sliders]}
 
 
 def curves(
     data: str, pad: str, effects_file: str | None, model: Answer, tab: str | None = None
 ) -> Answer:
-    """A model's force and errors; ``tab``: whose later calls overtake this one."""
+    """Return a model's force and errors; a later call of the same ``tab`` supersedes this one."""
     bench = _bench(data, pad, effects_file)
     return _look(bench, model_of(model))
 
 
 def signature(data: str, pad: str, effects_file: str | None, model: Answer, effect: str) -> Answer:
-    """What an effect would look like."""
-    found = _bench(data, pad, effects_file).signature(model_of(model), effect)
+    """Return what an effect would add to a model."""
+    added = _bench(data, pad, effects_file).signature(model_of(model), effect)
     trials = _bench(data, pad, effects_file).samples.trials
     return {
-        "effect": found.effect,
-        "amplitude": {"name": found.amplitude, "value": found.size, "unit": found.unit},
-        "takes": _real(found.takes),
-        "rmse": _real(found.error),
+        "effect": added.effect,
+        "amplitude": {"name": added.amplitude, "value": added.size, "unit": added.unit},
+        "takes": _real(added.takes),
+        "rmse": _real(added.error),
         "tests": [
             {"name": trial.name, "alone": _short(alone), "with_constants": _short(moved)}
-            for trial, alone, moved in zip(trials, found.alone, found.with_constants, strict=True)
+            for trial, alone, moved in zip(trials, added.alone, added.with_constants, strict=True)
         ],
     }
 
@@ -272,7 +272,7 @@ def signature(data: str, pad: str, effects_file: str | None, model: Answer, effe
 def change(
     data: str, pad: str, effects_file: str | None, model: Answer, how: str, name: str = ""
 ) -> Answer:
-    """A model changed as a page asks for it, and fitted unless it is only to be kept."""
+    """Return a changed model, fitted unless it is only to be kept."""
     bench, given = _bench(data, pad, effects_file), model_of(model)
     changes: dict[str, Callable[[], ByHand]] = {
         "keep": lambda: ByHand(
@@ -284,31 +284,31 @@ def change(
         "elastic": lambda: bench.rebase(given, elastic=name),
         "relaxation": lambda: bench.rebase(given, relaxation=name),
     }
-    found = changes[how]()
-    return {"model": _written(found), "curves": _look(bench, found)}
+    changed = changes[how]()
+    return {"model": _written(changed), "curves": _look(bench, changed)}
 
 
 def held_out(data: str, pad: str, effects_file: str | None, model: Answer) -> Iterator[Any]:
-    """The error on what is left out, in pieces."""
+    """Yield the held-out error, computed in pieces."""
     bench = _bench(data, pad, effects_file)
     for error in bench.held_out(model_of(model)):
         yield None if error is None else {"heldout": _real(error)}
 
 
 def bands(data: str, pad: str, effects_file: str | None, folder: str) -> Answer:
-    """Of a sampled fit: its bands at the samples looked at, and its summary."""
+    """Return the bands of a sampled fit at the samples, and its summary."""
     samples = _bench(data, pad, effects_file).samples
-    found = {test.test: test for test in Curves.read(Path(folder) / "curves.json").tests}
+    by_test = {test.test: test for test in Curves.read(Path(folder) / "curves.json").tests}
     summary = FitSummary.read(Path(folder) / "summary.json")
     tests = []
     for trial, rows in zip(samples.trials, samples.rows, strict=True):
-        own = found[trial.name]
-        places = np.searchsorted(np.array(own.time), trial.test.time[rows] - 5e-7)
-        places = np.minimum(places, len(own.time) - 1)
+        own = by_test[trial.name]
+        indices = np.searchsorted(np.array(own.time), trial.test.time[rows] - 5e-7)
+        indices = np.minimum(indices, len(own.time) - 1)
         tests.append(
             {"name": trial.name}
             | {
-                key: [values[k] for k in places]
+                key: [values[k] for k in indices]
                 for key, values in (("mean", own.mean), ("low", own.low), ("high", own.high))
             }
         )
@@ -316,7 +316,7 @@ def bands(data: str, pad: str, effects_file: str | None, folder: str) -> Answer:
 
 
 def residuals(data: str, pad: str, effects_file: str | None, model: Answer) -> str:
-    """Every sample looked at, as CSV."""
+    """Return a row for every sample, as CSV."""
     bench = _bench(data, pad, effects_file)
     return residuals_csv(bench, bench.look(model_of(model)))
 
@@ -324,7 +324,7 @@ def residuals(data: str, pad: str, effects_file: str | None, model: Answer) -> s
 def constants(
     data: str, pad: str, effects_file: str | None, model: Answer, begun: dict[str, float]
 ) -> str:
-    """A model's constants as CSV; begun: those that its fit began from."""
+    """Return a model's constants as CSV; ``begun`` are those that its fit began from."""
     return constants_csv(_bench(data, pad, effects_file), model_of(model), begun)
 
 
@@ -335,21 +335,21 @@ CALLS: dict[str, Callable[..., Any]] = {
         held_out, bands, residuals, constants,
     )
 }  # fmt: skip
-"""What can be asked, by name."""
+"""The calls by name."""
 FIRST = frozenset({"pads", "measured", "catalogue", "parameters", "curves"})
-"""Those that take some milliseconds and are waited for: they go past the others."""
+"""Calls that take some milliseconds and that the page waits for; they precede the others."""
 
 
 def _look(bench: Bench, model: ByHand) -> Answer:
-    found = bench.look(model)
+    look = bench.look(model)
     return {
-        "values": found.values,
-        "rmse": _real(found.error),
+        "values": look.values,
+        "rmse": _real(look.error),
         "tests": [
             {"name": trial.name, "model": _short(force)}
-            for trial, force in zip(bench.samples.trials, found.forces, strict=True)
+            for trial, force in zip(bench.samples.trials, look.forces, strict=True)
         ],
-        "cells": [_cell(bench, cell) for cell in found.cells],
+        "cells": [_cell(bench, cell) for cell in look.cells],
     }
 
 
@@ -368,27 +368,29 @@ def _cell(bench: Bench, cell: CellError) -> Answer:
 
 
 def _words(cell: CellError, over: float, unit: str) -> str:
-    """What is wrong in a cell."""
-    place = f"in the {cell.phase} of {cell.test}"
+    """Return a sentence on what is wrong in a cell."""
+    location = f"in the {cell.phase} of {cell.test}"
     if not math.isfinite(over):
-        return f"The model's force is no number {place}."
+        return f"The model's force is no number {location}."
     size = f"{cell.rmse:.2g} {unit} off, {over:.2g} times the noise"
     if abs(cell.bias) < _SMALL * cell.rmse:
-        return f"The model is {size}, {place}, now too low and now too high."
-    way = "low" if cell.bias > 0.0 else "high"
-    return f"The model is {size}, {place}: {abs(cell.bias):.2g} {unit} too {way} on average."
+        return f"The model is {size}, {location}, now too low and now too high."
+    direction = "low" if cell.bias > 0.0 else "high"
+    return (
+        f"The model is {size}, {location}: {abs(cell.bias):.2g} {unit} too {direction} on average."
+    )
 
 
 def _short(values: NDArray[np.float64] | Sequence[float]) -> list[float | None]:
-    """To six digits; None for what is no number."""
-    numbers = np.asarray(values, dtype=np.float64)
-    finite = np.isfinite(numbers)
-    size = np.abs(np.where(finite & (numbers != 0.0), numbers, 1.0))
-    places = _DIGITS - 1 - np.floor(np.log10(size))
-    # a power of ten beyond 1e22 is no exact number: what is so small is left as it is
-    scale = 10.0 ** np.clip(places, 0.0, 22.0)
+    """Return values to six digits, and None for those that are not finite."""
+    given = np.asarray(values, dtype=np.float64)
+    finite = np.isfinite(given)
+    size = np.abs(np.where(finite & (given != 0.0), given, 1.0))
+    decimals = _DIGITS - 1 - np.floor(np.log10(size))
+    # a power of ten beyond 1e22 is not exact: such small values are left unchanged
+    scale = 10.0 ** np.clip(decimals, 0.0, 22.0)
     with np.errstate(over="ignore", invalid="ignore"):
-        rounded = np.where(places > 22.0, numbers, np.round(numbers * scale) / scale)
+        rounded = np.where(decimals > 22.0, given, np.round(given * scale) / scale)
     return [
         x if known else None for x, known in zip(rounded.tolist(), finite.tolist(), strict=True)
     ]

@@ -1,4 +1,4 @@
-"""What effects that go with the pad's clock have in common."""
+"""Define the common base of effects that change the force with the pad's clock."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from qlvbayes.laws.motion import Line, Motion
 
 
 class AbstractClocked(AbstractEffect):
-    """An effect that changes the force by the time (s) since the pad's first test began."""
+    """Change the force by the time (s) since the pad's first test began."""
 
     @abstractmethod
     def at_clock(self, force: Array, clock: Array) -> Array:
-        """What becomes of a force (N) at a time (s) of the pad's clock."""
+        """Return what a force (N) becomes at a time (s) of the pad's clock."""
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """The force of the law beneath, changed with the clock."""
+        """Return the force of the law beneath, changed with the clock."""
         return self.at_clock(below.force(motion), motion.clock)
 
     def begin(self, below: Law, displacement: Array) -> State:
-        """Beside the law's state the pad's clock, 0."""
+        """Return the state of the law beneath, and the pad's clock, 0."""
         return below.begin(displacement), jnp.zeros_like(displacement)
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """The force of the law beneath, changed with the clock."""
+        """Return the state, and the force of the law beneath, changed with the clock."""
         inner, clock = state
         inner, force = below.step(inner, line)
         clock = clock + line.duration

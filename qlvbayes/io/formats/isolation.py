@@ -1,7 +1,7 @@
-"""A binary file read in a process of its own, for a damaged one may hang or crash its library.
+"""Read a binary file in a process of its own, as a damaged one may hang or crash its library.
 
-The process is this file run by itself; it imports the library alone, and is given so much time and
-memory. It is started anew, not forked: JAX has threads.
+The process runs this file by itself; it imports the library alone, and its time and memory are
+limited. It is spawned, not forked, as JAX has threads.
 """
 
 from __future__ import annotations
@@ -19,27 +19,27 @@ from typing import Any
 
 import numpy as np
 
-TIME_S = 10.0  # of a processor, for a file of no size: imports take 1 s, good 100 MB another
+TIME_S = 10.0  # processor time for an empty file: imports take 1 s, and 100 MB another
 PER_MB_S = 0.1
-_WAITING = 6.0  # how much longer that may take on a machine with much else to do
-MEMORY = 4 * 2**30  # bytes, address space: the libraries alone take 1 GiB of it
+_WAITING = 6.0  # factor by which the wall time may exceed that on a busy machine
+MEMORY = 4 * 2**30  # bytes of address space: the libraries alone take 1 GiB
 _NAMES = "names"
 _HDF5 = b"\x89HDF\r\n\x1a\n"
-_HDF5_BEGINS = (0, 512)  # of its first block; MATLAB writes a text before it
-_END = {0: 40, 1: 44, 2: 28, 3: 28}  # where that block has the file's end, by version
+_HDF5_BEGINS = (0, 512)  # offsets of its first block; MATLAB writes a text before it
+_END = {0: 40, 1: 44, 2: 28, 3: 28}  # offset of the file's end in that block, by version
 _OUT_OF_TIME = int(getattr(signal, "SIGXCPU", 0))
 _LIBRARIES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")  # threads take address space each
 
 
 class ApartError(Exception):
-    """What came of a file that could not be read, in words."""
+    """Report that a file could not be read; the text says why."""
 
 
 def read_apart(kind: str, path: Path, limit: float | None = None) -> list[tuple[Any, np.ndarray]]:
-    """The arrays of a file, each with what ``kind`` says of it.
+    """Return the arrays of a file, each with what its reader says of it.
 
-    kind: a key of ``_READERS``; limit: in s of a processor. Raises ApartError where the file could
-    not be read in that time, or at all.
+    ``kind`` is a key of ``_READERS``; ``limit`` is the processor time in s. An ApartError is raised
+    where the file could not be read in that time, or at all.
     """
     if _is_cut(path):
         raise ApartError("it ends before what it says it holds")
@@ -59,13 +59,13 @@ def read_apart(kind: str, path: Path, limit: float | None = None) -> list[tuple[
         lines = done.stderr.decode("utf-8", "replace").strip().splitlines()
         crashed = done.returncode < 0 or not lines
         raise ApartError("it crashes its reader" if crashed else lines[-1])
-    with np.load(io.BytesIO(done.stdout), allow_pickle=False) as found:
-        said = json.loads(str(found[_NAMES]))
-        return [(one, found[f"a{k}"]) for k, one in enumerate(said)]
+    with np.load(io.BytesIO(done.stdout), allow_pickle=False) as arrays:
+        names = json.loads(str(arrays[_NAMES]))
+        return [(name, arrays[f"a{k}"]) for k, name in enumerate(names)]
 
 
 def _is_cut(path: Path) -> bool:
-    """Whether HDF5's first block names an end beyond the file's: that needs no library to see."""
+    """Return whether HDF5's first block states an end beyond the file's, which needs no library."""
     size = path.stat().st_size
     with path.open("rb") as stream:
         for begin in _HDF5_BEGINS:
@@ -80,18 +80,18 @@ def _is_cut(path: Path) -> bool:
 
 
 def _hdf5(path: str) -> list[tuple[Any, np.ndarray]]:
-    """Vectors of numbers, with their path in the file and their unit."""
+    """Return vectors of numbers, with their path in the file and their unit."""
     import h5py
 
-    found: list[tuple[Any, np.ndarray]] = []
+    vectors: list[tuple[Any, np.ndarray]] = []
 
     def visit(name: str, item: Any) -> None:
         if isinstance(item, h5py.Dataset) and item.ndim in (1, 2) and item.dtype.kind in "fiu":
-            found.append(([name, _unit(item)], np.asarray(item[()])))
+            vectors.append(([name, _unit(item)], np.asarray(item[()])))
 
     with h5py.File(path, "r") as file:
         file.visititems(visit)
-    return found
+    return vectors
 
 
 def _unit(item: Any) -> str:
@@ -103,20 +103,20 @@ def _unit(item: Any) -> str:
 
 
 def _matlab(path: str) -> list[tuple[Any, np.ndarray]]:
-    """Vectors of numbers, with the struct that holds them (None of a variable) and their name."""
+    """Return vectors of numbers, each with its struct (None for a variable) and its name."""
     from scipy.io import loadmat
 
-    found: list[tuple[Any, np.ndarray]] = []
+    vectors: list[tuple[Any, np.ndarray]] = []
     named = loadmat(path, squeeze_me=True, struct_as_record=False)
     for key, value in named.items():
         if key.startswith("__"):
             continue
         if hasattr(value, "_fieldnames"):
             parts = {name: getattr(value, name) for name in value._fieldnames}
-            found += [([key, name], part) for name, part in _numbers(parts)]
+            vectors += [([key, name], part) for name, part in _numbers(parts)]
         else:
-            found += [([None, name], part) for name, part in _numbers({key: value})]
-    return found
+            vectors += [([None, name], part) for name, part in _numbers({key: value})]
+    return vectors
 
 
 def _numbers(named: dict[str, Any]) -> list[tuple[str, np.ndarray]]:
@@ -146,12 +146,12 @@ def _limit(seconds: int) -> None:
 
 
 def main(kind: str, path: str, seconds: str) -> int:
-    """Write the arrays to standard output; 1 and a line where that is not possible."""
+    """Write the arrays to standard output; return 1 and print a line where that is impossible."""
     _limit(int(seconds))
     try:
-        found = _READERS[kind](path)
-        arrays: dict[str, Any] = {f"a{k}": array for k, (_, array) in enumerate(found)}
-        names = np.array(json.dumps([said for said, _ in found]))
+        vectors = _READERS[kind](path)
+        arrays: dict[str, Any] = {f"a{k}": array for k, (_, array) in enumerate(vectors)}
+        names = np.array(json.dumps([name for name, _ in vectors]))
         content = io.BytesIO()
         np.savez(content, **arrays, names=names)
     except Exception as error:
