@@ -18,7 +18,7 @@ from qlvbayes.diagnosis.nexttest.design import FORGOTTEN, LEAST_WAIT, Design, Re
 from qlvbayes.diagnosis.nexttest.draws import explanation_of_draws
 from qlvbayes.diagnosis.nexttest.errors import Errors
 from qlvbayes.diagnosis.nexttest.information import Products, evidence
-from qlvbayes.diagnosis.nexttest.judging import Trial, judged
+from qlvbayes.diagnosis.nexttest.montecarlo import Trial, judged
 from qlvbayes.diagnosis.nexttest.records import record_of
 from qlvbayes.diagnosis.nexttest.rig import Rig
 from qlvbayes.diagnosis.nexttest.screening import screened
@@ -26,7 +26,7 @@ from qlvbayes.diagnosis.nexttest.series import Wish, bits_for_constants, planned
 from qlvbayes.diagnosis.nexttest.setpoints import PAUSE, as_csv, set_points
 from qlvbayes.diagnosis.nexttest.suggest import cause_of
 from qlvbayes.diagnosis.prior import Families
-from qlvbayes.diagnosis.result import Alternative, Laws
+from qlvbayes.diagnosis.result import Alternative, LawPair
 from qlvbayes.effects.catalogue import EVERY
 from qlvbayes.io.units import PAD
 from qlvbayes.model.choices import Choices
@@ -197,8 +197,8 @@ def test_laws_of_one_cause_are_one_answer():
 
 def test_a_cause_counts_by_all_its_laws_and_forms():
     """Four percent on each of two laws are a cause; so are the forms of one family together."""
-    usual, other = Laws("exponential", "prony:2"), Laws("hertz", "prony:2")
-    families = Families.of_kinds(EVERY)
+    usual, other = LawPair("exponential", "prony:2"), LawPair("hertz", "prony:2")
+    families = Families.from_kinds(EVERY)
     found = likely(
         [
             Alternative(usual, ("viscous_drag",), 0.5),

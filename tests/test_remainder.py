@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.polynomial import legendre
 from support.hidden_pads import FEW
 
-from qlvbayes.diagnosis.checks.remainder import Left, Remainder, structured
+from qlvbayes.diagnosis.checks.remainder import Remainder, StructuredPart, structured
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.settings import Settings
 from qlvbayes.evaluation.study import measured
@@ -71,7 +71,9 @@ def test_sizes_follow_the_unit_of_the_force(factor):
 
 
 def left(upper, shown=True, **changes):
-    return replace(Left("B-1", "ramp", 0.0, 50, 0.8 * upper, upper, 0.5 * upper, shown), **changes)
+    return replace(
+        StructuredPart("B-1", "ramp", 0.0, 50, 0.8 * upper, upper, 0.5 * upper, shown), **changes
+    )
 
 
 def remaining(*cells, excess=0.0, tolerance=0.01):
@@ -89,7 +91,7 @@ def test_what_is_surely_below_the_tolerance_everywhere_is_small():
 
 def test_the_largest_cell_is_told_with_its_size_and_place():
     large = left(0.01, test="B-9", phase="hold")
-    told = remaining(left(0.005), large, left(0.5, shown=False)).told
+    told = remaining(left(0.005), large, left(0.5, shown=False)).record
     assert (told.test, told.phase) == ("B-9", "hold")
     assert told.share_of_peak == pytest.approx(0.008 / 2.0)
     assert told.small

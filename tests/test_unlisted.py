@@ -6,7 +6,7 @@ from support.hidden_pads import FEW, hidden_pad, keeps_diagnosis_contract
 
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.settings import Settings
-from qlvbayes.diagnosis.telling.discrepancy import discrepancy
+from qlvbayes.diagnosis.summary.discrepancy import discrepancy
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.simulate import HIDDEN, OUTSIDE, PAPER_RATES
 
@@ -70,7 +70,7 @@ def test_its_size_and_place_are_told(clipped):
 def test_the_discrepancy_is_what_is_left_within_the_noise(clipped):
     """Its mean and the hypothesis together are nearer to the readings than the hypothesis."""
     work = clipped.work
-    residuals = work.samples.residuals(work.told.hypothesis, work.told.point.constants)
+    residuals = work.samples.residuals(work.selected.hypothesis, work.selected.point.constants)
     bands = discrepancy(work)
     before = np.sqrt(np.mean(np.concatenate(residuals) ** 2))
     after = [r - band.mean for r, band in zip(residuals, bands, strict=True)]

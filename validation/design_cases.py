@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from qlvbayes import Choices
+from qlvbayes.diagnosis.candidate import described
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.nexttest.belief import Belief, normalised
 from qlvbayes.diagnosis.nexttest.design import Design, drawn
@@ -20,8 +21,7 @@ from qlvbayes.diagnosis.nexttest.suggest import cause_of
 from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.search import Search
-from qlvbayes.diagnosis.weighed import described
-from qlvbayes.diagnosis.workbench import as_chosen, search_of
+from qlvbayes.diagnosis.searchsetup import as_chosen, build_search
 from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE
 from qlvbayes.evaluation.study import measured
 from qlvbayes.inference.forward.hypothesis import Hypothesis
@@ -54,7 +54,7 @@ FIRST = ((20.0,), (1.0, 20.0, 100.0))  # mm/s, of the tests that a pad of known 
 UNLISTED = ("slip", "backlash", "sensor_nonlinearity", "poroelastic_diffusion")
 """Hidden in turn, of no candidate's form."""
 SIZES = (0.03, 0.08)  # share of the peak force, of these
-FAMILIES = Families.of_kinds((*EFFECTS, *FORMS, *OUTSIDE))
+FAMILIES = Families.from_kinds((*EFFECTS, *FORMS, *OUTSIDE))
 
 
 @dataclass(frozen=True)
@@ -105,10 +105,10 @@ def plain(
 ) -> tuple[Experiment, Belief, float]:
     """The belief in the plain model alone, and its discrepancy's size."""
     experiment = ready(tests, floor)
-    search = search_of(experiment, kinds=())
-    search.see(search.usual)
-    size = search.modes[search.usual][0].mode.size
-    return experiment, believed(search, [(search.usual, 1.0)]), size
+    search = build_search(experiment, kinds=())
+    search.evaluate(search.baseline)
+    size = search.modes[search.baseline][0].mode.size
+    return experiment, believed(search, [(search.baseline, 1.0)]), size
 
 
 def constants_case(index: int, seed: int) -> dict:
@@ -186,7 +186,10 @@ class Doubt:
     @classmethod
     def of(cls, experiment: Experiment, search: Search, result: DiagnosisResult) -> Doubt:
         known = [
-            (Hypothesis(*one.base.pair, search.usual.effects | set(one.effects)), one.probability)
+            (
+                Hypothesis(*one.base.pair, search.baseline.effects | set(one.effects)),
+                one.probability,
+            )
             for one in likely(result.alternatives, FAMILIES) or result.alternatives[:1]
         ]
         return cls(
@@ -264,14 +267,14 @@ def _after(
 def _weighed(experiment: Experiment, known: Sequence[tuple[Hypothesis, float]]) -> np.ndarray:
     """Log posteriors of some hypotheses, up to a constant."""
     names = {effect for hypothesis, _ in known for effect in hypothesis.effects}
-    own = {FAMILIES.of[name] for name in names}
+    own = {FAMILIES.family_of[name] for name in names}
     kinds = tuple(kind for kind in Choices().candidates if kind.name in own)
-    search = search_of(experiment, kinds=kinds)
+    search = build_search(experiment, kinds=kinds)
     search.begin()
     for hypothesis, _ in known:
-        bare = replace(hypothesis, effects=search.usual.effects)
-        search.see(bare)
-        search.see(hypothesis, bare)
+        bare = replace(hypothesis, effects=search.baseline.effects)
+        search.evaluate(bare)
+        search.evaluate(hypothesis, bare)
     return np.array([search.log_posterior(hypothesis) for hypothesis, _ in known])
 
 

@@ -20,8 +20,8 @@ import numpy as np
 from qlvbayes.app.failures import told_of
 from qlvbayes.app.pipes import Parent
 from qlvbayes.diagnosis.decision import Decision
+from qlvbayes.diagnosis.progress import SearchProgress, StopSearch
 from qlvbayes.diagnosis.settings import Settings as Thresholds
-from qlvbayes.diagnosis.standing import Enough, Standing
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.fitting.ensemble import Progress, Settings
 from qlvbayes.fitting.results import Saved, load
@@ -95,8 +95,8 @@ class Telling(Watcher):
         yield progress
         self._sampling = None
 
-    def searched(self, pad: str, standing: Standing) -> None:
-        """The probabilities so far, of effects and of base laws; Enough where that will do."""
+    def searched(self, pad: str, standing: SearchProgress) -> None:
+        """The probabilities so far, of effects and of base laws; StopSearch where that will do."""
         decision = standing.decision
         ranking = [
             {"effect": name, "probability": share, "heldout": None}
@@ -112,7 +112,7 @@ class Telling(Watcher):
         self._parent.tell({"standing": {"pad": pad, "ranking": ranking, "laws": laws}})
         if self._enough.is_set():
             self._enough.clear()  # the search ends once
-            raise Enough
+            raise StopSearch
 
     def _tell_more(self, text: str) -> None:
         self._more = text

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from msgspec.structs import replace as with_fields
 
+from qlvbayes.diagnosis.candidate import described
 from qlvbayes.diagnosis.nexttest.belief import Belief, Explanation, normalised
 from qlvbayes.diagnosis.nexttest.design import Design
 from qlvbayes.diagnosis.nexttest.draws import explanation_of_draws
@@ -20,13 +21,12 @@ from qlvbayes.diagnosis.nexttest.rig import Rig
 from qlvbayes.diagnosis.nexttest.series import Series, Wish, planned_series
 from qlvbayes.diagnosis.nexttest.setpoints import as_csv
 from qlvbayes.diagnosis.nexttest.suggest import cause_of
-from qlvbayes.diagnosis.nexttest.telling import told
+from qlvbayes.diagnosis.nexttest.summary import told
 from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.result import Alternative, DiagnosisResult
 from qlvbayes.diagnosis.search import Search
+from qlvbayes.diagnosis.searchsetup import as_chosen, build_search
 from qlvbayes.diagnosis.settings import Settings
-from qlvbayes.diagnosis.weighed import described
-from qlvbayes.diagnosis.workbench import as_chosen, search_of
 from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE
 from qlvbayes.fitting.results import Saved, load
 from qlvbayes.fitting.runs import Run, Runs
@@ -153,7 +153,7 @@ def _present(
         raise InputError(
             "neither a fit nor a diagnosis of this pad", file=folder, remedy="run qlvbayes fit"
         )
-    families = Families.of_kinds((*EFFECTS, *FORMS, *OUTSIDE))
+    families = Families.from_kinds((*EFFECTS, *FORMS, *OUTSIDE))
     doubted = likely(result.alternatives, families) if result else []
     causes = {cause_of(one.effects, families) for one in doubted}
     wanted = CAUSE in asked
@@ -258,7 +258,9 @@ def _of_diagnosis(
     choices = Choices.from_dict(run.choices)
     pad, keep = study.pad(result.pad), choices.keep_all_readings
     experiment = as_chosen(prepare(pad, keep_all_readings=keep, use=choices.use), choices)
-    search = search_of(experiment, choices, kinds=choices.candidates, settings=_thresholds(result))
+    search = build_search(
+        experiment, choices, kinds=choices.candidates, settings=_thresholds(result)
+    )
     explanations = explained(search, doubted or result.alternatives[:1])
     scales = experiment.scales
     return Present(
@@ -289,16 +291,16 @@ def _run(out: Path) -> Run:
 def explained(search: Search, alternatives: Sequence[Alternative]) -> list[Explanation]:
     """Alternatives at their likeliest modes; those that have none are left out."""
     search.begin()
-    usual = search.usual
+    baseline = search.baseline
     found = []
     for one in alternatives:
         hypothesis = Hypothesis(
-            one.base.elastic, one.base.relaxation, usual.effects | set(one.effects)
+            one.base.elastic, one.base.relaxation, baseline.effects | set(one.effects)
         )
-        bare = Hypothesis(*one.base.pair, usual.effects)
-        search.see(bare)
+        bare = Hypothesis(*one.base.pair, baseline.effects)
+        search.evaluate(bare)
         if bare in search.modes:
-            search.see(hypothesis, bare)
+            search.evaluate(hypothesis, bare)
         if hypothesis not in search.modes:
             continue
         best = search.modes[hypothesis][0]

@@ -9,8 +9,8 @@ from typing import ClassVar
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.settings import Settings
-from qlvbayes.diagnosis.telling.discrepancy import discrepancy
-from qlvbayes.diagnosis.telling.verdict import Diagnosis
+from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
+from qlvbayes.diagnosis.summary.discrepancy import discrepancy
 from qlvbayes.io.data import Measurements, Pad
 from qlvbayes.io.files import results_folder, write_whole
 from qlvbayes.model.choices import Choices
@@ -84,7 +84,7 @@ def diagnose_into(
             settings=thresholds,
             evidence=evidence,
             seed=seed,
-            tell=tell,
+            report=tell,
             watch=lambda standing: watcher.searched(pad.name, standing),
         )
         if found.result.verdict in ("unexplained", "partly_explained"):

@@ -12,7 +12,7 @@ from qlvbayes.diagnosis.nexttest.belief import Belief
 from qlvbayes.diagnosis.nexttest.design import LEAST_WAIT, Design, drawn
 from qlvbayes.diagnosis.nexttest.errors import Errors
 from qlvbayes.diagnosis.nexttest.information import Products, evidence
-from qlvbayes.diagnosis.nexttest.judging import Judged, judged
+from qlvbayes.diagnosis.nexttest.montecarlo import Judged, judged
 from qlvbayes.diagnosis.nexttest.rig import Rig
 from qlvbayes.diagnosis.nexttest.screening import screened
 from qlvbayes.io.checks import InputError

@@ -9,6 +9,7 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
+from qlvbayes.diagnosis.candidate import Candidate, described
 from qlvbayes.diagnosis.nexttest.belief import Belief, normalised
 from qlvbayes.diagnosis.nexttest.design import Design, drawn
 from qlvbayes.diagnosis.nexttest.errors import Errors
@@ -18,7 +19,6 @@ from qlvbayes.diagnosis.nexttest.rig import Rig
 from qlvbayes.diagnosis.nexttest.screening import TOGETHER, screened
 from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.result import Suggestion
-from qlvbayes.diagnosis.weighed import Weighed, described
 from qlvbayes.inference.density import Density
 from qlvbayes.preprocess.experiment import Experiment
 
@@ -29,7 +29,9 @@ _LONGEST = 600.0  # s, with the pause before it: what 'design' takes for granted
 _TOLD = 5
 
 
-def suggest(experiment: Experiment, density: Density, found: Sequence[Weighed]) -> list[Suggestion]:
+def suggest(
+    experiment: Experiment, density: Density, found: Sequence[Candidate]
+) -> list[Suggestion]:
     """The best tests, best first; the evidence is that between the two nearest explanations."""
     rig, belief = Rig.of_tests(experiment), believed(density, found)
     designs = drawn(rig, belief.recovery, _LONGEST, TOGETHER, 0)
@@ -39,7 +41,7 @@ def suggest(experiment: Experiment, density: Density, found: Sequence[Weighed]) 
     return [Suggestion(designs[k].words(units), float(worth[k])) for k in order]
 
 
-def believed(density: Density, found: Sequence[Weighed]) -> Belief:
+def believed(density: Density, found: Sequence[Candidate]) -> Belief:
     """Explanations that are equally likely, in an order that is always the same."""
     ordered = sorted(found, key=lambda one: described(one.hypothesis))
     return normalised(
@@ -69,7 +71,7 @@ def promised(
 
 def cause_of(effects: Collection[str], families: Families) -> str:
     """What a set of effects is told by: their families, whatever form and laws they have."""
-    listed = [name for name in effects if name not in families.outside]
-    names = sorted({families.of.get(name, name) for name in listed})
+    listed = [name for name in effects if name not in families.unmodelled]
+    names = sorted({families.family_of.get(name, name) for name in listed})
     unlisted = [UNLISTED] if len(listed) < len(effects) else []
     return " + ".join((*names, *unlisted)) or NOTHING

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from qlvbayes.diagnosis.nexttest.belief import Belief
 from qlvbayes.diagnosis.nexttest.errors import Errors
-from qlvbayes.diagnosis.nexttest.judging import Judged
+from qlvbayes.diagnosis.nexttest.montecarlo import Judged
 from qlvbayes.diagnosis.nexttest.result import Bits, Hypothesis, Limits, NextTests, Proposed, Width
 from qlvbayes.diagnosis.nexttest.rig import Rig
 from qlvbayes.diagnosis.nexttest.series import Option, Series, Wish, bits, rate
