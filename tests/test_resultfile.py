@@ -4,6 +4,7 @@ import importlib
 import json
 import pkgutil
 from dataclasses import fields
+from enum import Enum
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
@@ -85,6 +86,8 @@ def any_of(kind, rng):
         return kind(**{field.name: any_of(field.type, rng) for field in fields})
     if kind in PLAIN:
         return PLAIN[kind](rng)
+    if issubclass(kind, Enum):
+        return list(kind)[rng.integers(len(kind))]
     return kind(**{name: any_of(part, rng) for name, part in get_type_hints(kind).items()})
 
 

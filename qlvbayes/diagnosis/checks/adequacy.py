@@ -3,8 +3,8 @@ r"""The adequacy test: whether a model leaves structure in any cell, which is a 
 The noise was measured without the model. Under a right model the residual r is noise of covariance
 Sigma, minus the part that the fitted constants take. In each cell four smooth curves B (Legendre
 polynomials of order 0 to 3 over the cell's blocks) are tried. The phases of many cycles form one
-cell, whose curves repeat from cycle to cycle and may drift from one to the next. With the sensitivities J of what was fitted,
-A = J^T Sigma^{-1} J,
+cell, whose curves repeat from cycle to cycle and may drift from one to the next. With the
+sensitivities J of the fitted constants, A = J^T Sigma^{-1} J,
 
 .. math:: T = s^T V^{-1} s, \quad
           s = B^T \Sigma^{-1} (r - J A^{-1} J^T \Sigma^{-1} r), \quad
