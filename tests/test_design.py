@@ -8,7 +8,7 @@ import pytest
 from qlvbayes.diagnosis.candidate import candidate_at
 from qlvbayes.diagnosis.nexttest.design import Design
 from qlvbayes.diagnosis.nexttest.rig import Rig
-from qlvbayes.diagnosis.nexttest.suggest import believed, promised, suggest
+from qlvbayes.diagnosis.nexttest.suggest import equal_belief, expected_evidence, suggest
 from qlvbayes.diagnosis.searchsetup import as_chosen, build_search
 from qlvbayes.effects.force_drift import ForceDrift
 from qlvbayes.effects.force_offset import ForceOffset
@@ -91,8 +91,8 @@ def test_the_promise_is_kept(present):
     """Press once more in an hour: the offset, which is right, gains about what was promised."""
     experiment, density, found = present
     again = Design(1.6, 20.0, 1000.0, hold=30.0, share=0.5, rest=30.0, wait=HOUR)
-    rig = Rig.of_tests(experiment)
-    (promise,) = promised(experiment, rig, believed(density, found), [again], 0.0)
+    rig = Rig.from_tests(experiment)
+    (promise,) = expected_evidence(experiment, rig, equal_belief(density, found), [again], 0.0)
     first, later = ramps(0, ("one",)), experiment.scales.clock + HOUR
     gains = []
     for seed in range(1, AGAIN + 1):

@@ -10,13 +10,13 @@ import numpy as np
 from qlvbayes import Choices
 from qlvbayes.diagnosis.candidate import described
 from qlvbayes.diagnosis.diagnose import diagnose
-from qlvbayes.diagnosis.nexttest.belief import Belief, normalised
-from qlvbayes.diagnosis.nexttest.design import Design, drawn
-from qlvbayes.diagnosis.nexttest.errors import Errors
+from qlvbayes.diagnosis.nexttest.belief import Belief
+from qlvbayes.diagnosis.nexttest.design import Design, draw_designs
+from qlvbayes.diagnosis.nexttest.errors import ReadingErrors
 from qlvbayes.diagnosis.nexttest.hypotheses import explanation_of_mode
 from qlvbayes.diagnosis.nexttest.rig import Rig
-from qlvbayes.diagnosis.nexttest.screening import screened
-from qlvbayes.diagnosis.nexttest.series import Option, Wish, bits_for_constants, planned_series
+from qlvbayes.diagnosis.nexttest.screening import screen
+from qlvbayes.diagnosis.nexttest.series import Goal, Option, bits_for_constants, plan_series
 from qlvbayes.diagnosis.nexttest.suggest import cause_of
 from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.result import DiagnosisResult
@@ -97,7 +97,7 @@ def believed(search: Search, found: Sequence[tuple[Hypothesis, float]]) -> Belie
                 probability, described(hypothesis), cause_of(hypothesis.effects, FAMILIES),
             )
         )  # fmt: skip
-    return normalised(some)
+    return Belief.from_explanations(some)
 
 
 def plain(
@@ -123,19 +123,19 @@ def constants_case(index: int, seed: int) -> dict:
     first = lab.tests(FIRST[index % len(FIRST)], int(rng.integers(2**32)))
     experiment, belief, size = plain(first)
     floor, scales, one = experiment.floor, experiment.scales, belief.explanations[0]
-    rig = Rig.of_tests(experiment)
-    errors = Errors(floor, scales.force, size)
+    rig = Rig.from_tests(experiment)
+    errors = ReadingErrors(floor, scales.force, size)
     sds = np.linalg.norm(one.gradient, axis=1) / np.abs(one.centre)
     worst = one.names[int(np.argmax(sds))]
-    series = planned_series(
-        belief, rig, errors, Wish((worst,), False), minutes=MINUTES, tests=1, clock=scales.clock,
+    series = plan_series(
+        belief, rig, errors, Goal((worst,), False), minutes=MINUTES, tests=1, clock=scales.clock,
         seed=index, count=SCREENED, best=0,
     )  # fmt: skip
     recovery = belief.recovery
     options = {"proposed": series.tests[0].design, "standard": recovery.before(STANDARD)}
-    some = drawn(rig, recovery, 60.0 * MINUTES, 64, 1000 + index)
+    some = draw_designs(rig, recovery, 60.0 * MINUTES, 64, 1000 + index)
     options["random"] = some[int(rng.integers(len(some)))]
-    products, _ = screened(belief, list(options.values()), rig, errors, scales.clock)
+    products, _ = screen(belief, list(options.values()), rig, errors, scales.clock)
     promised = bits_for_constants(belief, products, belief.base_names)
     after = products.sds(0, one.gradient)
     rows = []
@@ -181,7 +181,7 @@ class Doubt:
     known: list[tuple[Hypothesis, float]]
     belief: Belief
     rig: Rig
-    errors: Errors
+    errors: ReadingErrors
 
     @classmethod
     def of(cls, experiment: Experiment, search: Search, result: DiagnosisResult) -> Doubt:
@@ -193,13 +193,13 @@ class Doubt:
             for one in likely(result.alternatives, FAMILIES) or result.alternatives[:1]
         ]
         return cls(
-            experiment, known, believed(search, known), Rig.of_tests(experiment),
-            Errors(experiment.floor, experiment.scales.force, result.discrepancy),
+            experiment, known, believed(search, known), Rig.from_tests(experiment),
+            ReadingErrors(experiment.floor, experiment.scales.force, result.discrepancy),
         )  # fmt: skip
 
-    def best(self, wish: Wish, seed: int) -> Option:
+    def best(self, wish: Goal, seed: int) -> Option:
         """The one test that is proposed."""
-        return planned_series(
+        return plan_series(
             self.belief, self.rig, self.errors, wish, minutes=MINUTES, tests=1,
             clock=self.experiment.scales.clock, seed=seed, count=SCREENED, best=0,
         ).tests[0]  # fmt: skip
@@ -207,7 +207,7 @@ class Doubt:
     def promised(self, designs: Sequence[Design]) -> list[list[float]]:
         """Bits for the cause, at least and at most, of each."""
         clock = self.experiment.scales.clock
-        products, _ = screened(self.belief, designs, self.rig, self.errors, clock)
+        products, _ = screen(self.belief, designs, self.rig, self.errors, clock)
         bounds = products.bits_for_cause(self.belief.probabilities, self.belief.groups)
         return np.transpose(bounds).tolist()
 
@@ -229,10 +229,10 @@ def cause_case(index: int, seed: int) -> dict:
     if found.result.verdict != "ambiguous":
         return case
     doubt = Doubt.of(experiment, found.work.search, found.result)
-    best, recovery = doubt.best(Wish((), True), index).design, doubt.belief.recovery
+    best, recovery = doubt.best(Goal((), True), index).design, doubt.belief.recovery
     near = [
         one
-        for one in drawn(doubt.rig, recovery, 60.0 * MINUTES, 1024, 2000 + index)
+        for one in draw_designs(doubt.rig, recovery, 60.0 * MINUTES, 1024, 2000 + index)
         if 0.8 < one.minutes / best.minutes < 1.25
     ]
     options = {"proposed": best, "standard": recovery.before(STANDARD)}
@@ -291,7 +291,7 @@ def outside_case(index: int, seed: int) -> dict:
     found = diagnose(experiment)
     doubt = Doubt.of(experiment, found.work.search, found.result)
     cause = len(doubt.belief.groups) > 1
-    best = doubt.best(Wish(doubt.belief.base_names, cause), index)
+    best = doubt.best(Goal(doubt.belief.base_names, cause), index)
     test = lab.done(best.design, "proposed", experiment.scales.clock)
     then = diagnose(ready([*first, test])).result
     return {

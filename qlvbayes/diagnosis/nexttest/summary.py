@@ -1,4 +1,4 @@
-"""From a series of tests to all that is told of it."""
+"""The summary of a planned series of tests: every field of ``design.json``."""
 
 from __future__ import annotations
 
@@ -6,48 +6,67 @@ import math
 from collections.abc import Sequence
 
 from qlvbayes.diagnosis.nexttest.belief import Belief
-from qlvbayes.diagnosis.nexttest.errors import Errors
-from qlvbayes.diagnosis.nexttest.montecarlo import Judged
-from qlvbayes.diagnosis.nexttest.result import Bits, Hypothesis, Limits, NextTests, Proposed, Width
+from qlvbayes.diagnosis.nexttest.errors import ReadingErrors
+from qlvbayes.diagnosis.nexttest.montecarlo import MonteCarloBits
+from qlvbayes.diagnosis.nexttest.result import (
+    Bits,
+    ExplanationSummary,
+    Limits,
+    NextTests,
+    Proposed,
+    Width,
+)
 from qlvbayes.diagnosis.nexttest.rig import Rig
-from qlvbayes.diagnosis.nexttest.series import Option, Series, Wish, bits, rate
+from qlvbayes.diagnosis.nexttest.series import Goal, Option, Series, bits, rate
 from qlvbayes.diagnosis.nexttest.setpoints import names_of
 from qlvbayes.io.units import UnitSystem
 
-_DOUBT = 0.5  # probability of something outside, from which it is said
+_DOUBT = 0.5  # probability of something unmodelled from which a notice says so
 
 
-def told(
+def summarize(
     pad: str,
     units: UnitSystem,
     belief: Belief,
     rig: Rig,
-    errors: Errors,
-    wish: Wish,
+    errors: ReadingErrors,
+    goal: Goal,
     series: Series,
     *,
     minutes: float,
     seed: int,
 ) -> NextTests:
-    """All of it, in the units of the tests that were done."""
+    """Return the result of a planned series, in the units of the tests that were done.
+
+    Parameters
+    ----------
+    pad, units
+        Name of the pad, and units of its file.
+    belief, rig, errors, goal, series
+        The belief, the limits of the rig, the errors of readings, the goal, and the series.
+    minutes, seed
+        Time there is, and seed of the plan.
+    """
     own = names_of(len(series.tests))
-    tests = [_proposed(name, one, units, wish) for name, one in zip(own, series.tests, strict=True)]
+    tests = [_proposed(name, one, units, goal) for name, one in zip(own, series.tests, strict=True)]
     return NextTests(
         pad=pad,
         units=units,
-        constants=wish.constants,
-        cause=wish.cause,
+        constants=goal.constants,
+        cause=goal.cause,
         limits=Limits(rig.depth, rig.speed, rig.acceleration, rig.interval, rig.rows),
         minutes=minutes,
         seed=seed,
         screened=series.screened,
-        hypotheses=tuple(Hypothesis(o.words, o.probability, o.cause) for o in belief.explanations),
+        hypotheses=tuple(
+            ExplanationSummary(one.words, one.probability, one.cause) for one in belief.explanations
+        ),
         entropy=belief.entropy,
         outside=belief.outside,
         missed=errors.missed,
         tests=tuple(tests),
         considered=tuple(
-            _proposed(f"option-{k + 1}", one, units, wish) for k, one in enumerate(series.options)
+            _proposed(f"option-{k + 1}", one, units, goal) for k, one in enumerate(series.options)
         ),
         together=_bits(series.judged),
         widths=_widths(belief, series, units),
@@ -56,7 +75,8 @@ def told(
     )
 
 
-def _proposed(name: str, one: Option, units: UnitSystem, wish: Wish) -> Proposed:
+def _proposed(name: str, one: Option, units: UnitSystem, goal: Goal) -> Proposed:
+    """Return the record of one test."""
     design = one.design
     return Proposed(
         name=name,
@@ -74,21 +94,23 @@ def _proposed(name: str, one: Option, units: UnitSystem, wish: Wish) -> Proposed
         constants=one.constants,
         cause=one.cause,
         cause_most=one.cause_most,
-        per_minute=rate(one, wish),
+        per_minute=rate(one, goal),
         evidence=one.evidence,
         judged=_bits(one.judged),
-        total=bits(one, wish),
+        total=bits(one, goal),
     )
 
 
-def _bits(found: Judged | None) -> Bits | None:
-    if found is None:
+def _bits(one: MonteCarloBits | None) -> Bits | None:
+    """Return the record of bits by Monte Carlo, in which what is not finite is None."""
+    if one is None:
         return None
-    values = (found.constants, found.constants_error, found.cause, found.cause_error)
+    values = (one.constants, one.constants_error, one.cause, one.cause_error)
     return Bits(*(value if math.isfinite(value) else None for value in values))
 
 
 def _widths(belief: Belief, series: Series, units: UnitSystem) -> dict[str, Width]:
+    """Return the sds of the constants now and after all tests."""
     one = belief.explanations[0]
     now, after = (p.sds(0, one.gradient)[0] for p in (series.now, series.after))
     return {
@@ -98,18 +120,21 @@ def _widths(belief: Belief, series: Series, units: UnitSystem) -> dict[str, Widt
     }
 
 
-def _notices(belief: Belief, errors: Errors, series: Series, units: UnitSystem) -> Sequence[str]:
-    said = []
+def _notices(
+    belief: Belief, errors: ReadingErrors, series: Series, units: UnitSystem
+) -> Sequence[str]:
+    """Return what one should know of the plan."""
+    notices = []
     if belief.outside > _DOUBT:
-        said.append(
+        notices.append(
             f"with probability {belief.outside:.2g} none of these explanations is all of it: the "
             "tests are judged with what they leave, and bits for the cause are among them only"
         )
     if errors.missed > 0.0:
-        said.append(
+        notices.append(
             f"{errors.missed:.2g} {units.force} that the model leaves count as an error of every "
             "test"
         )
     if belief.recovery.time(series.tests[-1].design.duration) >= 3600.0:
-        said.append("the pad recovers more slowly than within an hour: pauses end before it has")
-    return said
+        notices.append("the pad recovers more slowly than within an hour: pauses end before it has")
+    return notices
