@@ -11,7 +11,7 @@ from qlvbayes.app import job
 from qlvbayes.app.job import Telling, _choices
 from qlvbayes.diagnosis.decision import Decision
 from qlvbayes.diagnosis.progress import SearchProgress, StopSearch
-from qlvbayes.diagnosis.settings import Settings as Thresholds
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.fitting.ensemble import Settings
 from qlvbayes.fitting.runs import Runs
 from qlvbayes.inference.forward.hypothesis import Hypothesis
@@ -104,8 +104,11 @@ def test_a_job_notes_what_it_was_told(tmp_path, monkeypatch):
     job.diagnosed(spec, None)
     job.sampled(spec, None)
     runs = Runs.read(tmp_path / "run.json").runs
-    assert runs["diagnose"].settings == {"evidence": "laplace", "thresholds": asdict(Thresholds())}
-    assert told["diagnose_into"]["thresholds"] == Thresholds()
+    assert runs["diagnose"].settings == {
+        "evidence": "laplace",
+        "thresholds": asdict(DiagnosisSettings()),
+    }
+    assert told["diagnose_into"]["thresholds"] == DiagnosisSettings()
     sampler = asdict(Settings())
     assert runs["fit"].settings == {"method": "emcee", "all_tests": True, "sampler": sampler}
     assert told["fit_into"]["settings"] == Settings()

@@ -15,7 +15,7 @@ from qlvbayes.diagnosis.decision import (
     restrict_to,
 )
 from qlvbayes.diagnosis.prior import Families
-from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.diagnosis.summary.summarizing import unlikely_over_all
 from qlvbayes.diagnosis.verdict import Verdict
 
@@ -128,7 +128,7 @@ def test_what_is_named_only_after_a_veto_says_how_likely_it_is_over_all():
     over_all = decide(weights).inclusion
     outcome = SimpleNamespace(
         experiment=SimpleNamespace(pad="C"), inclusion=over_all.__getitem__,
-        search=SimpleNamespace(settings=Settings()),
+        search=SimpleNamespace(settings=DiagnosisSettings()),
     )  # fmt: skip
     (said,) = unlikely_over_all(outcome, decide(ignore_unmodelled(weights)))
     assert "pad C: film is named" in said

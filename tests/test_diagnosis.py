@@ -18,7 +18,7 @@ from qlvbayes.diagnosis.progress import StopSearch
 from qlvbayes.diagnosis.protocol import protocol_of
 from qlvbayes.diagnosis.result import ParameterBias
 from qlvbayes.diagnosis.searchsetup import build_search
-from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.effects.catalogue import find
 from qlvbayes.fitting.prediction import single_samples
 from qlvbayes.inference.modes import find_mode
@@ -222,7 +222,7 @@ def test_adequacy_p_values_are_uniform_under_a_right_model(plain):
     for seed in range(20):
         experiment = measured(seed=100 + seed)
         found = _plain_point(experiment, work)
-        below += adequacy(experiment, found[0], found[1], Settings().cells).p_value < 0.1
+        below += adequacy(experiment, found[0], found[1], DiagnosisSettings().cells).p_value < 0.1
     assert below <= 6  # binomial: more than 6 of 20 has probability 0.002
 
 

@@ -24,7 +24,7 @@ from qlvbayes.diagnosis.result import (
     Used,
     Worst,
 )
-from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.diagnosis.summary.curves import Curve, ForceBand, curves
 from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.effects.catalogue import names
@@ -54,7 +54,7 @@ def cells(tests, ratio):
 
 
 LAWS = ("exponential", "prony:2")
-USED = Used(Settings(), 0, "laplace", LAWS[:1], LAWS[1:], ("viscous_drag",))
+USED = Used(DiagnosisSettings(), 0, "laplace", LAWS[:1], LAWS[1:], ("viscous_drag",))
 
 
 def stage(effects, tests, ratio, failing=(), base=LAWS):

@@ -6,7 +6,7 @@ from itertools import combinations
 import pytest
 
 from qlvbayes.diagnosis.prior import Families, log_prior
-from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.effects.catalogue import EFFECTS, EVERY
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 
@@ -20,7 +20,7 @@ FAMILIES = Families(
 
 def prior(effects, candidates=FAMILIES, usual=USUAL, settings=None):
     hypothesis = Hypothesis("x", "p", frozenset(effects))
-    return math.exp(log_prior(hypothesis, usual, LAWS, candidates, settings or Settings()))
+    return math.exp(log_prior(hypothesis, usual, LAWS, candidates, settings or DiagnosisSettings()))
 
 
 def sets(names):
@@ -28,7 +28,7 @@ def sets(names):
 
 
 def test_prior_sums_to_one_over_all_sets_and_laws():
-    settings, effects = Settings(complete=0.5, usual=0.6), ("a", "b", "c")
+    settings, effects = DiagnosisSettings(complete=0.5, usual=0.6), ("a", "b", "c")
     laws = (("x", "y", "z"), ("p", "q"))
     families = Families({name: name for name in effects})
     total = sum(

@@ -11,7 +11,7 @@ from support.hidden_pads import FEW
 
 from qlvbayes.diagnosis.checks.remainder import Remainder, StructuredPart, structured
 from qlvbayes.diagnosis.diagnose import diagnose
-from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.evaluation.study import measured
 from qlvbayes.inference.errors.discrepancy import TOLERANCE
 from qlvbayes.inference.noticeable import log_noticeable
@@ -100,7 +100,7 @@ def test_the_largest_cell_is_told_with_its_size_and_place():
 def test_effects_are_weighed_with_the_same_tolerance():
     prior = HalfNormal(0.1)
     assert log_noticeable(prior, 0.03, 0.01) == log_noticeable(prior, 0.03, 0.01, TOLERANCE)
-    assert Settings().tolerance == TOLERANCE
+    assert DiagnosisSettings().tolerance == TOLERANCE
     by_tolerance = [log_noticeable(prior, 0.03, 0.01, x) for x in (0.0, 0.01, 0.05)]
     assert by_tolerance[0] == 0.0
     assert by_tolerance[2] < by_tolerance[1]  # 1.5 % of the peak: less than 5 %
@@ -109,7 +109,7 @@ def test_effects_are_weighed_with_the_same_tolerance():
 @pytest.mark.parametrize("share", [-0.01, 0.5, 1.0, np.nan])
 def test_a_tolerance_that_is_no_small_share_is_refused(share):
     with pytest.raises(InputError, match="tolerance"):
-        Settings(tolerance=share)
+        DiagnosisSettings(tolerance=share)
 
 
 @pytest.fixture(scope="module")
@@ -128,7 +128,7 @@ def rippled():
 
 @pytest.mark.slow
 def test_structure_that_is_sure_but_small_does_not_make_a_pad_unexplained(rippled):
-    assert rippled.result.stages[-1].p_value < Settings().false_alarms
+    assert rippled.result.stages[-1].p_value < DiagnosisSettings().false_alarms
     assert rippled.result.verdict == "adequate"
     left = rippled.result.remainder
     assert left.sure

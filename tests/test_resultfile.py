@@ -21,7 +21,7 @@ from qlvbayes import InputError
 from qlvbayes.comparison.contrast import Comparison
 from qlvbayes.diagnosis.nexttest.result import NextTests
 from qlvbayes.diagnosis.result import DiagnosisResult, Estimate
-from qlvbayes.diagnosis.settings import Settings as Thresholds
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.fitting.checked import Curves
 from qlvbayes.fitting.ensemble import Settings as Sampler
 from qlvbayes.fitting.residuals import CheckResult
@@ -99,7 +99,7 @@ PLAIN = {
     type(None): lambda rng: None,
     UnitSystem: lambda rng: (PAD, STRAIN)[rng.integers(2)],
     Sampler: lambda rng: Sampler(*map(int, rng.integers(1, 2**31, 5))),
-    Thresholds: lambda rng: Thresholds(*rng.uniform(0.0, 0.5, 7)),
+    DiagnosisSettings: lambda rng: DiagnosisSettings(*rng.uniform(0.0, 0.5, 7)),
     Choices: lambda rng: Choices(
         law=str(rng.choice(["hertz", "spline"])), priors={"m": Normal(rng.normal(), 0.1)}
     ),
@@ -211,4 +211,4 @@ def test_a_record_is_not_changed_once_it_is_made():
 
 
 def test_every_setting_of_the_diagnosis_has_its_words_in_the_report():
-    assert set(_THRESHOLDS) == {field.name for field in fields(Thresholds)}
+    assert set(_THRESHOLDS) == {field.name for field in fields(DiagnosisSettings)}

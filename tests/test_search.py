@@ -13,7 +13,7 @@ from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.search import Search
 from qlvbayes.diagnosis.searchrun import run_search
 from qlvbayes.diagnosis.searchsetup import build_search
-from qlvbayes.diagnosis.settings import Breadth, Settings
+from qlvbayes.diagnosis.settings import Breadth, DiagnosisSettings
 from qlvbayes.effects.catalogue import OUTSIDE
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.inference.forward.hypothesis import Hypothesis
@@ -39,7 +39,9 @@ def tabled(table):
         def log_posterior(self, hypothesis):
             return table[hypothesis]
 
-    return Tabled(None, Settings(), USUAL, Families({}), modes={key: [noise] for key in table})
+    return Tabled(
+        None, DiagnosisSettings(), USUAL, Families({}), modes={key: [noise] for key in table}
+    )
 
 
 def decided(search):
@@ -105,7 +107,7 @@ def test_the_likeliest_that_come_near_are_expanded():
     near, far = replace(drag, elastic="hertz"), replace(drag, elastic="linear")
     search = tabled({drag: -100.0, both: -101.0, near: -104.0, USUAL: -106.0, far: -500.0})
     assert search.beam == [drag, both]
-    search.settings = Settings(breadth=Breadth(beam=9))
+    search.settings = DiagnosisSettings(breadth=Breadth(beam=9))
     assert search.beam == [drag, both, near, USUAL]
 
 

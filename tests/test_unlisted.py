@@ -5,7 +5,7 @@ import pytest
 from support.hidden_pads import FEW, hidden_pad, keeps_diagnosis_contract
 
 from qlvbayes.diagnosis.diagnose import diagnose
-from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.diagnosis.summary.discrepancy import discrepancy
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.simulate import HIDDEN, OUTSIDE, PAPER_RATES
@@ -51,7 +51,7 @@ def test_what_is_not_on_the_list_is_left(clipped):
     keeps_diagnosis_contract(clipped)
     assert clipped.result.verdict in ("unexplained", "partly_explained")
     assert clipped.result.outside > 0.5
-    assert clipped.result.stages[-1].p_value < Settings().false_alarms
+    assert clipped.result.stages[-1].p_value < DiagnosisSettings().false_alarms
 
 
 def test_its_size_and_place_are_told(clipped):

@@ -13,7 +13,7 @@ from scipy.signal import butter, lfilter
 from qlvbayes import Choices, Pad, Test
 from qlvbayes.diagnosis.checks.adequacy import adequacy
 from qlvbayes.diagnosis.searchsetup import build_search
-from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.fitting import compiled
 from qlvbayes.fitting.least_squares import without_noise
 from qlvbayes.fitting.optimum import Optimum, optimum_near
@@ -105,7 +105,7 @@ class Bench:
         pad = index % self.kind.pads
         experiment = prepare(self._measured(pad, rng), all_tests=True)
         record, mode = self._mode(experiment, pad)
-        found = adequacy(experiment, record, mode, Settings().cells)
+        found = adequacy(experiment, record, mode, DiagnosisSettings().cells)
         cells = self._check(experiment, *self._fitted(experiment, mode.constants), rng)
         return {
             "index": index,

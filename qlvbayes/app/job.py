@@ -21,7 +21,7 @@ from qlvbayes.app.failures import told_of
 from qlvbayes.app.pipes import Parent
 from qlvbayes.diagnosis.decision import Decision
 from qlvbayes.diagnosis.progress import SearchProgress, StopSearch
-from qlvbayes.diagnosis.settings import Settings as Thresholds
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.fitting.ensemble import Progress, Settings
 from qlvbayes.fitting.results import Saved, load
@@ -145,7 +145,7 @@ def diagnosed(spec: Spec, watcher: Watcher) -> dict[str, Any]:
     (name,) = spec["pads"]
     choices = Choices(bonded=study.units.bonded_default, effects_file=spec["effects_file"])
     out = Path(spec["out"])
-    thresholds = Thresholds()
+    thresholds = DiagnosisSettings()
     diagnose_into(
         out / name, study.pad(name), choices, evidence=_EVIDENCE, thresholds=thresholds,
         seed=0, watcher=watcher,

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from qlvbayes.diagnosis.prior import Families
-from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.extending import amplitude_of, shapes
 from qlvbayes.inference.forward.hypothesis import Hypothesis
@@ -16,7 +16,11 @@ from qlvbayes.laws.scales import SHARE
 
 
 def scale_amplitudes(
-    density: Density, baseline: Hypothesis, point: Point, families: Families, settings: Settings
+    density: Density,
+    baseline: Hypothesis,
+    point: Point,
+    families: Families,
+    settings: DiagnosisSettings,
 ) -> Density:
     """Return a density in which one prior sd of any effect adds 5 % of the largest force.
 

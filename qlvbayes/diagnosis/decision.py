@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scipy.special import softmax
 
 from qlvbayes.diagnosis.prior import Families
-from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.diagnosis.verdict import Verdict
 
 Array = NDArray[np.float64]
@@ -128,7 +128,7 @@ class Decision:
         return (*self.effects, *self.group[:1])
 
 
-def decide(weights: Sequence[Weight], settings: Settings | None = None) -> Decision:
+def decide(weights: Sequence[Weight], settings: DiagnosisSettings | None = None) -> Decision:
     """Return the decision from the probabilities alone.
 
     The selected hypothesis is not tested yet: `checks.vetoes` does that.
@@ -140,7 +140,7 @@ def decide(weights: Sequence[Weight], settings: Settings | None = None) -> Decis
     settings
         Thresholds of probability.
     """
-    settings = settings or Settings()
+    settings = settings or DiagnosisSettings()
     shares = probabilities(weights).mean(axis=0)
     pairs = list(zip(weights, shares.tolist(), strict=True))
     inclusion = _sum_by_key((name, p) for w, p in pairs for name in w.effects)
@@ -219,7 +219,7 @@ def _sum_by_key(pairs: Iterable[tuple[Key, float]]) -> dict[Key, float]:
 
 
 def _group(
-    pairs: Sequence[tuple[Weight, float]], named: tuple[str, ...], settings: Settings
+    pairs: Sequence[tuple[Weight, float]], named: tuple[str, ...], settings: DiagnosisSettings
 ) -> tuple[str, ...]:
     """Return the smallest set of effects of which one is there besides those that are named.
 

@@ -9,11 +9,11 @@ from msgspec.structs import replace
 
 from qlvbayes.diagnosis.candidate import described
 from qlvbayes.diagnosis.progress import SearchProgress, StopSearch
-from qlvbayes.diagnosis.result import NestedEvidence, Used
+from qlvbayes.diagnosis.result import EvidenceComparison, Used
 from qlvbayes.diagnosis.search import Report, Search
 from qlvbayes.diagnosis.searchrun import run_search
 from qlvbayes.diagnosis.searchsetup import as_chosen, build_search
-from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.diagnosis.summary.summarizing import summarize
 from qlvbayes.effects.catalogue import EFFECTS
@@ -32,7 +32,7 @@ def diagnose(
     choices: Choices | None = None,
     *,
     kinds: Sequence[type[AbstractEffect]] = EFFECTS,
-    settings: Settings | None = None,
+    settings: DiagnosisSettings | None = None,
     evidence: str = "laplace",
     seed: int = 0,
     report: Report = lambda text: None,
@@ -103,7 +103,7 @@ def diagnose(
 
 def nested_audit(
     search: Search, seed: int = 0, report: Report = lambda text: None, best: int = 2
-) -> tuple[NestedEvidence, ...]:
+) -> tuple[EvidenceComparison, ...]:
     """Return evidences by nested sampling next to Laplace's approximation of the same.
 
     The baseline model and the ``best`` most probable hypotheses are sampled under the noise floor
@@ -122,5 +122,5 @@ def nested_audit(
         laplace += search.density.log_constant
         sampled = nested_evidence(candidate.point.own.posterior, seed)
         agrees = abs(laplace - sampled.log_evidence) < 3.0 * sampled.error + 0.5
-        audit.append(NestedEvidence(name, laplace, sampled.log_evidence, sampled.error, agrees))
+        audit.append(EvidenceComparison(name, laplace, sampled.log_evidence, sampled.error, agrees))
     return tuple(audit)

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Self
 
-from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 
@@ -85,7 +85,7 @@ def log_prior(
     baseline: Hypothesis,
     laws: tuple[Collection[str], Collection[str]],
     families: Families,
-    settings: Settings,
+    settings: DiagnosisSettings,
 ) -> float:
     r"""Return the log prior probability of a hypothesis.
 
@@ -129,7 +129,10 @@ def log_prior(
 
 
 def _log_prior_of_set(
-    added: Collection[str], baseline: Collection[str], families: Families, settings: Settings
+    added: Collection[str],
+    baseline: Collection[str],
+    families: Families,
+    settings: DiagnosisSettings,
 ) -> float:
     """Return the log prior probability of a set of added effects."""
     taken = {families.family_of[name] for name in baseline}
@@ -142,7 +145,7 @@ def _log_prior_of_set(
     return total + sum(math.log(families.share(name)) for name in added)
 
 
-def log_odds_of_effect(candidates: int, settings: Settings) -> float:
+def log_odds_of_effect(candidates: int, settings: DiagnosisSettings) -> float:
     """Return the log prior odds that one of N candidate effects is in the model.
 
     Sets of k effects have the total probability c (1 - c)^k, c = ``settings.complete``.

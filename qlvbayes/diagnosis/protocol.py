@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.effects.effect import Protocol
 from qlvbayes.preprocess.experiment import Experiment
 from qlvbayes.preprocess.firstlook.facts import at_one_depth, returns, unloads
 
 
 def protocol_of(
-    experiment: Experiment, *, bonded: bool, settings: Settings | None = None
+    experiment: Experiment, *, bonded: bool, settings: DiagnosisSettings | None = None
 ) -> Protocol:
     """Return the protocol of an experiment, from the phases, motion and forces of its tests.
 
@@ -22,7 +22,7 @@ def protocol_of(
     settings
         ``returned`` is the share of the largest depth or force below which a test has come back.
     """
-    nearly = (settings or Settings()).returned
+    nearly = (settings or DiagnosisSettings()).returned
     return Protocol(
         unloads=unloads(experiment, nearly),
         returns=returns(experiment, nearly),

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import msgspec
 
-from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.diagnosis.verdict import Verdict
 from qlvbayes.io.resultfile import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
@@ -272,7 +272,7 @@ class Suggestion(Part, frozen=True, rename={"evidence": "expected_2_ln_bayes_fac
     evidence: float
 
 
-class NestedEvidence(Part, frozen=True, rename={"laplace": "log_evidence_laplace"}):
+class EvidenceComparison(Part, frozen=True, rename={"laplace": "log_evidence_laplace"}):
     """The log evidence of one hypothesis without a discrepancy, computed in two ways.
 
     Parameters
@@ -382,7 +382,7 @@ class Used(Part, frozen=True):
         Names of all laws and effects that were searched.
     """
 
-    thresholds: Settings
+    thresholds: DiagnosisSettings
     seed: int
     evidence: str
     elastic: tuple[str, ...]
@@ -494,7 +494,7 @@ class DiagnosisResult(
     warnings: tuple[str, ...] = ()
     notices: tuple[str, ...] = ()
     suggestions: tuple[Suggestion, ...] = ()
-    nested: tuple[NestedEvidence, ...] = ()
+    nested: tuple[EvidenceComparison, ...] = ()
     checks: tuple[Checked, ...] = ()
     discrepancy: float = 0.0
     tolerance: float | None = None

@@ -19,7 +19,7 @@ from typing import TypeVar
 from qlvbayes.diagnosis.amplitudes import scale_amplitudes
 from qlvbayes.diagnosis.candidate import Candidate, candidate_at, described
 from qlvbayes.diagnosis.prior import Families, log_prior
-from qlvbayes.diagnosis.settings import Breadth, Settings
+from qlvbayes.diagnosis.settings import Breadth, DiagnosisSettings
 from qlvbayes.inference.density import Density
 from qlvbayes.inference.extending import carried, starts
 from qlvbayes.inference.forward.hypothesis import Hypothesis
@@ -68,7 +68,7 @@ class Search:
     """
 
     density: Density
-    settings: Settings
+    settings: DiagnosisSettings
     baseline: Hypothesis
     families: Families
     report: Report = lambda text: None

@@ -8,7 +8,7 @@ from dataclasses import replace
 from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.protocol import protocol_of
 from qlvbayes.diagnosis.search import Report, Search
-from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.fitting.marginal import known_floor
@@ -51,7 +51,7 @@ def build_search(
     choices: Choices | None = None,
     *,
     kinds: Sequence[type[AbstractEffect]] = EFFECTS,
-    settings: Settings | None = None,
+    settings: DiagnosisSettings | None = None,
     report: Report = lambda text: None,
 ) -> Search:
     """Return a search that has not begun yet, over all laws and effects that the tests can show.
@@ -75,7 +75,7 @@ def build_search(
     InputError
         The noise model chosen is not Gaussian.
     """
-    choices, settings = choices or Choices(), settings or Settings()
+    choices, settings = choices or Choices(), settings or DiagnosisSettings()
     experiment = as_chosen(experiment, choices)
     model, noise = choices.build(experiment.scales)
     if not isinstance(noise, AbstractGaussian):
@@ -104,7 +104,7 @@ def _space(
     choices: Choices,
     model: Model,
     kinds: Sequence[type[AbstractEffect]],
-    settings: Settings,
+    settings: DiagnosisSettings,
 ) -> Space:
     """Return all laws and effects, with default priors unless the user gave others."""
     scales = experiment.scales

@@ -125,7 +125,7 @@ class Imitation:
 
 
 @dataclass(frozen=True)
-class Settings:
+class DiagnosisSettings:
     """Prior probabilities, and the probabilities and sizes from which the verdict says something.
 
     Parameters

@@ -12,7 +12,7 @@ from scipy.special import logit
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.prior import log_odds_of_effect
 from qlvbayes.diagnosis.result import DiagnosisResult, Estimate, Stage
-from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.evaluation.detect import SEEN, expected
 from qlvbayes.evaluation.plan import Plan, family
@@ -21,7 +21,7 @@ from qlvbayes.evaluation.study import Study, make_study, true_noise, true_values
 from qlvbayes.model.choices import Choices
 from qlvbayes.preprocess.experiment import prepare
 
-THRESHOLDS = Settings()
+THRESHOLDS = DiagnosisSettings()
 """With which every study of the benchmark is judged."""
 DECISIVE = float(logit(THRESHOLDS.named)) - log_odds_of_effect(len(EFFECTS), THRESHOLDS)
 """Log Bayes factor from which an effect is named; the noise must let it pass, for `chance`."""

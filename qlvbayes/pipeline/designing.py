@@ -26,7 +26,7 @@ from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.result import Alternative, DiagnosisResult
 from qlvbayes.diagnosis.search import Search
 from qlvbayes.diagnosis.searchsetup import as_chosen, build_search
-from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE
 from qlvbayes.fitting.results import Saved, load
 from qlvbayes.fitting.runs import Run, Runs
@@ -274,7 +274,7 @@ def _of_diagnosis(
     )
 
 
-def _thresholds(result: DiagnosisResult) -> Settings | None:
+def _thresholds(result: DiagnosisResult) -> DiagnosisSettings | None:
     return result.settings.thresholds if result.settings else None
 
 

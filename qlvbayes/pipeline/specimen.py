@@ -12,7 +12,7 @@ from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.progress import SearchProgress
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.search import Report
-from qlvbayes.diagnosis.settings import Settings as Thresholds
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.fitting.ensemble import Progress, Settings
@@ -118,7 +118,7 @@ class Specimen:
         choices: Choices | None = None,
         *,
         kinds: Sequence[type[AbstractEffect]] | None = None,
-        thresholds: Thresholds | None = None,
+        thresholds: DiagnosisSettings | None = None,
         evidence: str = "laplace",
         seed: int = 0,
         tell: Report = lambda text: None,

@@ -115,7 +115,9 @@ def _models(curve: Curve) -> list[tuple[ForceBand, str, str]]:
     """Each model with its colour and line."""
     palette = colours()
     last = (curve.final, palette[_FINAL], "-")
-    return [last] if curve.final is curve.plain else [(curve.plain, palette[_PLAIN], "--"), last]
+    return (
+        [last] if curve.final is curve.baseline else [(curve.baseline, palette[_PLAIN], "--"), last]
+    )
 
 
 def _force(axis: Axes, placed: Placed, curve: Curve) -> None:

@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 from scipy.stats import chi2
 
-from qlvbayes.diagnosis.settings import CellTests, Settings
+from qlvbayes.diagnosis.settings import CellTests, DiagnosisSettings
 from qlvbayes.inference.density import Point
 from qlvbayes.inference.errors.whitening import covariance
 from qlvbayes.preprocess.experiment import Experiment, Trial
@@ -88,7 +88,7 @@ class Adequacy:
     p_value: float
     testable: bool = True
 
-    def is_sound(self, settings: Settings) -> bool:
+    def is_sound(self, settings: DiagnosisSettings) -> bool:
         """Return whether chance explains all structure that is left."""
         return self.p_value >= settings.false_alarms
 

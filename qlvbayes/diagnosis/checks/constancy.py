@@ -7,7 +7,7 @@ stronger or weaker in each test and in each kind of phase (loading, hold, unload
 .. math:: e(x)\,(1 + \delta_{test} + \delta_{phase}), \qquad \delta \sim N(0, \tau^2),
 
 with tau = 0.3 for an imitation, and 0.05 for the effect itself, as no real pad keeps a law exactly
-(`Settings.imitation`).
+(`DiagnosisSettings.imitation`).
 With V its whitened parts, J and H the Jacobian and curvature of the hypothesis, and Q of
 `inference.errors.discrepancy`, to the first order (a random-effects score; Verbeke & Molenberghs
 2003, doi:10.1111/1541-0420.00032),

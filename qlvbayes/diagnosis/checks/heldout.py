@@ -28,7 +28,7 @@ from qlvbayes.inference.modes import find_mode
 Array = NDArray[np.float64]
 
 
-class LeftOut(NamedTuple):
+class HeldOutPart(NamedTuple):
     """One part of the data that is left out.
 
     Parameters
@@ -93,7 +93,7 @@ def held_out(density: Density, samples: Samples, candidate: Candidate) -> HeldOu
 
 def errors(
     samples: Samples,
-    parts: Sequence[LeftOut],
+    parts: Sequence[HeldOutPart],
     predicted: Sequence[Sequence[Predicted]],
     log_prior: Sequence[float] = (),
 ) -> HeldOut:
@@ -121,19 +121,19 @@ def errors(
     return HeldOut.from_residuals(residuals)
 
 
-def leave_out(density: Density, samples: Samples) -> list[LeftOut]:
+def leave_out(density: Density, samples: Samples) -> list[HeldOutPart]:
     """Return each test as a part to be left out, or each phase where there is only one test."""
-    return [LeftOut(density.without(out), k, rows) for out, k, rows in samples.left_out()]
+    return [HeldOutPart(density.without(out), k, rows) for out, k, rows in samples.left_out()]
 
 
 def predictions(
-    samples: Samples, parts: Sequence[LeftOut], candidate: Candidate
+    samples: Samples, parts: Sequence[HeldOutPart], candidate: Candidate
 ) -> list[Predicted]:
     """Return what a candidate predicts of each part, fitted from its mode on all tests."""
     return [_predicted(samples, part, candidate) for part in parts]
 
 
-def _predicted(samples: Samples, part: LeftOut, candidate: Candidate) -> Predicted:
+def _predicted(samples: Samples, part: HeldOutPart, candidate: Candidate) -> Predicted:
     """Return what a candidate predicts of one part."""
     mode = find_mode(part.density, candidate.hypothesis, candidate.point.theta)
     point = mode.point if mode is not None else candidate.point

@@ -13,7 +13,7 @@ from scipy.special import logsumexp, softmax
 from qlvbayes.diagnosis.candidate import Candidate
 from qlvbayes.diagnosis.checks.adequacy import Adequacy, adequacy
 from qlvbayes.diagnosis.checks.decisive import decisive
-from qlvbayes.diagnosis.checks.heldout import LeftOut, Predicted, errors, leave_out, predictions
+from qlvbayes.diagnosis.checks.heldout import HeldOutPart, Predicted, errors, leave_out, predictions
 from qlvbayes.diagnosis.checks.remainder import Remainder, remainder
 from qlvbayes.diagnosis.checks.samples import Samples, cell_errors, rmse
 from qlvbayes.diagnosis.decision import probabilities
@@ -83,7 +83,7 @@ class SearchOutcome:
         return errors(self.samples, self._parts, [self._predicted(candidate)]).rmse
 
     @cached_property
-    def _parts(self) -> list[LeftOut]:
+    def _parts(self) -> list[HeldOutPart]:
         """The parts that are left out in turn."""
         return leave_out(self.search.density, self.samples)
 

@@ -36,7 +36,7 @@ from scipy.linalg import cho_factor, cho_solve
 from qlvbayes.diagnosis.checks.adequacy import Adequacy
 from qlvbayes.diagnosis.checks.samples import Samples, rmse
 from qlvbayes.diagnosis.result import Remains
-from qlvbayes.diagnosis.settings import Settings
+from qlvbayes.diagnosis.settings import DiagnosisSettings
 
 _Z = 1.645  # normal quantile of 95 %
 _STANDS_OUT = 1.96  # sds, two-sided 5 %
@@ -151,7 +151,7 @@ def remainder(
     baseline: Sequence[np.ndarray],
     *,
     peak: float,
-    settings: Settings,
+    settings: DiagnosisSettings,
 ) -> Remainder:
     """Return the size of the structure that residuals hold.
 
@@ -191,7 +191,7 @@ def _noise(samples: Samples) -> float:
 
 
 def _cells(
-    samples: Samples, residuals: Sequence[np.ndarray], tested: Adequacy, settings: Settings
+    samples: Samples, residuals: Sequence[np.ndarray], tested: Adequacy, settings: DiagnosisSettings
 ) -> Iterator[StructuredPart]:
     """Yield the structured part of residuals (N) in each phase of each test."""
     shown = {(c.test, c.phase, c.start): c.p_value < _CELL_LEVEL for c in tested.cells}

@@ -127,8 +127,9 @@ def _notices(
     notices = []
     if belief.outside > _DOUBT:
         notices.append(
-            f"with probability {belief.outside:.2g} none of these explanations is all of it: the "
-            "tests are judged with what they leave, and bits for the cause are among them only"
+            f"with probability {belief.outside:.2g} something is there that none of these "
+            "explanations holds: what they leave counts as an error of every test, and bits for "
+            "the cause distinguish only between them"
         )
     if errors.missed > 0.0:
         notices.append(

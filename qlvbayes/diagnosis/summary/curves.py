@@ -51,7 +51,7 @@ class Curve:
         Kind of phase of each sample.
     floor
         Sd of the noise (N), measured without a model.
-    plain, final
+    baseline, final
         Force of the baseline model and of the selected one; both are the same where nothing was
         added.
     """
@@ -61,7 +61,7 @@ class Curve:
     phase: np.ndarray
     observed: np.ndarray
     floor: np.ndarray
-    plain: ForceBand
+    baseline: ForceBand
     final: ForceBand
 
 
@@ -80,8 +80,8 @@ def curves(diagnosis: Diagnosis, draws: int = 100, seed: int = 0) -> list[Curve]
     work = diagnosis.work
     samples = work.samples
     rng = np.random.default_rng(seed)
-    plain = _bands(work, work.path[0], draws, rng)
-    final = _bands(work, work.selected, draws, rng) if len(work.path) > 1 else plain
+    baseline = _bands(work, work.path[0], draws, rng)
+    final = _bands(work, work.selected, draws, rng) if len(work.path) > 1 else baseline
     return [
         Curve(
             trial,
@@ -89,7 +89,7 @@ def curves(diagnosis: Diagnosis, draws: int = 100, seed: int = 0) -> list[Curve]
             samples.phases(k),
             trial.test.force[rows],
             samples.floor(k),
-            plain[k],
+            baseline[k],
             final[k],
         )
         for k, (trial, rows) in enumerate(zip(samples.trials, samples.rows, strict=True))
