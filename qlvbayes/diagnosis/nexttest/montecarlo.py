@@ -57,7 +57,7 @@ class WhitenedTests:
     Parameters
     ----------
     belief
-        The belief, whose likeliest explanation gives the noise that grows with the force.
+        The belief, whose first explanation gives the noise that grows with the force.
     designs
         The tests, one after another.
     rig
